@@ -50,7 +50,7 @@ QUOTED = (
         "[noticed:.0%], [silent:.1%]; [sound warned:.0f] of [sound:.0f]",
     ),
     Quoted(
-        "without any truth: predicted against true errors of methods, rank correlation in one session, one own scene",
+        "without any truth: methods ordered against the true order, rank correlation in one session, one own scene",
         "trust/trust", "[sessions: rank], [scenes: rank]",
     ),
     Quoted(

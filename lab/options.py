@@ -93,8 +93,8 @@ class Solving:
     trust: Annotated[
         bool | None,
         Parameter(
-            help="Predict each method's error from the photographs, and join all answers to one, best. Of all methods, "
-            "where none is named. Default: of process without a scan and without given normals."
+            help="Judge the methods by how well their normals explain the photographs. Of all methods, where none is "
+            "named. Default: of process without a scan and without given normals."
         ),
     ] = None
 

@@ -134,7 +134,7 @@ def align(job: Job) -> Outcome:
     from align.mask.object_mask import find_object
     from capture.audit.part_movement import part_warnings, parts_of
     from capture.session.requests import read_mask
-    from solve.axes_test import lights_in_other_axes
+    from solve.axes import lights_in_other_axes
 
     store, session = job.store, job.session
     frames, camera, lights = store.load_frames(), store.load_camera(), Store(store.path("frames")).load_lights()
@@ -144,7 +144,7 @@ def align(job: Job) -> Outcome:
     lights = lights.seen_from(_object_point(camera, spheres, lights, found.mask))
     warnings, result = [*found.warnings, *part_warnings(frames, parts_of(spheres, camera, found.mask), lights)], None
     if session.lights_file and not spheres:
-        told = lights_in_other_axes(frames, lights, found.mask)
+        told = lights_in_other_axes(frames, lights, camera, found.mask)
         warnings += [told] if told else []
     if session.normals:
         result = _given_truth(job, found.mask)

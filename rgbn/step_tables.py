@@ -115,19 +115,16 @@ def solve_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
 
 
 def trust_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
-    """Yield the methods' predicted errors, beside the true ones where they are known, and what to take."""
+    """Yield how well each method predicts photographs, and what to take."""
     found = summary["trust"]
     if not found:
         return
-    rows = []
-    for name, row in sorted(found["methods"].items(), key=lambda pair: pair[1]["mean_deg"]):
-        explains = "–" if row["explains"] is None else f"{row['explains']:.1f}"
-        true = [f"{row['true']['mean_deg']:.1f}"] if "true" in row else []
-        rows.append((name, *(f"{row[key]:.1f}" for key in ("median_deg", "mean_deg", "p90_deg")), *true, explains))
-    heads = ["method", "median", "mean", "90 %", "true mean", "unexplained, times the least"]
-    if not any("true" in row for row in found["methods"].values()):
-        heads.remove("true mean")
-    yield number_table("trust: predicted angular error, degrees", tuple(heads), rows, words=1)
+    rows = [
+        (name, "–" if (told := row["unexplained"]) is None else f"{told:.1%}", f"{row['apart_deg']:.1f}")
+        for name, row in found["methods"].items()
+    ]
+    heads = ("method", "unexplained, of the albedo", f"from {found['recommended']}, deg (mean)")
+    yield number_table("trust", heads, rows, words=1)
     yield fact_table("", [("take", trust_sentence(found))])
 
 

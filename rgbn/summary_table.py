@@ -26,7 +26,7 @@ OWN = {
 }
 """Of each verb, the steps whose findings it shows."""
 SOUGHT = (
-    "report.html", "lights.json", "lights.csv", "spheres.json", "pose.json", "normals/", "albedo/", "trust/", "twin/",
+    "report.html", "lights.json", "lights.csv", "spheres.json", "pose.json", "normals/", "albedo/", "twin/",
     "statistics.csv", "summary.json", "camera.json", "mask.png",
 )  # fmt: skip
 """What people look for first."""

@@ -1,16 +1,24 @@
-"""Which axes a normal map is written in: those by which the lights explain the photographs."""
+"""In whose axes normals and lights are: told by the photographs under known lights, and by a normal map itself.
+
+Convex for concave is one of these ways. Uncalibrated methods see no difference between a surface under its lights and
+the inverted surface under mirrored ones; a network may invert a part. Lights that were calibrated know.
+"""
 
 from dataclasses import dataclass
 from itertools import permutations, product
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.camera import Camera
 from scene.errors import SceneError
-
-if TYPE_CHECKING:
-    from solve.samples import Samples
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import unit
+from solve.plausible_axes import plausible_axes
+from solve.problem import Problem
+from solve.samples import Samples, all_samples
+from solve.thinning import step_for, thinned
 
 Array = NDArray[np.float64]
 
@@ -28,10 +36,25 @@ _EXPLAINED = 0.75
 
 True normals of glossy objects explain 0.96 and more, right normals in wrong axes 0.64 at most, a shifted map 0.7."""
 _CAUTIOUS = 0.9
-TELLING = 0.1
-"""Share of the misfit of normals at random that least squares must remove, or the object tells nothing of axes."""
+_TELLING = 0.1
+"""Share of the misfit of normals at random that must be removed, or the object tells nothing of axes."""
 _ALIKE = 0.05
 """Axes whose misfit lies within this share of the best's gain count as equally good."""
+_WHOLE, _LEAST = 0.25, 0.003
+"""Share of what the lights can tell by which the inverted relief must be the better one; misfit that is noise's as well
+as any relief's."""
+_ASIDE = 0.2
+"""Sine of the angle between a normal and the line of sight from which inverting it shows."""
+_CLEAR, _BETTER = 0.05, 0.5
+"""Misfit from which a patch is not explained, and the share of it that the inverted relief may leave there."""
+_PATCHES, _FEWEST = 16, 12
+"""Patches along the object's longer side, and pixels that a patch must have."""
+_PART = 0.02
+"""Share of the object in patches of that kind from which a part is called inverted."""
+_LAMBERT = 0.15**2
+"""Misfit of Lambert's law, the same in all axes, above which something else is wrong: the order, the strengths."""
+_LIT, _FEWEST_LIT = 0.05, 4
+"""Share of a pixel's brightest sample under which it stands in shadow; lit samples that tell a normal and a misfit."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +76,42 @@ class Axes:
         return "(" + ", ".join(f"{'-' if flipped else ''}{'xyz'[axis]}" for axis, flipped in rows) + ")"
 
 
-def find_axes(normals: Array, samples: "Samples", *, name: str) -> Axes:
+class _Lit:
+    """Samples (P, F) under known lights, against which normals are held."""
+
+    def __init__(self, samples: Samples) -> None:
+        self.valid, self.toward = samples.valid, samples.toward()
+        self.values = samples.valid * np.maximum(samples.gray, 0).astype(np.float64)
+        self.lit = self.valid & (self.values > _LIT * self.values.max(1, keepdims=True))
+
+    def misfits(self, normals: Array) -> Array:
+        """Return each pixel's misfit (P,) under normals (P, 3), min_r |m - r max(0, l . n)|^2 / |m|^2.
+
+        NaN where all is dark.
+        """
+        shade = np.maximum(np.einsum("pfi,pi->pf", self.toward, normals), 0) * self.valid
+        square, power = (shade**2).sum(1), (self.values**2).sum(1)
+        explained = np.divide((self.values * shade).sum(1) ** 2, square, out=np.zeros_like(square), where=square > 0)
+        return 1 - np.divide(explained, power, out=np.full_like(power, np.nan), where=power > 0)
+
+    def misfit(self, normals: Array) -> float:
+        """Return the median misfit."""
+        each = self.misfits(normals)
+        return float(np.nanmedian(each)) if np.isfinite(each).any() else 1.0
+
+    def by_chance(self, normals: Array) -> float:
+        """Return the misfit of the same normals dealt out to the pixels at random."""
+        return self.misfit(normals[np.random.default_rng(0).permutation(len(normals))])
+
+    def least_squares(self) -> Array:
+        """Return each pixel's own albedo x normal (P, 3), by its lit samples."""
+        matrix = np.einsum("pf,pfi,pfj->pij", self.lit, self.toward, self.toward) + 1e-9 * np.eye(3)
+        return np.linalg.solve(matrix, np.einsum("pf,pfi,pf->pi", self.lit, self.toward, self.values)[..., None])[
+            ..., 0
+        ]
+
+
+def find_axes(normals: Array, samples: Samples, *, name: str) -> Axes:
     """Return the axes in which unit normals (P, 3) explain the photographs; `name` stands in messages.
 
     Raises
@@ -63,18 +121,15 @@ def find_axes(normals: Array, samples: "Samples", *, name: str) -> Axes:
 
     Notes
     -----
-    A candidate's misfit is the median over pixels of min_r |m - r max(0, l . n)|^2 / |m|^2. It is set between that of
-    the same normals dealt out to the pixels at random, and that of least squares, so that gloss, which no normal
-    explains, counts neither way.
+    A candidate's misfit is set between that of the same normals dealt out to the pixels at random, and that of least
+    squares, so that gloss, which no normal explains, counts neither way.
     """
-    valid, toward = samples.valid, samples.toward()
-    weights = valid * np.maximum(samples.gray, 0).astype(np.float64)
-    misfit = np.array([_misfit(normals @ axes.T, weights, valid, toward) for axes in AXES])
+    lit = _Lit(samples)
+    misfit = np.array([lit.misfit(normals @ axes.T) for axes in AXES])
     best = int(misfit.argmin())
-    shuffled = normals[np.random.default_rng(0).permutation(len(normals))] @ AXES[best].T
-    by_chance = _misfit(shuffled, weights, valid, toward)
-    least = min(misfit[best], _least_squares(weights, valid, toward))
-    if by_chance - least < TELLING * by_chance:
+    by_chance = lit.by_chance(normals @ AXES[best].T)
+    least = min(misfit[best], lit.misfit(lit.least_squares()))
+    if by_chance - least < _TELLING * by_chance:
         said = "the object is too flat to tell the axes of its normals from the photographs: taken as x, y, z."
         return Axes(AXES[0], (said,))
     explained = (by_chance - misfit[best]) / (by_chance - least)
@@ -104,25 +159,87 @@ def some_pixels(known: NDArray[np.bool_]) -> NDArray[np.intp]:
     return places[np.unique(np.linspace(0, len(places) - 1, min(_PIXELS, len(places))).astype(int))]
 
 
-def misfits(normals: Array, samples: Array, valid: NDArray[np.bool_], toward: Array) -> Array:
-    """Return each pixel's misfit (P,) under unit normals (P, 3): see `find_axes`; NaN where all is dark.
+def relief_cautions(
+    normals: NDArray, frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]
+) -> tuple[str, ...]:
+    """Return what is to be said of the relief of normals (H, W, 3), camera frame, NaN where unknown.
 
-    samples (P, F), zero where not `valid`; toward (P, F, 3), the light vectors.
+    Nothing under unknown lights, nor of an object that is too flat to tell. The normals stay as a method gave them:
+    what is its own is to be judged as its own.
     """
-    shade = np.maximum(np.einsum("pfi,pi->pf", toward, normals), 0) * valid
-    square, power = (shade**2).sum(1), (samples**2).sum(1)
-    explained = np.divide((samples * shade).sum(1) ** 2, square, out=np.zeros_like(square), where=square > 0)
-    return 1 - np.divide(explained, power, out=np.full_like(power, np.nan), where=power > 0)
+    known = mask & np.isfinite(normals[..., 0]) & (normals[..., 2] > 0)
+    if lights.is_unknown or not known.any():
+        return ()
+    thin = np.zeros(mask.shape, bool)
+    thin.flat[some_pixels(known.ravel())] = True
+    lit = _Lit(all_samples(Problem(frames, lights, camera, thin, slice(0, len(mask)))))
+    there = normals[thin].astype(np.float64)
+    given, other = (lit.misfits(each) for each in (there, there @ INVERTED))
+    if not np.isfinite(given).any():
+        return ()
+    chance, own, inverted = lit.by_chance(there), float(np.nanmedian(given)), float(np.nanmedian(other))
+    room = chance - min(own, inverted)
+    if room < _TELLING * chance:
+        return ()
+    if own > _LEAST and own - inverted > _WHOLE * room:
+        return (
+            "its relief is inverted, convex for concave: under the calibrated lights normals with x and y negated "
+            f"explain the photographs to {inverted:.1%}, its own to {own:.1%} only. It is left as the method gave it; "
+            "believe a calibrated method.",
+        )
+    telling = (np.hypot(there[:, 0], there[:, 1]) > _ASIDE) & np.isfinite(given) & (lit.lit.sum(1) >= _FEWEST_LIT)
+    row, column = (places[telling] for places in np.nonzero(thin))
+    inside = _in_inverted_patches(row, column, given[telling], other[telling])
+    share = inside.sum() / max(len(inside), 1)
+    if share > _PART:
+        return (
+            f"{share:.0%} of the object, about row {int(np.median(row[inside]))}, column "
+            f"{int(np.median(column[inside]))}, seem inverted, convex for concave: there normals with x and y negated "
+            "explain the photographs better under the calibrated lights.",
+        )
+    return ()
 
 
-def _misfit(normals: Array, samples: Array, valid: NDArray[np.bool_], toward: Array) -> float:
-    each = misfits(normals, samples, valid, toward)
-    return float(np.nanmedian(each)) if np.isfinite(each).any() else 1.0
+def _in_inverted_patches(row: NDArray, column: NDArray, given: Array, other: Array) -> NDArray[np.bool_]:
+    """Return which pixels (P,) lie in a patch of the picture that the inverted relief explains better."""
+    inside = np.zeros(len(row), bool)
+    if not len(row):
+        return inside
+    tall, wide = np.ptp(row) + 1.0, np.ptp(column) + 1.0
+    # Of a small object patches are larger: each is to have its pixels.
+    side = max(max(tall, wide) / _PATCHES, np.sqrt(1.3 * _FEWEST * tall * wide / len(row))) + 1
+    patch = (row - row.min()) // side * (_PATCHES + 1) + (column - column.min()) // side
+    for label in np.unique(patch):
+        here = patch == label
+        own = np.median(given[here])
+        inside[here] = here.sum() >= _FEWEST and own > _CLEAR and np.median(other[here]) < _BETTER * own
+    return inside
 
 
-def _least_squares(samples: Array, valid: NDArray[np.bool_], toward: Array) -> float:
-    """Return the misfit of each pixel's own least squares over its lit samples."""
-    used = valid * (samples > 0.05 * samples.max(1, keepdims=True))
-    matrix = np.einsum("pf,pfi,pfj->pij", used, toward, toward) + 1e-9 * np.eye(3)
-    b = np.linalg.solve(matrix, np.einsum("pf,pfi,pf->pi", used, toward, samples)[..., None])[..., 0]
-    return _misfit(b, samples, valid, toward)
+def lights_in_other_axes(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]) -> str | None:
+    """Say in which axes known lights must be for the object to be a surface; None where they make sense as they are.
+
+    Lambert's law fits lights in any axes: the normals follow. But turned normals are no surface's slope, or point into
+    it at its rim; the latter are a hollow's too. Nothing is said where Lambert's law does not fit.
+    """
+    whole = Problem(frames, lights, camera, mask, slice(0, len(mask)))
+    small = thinned(whole, step_for(whole, 2 * _PIXELS))
+    lit = _Lit(all_samples(small))
+    fitted = lit.least_squares()
+    if lit.misfit(fitted) > _LAMBERT:
+        return None
+    normals = np.full((*small.mask.shape, 3), np.nan)
+    normals[small.mask] = np.where((lit.lit.sum(1) >= _FEWEST_LIT)[:, None], unit(fitted), np.nan)
+    found = plausible_axes(normals, small.mask, AXES)
+    best = found.by_rim if found.is_unique else found.plain
+    if not best:
+        return None
+    fault, makes = "is no surface's slope", "It makes"
+    if not found.plain:
+        # Its slopes do not speak against the file: only the rim does.
+        fault, makes = "points inward at its rim", "Unless it is hollow, it makes"
+    return (
+        f"lights.file: under its lights the object {fault}. {makes} sense if the file's axes are changed to "
+        f"{Axes(AXES[best])}; expected are x right, y up, z toward the viewer. Correct lights.file; it is used as it "
+        "stands."
+    )

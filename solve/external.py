@@ -22,7 +22,7 @@ from formats.normal_maps import read_normal_map
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
-from solve.presets import PRESETS, Installed
+from solve.presets import PRESETS, Preset, find_program
 
 RESULTS = (".npy", ".mat", ".png")
 _MARGIN = 0.05
@@ -44,14 +44,14 @@ class External:
         As in a shell, but without one; {data} becomes the folder to read, {out} the folder to write to. Of a preset
         PRESET:FOLDER PYTHON.
     timeout_s : float
-    installed : Installed or None
-        The preset's program: how it wants its photographs, and what its command is.
+    preset : Preset or None
+        How a published program wants its photographs, and what its command is.
     """
 
     name: str
     command: str
     timeout_s: float = 3600.0
-    installed: Installed | None = None
+    preset: Preset | None = None
 
     @classmethod
     def parse(cls, text: str, timeout_s: float) -> "External":
@@ -72,8 +72,10 @@ class External:
         if timeout_s <= 0:
             raise SceneError(f"--external-timeout-s {timeout_s:g}: expected seconds above 0.")
         if re.match(r"['\"]?[A-Za-z-]+:", command) and "{data}" not in command:
-            installed = Installed.parse(_split(command, name), where)
-            return cls(name, str(installed), timeout_s, installed)
+            words = _split(command, name)
+            preset = find_program(words, where)
+            words = [f"{words[0].partition(':')[0]}:{preset.program}", str(preset.python)]
+            return cls(name, shlex.join(words), timeout_s, preset)
         missing = [place for place in ("{data}", "{out}") if place not in command]
         if missing:
             raise SceneError(
@@ -86,14 +88,14 @@ class External:
     @property
     def files(self) -> tuple[Path, ...]:
         """Files that the command names: the program itself, its weights."""
-        if self.installed:
-            return self.installed.files
+        if self.preset:
+            return self.preset.files
         return tuple(path for path in map(Path, self.words(Path("{data}"), Path("{out}"))) if path.is_file())
 
     def words(self, data: Path, out: Path, side_px: int = 0) -> list[str]:
         """Return the command's words, the folders in their places; `side_px`: the pictures' longer side."""
-        if self.installed:
-            return self.installed.words(data, out, side_px)
+        if self.preset:
+            return self.preset.words(data, out, side_px)
         words = _split(self.command, self.name)
         return [word.replace("{data}", str(data)).replace("{out}", str(out)) for word in words]
 
@@ -125,8 +127,8 @@ def normals_by(external: External, frames: Frames, lights: Lights, mask: NDArray
     data, out = folder.resolve() / "data", folder.resolve() / "out"
     box = _square(mask)
     inside = mask[box]
-    if external.installed:
-        external.installed.preset.write(data, frames, mask, box)
+    if external.preset:
+        external.preset.write(data, frames, mask, box)
     else:
         write_diligent(data, frames, lights, mask, box)
     out.mkdir(parents=True)
@@ -162,7 +164,7 @@ def _square(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
 
 def _run(external: External, words: list[str], folder: Path) -> None:
     """Run the command to its end, and whatever it started; its words are kept in files, which never fill a pipe."""
-    data, where = folder.resolve() / "data", external.installed.program if external.installed else None
+    data, where = folder.resolve() / "data", external.preset.program if external.preset else None
     with open(folder / "stdout.txt", "wb") as said, open(folder / "stderr.txt", "wb") as complained:
         try:
             process = subprocess.Popen(
@@ -204,8 +206,8 @@ def _last_words(folder: Path) -> str:
 
 def _result(external: External, out: Path) -> Path:
     """Return the one normal map in a folder, or that of a preset."""
-    if external.installed:
-        path = out / external.installed.preset.result
+    if external.preset:
+        path = out / external.preset.result
         if path.is_file():
             return path
     found = sorted(path for path in out.rglob("*") if path.suffix.lower() in RESULTS and path.is_file())

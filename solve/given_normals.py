@@ -14,12 +14,11 @@ from scene.clock import now, since
 from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
-from solve.axes import AXES, Axes, find_axes, some_pixels
-from solve.axes_test import axes_by_themselves
+from solve.axes import AXES, Axes, find_axes, relief_cautions, some_pixels
 from solve.external import External, normals_by
-from solve.inverted_relief import relief_cautions
 from solve.medians import row_medians
 from solve.methods import Method, Whole
+from solve.plausible_axes import plausible_axes
 from solve.problem import Problem
 from solve.samples import Geometry, Samples
 from solve.solve import solve
@@ -104,7 +103,7 @@ def with_lambertian_albedo(normals: NDArray[np.float64], samples: Samples, cauti
 
 def _axes_of_itself(normals: NDArray[np.float64], mask: NDArray[np.bool_]) -> Axes:
     """Return the axes in which a map (H, W, 3) is a surface that faces the camera; no light tells better."""
-    by_itself = axes_by_themselves(normals, mask, AXES)
+    by_itself = plausible_axes(normals, mask, AXES)
     matrix = AXES[by_itself.by_rim]
     said = (
         f"its axes are taken as {Axes(matrix)}, in which it is a surface that faces the camera: the lights are unknown "

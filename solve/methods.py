@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import SceneError
-from scene.lights import Lights
 from solve.method_names import FAMILIES, METHODS, UNCALIBRATED
 from solve.problem import Problem
 
 if TYPE_CHECKING:
-    from solve.samples import Band, Samples
+    from solve.samples import Samples
 
 __all__ = ["METHODS", "UNCALIBRATED", "Method", "Settings", "Whole", "as_dict", "method_of"]
 
@@ -61,9 +60,6 @@ class Method:
         (problem, samples, settings) -> Whole, of all pixels of the mask. Its memory grows with the samples.
     prepare : callable, optional
         (problem, settings) -> Problem, before the fit: finds lights or depth, or adds cautions.
-    stream : callable, optional
-        (band, lights, scale, settings) -> what `solve.assess.assess` returns, straight from the codes; its last array
-        marks the pixels that are left to `fit`. None: not under these lights or settings.
     is_calibrated : bool
         Needs the lights' directions. Otherwise they are hidden from it.
     is_linear : bool
@@ -75,7 +71,6 @@ class Method:
     fit: Callable[["Samples", float, Settings], tuple[NDArray, NDArray]] | None = None
     fit_whole: Callable[[Problem, "Samples", Settings], Whole] | None = None
     prepare: Callable[[Problem, Settings], Problem] | None = None
-    stream: Callable[["Band", Lights, float, Settings], tuple | None] | None = None
     is_calibrated: bool = True
     is_linear: bool = False
 

@@ -53,18 +53,6 @@ class Band(NamedTuple):
         """Return the samples (P, F), weighted over channels by `weights` (F, 3), and which are not clipped (P, F)."""
         return read_gray(self, weights)
 
-    def only(self, chosen: NDArray[np.bool_]) -> "Band":
-        """Return the band of some of its P pixels."""
-        row, start, _, first = self.runs.T
-        place = np.flatnonzero(chosen)
-        run = np.searchsorted(first, place, side="right") - 1
-        # Neighbours stay together: a run costs as much as some ten pixels.
-        begins = np.flatnonzero((np.diff(place, prepend=-2) != 1) | (np.diff(run, prepend=-1) != 0))
-        count = np.diff(begins, append=len(place))
-        place, run = place[begins], run[begins]
-        runs = np.stack([row[run], start[run] + place - first[run], count, begins], -1)
-        return self._replace(runs=runs.astype(np.int64))
-
 
 class Geometry(NamedTuple):
     """Where the light comes from, as kernels read it; see `Lights.toward`.
@@ -137,10 +125,10 @@ class Samples(NamedTuple):
         return arm * (reach / np.linalg.norm(arm, axis=-1) ** 3)[..., None]
 
 
-def samples_of(band: Band, part: Problem, chosen: NDArray | slice = slice(None)) -> Samples:
-    """Return what is seen of the pixels of a problem's rows; `band` holds those of its P pixels that are chosen."""
+def samples_of(band: Band, part: Problem) -> Samples:
+    """Return what is seen of the pixels of a problem's rows; `band` holds them."""
     gray, valid = band.gray((GRAY / part.lights.intensities).astype(np.float32))
-    points = points_of(part.camera, part.lights, part.mask, part.rows, part.z_mm)[chosen]
+    points = points_of(part.camera, part.lights, part.mask, part.rows, part.z_mm)
     return Samples(gray, valid, points, Geometry.of(part.lights))
 
 

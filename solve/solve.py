@@ -117,7 +117,7 @@ def solve(
     spent = since(start)
     cautions = (*problem.cautions, *cautions_of(mask, normals, samples, condition, dark))
     if not what.is_calibrated:
-        from solve.inverted_relief import relief_cautions
+        from solve.axes import relief_cautions
 
         cautions += relief_cautions(normals, frames, lights, camera, mask)
     return Estimate(
@@ -176,23 +176,10 @@ def _fit_band(name: str, settings: Settings, part: Problem, scale: float) -> tup
     from solve.samples import band_of, samples_of
 
     what, band = method_of(name), band_of(part)
-    streamed = what.stream(band, part.lights, scale, settings) if what.stream else None
-    if streamed is None:
-        return part.rows, _fit_and_judge(what, settings, band, samples_of(band, part), part, scale)
-    *values, left = streamed
-    if left.any():
-        some = band.only(left)
-        rest = _fit_and_judge(what, settings, some, samples_of(some, part, left), part, scale)
-        for value, more in zip(values, rest, strict=False):
-            value[left] = more
-        left[left] = rest[-1]
-    return part.rows, (*values, left)
-
-
-def _fit_and_judge(what: Method, settings: Settings, band: "Band", samples: "Samples", part: Problem, scale: float):
     assert what.fit
+    samples = samples_of(band, part)
     b, used = what.fit(samples, scale, settings)
-    return _judged(band, samples._replace(valid=used), b, part, scale)
+    return part.rows, _judged(band, samples._replace(valid=used), b, part, scale)
 
 
 def _judged(band: "Band", used: "Samples", b: NDArray, part: Problem, scale: float) -> tuple:

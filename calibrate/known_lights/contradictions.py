@@ -3,7 +3,7 @@
 Balls say where they see the lights. Without balls Lambert's law knows whether the lights are in the photographs' order,
 whatever the surface: every matte pixel says v_f = b . l_f with a vector b of its own, and three unknowns fit many
 frames only if each frame has its own light. Lights in other axes fit as well (b follows them): these are judged by
-balls, or by `solve.axes_test`.
+balls, or by `solve.axes`.
 """
 
 from collections.abc import Iterator

@@ -52,7 +52,7 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
         "Lights": lights_section(material),
         "Registration": registration_section(material, summary),
         "Normals": normals_section(material, layers, ranking_table(summary)),
-        "Which normals": trust_section(material, summary),
+        "Which normals": trust_section(summary),
         "Twin": twin_section(material, layers, summary),
         "Errors": errors_section(layers, summary),
         "Statistics": statistics_section(compared),

@@ -71,7 +71,7 @@ def _normals(summary: Summary, compared: Summary) -> Statement:
     if compared.get("methods") and not compared.get("has_truth") and (pairs := compared.get("between_methods")):
         text += say("normals", "apart", **max(pairs, key=lambda row: row["median_deg"]))
     if trust := summary.get("trust"):
-        # Predicted errors are no measured ones: no result is called good by them alone.
+        # What explains the photographs best need not be good: no result is called so by that alone.
         text += say("normals", "predicted") + escape(trust_sentence(trust))
     return Statement("Normals", "unknown", text)
 

@@ -102,13 +102,6 @@ class ShootOptions:
         float | None,
         Parameter(help="Wanted median error of the normals: the plan ends with the flash that reaches it."),
     ] = None
-    criterion: Annotated[
-        Literal["normal", "A", "D"],
-        Parameter(
-            help="What the flashes are chosen for: the normals' mean sigma; the trace (A) or the determinant (D) of "
-            "the covariance of albedo x normal."
-        ),
-    ] = "normal"
 
     def check(self, flashes: int) -> None:
         """Raise SceneError for what cannot be planned."""

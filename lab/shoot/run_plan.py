@@ -143,7 +143,7 @@ def _planned(under_way: Any, set_up: Any, flashes: int, shoot: ShootOptions) -> 
         else:
             choices = ball_choices(set_up, positions[::3])
             spheres = stand_balls(set_up, positions, _best_choice(choices, shoot.accuracy_deg))
-    how = {"accuracy_deg": shoot.accuracy_deg, "criterion": shoot.criterion, "so_far": under_way}
+    how = {"accuracy_deg": shoot.accuracy_deg, "so_far": under_way}
     plan = plan_shoot(pixels, spheres, reach, flashes, **how)
     while plan.flashes < plan.count:
         # Fewer are enough: the best set of so many, which may need still fewer.

@@ -14,7 +14,7 @@ from lab.shoot.flash_samples import ObjectPixels, Shown, lights_at
 from lab.shoot.under_way import UnderWay
 from scene.lights import Lights
 from scene.spheres import Sphere
-from solve.design.next_flash import Criterion, choose_flashes, exchange_flashes, known_before
+from solve.design.next_flash import choose_flashes, exchange_flashes, known_before
 from solve.design.normal_information import (
     information,
     lights_covariance,
@@ -182,7 +182,6 @@ def plan_shoot(
     count: int,
     *,
     accuracy_deg: float | None = None,
-    criterion: Criterion = "normal",
     so_far: UnderWay | None = None,
     look_ahead: int = LOOK_AHEAD,
 ) -> ShootPlan:
@@ -198,7 +197,6 @@ def plan_shoot(
         Of all flashes, those that there are already included.
     accuracy_deg : float, optional
         Wanted median error of the normals: the angle to the truth.
-    criterion : {"normal", "A", "D"}
     so_far : UnderWay, optional
         The shoot whose pixels and balls these are: flashes that there are already.
     look_ahead : int
@@ -222,13 +220,13 @@ def plan_shoot(
     rest = shown.only(np.arange(n, len(positions)))
     start = known_before(pixels.b, told)
     rest = rest._replace(noise=noise[n:])
-    chosen = choose_flashes(pixels.b, start, *rest, count - n, criterion).flashes
-    chosen = exchange_flashes(pixels.b, start, *rest, chosen, criterion)
+    chosen = choose_flashes(pixels.b, start, *rest, count - n)
+    chosen = exchange_flashes(pixels.b, start, *rest, chosen)
     # Beyond the count, to say whether more are worth it.
     left = np.setdiff1d(np.arange(len(candidates)), chosen)
     told = information(*shown._replace(noise=noise).only(np.concatenate([np.arange(n), n + chosen])))
     then = known_before(pixels.b, told)
-    more = choose_flashes(pixels.b, then, *rest.only(left), look_ahead, criterion).flashes
+    more = choose_flashes(pixels.b, then, *rest.only(left), look_ahead)
     order = np.concatenate([np.arange(n), n + chosen, n + left[more]])
     predicted: list[Predicted | None] = []
     for used in range(1, len(order) + 1):

@@ -1,25 +1,13 @@
 """Which flash to add: the one that most improves what all pixels know, and so on, one after the other."""
 
-from typing import Literal, NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Criterion = Literal["normal", "A", "D"]
-"""What is to be small: the normals' sigma; the trace of the covariance of albedo x normal; its log determinant."""
 ROUNDS, LEAST_GAIN = 5, 1e-6
 """Of exchanges: how often each flash is tried, and the relative gain that counts."""
 UNKNOWN = 1.0
 """Standard deviation of b, in albedos, before the first flash: nobody knows the normal."""
-
-
-class Chosen(NamedTuple):
-    """Flashes in the order in which they help most."""
-
-    flashes: NDArray[np.intp]  # (N,) indices of the candidates
-    covariances: Array  # (P, 3, 3) of b, with all of them
-    scores: Array  # (N + 1,) the criterion before, and after each of them; see `score`
 
 
 def known_before(b: Array, information: Array | None = None) -> Array:
@@ -34,30 +22,16 @@ def known_before(b: Array, information: Array | None = None) -> Array:
     return np.linalg.inv(nothing if information is None else nothing + information)
 
 
-def score(b: Array, covariances: Array, criterion: Criterion = "normal") -> float:
-    """Return the criterion, mean over pixels.
+def score(b: Array, covariances: Array) -> float:
+    """Return the normals' sigma, radians, one tangent axis, mean over pixels; 1 before the first flash.
 
-    normal: sigma of the normal, radians, one tangent axis, 1 before the first flash: as the mean angle between normals
-    and truth, it lets no single dark pixel outweigh all others. A: trace of the covariance over albedo^2. D: log
-    determinant of the covariance over albedo^2.
+    As the mean angle between normals and truth, it lets no single dark pixel outweigh all others.
     """
-    square = np.sum(b * b, -1)
-    if criterion == "D":
-        return float(np.mean(np.linalg.slogdet(covariances / square[:, None, None])[1]))
-    if criterion == "A":
-        return float(np.mean(np.trace(covariances, axis1=1, axis2=2) / square))
-    return float(np.mean(np.sqrt(_across(b, covariances, square))))
+    return float(np.mean(np.sqrt(_across(b, covariances, np.sum(b * b, -1)))))
 
 
-def gains(
-    b: Array,
-    covariances: Array,
-    vectors: Array,
-    noise: Array,
-    seen: NDArray[np.bool_],
-    criterion: Criterion = "normal",
-) -> Array:
-    """Return by how much each candidate flash would lower the criterion; see `score`.
+def gains(b: Array, covariances: Array, vectors: Array, noise: Array, seen: NDArray[np.bool_]) -> Array:
+    """Return by how much each candidate flash would lower the `score`.
 
     Parameters
     ----------
@@ -80,21 +54,14 @@ def gains(
 
     Notes
     -----
-    One sample is a rank-one change of J [Sherman1950]: C' = C - C v v^T C / (s^2 + v^T C v), and
-    log det C' = log det C - log(1 + v^T C v / s^2).
+    One sample is a rank-one change of J [Sherman1950]: C' = C - C v v^T C / (s^2 + v^T C v).
     """
     square = np.sum(b * b, -1)
     found, across = np.zeros(len(vectors)), _across(b, covariances, square)
     for c, (vector, sigma, lit) in enumerate(zip(vectors, noise, seen, strict=True)):
         moved = np.einsum("pij,pj->pi", covariances, vector)
         known = np.maximum(np.sum(moved * vector, 1), 0)
-        if criterion == "D":
-            found[c] = np.mean(np.where(lit, np.log1p(known / sigma**2), 0))
-            continue
         share = np.where(lit, 1 / (sigma**2 + known) / square, 0)
-        if criterion == "A":
-            found[c] = np.mean(share * np.sum(moved * moved, 1))
-            continue
         fallen = share * (np.sum(moved * moved, 1) - np.sum(moved * b, 1) ** 2 / square) / 2
         found[c] = np.mean(np.sqrt(across) - np.sqrt(np.maximum(across - fallen, 0)))
     return found
@@ -114,39 +81,24 @@ def with_flash(covariances: Array, vector: Array, noise: Array, seen: NDArray[np
 
 
 def choose_flashes(
-    b: Array,
-    covariances: Array,
-    vectors: Array,
-    noise: Array,
-    seen: NDArray[np.bool_],
-    count: int,
-    criterion: Criterion = "normal",
-) -> Chosen:
+    b: Array, covariances: Array, vectors: Array, noise: Array, seen: NDArray[np.bool_], count: int
+) -> NDArray[np.intp]:
     """Return the `count` candidates, each once, that one after the other help most.
 
-    Takes what `gains` takes. Greedy: each flash is the best one given those before it. For D that is at least 1 - 1/e
-    of the best set's gain [Nemhauser1978].
+    Takes what `gains` takes. Greedy: each flash is the best one given those before it.
     """
     left, flashes = np.ones(len(vectors), bool), []
-    scores = [score(b, covariances, criterion)]
     for _ in range(min(count, len(vectors))):
-        gain = gains(b, covariances, vectors[left], noise[left], seen[left], criterion)
+        gain = gains(b, covariances, vectors[left], noise[left], seen[left])
         best = int(np.flatnonzero(left)[gain.argmax()])
         covariances = with_flash(covariances, vectors[best], noise[best], seen[best])
         left[best] = False
         flashes.append(best)
-        scores.append(score(b, covariances, criterion))
-    return Chosen(np.array(flashes, np.intp), covariances, np.array(scores))
+    return np.array(flashes, np.intp)
 
 
 def exchange_flashes(
-    b: Array,
-    start: Array,
-    vectors: Array,
-    noise: Array,
-    seen: NDArray[np.bool_],
-    flashes: NDArray[np.intp],
-    criterion: Criterion = "normal",
+    b: Array, start: Array, vectors: Array, noise: Array, seen: NDArray[np.bool_], flashes: NDArray[np.intp]
 ) -> NDArray[np.intp]:
     """Return a set of as many candidates that no exchange of one improves, in the order in which they help most.
 
@@ -165,7 +117,7 @@ def exchange_flashes(
         for place, old in enumerate(chosen):
             others = chosen[:place] + chosen[place + 1 :]
             told = np.einsum("fpi,fpj->pij", vectors[others] * weight[others][..., None], vectors[others])
-            gain = gains(b, np.linalg.inv(before + told), vectors, noise, seen, criterion)
+            gain = gains(b, np.linalg.inv(before + told), vectors, noise, seen)
             gain[others] = -np.inf
             best = int(gain.argmax())
             if gain[best] > gain[old] * (1 + LEAST_GAIN):
@@ -173,5 +125,4 @@ def exchange_flashes(
         if not changed:
             break
     some = np.array(chosen, np.intp)
-    order = choose_flashes(b, start, vectors[some], noise[some], seen[some], len(some), criterion).flashes
-    return some[order]
+    return some[choose_flashes(b, start, vectors[some], noise[some], seen[some], len(some))]

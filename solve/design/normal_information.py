@@ -34,8 +34,8 @@ def information(vectors: Array, noise: Array, seen: NDArray[np.bool_] | None = N
     trace J^-1 >= 9 noise^2 / n, with equality where sum v v^T = n / 3: n >= 3 lights evenly on a ring 54.7 degrees from
     its axis.
     """
-    vectors, weight = _weights(vectors, noise, seen)
-    return _moments(vectors, weight)
+    weight = 1 / np.square(np.asarray(noise, np.float64))
+    return _moments(*_full(vectors, weight if seen is None else np.where(seen, weight, 0.0)))
 
 
 def pulls(vectors: Array, weights: Array) -> Array:
@@ -71,9 +71,9 @@ def lights_covariance(pulls: Array, slopes: Array, covariance: Array) -> Array:
     pulls : (F, P, 3) float
     slopes : (F, P, K) float
         What a sample of each pixel changes by with each of the light's K numbers: b . d(vector) / d(number).
-    covariance : (F, K, K) or (F, K, F, K) float
-        Of the numbers: each light's own, or of all lights together. Balls, camera and diameters move all lights
-        alike, and more flashes do not average that away.
+    covariance : (F, K, F, K) float
+        Of the numbers of all lights together. Balls, camera and diameters move all lights alike, and more flashes do
+        not average that away.
 
     Returns
     -------
@@ -83,9 +83,6 @@ def lights_covariance(pulls: Array, slopes: Array, covariance: Array) -> Array:
     -----
     To first order db = -J^-1 sum_f w_f v_f (b . dv_f): each light's error acts as one of its sample.
     """
-    if covariance.ndim == 3:
-        variance = np.einsum("fpk,fkl,fpl->fp", slopes, covariance, slopes)
-        return noise_covariance(pulls, np.sqrt(np.maximum(variance, 0)))
     flashes, pixels, count = slopes.shape
     change = np.einsum("fpi,fpk->pifk", pulls, slopes).reshape(pixels, 3, flashes * count)
     together = covariance.reshape(flashes * count, -1)
@@ -127,11 +124,6 @@ def inverted(information: Array) -> Array:
     with np.errstate(divide="ignore"):
         parts = np.where(spans[:, None], 1 / np.maximum(values, 1e-300), np.nan)
     return (axes * parts[:, None]) @ axes.swapaxes(1, 2)
-
-
-def _weights(vectors: Array, noise: Array, seen: NDArray[np.bool_] | None) -> tuple[Array, Array]:
-    weight = 1 / np.square(np.asarray(noise, np.float64))
-    return _full(vectors, weight if seen is None else np.where(seen, weight, 0.0))
 
 
 def _full(vectors: Array, weights: Array) -> tuple[Array, Array]:

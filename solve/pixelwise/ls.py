@@ -5,11 +5,8 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from solve.assess import DARK
 from solve.methods import Method
 from solve.pixelwise.kernels import light_vector, normal_equations
-from solve.pixelwise.ls_tiles import fit_tiles
-from solve.samples import GRAY
 
 
 class Settings(NamedTuple):
@@ -62,16 +59,6 @@ def fit(samples, scale, settings):  # pragma: no cover
     return b, used
 
 
-def _stream(band, lights, scale, settings):
-    """See `solve.methods.Method`: not under near lights, whose vectors differ from pixel to pixel."""
-    plain = not settings.keep_clipped and not np.isfinite(settings.ceiling) and settings.shadow_threshold >= DARK
-    if lights.positions_mm is not None or not plain:
-        return None
-    directions, intensities = np.ascontiguousarray(lights.directions), np.ascontiguousarray(lights.intensities)
-    weights = (GRAY / intensities).astype(np.float32)
-    return fit_tiles(band, directions, intensities, weights, settings.shadow_threshold * scale)
-
-
 METHOD = Method(
     "ls",
     {
@@ -83,6 +70,5 @@ METHOD = Method(
         "published": Settings(-np.inf, keep_clipped=True, ceiling=1.0),
     },
     fit=fit,
-    stream=_stream,
     is_linear=True,
 )

@@ -12,7 +12,7 @@ from solve.pixelwise import iterative
 from solve.problem import Problem
 from solve.samples import Geometry, all_samples, scale_of
 from solve.surface.integration import integrate
-from solve.trust.thinning import step_for, thinned
+from solve.thinning import step_for, thinned
 from solve.whole.near_depth import Settings, find_depth
 
 Array = NDArray[np.float64]

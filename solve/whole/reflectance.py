@@ -15,7 +15,7 @@ from scene.spheres import WHITE_BALL_ALBEDO
 from solve.methods import Method, Whole
 from solve.pixelwise import iterative
 from solve.problem import Problem
-from solve.samples import GRAY, Samples
+from solve.samples import GRAY, Samples, all_samples
 from solve.whole import near_depth
 from solve.whole.interreflection import Relief, Thrown
 from solve.whole.light_distance import find_positions
@@ -83,37 +83,45 @@ def prepare(problem: Problem, settings: Settings) -> Problem:
 
 
 def _fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
-    _, relief = relief_of(problem, settings)
-    return fit_to_views(samples, problem.views(), settings, relief, white_gray(problem.lights))[0]
+    return fit_to_views(samples, problem.views(), settings, _relief_of(problem, settings), _white(problem.lights))[0]
 
 
-def relief_of(problem: Problem, settings: Settings) -> tuple[float, Relief]:
-    """Return z of the surface's middle, and the patches of a prepared problem's surface."""
+def learn(problem: Problem) -> tuple[Problem, Samples, NDArray, Thrown]:
+    """Return the prepared problem, its samples, and what its pixels share: the reflectance (SIZE,), and their light."""
+    settings = Settings()
+    problem = prepare(problem, settings)
+    samples, relief = all_samples(problem), _relief_of(problem, settings)
+    _, shared, thrown = fit_to_views(samples, problem.views(), settings, relief, _white(problem.lights))
+    return problem, samples, shared, thrown
+
+
+def _relief_of(problem: Problem, settings: Settings) -> Relief:
+    """Return the patches of a prepared problem's surface."""
     camera, depth = problem.camera, float(problem.lights.reference_point_mm[2])
     if not camera.is_orthographic and depth >= 0:
         depth = -1000.0
     if problem.z_mm is not None:
         depth = float(np.nanmedian(problem.z_mm[problem.mask]))
-    return depth, Relief(problem.mask, camera, depth, settings.pixels)
+    return Relief(problem.mask, camera, depth, settings.pixels)
 
 
-def white_gray(lights: Lights) -> float | None:
+def _white(lights: Lights) -> float | None:
     """Return the gray value of a surface of reflectance 1 that faces a light of intensity 1; None where unknown."""
     return None if lights.white_value is None else float(GRAY @ lights.white_value) / WHITE_BALL_ALBEDO
 
 
-def is_matte(shared: NDArray) -> bool:
+def _is_matte(shared: NDArray) -> bool:
     """Whether the object shows no gloss."""
     return bool(np.median(shared[: LOBE * len(DIFFERENCE)]) < GLOSSY)
 
 
 def fit_to_views(
     samples: Samples, views, settings: Settings, relief: Relief | None = None, white: float | None = None
-) -> tuple[Whole, NDArray]:
-    """Fit normals, albedos and one reflectance; return also what all pixels share (SIZE,).
+) -> tuple[Whole, NDArray, Thrown]:
+    """Fit normals, albedos and one reflectance; return also what all pixels share (SIZE,), and the light on them.
 
     `views` (P, 3) are the unit vectors from the pixels' points to the camera; without `relief`, the object throws no
-    light upon itself; `white`: see `white_gray`.
+    light upon itself; `white`: see `_white`.
 
     Notes
     -----
@@ -136,7 +144,7 @@ def fit_to_views(
     known = np.flatnonzero(is_known)
     if len(known) < SIZE:
         said = "reflectance: too few pixels to learn from; the normals are those of `iterative`."
-        return Whole(b, used, (said,)), MATTE_OBJECT
+        return Whole(b, used, (said,)), MATTE_OBJECT, Thrown.none(*samples.gray.shape)
     albedo = np.linalg.norm(b[known], axis=1)
     normals = b[known] / albedo[:, None]
     limits = settings.shadow_threshold * scale, settings.noise_floor * scale, settings.sigmas
@@ -149,7 +157,7 @@ def fit_to_views(
     shared = alone
     if relief is not None:
         # Of a glossy object nobody knows how much of its brightness it throws upon itself: the samples tell.
-        white = white if is_matte(shared) else None
+        white = white if _is_matte(shared) else None
         for _ in range(settings.turns):
             brightest = np.percentile(learnt.albedo, 95)
             thrown = relief.throw(chosen, samples.gray[chosen] / np.float32(brightest), learnt.normals)
@@ -157,14 +165,14 @@ def fit_to_views(
             shared, _, after = _learn(given, learnt, settings.rounds // 2, settings.smoothness, shared, known_white)
     if not after <= (WORSE if white is None else WORSE_WITH_WHITE) * before:
         said = "reflectance: no one table explains the object better than matte; the normals are those of `iterative`."
-        return Whole(b, used, (said,)), MATTE_OBJECT if is_matte(alone) else alone
+        return Whole(b, used, (said,)), MATTE_OBJECT if _is_matte(alone) else alone, given.thrown
 
     def run(first: int) -> None:
         refine(given, Pixels(known, normals, albedo).some(slice(first, first + CHUNK)), shared, settings.steps, used)
 
     fan_out(run, range(0, len(known), CHUNK))
     b[known] = normals * albedo[:, None]
-    return Whole(b, used, ()), shared
+    return Whole(b, used, ()), shared, given.thrown
 
 
 def _learn(

@@ -18,7 +18,6 @@ from solve.methods import Method
 from solve.pixelwise import iterative
 from solve.problem import Problem
 from solve.samples import GRAY, Geometry, Samples
-from solve.whole.intensity_prior import nearest_to_given
 
 
 class Settings(NamedTuple):
@@ -57,8 +56,8 @@ def _fit(samples: Samples, scale: float, settings: Settings):
 def find_lights(problem: Problem, settings: Settings) -> Problem:
     """Return the problem under lights with the intensities that the object itself tells, and cautions.
 
-    Directions (and positions) are taken as they are; intensities where the object tells none, and as far as it tells
-    them badly; see `intensity_prior`.
+    Directions (and positions) are taken as they are; intensities where the object tells none; and a trend of the
+    intensities with the direction as far as the object's own reflection could pretend it, see `_without_pretence`.
 
     Intensities are on the scale of the given ones, at the reference point; of near lights that is moved to the depth of
     the visible surface that leaves the least misfit. `intensity_sigma`: what is left uncertain, and what that
@@ -73,15 +72,36 @@ def find_lights(problem: Problem, settings: Settings) -> Problem:
     if own is lights:
         return problem.under(lights).warned(*cautions)
     given = lights.seen_from(found.reference_point_mm).intensities
-    held, covariance = nearest_to_given(np.log(own.intensities / given), parts, found.directions)
-    intensities = given * np.exp(held)
+    intensities = given * np.exp(_without_pretence(np.log(own.intensities / given), parts, found.directions))
     # The scale is a gauge: albedo stays comparable with the other methods'.
     intensities *= np.exp(np.mean(np.log(lights.intensities / intensities), axis=0))
     shared = _fall_off(found, points)
-    covariance += np.outer(shared, shared)
-    sigma = np.where(np.isfinite(own.intensity_sigma), np.sqrt(np.diag(covariance)), np.nan)
-    own = replace(own, intensities=intensities, intensity_sigma=sigma)
+    covariance = np.diag(np.nan_to_num(own.intensity_sigma) ** 2) + np.outer(shared, shared)
+    own = replace(own, intensities=intensities, intensity_sigma=np.hypot(own.intensity_sigma, shared))
     return replace(problem.under(own), intensity_covariance=covariance).warned(*cautions)
+
+
+def _without_pretence(ratio: NDArray, parts: list[Evidence], directions: NDArray) -> NDArray:
+    """Return the logs (F, C) of intensities over given ones without what the object's reflection may pretend.
+
+    Notes
+    -----
+    Lambert's law leaves e_f -> (1 + a . l_f) e_f nearly free over a narrow cap of lights: there a little of what is not
+    Lambert's law looks like a large a. The linear part t counts by 1 - q / (q' - q), 0 at least, q and q' being the
+    misfits with and without it: t beside its variance as James and Stein shrink it, under a misfit that is the same all
+    over the object, so that more pixels do not lessen it.
+    """
+    terms = np.concatenate([np.ones((len(directions), 1)), directions], 1)
+    ratio = ratio - ratio.mean(0)
+    trend = terms @ np.linalg.lstsq(terms, ratio, rcond=None)[0]
+    with_it, without = (
+        sum(
+            (x @ part.misfit.sum(0) @ x) / max(x @ (part.noise.sum(0) * x), 1e-30)
+            for part, x in zip(parts, np.exp(each).T, strict=True)
+        )
+        for each in (0 * trend, trend)
+    )
+    return ratio - trend * min(with_it / max(without - with_it, 1e-30), 1.0)
 
 
 def told_by_object(problem: Problem, settings: Settings) -> tuple[Lights, list[Evidence], NDArray]:

@@ -10,8 +10,7 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
-from solve.axes import AXES, INVERTED, find_axes
-from solve.inverted_relief import relief_cautions
+from solve.axes import AXES, INVERTED, find_axes, relief_cautions
 from solve.problem import Problem
 from solve.samples import all_samples
 from solve.solve import solve

@@ -191,7 +191,7 @@ def test_each_program_reads_its_folder_and_its_normals_come_back(name, error_deg
     assert shlex.split(estimate.settings["command"])[0] == f"{name}:{programs / name}"
     # What is kept in the summary starts it again.
     again = External.parse(f"Learned={estimate.settings['command']}", 60)
-    assert again.installed == external(programs, name).installed
+    assert again.preset == external(programs, name).preset
 
 
 def test_without_any_light_its_normals_stay_and_the_lights_are_found_with_them(programs, scene, tmp_path):
@@ -228,9 +228,9 @@ def test_of_many_photographs_some_are_given_evenly_spread(tmp_path):
     [
         ("Learned=sdm:{0}", ["expected PRESET:FOLDER", "lino-unips, sdm-unips, uni-ms-ps"]),
         ("Learned=sdm-unips:{0}", ["has no sdm_unips/main.py", "https://github.com/satoshi-ikehata"]),
-        ("Learned=sdm-unips:'{1}/lacks weights'", ["has no weights", "checkpoint/normal/*.pytmodel"]),
-        ("Learned=lino-unips:'{1}/lacks python'", ["found none of .venv/bin/python", "second word"]),
-        ("Learned=lino-unips:'{1}/lacks python' {0}/nothing", ["nothing is no program"]),
+        ("Learned=sdm-unips:'{1}/lacks weights'", ["has no weights checkpoint", "checkpoint/normal/*.pytmodel"]),
+        ("Learned=lino-unips:'{1}/lacks python'", ["lacks python/.venv/bin/python", "second word"]),
+        ("Learned=lino-unips:'{1}/lacks python' {0}/nothing", ["found no ", "nothing"]),
         ("Learned=run it", ["{data} and {out} missing", "PRESET:FOLDER"]),
     ],
 )
@@ -246,7 +246,7 @@ def test_what_is_missing_is_said_before_anything_runs(text, words, programs, tmp
 
 
 def test_the_python_may_be_named_and_new_weights_are_noticed(programs):
-    given = external(programs, "sdm-unips", f" {sys.executable}").installed
+    given = external(programs, "sdm-unips", f" {sys.executable}").preset
     assert given
     assert given.python == Path(sys.executable)
     assert [path.name for path in external(programs, "sdm-unips").files] == ["main.py", "nml.pytmodel"]

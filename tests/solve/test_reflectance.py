@@ -111,7 +111,7 @@ def test_a_view_from_the_side_is_not_one_from_the_front():
     """Half angles count from the direction to the camera: with the wrong one, the table explains nothing."""
     gray, normals, lights = photographs(LOBES["satin"])
     views = np.tile(unit(np.array([0.6, 0.0, 0.8])), (len(gray), 1))
-    wrong, _ = fit_to_views(seen(gray, lights), views, Settings())
+    wrong, *_ = fit_to_views(seen(gray, lights), views, Settings())
     right = fit(gray, lights)
     error = [angular_error_deg(unit(found.b), normals).mean() for found in (wrong, right)]
     assert error[1] < 0.1 * error[0]

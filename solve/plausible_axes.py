@@ -1,14 +1,9 @@
-"""Test a normal map's axes by the map itself: it faces the viewer, is a surface's slope, and points out at the rim."""
+"""In which axes a normal map makes sense alone: it faces the viewer, is a surface's slope, points out at its rim."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
-from scene.frames import Frames, gray
-from scene.lights import Lights
-from scene.normals import unit
-from solve.axes import AXES, Axes
 
 Array = NDArray[np.float64]
 FACING = 0.97
@@ -19,12 +14,8 @@ _CLEARLY = 0.5
 """A misfit is clearly the least when the next is twice as large."""
 _OUT = 0.35
 """Mean cosine, at the rim, between normals and the way out, from which the rim is one; in wrong axes it is negative."""
-_GRID = 200
-"""Pixels along the object's longer side that are asked for the lights' axes."""
-_LIT = 0.15
-"""Share of a pixel's brightest samples under which it stands in shadow."""
-_LAMBERT = 0.15
-"""Misfit of Lambert's law, the same in all axes, above which something else is wrong: the order, the strengths."""
+_RIM_PX, _FEWEST = 2.5, 20
+"""How far the rim reaches into the mask, and pixels that it must have."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +32,7 @@ class PlausibleAxes:
     is_unique: bool
 
 
-def axes_by_themselves(normals: Array, mask: NDArray[np.bool_], all_axes: tuple[Array, ...]) -> PlausibleAxes:
+def plausible_axes(normals: Array, mask: NDArray[np.bool_], all_axes: tuple[Array, ...]) -> PlausibleAxes:
     """Return the axes in which a normal map makes sense by itself.
 
     `normals` are NaN where there is none; `all_axes` are camera frame from the map's, the first changes nothing.
@@ -54,8 +45,7 @@ def axes_by_themselves(normals: Array, mask: NDArray[np.bool_], all_axes: tuple[
     if not facing:
         return PlausibleAxes(0, 0, False)
     # The third axis as it stands, where that will do.
-    toward = [all_axes[k][2] for k in facing]
-    third = next((row for row in toward if np.array_equal(row, [0, 0, 1])), toward[0])
+    third = min((all_axes[k][2] for k in facing), key=lambda row: not np.array_equal(row, [0, 0, 1]))
     facing = [k for k in facing if np.array_equal(all_axes[k][2], third)]
     curls = {k: _curl(normals @ all_axes[k].T) for k in facing}
     left = [k for k in facing if curls[k] <= max(min(curls.values()) / _CLEARLY, 1e-4)]
@@ -84,15 +74,12 @@ def _way_out(turned: Array, mask: NDArray[np.bool_]) -> float:
     """
     import cv2
 
-    inside = np.pad(mask, 1).astype(np.uint8)
-    depth = cv2.distanceTransform(inside, cv2.DIST_L2, 5)[1:-1, 1:-1]
+    depth = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
     smooth = np.asarray(cv2.GaussianBlur(depth, (0, 0), 1.5), np.float64)
-    known = np.isfinite(turned[..., 0]) & np.isfinite(turned[..., 2])
-    border = np.zeros_like(mask)
-    border[1:-1, 1:-1] = True
+    rim = mask & np.isfinite(turned[..., 0]) & (depth <= _RIM_PX)
     # Where the picture ends the object does not.
-    rim = mask & known & (depth <= 2.5) & border
-    if rim.sum() < 20:
+    rim[[0, -1]] = rim[:, [0, -1]] = False
+    if rim.sum() < _FEWEST:
         return 0.0
     gy, gx = np.gradient(smooth, axis=0), np.gradient(smooth, axis=1)
     out, flat = np.stack([-gx[rim], gy[rim]], -1), turned[rim][:, :2]
@@ -100,41 +87,3 @@ def _way_out(turned: Array, mask: NDArray[np.bool_]) -> float:
     cosine = np.sum(out * flat, 1) / np.maximum(scale, 1e-9)
     # A rim is steep; the edge of a relief is what it happens to be.
     return float(np.mean(cosine) * min(1.0, np.median(np.linalg.norm(flat, axis=1)) / 0.7))
-
-
-def lights_in_other_axes(frames: Frames, lights: Lights, mask: NDArray[np.bool_]) -> str | None:
-    """Say in which axes known lights must be for the object to be a surface; None where they make sense as they are.
-
-    Lambert's law fits lights in any axes: the normals follow. But turned normals are no surface's slope, or point into
-    it at its rim; the latter are a hollow's too. Nothing is said where Lambert's law does not fit.
-    """
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    step = max(1, int(max(np.ptp(rows), np.ptp(columns)) // _GRID))
-    down, across = slice(rows[0], rows[-1] + 1, step), slice(columns[0], columns[-1] + 1, step)
-    inside = mask[down, across]
-    values = np.stack([gray(frames.read(down, [f], columns=across)[0][inside]) for f in range(len(frames))])
-    values = (values / lights.intensities.mean(1)[:, None]).astype(np.float64).T
-    bright = np.quantile(values, 0.9, axis=1, keepdims=True)
-    weight = (values > _LIT * bright) & (values < 3 * np.maximum(np.median(values, 1, keepdims=True), 0.3 * bright))
-    light = lights.directions * weight[..., None]
-    matrix = np.swapaxes(light, 1, 2) @ light + 1e-6 * np.eye(3)
-    fitted = np.linalg.solve(matrix, np.swapaxes(light, 1, 2) @ values[..., None])[..., 0]
-    lit = values * weight
-    misfit = np.linalg.norm(lit - (light @ fitted[..., None])[..., 0], axis=1) / np.linalg.norm(lit, axis=1).clip(1e-12)
-    if np.median(misfit) > _LAMBERT:
-        return None
-    normals = np.full((*inside.shape, 3), np.nan)
-    normals[inside] = np.where((weight.sum(1) >= 4)[:, None], unit(fitted), np.nan)
-    found = axes_by_themselves(normals, inside, AXES)
-    best = found.by_rim if found.is_unique else found.plain
-    if not best:
-        return None
-    fault, makes = "is no surface's slope", "It makes"
-    if not found.plain:
-        # Its slopes do not speak against the file: only the rim does.
-        fault, makes = "points inward at its rim", "Unless it is hollow, it makes"
-    return (
-        f"lights.file: under its lights the object {fault}. {makes} sense if the file's axes are changed to "
-        f"{Axes(AXES[best])}; expected are x right, y up, z toward the viewer. Correct lights.file; it is used as it "
-        "stands."
-    )

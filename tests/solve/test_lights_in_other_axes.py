@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
+from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
-from solve.axes_test import lights_in_other_axes
+from solve.axes import lights_in_other_axes
+
+CAMERA = Camera.orthographic(110, 90)
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +35,7 @@ def told(body, axes):
     images, lights, mask = body
     names = tuple(f"flash_{i:03d}" for i in range(12))
     known = Lights(names, lights @ np.array(axes, float).T, np.ones((12, 3)))
-    return lights_in_other_axes(Frames.from_linear(names, images), known, mask)
+    return lights_in_other_axes(Frames.from_linear(names, images), known, CAMERA, mask)
 
 
 def test_lights_in_the_right_axes_are_not_doubted(body):
@@ -63,7 +66,7 @@ def test_a_hollow_may_be_one(body):
     names = tuple(f"flash_{i:03d}" for i in range(12))
     # A hollow is lit as the same body is from the other side.
     text = lights_in_other_axes(
-        Frames.from_linear(names, images), Lights(names, lights * [-1, -1, 1], np.ones((12, 3))), mask
+        Frames.from_linear(names, images), Lights(names, lights * [-1, -1, 1], np.ones((12, 3))), CAMERA, mask
     )
     assert "points inward at its rim. Unless it is hollow, it makes sense if" in text
     assert "slope" not in text
@@ -75,4 +78,4 @@ def test_what_lamberts_law_does_not_fit_is_no_matter_of_axes(body):
     names = tuple(f"flash_{i:03d}" for i in range(12))
     for order in (np.roll(np.arange(12), 1), np.random.default_rng(0).permutation(12)):
         known = Lights(names, lights[order], np.ones((12, 3)))
-        assert lights_in_other_axes(Frames.from_linear(names, images), known, mask) is None
+        assert lights_in_other_axes(Frames.from_linear(names, images), known, CAMERA, mask) is None

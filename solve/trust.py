@@ -1,0 +1,182 @@
+"""Which normals to believe where no truth is known: the photographs judge, by frames that a method was not given."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import RegularGridInterpolator
+
+from scene.camera import Camera
+from scene.errors import SceneError
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import angular_error_deg
+from solve.medians import row_medians
+from solve.method_names import METHODS
+from solve.problem import Problem
+from solve.solve import solve
+from solve.thinning import step_for, thinned
+from solve.whole import reflectance
+from solve.whole.reflectance_kernels import DIFFERENCE, GRAZING, HALF, INCIDENCE, SIZE, TABLE
+
+Array = NDArray[np.float64]
+PIXELS = 4_000
+"""That are solved and judged, about."""
+FOLDS, FEWEST = 3, 6
+"""Every third frame in turn is predicted from the others; of fewer frames these would be three, which fit anything."""
+DARK = 0.02
+"""Share of the stack's 99th percentile under which a sample is not lit."""
+LARGEST = 0.3
+"""Of the albedo: an unexplained difference counts no more."""
+LIMIT = 0.1
+"""Share of the photographs, rms, that the best method may leave unexplained and still be believed."""
+
+
+class Judged(NamedTuple):
+    """What is said of one method: by how much frames differ from what it predicts of them, of the albedo, mean (None:
+    another program, which is not run again); and how far its normals are from those of the recommended one, mean.
+    """
+
+    unexplained: float | None
+    apart_deg: float
+
+
+@dataclass(frozen=True)
+class Trust:
+    """What the photographs say of methods.
+
+    Parameters
+    ----------
+    methods : mapping of str to Judged
+        The recommended one, then the others as they come nearest to it.
+    level : tuple of str
+        Those that predict some third of the frames better than the recommended one does.
+    relative_rmse : float
+        By how much lit samples differ from those that its normals by all frames predict, of their root mean square.
+    doubts : tuple of str
+        Why the order should not be believed.
+    """
+
+    methods: Mapping[str, Judged]
+    level: tuple[str, ...]
+    relative_rmse: float
+    doubts: tuple[str, ...]
+
+    @property
+    def recommended(self) -> str:
+        """The first."""
+        return next(iter(self.methods))
+
+
+def trust(
+    frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_], answers: Mapping[str, NDArray], *,
+    profile: str = "default",
+) -> Trust:  # fmt: skip
+    """Recommend the method that predicts frames best that it is not given, and order the others by it.
+
+    Parameters
+    ----------
+    frames, lights, camera, mask, profile : as in `solve.solve.solve`
+    answers : mapping of str to (H, W, 3) float
+        Each method's normals by all frames.
+
+    Raises
+    ------
+    SceneError
+        Lights that are not known, too few frames, or none of our methods.
+
+    Notes
+    -----
+    Cross-validation: each third of the frames is predicted from a method's normals by the others, each pixel's albedo
+    by the others, and what all frames tell of the object as a whole: its reflectance, gloss included, and the light
+    that it throws upon itself (`solve.whole.reflectance`). A pixel without an answer explains nothing. Judged are the
+    samples that are lit, or that the normals say are. How far the others' normals are from the recommended ones orders
+    them better than what they leave unexplained, which a bent reflectance may take up.
+
+    Do not believe it where all that is wrong is wrong alike in every answer and fits the photographs: lights that are
+    turned together, above all.
+    """
+    names = [name for name in answers if name in METHODS]
+    if lights.is_unknown or not names:
+        raise SceneError("trust: our methods are judged by calibrated lights; found none. Give lights or balls.")
+    if len(frames) < FEWEST:
+        raise SceneError(f"trust: found {len(frames)} frames; methods are judged from {FEWEST} on: three fit anything.")
+    whole = Problem(frames, lights, camera, mask, slice(0, len(mask)))
+    step = step_for(whole, PIXELS)
+    given = thinned(whole, step)
+    photographs = _Photographs(given)
+    left_out = [np.arange(len(frames)) % FOLDS == fold for fold in range(FOLDS)]
+    folds = np.zeros((len(names), FOLDS))
+    for fold, out in enumerate(left_out):
+        seen = replace(given, frames=given.frames.only(~out), lights=given.lights.only(~out))
+        for which, name in enumerate(names):
+            folds[which, fold], _ = photographs.judge(_normals(name, seen, profile), out)
+    best = int(folds.mean(1).argmin())
+    answer = answers[names[best]][::step, ::step][given.mask]
+    squares = sum(photographs.judge(answer, out)[1] for out in left_out)
+    rmse = min(float(np.sqrt(squares / photographs.square)), 1.0)
+    level = tuple(name for name, of_name in zip(names, folds, strict=True) if (of_name < folds[best]).any())
+    doubts = ()
+    if rmse > LIMIT:
+        doubts = (
+            f"not to be believed: the best method leaves {rmse:.0%} of the photographs unexplained (expected at most "
+            f"{LIMIT:.0%}). Deep clefts, several materials, light from elsewhere, or wrong lights.",
+        )
+    apart = {name: _apart_deg(normals[mask], answers[names[best]][mask]) for name, normals in answers.items()}
+    told = dict(zip(names, folds.mean(1).tolist(), strict=True))
+    order = sorted(answers, key=lambda name: (name != names[best], apart[name]))
+    return Trust({name: Judged(told.get(name), apart[name]) for name in order}, level, rmse, doubts)
+
+
+def _apart_deg(normals: NDArray, others: NDArray) -> float:
+    """Return the mean angle between normals (P, 3); 90 where none is known."""
+    angle = angular_error_deg(normals, others)
+    return float(np.nanmean(angle)) if np.isfinite(angle).any() else 90.0
+
+
+def _normals(name: str, problem: Problem, profile: str) -> NDArray:
+    """Return a method's normals (P, 3) of a problem; NaN where it cannot be run."""
+    frames, lights, camera, mask = problem.frames, problem.lights, problem.camera, problem.mask
+    try:
+        return solve(name, frames, lights, camera, mask, profile=profile).normals[mask]
+    except SceneError:
+        return np.full((np.count_nonzero(mask), 3), np.nan)
+
+
+class _Photographs:
+    """What is seen of a problem's pixels, and the reflectance that all of them share."""
+
+    def __init__(self, problem: Problem) -> None:
+        problem, samples, shared, thrown = reflectance.learn(problem)
+        self.gray, self.toward, self.views = samples.gray.astype(np.float64), samples.toward(), problem.views()
+        self.valid, self.lit = samples.valid, samples.valid & (samples.gray > DARK * samples.scale())
+        self.square = max(float(np.sum(self.gray[self.lit] ** 2)), 1e-300)
+        self.table = RegularGridInterpolator((HALF, DIFFERENCE), shared[:TABLE].reshape(len(HALF), len(DIFFERENCE)))
+        self.curve = shared[TABLE : SIZE - 1]
+        self.thrown = shared[-1] * np.einsum("pcf,pc->pf", thrown.patches[thrown.corner], thrown.share)
+
+    def shading(self, normals: Array) -> tuple[Array, Array]:
+        """Return n . l and the values (P, F) of pixels of albedo 1; see `solve.whole.reflectance.fit_to_views`."""
+        cosine = np.einsum("pi,pfi->pf", normals, self.toward)
+        half = self.toward / np.linalg.norm(self.toward, axis=-1, keepdims=True) + self.views[:, None]
+        half /= np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-9)
+        angles = [
+            np.minimum(np.arccos(np.clip(np.einsum("pi,pfi->pf", each, half), -1, 1)), knots[-1])
+            for each, knots in ((normals, HALF), (self.views, DIFFERENCE))
+        ]
+        factor = self.table(np.stack(angles, -1)) + np.interp(cosine, INCIDENCE, self.curve)
+        return cosine, np.maximum(cosine * factor, 0) + self.thrown
+
+    def judge(self, normals: NDArray, out: NDArray[np.bool_]) -> tuple[float, float]:
+        """Return what normals (P, 3) leave unexplained of some frames (F,), mean; and the sum of the lit squares."""
+        known = np.asarray(np.isfinite(normals).all(1))[:, None]
+        cosine, shade = self.shading(np.where(known, normals, 0).astype(np.float64))
+        usable = (self.lit & (cosine > GRAZING) & (shade > 0))[:, ~out]
+        ratio = np.divide(self.gray[:, ~out], shade[:, ~out], out=np.zeros(usable.shape), where=usable)
+        albedo = np.maximum(row_medians(ratio, usable), 1e-6 * self.gray.max())[:, None]
+        judged = (self.lit | (self.valid & (cosine > 0)))[:, out]
+        share = np.where(known, np.minimum(np.abs(self.gray[:, out] / albedo - shade[:, out]), LARGEST), LARGEST)
+        squares = np.where(self.lit[:, out], share * np.where(known, albedo, self.gray[:, out] / LARGEST), 0) ** 2
+        return float(np.mean(share[judged])) if judged.any() else LARGEST, float(np.sum(squares))

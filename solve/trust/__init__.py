@@ -1,1 +1,0 @@
-"""What each answer is worth where no truth is known."""

@@ -1,0 +1,67 @@
+"""The photographs as judge: a glossy dome whose best method is known, lights of another, what cannot be told."""
+
+import numpy as np
+import pytest
+
+from fixtures.lit_surfaces import as_floats, even_cap, lights_along
+from scene.camera import Camera
+from scene.errors import SceneError
+from scene.lights import Lights
+from scene.normals import angular_error_deg, unit
+from solve.solve import solve
+from solve.trust import LIMIT, trust
+
+SIZE, COUNT = 40, 14
+CAMERA = Camera.orthographic(SIZE, SIZE)
+
+
+@pytest.fixture(scope="module")
+def dome():
+    """Frames, lights, mask and true normals (H, W, 3) of a dome with gloss, shadowed at its foot."""
+    v, u = (np.mgrid[:SIZE, :SIZE] - (SIZE - 1) / 2) / (SIZE / 2)
+    mask = u**2 + v**2 < 0.8
+    normals = unit(np.stack([u, -v, np.sqrt(np.maximum(1 - u**2 - v**2, 0.1))], -1))
+    lights = lights_along(even_cap(COUNT, 45.0))
+    shade = 0.5 * np.maximum(np.einsum("hwi,fi->fhw", normals, lights.directions), 0)
+    half = unit(lights.directions + [0.0, 0.0, 1.0])
+    shade += 0.3 * np.maximum(np.einsum("hwi,fi->fhw", normals, half), 0) ** 40
+    shade += np.random.default_rng(3).normal(0, 0.002, shade.shape)
+    return as_floats(lights, (shade * mask)[..., None].repeat(3, -1)), lights, mask, normals
+
+
+@pytest.fixture(scope="module")
+def answers(dome):
+    """Each method's normals, and those of another program, which are flat."""
+    frames, lights, mask, _ = dome
+    found = {name: solve(name, frames, lights, CAMERA, mask).normals for name in ("ls", "iterative", "hsh")}
+    return {**found, "Flat": np.where(mask[..., None], [0.0, 0.0, 1.0], np.nan)}
+
+
+def test_the_method_that_errs_least_is_recommended_and_the_others_follow(dome, answers):
+    frames, lights, mask, normals = dome
+    true = {name: np.nanmean(angular_error_deg(found, normals)[mask]) for name, found in answers.items()}
+    judged = trust(frames, lights, CAMERA, mask, answers)
+    assert list(judged.methods) == sorted(true, key=lambda name: true[name])
+    assert judged.recommended == "iterative"
+    assert judged.methods["iterative"].apart_deg < 1e-3
+    assert judged.methods["Flat"].unexplained is None
+    assert judged.relative_rmse < LIMIT
+    assert not judged.doubts
+
+
+def test_lights_that_are_anothers_are_doubted(dome, answers):
+    frames, lights, mask, _ = dome
+    rolled = Lights(lights.names, np.roll(lights.directions, 3, axis=0), lights.intensities)
+    judged = trust(frames, rolled, CAMERA, mask, {"iterative": answers["iterative"]})
+    assert judged.relative_rmse > LIMIT
+    assert "not to be believed" in judged.doubts[0]
+
+
+def test_without_lights_methods_of_ours_or_frames_nothing_is_judged(dome, answers):
+    frames, lights, mask, _ = dome
+    with pytest.raises(SceneError, match=r"calibrated lights; found none"):
+        trust(frames, Lights.unknown(lights.names), CAMERA, mask, answers)
+    with pytest.raises(SceneError, match="found none"):
+        trust(frames, lights, CAMERA, mask, {"Flat": answers["Flat"]})
+    with pytest.raises(SceneError, match="found 5 frames"):
+        trust(frames.only(slice(5)), lights.only(slice(5)), CAMERA, mask, answers)
