@@ -24,9 +24,8 @@ from twin.camera.virtual_camera import Sensor
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import Distribution, RoughPlastic, Texture
 from twin.description.object_mesh import ObjectMesh
-from twin.engines.direct import Direct
 from twin.engines.film import Film
-from twin.engines.many import Indirect
+from twin.engines.many import Many
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.variant import import_mitsuba
 from twin.material.fit_material import NAMES, fit_material
@@ -109,8 +108,8 @@ def _rendered(scene: TwinScene) -> tuple[NDArray[np.float32], Film]:
     """Return the images (F, h, w, 3) of a part of the picture, and which part it is."""
     import_mitsuba()
     film, shapes = scene.film(), mitsuba_scene(scene)
-    straight = Direct(shapes, film, scene.lights, error=0.004).images()
-    return straight + Indirect(shapes, film, scene.lights, samples=PATHS, max_depth=DEPTH).images(), film
+    many = Many(shapes, film, scene.lights, max_depth=DEPTH)
+    return many.band(slice(0, film.size[0]), PATHS).sum(0), film
 
 
 @dataclass(frozen=True)

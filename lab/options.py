@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 DEFAULT_METHODS = "ls,iterative"
 DEFAULT_PROFILE = "default"
 TIMEOUT_S = 3600.0
-Engine = Literal["auto", "direct", "many", "mitsuba"]
+Engine = Literal["auto", "many", "mitsuba"]
 Staging = Literal["one-factor", "benchmark"]
 """Of the sweeps, see `experiments.stagings`."""
 
@@ -145,7 +145,7 @@ class TwinSettings:
     engine: Annotated[
         Engine | None,
         Parameter(
-            help="The twin's engine; auto: the smallest that holds the error, found by a pilot rendering.",
+            help="The twin's engine; auto: many, where it can render the scene.",
             converter=engine_of,
         ),
     ] = None

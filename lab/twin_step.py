@@ -73,7 +73,7 @@ def _foretold(job: Job, scene: Any, choice: Any) -> dict[str, Any] | None:
     from twin.engines.render import render_scene
     from twin.session_scene import session_relighting
 
-    # As the twin was rendered: another pilot would take longer than these frames.
+    # As the twin was rendered.
     sampling = replace(scene.sampling, engine=choice.engine, samples=choice.samples)
     with progress_bar("twin: frames not fitted to") as progress:
         scratch = job.record.scratch("foretold")

@@ -24,7 +24,7 @@ def twin_section(material: Material, layers: Layers | None, summary: Summary) ->
     if facts.get("engine"):
         reason = f": {facts['reason']}" if facts.get("reason") else ""
         lead += say("material", "engine", seconds=facts.get("seconds"), engine=f"{facts['engine']}{reason}")
-    body = f'<div class="sheet">{shown}</div>{material_words(facts)}{engine_chart(facts)}'
+    body = f'<div class="sheet">{shown}</div>{material_words(facts)}'
     return section("twin", "The twin", body, lead)
 
 
@@ -53,20 +53,3 @@ def material_words(twin: dict[str, Any]) -> str:
         for name, part in sorted(material["explained_by"].items(), key=lambda item: -(item[1].get("explains") or 0))
     ]
     return text + f'<div class="pair"><figure>{chart}</figure>{table_of("causes", rows)}</div>'
-
-
-def engine_chart(twin: dict[str, Any]) -> str:
-    """Return the figure of each engine's seconds against error, by the twin's facts; empty if no pilot was run."""
-    lines = {
-        name: ([100 * error for error, _ in points], [seconds for _, seconds in points])
-        for name, points in (twin.get("time_and_error") or {}).items()
-        if len(points) > 1 and all(is_number(value) and value > 0 for point in points for value in point)
-    }
-    if not lines:
-        return ""
-    x_title, y_title = "error of the picture, % of its mean", "seconds, the whole stack"
-    told = say("material", "pilot")
-    if is_number(error := twin.get("error")):
-        told = say("material", "pilot asked", error=error)
-    chart = line_chart(lines, x_title=x_title, y_title=y_title, log_x=True, log_y=True)
-    return f'<figure class="speed">{chart}<figcaption>{told}</figcaption></figure>'

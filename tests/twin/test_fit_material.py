@@ -16,8 +16,8 @@ from scene.normals import unit
 from twin.description.description import Sampling, TwinObject, TwinScene
 from twin.description.materials import Distribution, RoughPlastic
 from twin.description.object_mesh import built_in
-from twin.engines.direct import Direct
 from twin.engines.film import Film
+from twin.engines.many import Many
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.path_tracing import PathTracer
 from twin.engines.variant import SLOW, import_mitsuba, pick_variant
@@ -315,7 +315,8 @@ def test_a_rendered_ball_tells_its_material_and_its_shadow_does_not_count() -> N
     scene = TwinScene(camera, objects, {"plastic": plastic}, lights)
     film = scene.film()
     images = np.zeros((12, 100, 120, 3), np.float32)
-    images[:, film.rows, film.columns] = Direct(mitsuba_scene(scene), film, lights, error=0.003).images()
+    many = Many(mitsuba_scene(scene), film, lights, max_depth=2)
+    images[:, film.rows, film.columns] = many.band(slice(0, film.size[0]), 64)[0]
     frames = Frames.from_linear(lights.names, images)
     both = [one.placed for one in objects]
     count = len(both[0].vertices)

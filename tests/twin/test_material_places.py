@@ -15,7 +15,7 @@ from tests.twin.test_fit_material import SIDE, WHITE, dome, made
 from twin.description.description import Sampling, TwinObject, TwinScene
 from twin.description.materials import RoughPlastic
 from twin.description.object_mesh import ObjectMesh, built_in
-from twin.engines.direct import Direct
+from twin.engines.many import Many
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.variant import SLOW, import_mitsuba, pick_variant
 from twin.material.fit_material import fit_material
@@ -154,7 +154,9 @@ def test_the_twin_of_two_materials_looks_like_the_object() -> None:
 
     def rendered(one: TwinScene) -> np.ndarray:
         film, images = one.film(), np.zeros((12, 100, 120, 3), np.float32)
-        images[:, film.rows, film.columns] = Direct(mitsuba_scene(one), film, lights, error=0.003).images()
+        images[:, film.rows, film.columns] = Many(mitsuba_scene(one), film, lights, max_depth=2).band(
+            slice(0, film.size[0]), 64
+        )[0]
         return images
 
     truth = rendered(scene)
@@ -180,7 +182,7 @@ def test_the_twin_of_two_materials_looks_like_the_object() -> None:
     inner[inner_pixels(mask, None)] = True
 
     def off(fits, labels, albedo) -> float:
-        twin, warnings = material_scene(sight, fits, labels, albedo, Sampling("direct"))
+        twin, warnings = material_scene(sight, fits, labels, albedo, Sampling("many", max_depth=2))
         assert not warnings
         assert sum(len(one.mesh.faces) for one in twin.objects) >= len(scan.faces)
         assert len(twin.objects) == len(fits)

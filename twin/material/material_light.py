@@ -125,8 +125,7 @@ def onward_light(sight: Sight, samples: Samples, albedo: NDArray[np.float32]) ->
     albedo (P, 3): Of the samples.
     Raises RenderError: No vectorised variant of Mitsuba runs here; and see `twin.scan_scene.scan_scene`.
     """
-    from twin.engines.flash_shading import give_memory_back
-    from twin.engines.many import Indirect
+    from twin.engines.many import Many
     from twin.engines.variant import import_mitsuba
 
     import_mitsuba()
@@ -138,8 +137,8 @@ def onward_light(sight: Sight, samples: Samples, albedo: NDArray[np.float32]) ->
     sampling, picture = Sampling("many", SAMPLES, DEPTH), _picture(row, column, albedo, small)
     scene, _ = scan_scene(replace(sight, camera=small, normals=None), picture, sampling)
     film = scene.film()
-    images = Indirect(mitsuba_scene(scene), film, scene.lights, samples=SAMPLES, max_depth=DEPTH).images()
-    give_memory_back()
+    many = Many(mitsuba_scene(scene), film, scene.lights, max_depth=DEPTH)
+    images = many.band(slice(0, film.size[0]), SAMPLES)[1]
     return OnwardLight(images, film.rows.start, film.columns.start, scale)
 
 

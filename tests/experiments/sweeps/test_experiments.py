@@ -99,7 +99,7 @@ def test_names_change_with_the_code_that_makes_the_rows(tmp_path, monkeypatch):
     made = (
         "solve/pixelwise/ls.py",
         "solve/uncalibrated/tv.py",
-        "twin/engines/direct.py",
+        "twin/engines/many.py",
         "scene/frames.py",
         "experiments/shapes.py",
     )
