@@ -50,7 +50,6 @@ class RelightingRow:
     """Photographs foretold by a material that was fitted to every second one; see `twin.relighting`."""
 
     photographs: str
-    is_refined: bool
     fitted: int
     foretold: int
     rmse_fitted_percent: float
@@ -63,12 +62,12 @@ class RelightingRow:
 
 def _captures(scale: Scale) -> list[tuple]:
     if scale == "small":
-        return [(SCENE, False)]
+        return [(SCENE,)]
     names = [f"DiLiGenT {name}" for name in ("ball", "cat") if (DILIGENT / f"{name}PNG").is_dir()]
     if scale == "full":
         names += [GRAY_BALL] if (REAL / "uw_psm").is_dir() else []
         names += list(with_truth())
-    return [(name, is_refined) for name in names for is_refined in (False, True)[: 1 + (scale == "full")]]
+    return [(name,) for name in names]
 
 
 @contextmanager
@@ -100,30 +99,23 @@ def _gray_ball() -> tuple[Sight, Frames, NDArray[np.bool_]]:
     return Sight(Mesh(surface, np.array(sphere.faces)), camera, distant, normals), shot.frames, ball.mask(camera)
 
 
-def _relit(name: str, is_refined: bool) -> list[RelightingRow]:
+def _relit(name: str) -> list[RelightingRow]:
     try:
         with _capture(name) as (sight, frames, mask):
-            # How far off these normals are nobody states: the residuals alone bound the tilts.
-            sigma = np.full(mask.shape, 90, np.float32) if is_refined else None
-            sampling = Sampling(error=0.01)
-            found = relighting(sight, frames, mask, sampling, lambda one: render_scene(one).frames, sigma_deg=sigma)
+            found = relighting(sight, frames, mask, Sampling(), lambda one: render_scene(one).frames)
     except SceneError:
         # It is not registered: sessions/sessions says why.
         return []
     shares = (100 * found.relative_rmse[key] for key in MASKS)
     decibels = (found.psnr_db[kind] for kind in KINDS)
-    return [RelightingRow(name, is_refined, len(found.fitted), len(found.predicted), *shares, *decibels)]
-
-
-def _name(row: RelightingRow) -> str:
-    return f"{row.photographs}{', normals refined' * row.is_refined}"
+    return [RelightingRow(name, len(found.fitted), len(found.predicted), *shares, *decibels)]
 
 
 def _shown_relit(rows: Sequence[RelightingRow]) -> str:
-    columns = {"photographs": "{name}", "frames fitted, foretold": "{fitted}, {foretold}"}
+    columns = {"photographs": "{photographs}", "frames fitted, foretold": "{fitted}, {foretold}"}
     columns |= {f"relative RMSE, {name}": f"{{rmse_{name}_percent:.1f}} %" for name in MASKS}
     columns |= {f"PSNR {kind}": f"{{psnr_{kind}_db:.1f}} dB" for kind in KINDS}
-    return markdown(columns, [{**vars(row), "name": _name(row)} for row in rows])
+    return markdown(columns, [vars(row) for row in rows])
 
 
 @dataclass(frozen=True)
@@ -316,7 +308,7 @@ def _chart(rows: Sequence[EngineRow]) -> dict[str, str]:
 TABLES = (
     Table(
         "twin", "relighting", ("twin.relighting", "twin.engines.render", "lab.run"), RelightingRow, _captures, _relit,
-        _shown_relit, lambda rows: {f"{_name(row)}: rmse_lit_percent": row.rmse_lit_percent for row in rows},
+        _shown_relit, lambda rows: {f"{row.photographs}: rmse_lit_percent": row.rmse_lit_percent for row in rows},
     ),
     Table(
         "twin", "engines", ("twin.engines.many",), EngineRow, _engines, _engine, _shown_engines,

@@ -156,10 +156,11 @@ class TwinSettings:
     photograph: Annotated[
         bool | None, Parameter(help="Give the twin of a session a noise like the photographs', Bayer and all.")
     ] = None
-    refine_normals: Annotated[
+    held_out: Annotated[
         bool | None,
         Parameter(
-            help="Let the photographs tilt the twin's normals within the scan's own sigma; the ground truth stays."
+            help="Also fit the twin's material to every second frame, and hold the others against what it foretells. "
+            "Default: yes."
         ),
     ] = None
 
