@@ -140,11 +140,12 @@ def _likeliest(samples: Samples, white: Array | None, most: Array) -> tuple[Coat
     if gains[best] > 0:
         first, words = rest[best], [f"by {gains[best]:,.0f} more with {rest[best].model.words} {on}"]
     two = first.with_second_lobe()
-    one_misses, two_miss = (_foretold(samples, search) for search in (first, two))
-    if _gain(samples, first, two) > 0 and two_miss < (1 - PAYS) * one_misses:
-        first = two
-        words.append(f"a second lobe lowers the error in frames not fitted to, {100 * one_misses:.1f} %, to "
-                     f"{100 * two_miss:.1f} %")  # fmt: skip
+    if _gain(samples, first, two) > 0:
+        one_misses, two_miss = (_foretold(samples, search) for search in (first, two))
+        if two_miss < (1 - PAYS) * one_misses:
+            first = two
+            words.append(f"a second lobe lowers the error in frames not fitted to, {100 * one_misses:.1f} %, to "
+                         f"{100 * two_miss:.1f} %")  # fmt: skip
     return first, tuple(words)
 
 

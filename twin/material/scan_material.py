@@ -17,9 +17,7 @@ from twin.visibility import Sight
 Array = NDArray[np.float64]
 
 SAMPLES_AT_ONCE = 1 << 18
-TURNS = 2
-"""Of albedo and light from elsewhere."""
-MOST_SAMPLES, LEAST_PIXELS = 250_000, 4_000
+MOST_SAMPLES, LEAST_PIXELS = 120_000, 4_000
 """Of the fit: pixels times frames; pixels, however many frames there are."""
 
 
@@ -120,10 +118,7 @@ def _settled(sight: Sight, samples: Samples) -> OnwardLight:
     """
     body = matte_albedo(samples)
     onward = onward_light(sight, samples, body)
-    for _ in range(TURNS):
-        body = np.sqrt(body * matte_albedo(onward.off(samples)))
-        onward = onward_light(sight, samples, body)
-    return onward
+    return onward_light(sight, samples, np.sqrt(body * matte_albedo(onward.off(samples))))
 
 
 def _left(samples: Samples, fit: MaterialFit) -> tuple[float, Array]:
