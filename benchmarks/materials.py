@@ -22,21 +22,18 @@ from scene.pose import Pose, rotation_from_vector
 from scene.spheres import WHITE_BALL_ALBEDO
 from twin.camera.virtual_camera import Sensor
 from twin.description.description import TwinObject, TwinScene
-from twin.description.materials import Distribution, RoughPlastic, Texture
+from twin.description.materials import RoughPlastic, Texture
 from twin.description.object_mesh import ObjectMesh
-from twin.engines.direct import Direct
 from twin.engines.film import Film
-from twin.engines.many import Indirect
+from twin.engines.many import Many
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.variant import import_mitsuba
-from twin.material.fit_material import NAMES, fit_material
 from twin.material.scan_material import scan_material
 from twin.visibility import Sight
 
 FIRST = 4000
 """Seeds below were looked at while the fit was made."""
 DRAWN = ("blob", "potato", "relief", "knot", "dented_pear", "house", "brick", "mug")
-DISTRIBUTIONS: tuple[Distribution, ...] = ("ggx", "beckmann")
 AMBIENT = 0.004
 """Pixel value of the room's light in every frame; a frame without flash tells it."""
 DEPTH, PATHS = 4, 36
@@ -109,30 +106,25 @@ def _rendered(scene: TwinScene) -> tuple[NDArray[np.float32], Film]:
     """Return the images (F, h, w, 3) of a part of the picture, and which part it is."""
     import_mitsuba()
     film, shapes = scene.film(), mitsuba_scene(scene)
-    straight = Direct(shapes, film, scene.lights, error=0.004).images()
-    return straight + Indirect(shapes, film, scene.lights, samples=PATHS, max_depth=DEPTH).images(), film
+    many = Many(shapes, film, scene.lights, max_depth=DEPTH)
+    return many.band(slice(0, film.size[0]), PATHS).sum(0), film
 
 
 @dataclass(frozen=True)
 class MaterialRow:
     """What is found of one object of rough plastic: relative errors in percent.
 
-    `other_`: with the distribution of facets that was not chosen. Albedo: median over pixels, signed and absolute.
+    Albedo: median over pixels, signed and absolute.
     `unexplained`: relative RMSE of the photographs that it was fitted to.
     """
 
     seed: int
     shape: str
     is_near: bool
-    distribution: str
-    chosen: str
-    places: int
     roughness: float
     roughness_percent: float
-    other_roughness_percent: float
     specularity: float
     specularity_percent: float
-    other_specularity_percent: float
     albedo_percent: float
     pixel_percent: float
     unexplained_percent: float
@@ -142,49 +134,41 @@ class MaterialRow:
 def _fitted(seed: int, height: int, flashes: int) -> list[MaterialRow]:
     generator = np.random.default_rng([seed, 43])
     roughness, strength = float(np.exp(generator.uniform(*np.log([0.05, 0.6])))), float(generator.uniform(0.25, 1.0))
-    near, facets = seed % 3 != 0, DISTRIBUTIONS[seed // len(DRAWN) % 2 ^ seed % 2]
-    true = RoughPlastic((0.5, 0.5, 0.5), roughness, strength, distribution=facets)
+    near, true = seed % 3 != 0, RoughPlastic((0.5, 0.5, 0.5), roughness, strength)
     session = material_session(seed, true, near=near, height=height, flashes=flashes)
     start = now()
     found = scan_material(session.sight, session.frames, session.mask)
     spent = since(start)["processor_seconds"]
-    chosen = found.fit.surface.distribution
-    other = fit_material(found.samples, found.lights, [name for name in DISTRIBUTIONS if name != chosen])
     known = np.isfinite(found.albedo) & np.isfinite(session.albedo)
     off = 100 * (found.albedo[known] / session.albedo[known] - 1)
-    rough = [100 * (fit.surface.roughness / roughness - 1) for fit in (found.fit, other)]
-    strong = [100 * (fit.specularity / strength - 1) for fit in (found.fit, other)]
+    rough, strong = found.fit.surface.roughness / roughness, found.fit.specularity / strength
     return [
         MaterialRow(
-            seed, DRAWN[seed % len(DRAWN)], near, NAMES[facets], NAMES[chosen], len(found.places.fits),
-            roughness, rough[0], rough[1], strength, strong[0], strong[1], float(np.median(off)),
-            float(np.median(np.abs(off))), 100 * found.residual.whole, spent,
+            seed, DRAWN[seed % len(DRAWN)], near, roughness, 100 * (rough - 1), strength, 100 * (strong - 1),
+            float(np.median(off)), float(np.median(np.abs(off))), 100 * found.relative_rmse, spent,
         )
     ]  # fmt: skip
 
 
 def _totals(rows: Sequence[MaterialRow]) -> dict[str, float]:
-    """Return the root mean square over sessions of every error, and the share whose distribution was chosen right."""
+    """Return the root mean square over sessions of every error."""
     names = [name for name in vars(rows[0]) if name.endswith("_percent")]
-    rms = {name: float(np.sqrt(np.mean([getattr(row, name) ** 2 for row in rows]))) for name in names}
-    return rms | {"right": float(np.mean([row.chosen == row.distribution for row in rows]))}
+    return {name: float(np.sqrt(np.mean([getattr(row, name) ** 2 for row in rows]))) for name in names}
 
 
 def _shown(rows: Sequence[MaterialRow]) -> str:
     columns = {
-        "object": "{object}", "lights": "{lights}", "facets": "{distribution}", "chosen": "{chosen}",
+        "object": "{object}", "lights": "{lights}",
         "roughness": "{roughness:.3f}", "roughness found": "{roughness_percent:+.1f} %",
-        "by other facets": "{other_roughness_percent:+.0f} %", "specularity": "{specularity:.3f}",
-        "specularity found": "{specularity_percent:+.1f} %", "by other facets ": "{other_specularity_percent:+.0f} %",
+        "specularity": "{specularity:.3f}", "specularity found": "{specularity_percent:+.1f} %",
         "albedo, median": "{albedo_percent:+.1f} %", "albedo of a pixel": "{pixel_percent:.1f} %",
         "unexplained": "{unexplained_percent:.2f} %", "processor, s": "{processor_s:.0f}",
     }  # fmt: skip
     shown = [
         {**vars(row), "object": f"{row.shape}, {row.seed}", "lights": ("distant", "near")[row.is_near]} for row in rows
     ]
-    total = dict.fromkeys(vars(rows[0])) | {"object": "root mean square", "lights": "", "distribution": ""}
-    totals = _totals(rows)
-    return markdown(columns, [*shown, {**total, **totals, "chosen": f"{totals['right']:.0%} right"}])
+    total = dict.fromkeys(vars(rows[0])) | {"object": "root mean square", "lights": ""}
+    return markdown(columns, [*shown, {**total, **_totals(rows)}])
 
 
 def _figures(rows: Sequence[MaterialRow]) -> Figures:

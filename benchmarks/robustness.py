@@ -40,10 +40,10 @@ count = 24
 polar_deg = 35
 distance_mm = 700
 [sampling]
-engine = "direct"
+engine = "many"
 """
 SESSION = "{session} --out {out}"
-TWIN = f"{SESSION} --engine direct"
+TWIN = f"{SESSION} --engine many"
 SMALL_DATASET = "dataset make blob-ambient-0.00 --side 64 --shelf"
 VERBS = {
     "check": ("", f"check {SESSION}"),
@@ -60,7 +60,7 @@ VERBS = {
     "dataset run": (f"{SMALL_DATASET} {{shelf}}", "dataset run --method ls,iterative --shelf {shelf} --out {out}"),
 }
 """What is done before, and what is killed: on the fixture at half its size, a small scene, a small dataset."""
-TIMES = re.compile(r"created|seconds|[a-z_]*seconds[a-z_]*|session|exif|time_and_error")
+TIMES = re.compile(r"created|seconds|[a-z_]*seconds[a-z_]*|session|exif")
 """Keys that tell when, or how fast."""
 UNALIKE = ("rgbn.log", "seconds.parquet", "report.html", "index.html", "speed.svg")
 """Files of seconds: only their being there is compared."""

@@ -31,9 +31,8 @@ from scene.normals import unit
 from twin.description.description import Sampling, TwinObject, TwinScene
 from twin.description.materials import Diffuse
 from twin.description.object_mesh import built_in, smooth
-from twin.engines.direct import Direct
 from twin.engines.film import Film, sensor_description
-from twin.engines.many import Indirect
+from twin.engines.many import Many
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.render import render_scene
 from twin.engines.variant import import_mitsuba
@@ -51,7 +50,6 @@ class RelightingRow:
     """Photographs foretold by a material that was fitted to every second one; see `twin.relighting`."""
 
     photographs: str
-    is_refined: bool
     fitted: int
     foretold: int
     rmse_fitted_percent: float
@@ -64,12 +62,12 @@ class RelightingRow:
 
 def _captures(scale: Scale) -> list[tuple]:
     if scale == "small":
-        return [(SCENE, False)]
+        return [(SCENE,)]
     names = [f"DiLiGenT {name}" for name in ("ball", "cat") if (DILIGENT / f"{name}PNG").is_dir()]
     if scale == "full":
         names += [GRAY_BALL] if (REAL / "uw_psm").is_dir() else []
         names += list(with_truth())
-    return [(name, is_refined) for name in names for is_refined in (False, True)[: 1 + (scale == "full")]]
+    return [(name,) for name in names]
 
 
 @contextmanager
@@ -101,30 +99,23 @@ def _gray_ball() -> tuple[Sight, Frames, NDArray[np.bool_]]:
     return Sight(Mesh(surface, np.array(sphere.faces)), camera, distant, normals), shot.frames, ball.mask(camera)
 
 
-def _relit(name: str, is_refined: bool) -> list[RelightingRow]:
+def _relit(name: str) -> list[RelightingRow]:
     try:
         with _capture(name) as (sight, frames, mask):
-            # How far off these normals are nobody states: the residuals alone bound the tilts.
-            sigma = np.full(mask.shape, 90, np.float32) if is_refined else None
-            sampling = Sampling(error=0.01)
-            found = relighting(sight, frames, mask, sampling, lambda one: render_scene(one).frames, sigma_deg=sigma)
+            found = relighting(sight, frames, mask, Sampling(), lambda one: render_scene(one).frames)
     except SceneError:
         # It is not registered: sessions/sessions says why.
         return []
     shares = (100 * found.relative_rmse[key] for key in MASKS)
     decibels = (found.psnr_db[kind] for kind in KINDS)
-    return [RelightingRow(name, is_refined, len(found.fitted), len(found.predicted), *shares, *decibels)]
-
-
-def _name(row: RelightingRow) -> str:
-    return f"{row.photographs}{', normals refined' * row.is_refined}"
+    return [RelightingRow(name, len(found.fitted), len(found.predicted), *shares, *decibels)]
 
 
 def _shown_relit(rows: Sequence[RelightingRow]) -> str:
-    columns = {"photographs": "{name}", "frames fitted, foretold": "{fitted}, {foretold}"}
+    columns = {"photographs": "{photographs}", "frames fitted, foretold": "{fitted}, {foretold}"}
     columns |= {f"relative RMSE, {name}": f"{{rmse_{name}_percent:.1f}} %" for name in MASKS}
     columns |= {f"PSNR {kind}": f"{{psnr_{kind}_db:.1f}} dB" for kind in KINDS}
-    return markdown(columns, [{**vars(row), "name": _name(row)} for row in rows])
+    return markdown(columns, [vars(row) for row in rows])
 
 
 @dataclass(frozen=True)
@@ -186,18 +177,16 @@ class StockMitsuba:
     ----------
     scene : TwinScene
     film : Film
-    integrator : {"path", "direct"}
     sampler : str
         One of Mitsuba's.
     """
 
-    def __init__(self, scene: TwinScene, film: Film, integrator: str, sampler: str) -> None:
+    def __init__(self, scene: TwinScene, film: Film, sampler: str) -> None:
         self._mi, self._scene = import_mitsuba(), scene
         self._mi.set_log_level(self._mi.LogLevel.Error)
         self._loaded = mitsuba_scene(scene, light=0)
         self._parameters = self._mi.traverse(self._loaded)
-        depth = {"max_depth": scene.sampling.max_depth} if integrator == "path" else {}
-        self._integrator = self._mi.load_dict({"type": integrator, **depth})
+        self._integrator = self._mi.load_dict({"type": "path", "max_depth": scene.sampling.max_depth})
         description = sensor_description(film, scene.points, 0, scene.camera.height)
         self._sensor = self._mi.load_dict({**description, "sampler": {"type": sampler}})
 
@@ -215,19 +204,18 @@ class StockMitsuba:
         return np.asarray(image, np.float32)[..., :3]
 
 
-def _engine(engine: str, count: int, side: int, settings: Sequence[Sequence[float]], stock: int) -> list[EngineRow]:
-    """Measure an engine on `count` flashes at settings (error of direct light, paths a pixel), and stock Mitsuba.
+def _engine(count: int, side: int, depth: int, settings: Sequence[int], stock: int) -> list[EngineRow]:
+    """Measure `many` on `count` flashes with some numbers of samples a pixel, and stock Mitsuba.
 
     Stock Mitsuba takes 4 samples a pixel, then four times and sixteen times as many, with the sampler that is cheapest
     at equal error at the second; `stock`: half of the samples of its reference. Errors are those of two of the frames.
     """
-    integrator, depth = ("path", 5) if engine == "many" else ("direct", 2)
     scene, lights = stage(dome(count), side, depth), [count // 8, 5 * count // 8]
     film = Film.of_pinhole(scene.camera, slice(0, side), slice(0, side))
-    made = {name: StockMitsuba(scene, film, integrator, name) for name in ("multijitter", "independent", "orthogonal")}
+    made = {name: StockMitsuba(scene, film, name) for name in ("multijitter", "independent", "orthogonal")}
     halves = [made["independent"].images(lights, stock, seed) for seed in (101, 102)]
     reference, noise = (halves[0] + halves[1]) / 2, float(np.mean((halves[0] - halves[1]) ** 2)) / 4
-    title = f"{count} lights, {'direct' if engine == 'direct' else f'depth {depth}'}, {side} x {side} pixels"
+    title = f"{count} lights, depth {depth}, {side} x {side} pixels"
 
     def row(name: str, setting: str, work: Callable[[], Images], rounds: int, share: float) -> EngineRow:
         spent = []
@@ -254,17 +242,15 @@ def _engine(engine: str, count: int, side: int, settings: Sequence[Sequence[floa
     best = min(first, key=lambda name: first[name][1].processor_s * first[name][1].error_percent ** 2)
     theirs = [*first[best], of_stock(best, 64)]
     shapes, ours = mitsuba_scene(scene), []
-    for error, paths in settings:
+    for samples in settings:
 
-        def work(error: float = error, paths: int = int(paths)) -> Images:
-            images = Direct(shapes, film, scene.lights, error=error).images()
-            if engine == "many":
-                images = images + Indirect(shapes, film, scene.lights, samples=paths, max_depth=depth).images()
-            return images
+        def work(samples: int = samples) -> Images:
+            many = Many(shapes, film, scene.lights, max_depth=depth)
+            return many.band(slice(0, side), samples).sum(0)
 
         if not ours:
             work()
-        ours.append(row(engine, f"{100 * error:g} %" + f", {paths} paths" * bool(paths), work, 2, 1.0))
+        ours.append(row("many", f"{samples} samples", work, 2, 1.0))
     return [_held_against(one, theirs) for one in ours] + theirs
 
 
@@ -280,10 +266,9 @@ def _held_against(row: EngineRow, stock: Sequence[EngineRow]) -> EngineRow:
 
 def _engines(scale: Scale) -> list[tuple]:
     if scale == "small":
-        return [("direct", 4, 24, ((0.02, 0),), 512)]
-    both = ((0.03, 4), (0.015, 16), (0.008, 64)), ((0.02, 0), (0.01, 0), (0.005, 0), (0.002, 0))
+        return [(4, 24, 2, (4,), 512)]
     side = 64 if scale == "gates" else 256
-    return [("many", 24, side, both[0], 2 * side), ("direct", 96, 2 * side, both[1], side // 2)]
+    return [(24, side, 5, (4, 16, 64), 2 * side), (96, 2 * side, 2, (4, 16, 64), side // 2)]
 
 
 def _shown_engines(rows: Sequence[EngineRow]) -> str:
@@ -305,8 +290,8 @@ def _times(row: EngineRow) -> float | None:
 
 
 def _engine_figures(rows: Sequence[EngineRow]) -> Figures:
-    times = {f"{row.engine}, {row.setting}: times": _times(row) for row in rows}
-    errors = {f"{row.engine}, {row.setting}: error_percent": row.error_percent for row in rows if row.stock_s}
+    times = {f"{row.scene}, {row.setting}: times": _times(row) for row in rows}
+    errors = {f"{row.scene}, {row.setting}: error_percent": row.error_percent for row in rows if row.stock_s}
     return errors | {name: value for name, value in times.items() if value is not None}
 
 
@@ -323,10 +308,10 @@ def _chart(rows: Sequence[EngineRow]) -> dict[str, str]:
 TABLES = (
     Table(
         "twin", "relighting", ("twin.relighting", "twin.engines.render", "lab.run"), RelightingRow, _captures, _relit,
-        _shown_relit, lambda rows: {f"{_name(row)}: rmse_lit_percent": row.rmse_lit_percent for row in rows},
+        _shown_relit, lambda rows: {f"{row.photographs}: rmse_lit_percent": row.rmse_lit_percent for row in rows},
     ),
     Table(
-        "twin", "engines", ("twin.engines.many", "twin.engines.direct"), EngineRow, _engines, _engine, _shown_engines,
+        "twin", "engines", ("twin.engines.many",), EngineRow, _engines, _engine, _shown_engines,
         _engine_figures, _chart, is_timed=True,
     ),
 )  # fmt: skip

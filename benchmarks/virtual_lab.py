@@ -240,7 +240,6 @@ def _lab_by_flash(setup: Setup) -> Images:
 
 def _mirrors(scene: TwinScene) -> Iterator[tuple[slice, slice, NDArray[np.bool_], Images]]:
     """Yield the box of each chrome ball, rows and columns, its pixels (h, w) there, and what they show (F, h, w, 3)."""
-    from twin.engines.engine_choice import Choice
     from twin.engines.film import film_for
     from twin.engines.layers import render_layers
 
@@ -252,8 +251,8 @@ def _mirrors(scene: TwinScene) -> Iterator[tuple[slice, slice, NDArray[np.bool_]
     for number, one in enumerate(scene.objects):
         if one.material == "chrome":
             film = film_for(CAMERA, one.placed.vertices)
-            images = render_layers(flashes, film, Choice("mitsuba", ERROR, MIRROR_SAMPLES, "the lab's")).frames()
-            images += render_layers(lit, film, Choice("mitsuba", ERROR, 4 * SAMPLES, "the lab's")).frames()
+            images = render_layers(flashes, film, "mitsuba", MIRROR_SAMPLES).frames()
+            images += render_layers(lit, film, "mitsuba", 4 * SAMPLES).frames()
             yield film.rows, film.columns, seen[film.rows, film.columns] == number, images
 
 

@@ -75,22 +75,20 @@ def one_thread() -> Iterator[None]:
 
 def rendered(scene: TwinScene, engine: Engine, samples: int, *, onward: bool = False) -> Images:
     """Return a scene's linear pictures (F, H, W, 3), or only the light that met more than one surface."""
-    from twin.engines.engine_choice import Choice
     from twin.engines.layers import render_layers
 
     film = scene.film()
-    layers = render_layers(scene, film, Choice(engine, scene.sampling.error, samples, "the recipe's"))
+    layers = render_layers(scene, film, engine, samples)
     shown = layers.onward if onward else layers.frames()
     return film.whole(np.zeros_like(layers.direct) if shown is None else shown)
 
 
 def by_flash(scene: TwinScene) -> Images:
-    """Return a scene's pictures (F, H, W, 3) by the smallest engine that does its depth."""
+    """Return a scene's pictures (F, H, W, 3) by the fastest engine that runs here."""
     from twin.engines.variant import SLOW, pick_variant
 
     # Stock Mitsuba is the only one that runs without LLVM; slow.
-    engine = "mitsuba" if pick_variant()[0] == SLOW else "many" if scene.sampling.max_depth > 2 else "direct"
-    return rendered(scene, engine, PATHS)
+    return rendered(scene, "mitsuba" if pick_variant()[0] == SLOW else "many", PATHS)
 
 
 def by_flash_and_medium(scene: TwinScene, mask: NDArray[np.bool_], paths: int = MEDIUM_PATHS) -> Images:
@@ -120,12 +118,11 @@ def by_flash_and_medium(scene: TwinScene, mask: NDArray[np.bool_], paths: int = 
 
 def by_surrounding(scene: TwinScene) -> Images:
     """Return the picture (H, W, 3) of a scene in an even light of radiance 1 from everywhere."""
-    from twin.engines.engine_choice import Choice
     from twin.engines.layers import standing_light
 
     film = scene.film()
     lit = replace(scene, environment=Environment(ambient=(1.0, 1.0, 1.0)))
-    light = standing_light(lit, film, Choice("mitsuba", 1.0, 1, "the recipe's"), apart=True)
+    light = standing_light(lit, film, "mitsuba", apart=True)
     assert light is not None
     return film.whole(light)
 

@@ -51,7 +51,7 @@ def recipe_scene(recipe: Recipe) -> TwinScene:
         (TwinObject(recipe.shape, SHAPES[recipe.shape](recipe.relief), recipe.material, place),),
         {recipe.material: _material(recipe)},
         Lights(names, directions, np.ones((recipe.count, 3)), reference_point_mm=np.array([0, 0, -DISTANCE_MM])),
-        sampling=Sampling("many" if recipe.depth > 2 else "direct", max_depth=recipe.depth),
+        sampling=Sampling("many", max_depth=recipe.depth),
         name=recipe.shape,
     )
 

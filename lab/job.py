@@ -81,8 +81,8 @@ class Job:
     def twin(self) -> TwinSettings:
         """How the twin is rendered."""
         said = self.settings.twin
-        flags = {name: bool(getattr(said, name)) for name in ("layers", "photograph", "refine_normals")}
-        return replace(said, **flags)
+        held_out = said.held_out is not False
+        return replace(said, layers=bool(said.layers), photograph=bool(said.photograph), held_out=held_out)
 
     @property
     def methods(self) -> tuple[str, ...]:

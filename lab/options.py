@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 DEFAULT_METHODS = "ls,iterative"
 DEFAULT_PROFILE = "default"
 TIMEOUT_S = 3600.0
-Engine = Literal["auto", "direct", "many", "mitsuba"]
+Engine = Literal["auto", "many", "mitsuba"]
 Staging = Literal["one-factor", "benchmark"]
 """Of the sweeps, see `experiments.stagings`."""
 
@@ -145,7 +145,7 @@ class TwinSettings:
     engine: Annotated[
         Engine | None,
         Parameter(
-            help="The twin's engine; auto: the smallest that holds the error, found by a pilot rendering.",
+            help="The twin's engine; auto: many, where it can render the scene.",
             converter=engine_of,
         ),
     ] = None
@@ -156,10 +156,11 @@ class TwinSettings:
     photograph: Annotated[
         bool | None, Parameter(help="Give the twin of a session a noise like the photographs', Bayer and all.")
     ] = None
-    refine_normals: Annotated[
+    held_out: Annotated[
         bool | None,
         Parameter(
-            help="Let the photographs tilt the twin's normals within the scan's own sigma; the ground truth stays."
+            help="Also fit the twin's material to every second frame, and hold the others against what it foretells. "
+            "Default: yes."
         ),
     ] = None
 

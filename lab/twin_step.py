@@ -32,7 +32,7 @@ def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
     from twin.twin_session import Shooting, write_session
 
     store = job.store
-    scene, material, scene_warnings = twin_scene(job)
+    scene, material, scene_warnings, found = twin_scene(job)
     say(f"twin: {material['sentence']}")
     say(f"twin: rendered to an error of {100 * scene.sampling.error:.2g} %")
     with progress_bar("twin") as progress:
@@ -45,7 +45,7 @@ def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
     )
     if sensor is not None:
         _develop(folder)
-    foretold = _foretold(job, scene, rendered.choice)
+    foretold = _foretold(job, scene, rendered.choice, found) if job.twin.held_out else None
     facts = rendered.facts()
     facts["warnings"] = (*scene_warnings, *rendered.warnings)
     photographed = {} if sensor is None else {"sensor": asdict(sensor)}
@@ -54,8 +54,8 @@ def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
     )
 
 
-def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str]]:
-    """Return the twin's scene, what it is made of, and warnings; see `twin.session_scene.session_scene`."""
+def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str], Any]:
+    """Return the twin's scene, what it is made of, warnings, the fit; see `twin.session_scene.session_scene`."""
     from twin.description.description import Sampling
     from twin.session_scene import session_scene
 
@@ -63,25 +63,23 @@ def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str]]:
     method = "iterative" if "iterative" in job.methods else job.methods[0]
     sampling, how = job.twin.sampling(Sampling()), job.twin
     return session_scene(
-        job.store, job.load_scan(), sampling, is_error_given=how.error is not None, method=method,
-        refine=bool(how.refine_normals),
+        job.store, job.load_scan(), sampling, is_error_given=how.error is not None, method=method
     )  # fmt: skip
 
 
-def _foretold(job: Job, scene: Any, choice: Any) -> dict[str, Any] | None:
+def _foretold(job: Job, scene: Any, choice: Any, whole: Any) -> dict[str, Any] | None:
     """Fit the material to half of the frames, foretell the others; return what the summary keeps of it."""
     from twin.engines.render import render_scene
     from twin.session_scene import session_relighting
 
-    # As the twin was rendered: another pilot would take longer than these frames.
+    # As the twin was rendered.
     sampling = replace(scene.sampling, engine=choice.engine, samples=choice.samples)
     with progress_bar("twin: frames not fitted to") as progress:
         scratch = job.record.scratch("foretold")
         how: Any = {"executor": job.executor, "progress": progress, "scratch": scratch}
         try:
             found = session_relighting(
-                job.store, job.load_scan(), sampling, lambda unseen: render_scene(unseen, **how).frames,
-                refine=bool(job.twin.refine_normals),
+                job.store, job.load_scan(), sampling, lambda unseen: render_scene(unseen, **how).frames, whole
             )  # fmt: skip
         except RenderError as error:
             say(f"twin: not held against frames that it was not fitted to. {error}")

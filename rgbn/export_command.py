@@ -119,7 +119,7 @@ def _scenes(source: Path, out: Path | None, names: list[str]) -> tuple[list[Path
                 f'{job.session.name}: no scan is registered, so there is no twin to export. Add [object] scan = "..." '
                 "to session.toml."
             )
-        scene, material, warnings = twin_scene(job)
+        scene, material, warnings, _ = twin_scene(job)
         with job.record.part_of(EXPORTED):
             paths, notes = _written(scene, job.store.path("export"), names, material)
     return paths, [f"the object is {material['sentence']}", *warnings, *notes]

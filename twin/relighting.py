@@ -12,8 +12,9 @@ from scene.errors import RenderError
 from scene.frames import Frames
 from twin.description.description import Sampling
 from twin.material.material_light import material_scene
+from twin.material.material_samples import FEWEST as FEWEST_PIXELS
 from twin.material.material_samples import inner_pixels, samples_at
-from twin.material.scan_material import SAMPLES_AT_ONCE, scan_material
+from twin.material.scan_material import SAMPLES_AT_ONCE, ScanMaterial, scan_material
 from twin.visibility import Sight
 
 Array = NDArray[np.float64]
@@ -72,18 +73,21 @@ def relighting(
     sampling: Sampling,
     render: Callable[[Any], Frames],
     *,
-    sigma_deg: NDArray[np.float32] | None = None,
+    whole: ScanMaterial | None = None,
 ) -> Relighting:
     """Return how well the material that every second frame tells foretells the others.
 
     Parameters
     ----------
-    sight, frames, mask, sigma_deg
+    sight, frames, mask
         As in `twin.material.scan_material.scan_material`.
     sampling : Sampling
         Of the rendering.
     render : callable
         Returns a scene's frames (`twin.engines.render.render_scene`).
+    whole : ScanMaterial or None
+        Fitted to all frames. Its samples are used again, and the light from elsewhere that was found in them: a small
+        part of it, by the albedo, was told by the frames that are foretold.
 
     Raises
     ------
@@ -94,8 +98,16 @@ def relighting(
         raise RenderError(f"{len(frames)} frames; {FEWEST} or more can be divided into fitted and foretold ones.")
     first, others = slice(0, None, 2), slice(1, None, 2)
     seen, unseen = (replace(sight, lights=sight.lights.only(which)) for which in (first, others))
-    found = scan_material(seen, frames.only(first), mask, sigma_deg=sigma_deg)
-    scene, _ = material_scene(found.seen(unseen), found.places.fits, found.labels, found.albedo, sampling)
+    known = None
+    if whole is not None:
+        onward = None if whole.onward is None else replace(whole.onward, images=whole.onward.images[first])
+        known = whole.samples.of_frames(first), onward
+        if len(known[0]) < FEWEST_PIXELS:
+            raise RenderError(
+                f"{len(known[0])} pixels are lit by three of half of the frames; {FEWEST_PIXELS} are needed."
+            )
+    found = scan_material(seen, frames.only(first), mask, known=known)
+    scene, _ = material_scene(unseen, found.fit, found.albedo, sampling)
     photographs = frames.only(others)
     rmse, rmse_scaled, decibels, decibels_scaled = score(unseen, photographs, render(scene), mask)
     return Relighting(seen.lights.names, unseen.lights.names, rmse, rmse_scaled, decibels, decibels_scaled)

@@ -4,9 +4,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from scene.errors import RenderError
 from scene.frames import Frames
 from scene.mesh import Mesh
@@ -16,6 +13,7 @@ from twin.camera.virtual_camera import NO_FILTER, Sensor
 from twin.description.description import Sampling, TwinScene
 
 if TYPE_CHECKING:
+    from twin.material.scan_material import ScanMaterial
     from twin.relighting import Relighting
 
 ENOUGH = 0.5
@@ -23,14 +21,14 @@ ENOUGH = 0.5
 
 
 def session_scene(
-    store: Store, mesh: Mesh, sampling: Sampling, *, is_error_given: bool, method: str, refine: bool = False
-) -> tuple[TwinScene, dict[str, Any], list[str]]:
+    store: Store, mesh: Mesh, sampling: Sampling, *, is_error_given: bool, method: str
+) -> tuple[TwinScene, dict[str, Any], list[str], "ScanMaterial | None"]:
     """Return a registered scan under the calibrated lights as a scene: of the material that explains the photographs.
 
     store: the session's output folder, after `solve`. is_error_given: the sampling's error is what the user asked for.
-    method: the solver whose albedo a matte object has where no material can be fitted. refine: the photographs may tilt
-    the twin's normals, within the scan's own sigma; the ground truth stays the scan's. With the scene come
-    `twin.material.scan_material.ScanMaterial.facts`, of a matte object only model and sentence, and warnings.
+    method: the solver whose albedo a matte object has where no material can be fitted. With the scene come
+    `twin.material.scan_material.ScanMaterial.facts`, of a matte object only model and sentence, warnings, and the
+    material if one was fitted.
     """
     from twin.material.material_light import material_scene
     from twin.material.scan_material import scan_material
@@ -40,23 +38,23 @@ def session_scene(
     lights = store.load_lights()
     sight = Sight.of_scan(mesh, store.load_pose(), store.load_camera(), lights, store.load_normals("truth"))
     try:
-        found = scan_material(sight, store.load_frames(), store.load_mask(), sigma_deg=_sigma(store, refine))
+        found = scan_material(sight, store.load_frames(), store.load_mask())
     except RenderError as error:
         reason = f"matte, of the albedo of {method}: no material could be fitted. {error}"
         albedo = store.read_array("albedo", f"{method}.npy")
         # The solvers evaluate near lights at this one depth; the scan knows better.
         depth = float(lights.reference_point_mm[2])
         scene, warnings = scan_scene(sight, albedo, sampling, albedo_depth_mm=depth)
-        return scene, {"model": "matte", "sentence": reason}, [f"The twin is {reason}", *warnings]
+        return scene, {"model": "matte", "sentence": reason}, [f"The twin is {reason}", *warnings], None
     if not is_error_given:
         # No more than the scene needs: what the material is wrong by, exact light would not mend.
-        sampling = replace(sampling, error=max(sampling.error, ENOUGH * found.residual.whole))
-    scene, warnings = material_scene(found.seen(sight), found.places.fits, found.labels, found.albedo, sampling)
-    return scene, found.facts(), [*found.warnings, *warnings]
+        sampling = replace(sampling, error=max(sampling.error, ENOUGH * found.relative_rmse))
+    scene, warnings = material_scene(sight, found.fit, found.albedo, sampling)
+    return scene, found.facts(), [*found.warnings, *warnings], found
 
 
 def session_relighting(
-    store: Store, mesh: Mesh, sampling: Sampling, render: Callable[[TwinScene], Frames], *, refine: bool = False
+    store: Store, mesh: Mesh, sampling: Sampling, render: Callable[[TwinScene], Frames], whole: "ScanMaterial | None"
 ) -> "Relighting":
     """Return how well the session's twin foretells frames that it was not fitted to; see `twin.relighting.relighting`.
 
@@ -67,12 +65,7 @@ def session_relighting(
 
     lights, normals = store.load_lights(), store.load_normals("truth")
     sight = Sight.of_scan(mesh, store.load_pose(), store.load_camera(), lights, normals)
-    sigma = _sigma(store, refine)
-    return relighting(sight, store.load_frames(), store.load_mask(), sampling, render, sigma_deg=sigma)
-
-
-def _sigma(store: Store, refine: bool) -> NDArray[np.float32] | None:
-    return store.read_array("normals", "truth_sigma.npy") if refine else None
+    return relighting(sight, store.load_frames(), store.load_mask(), sampling, render, whole=whole)
 
 
 def session_sensor(frames: Frames, *, half: bool, iso: float = 100.0) -> Sensor:

@@ -19,7 +19,7 @@ from compare.report.viewer_section import script, viewer_section
 from scene.files import write_text
 from scene.store import Store
 
-LONG = ("warnings", "material", "held_out", "time_and_error", "seconds_expected")
+LONG = ("warnings", "material", "held_out")
 """Parts that other sections tell."""
 
 

@@ -6,10 +6,7 @@ from typing import Any
 from compare.report.facts import Material, Summary
 from compare.report.layers import Layers
 from compare.report.line_chart import line_chart
-from compare.report.page import absent, is_number, say, section, table_of, words
-
-TELLING_SIZE = ("direction", "intensity", "ambient", "normals")
-"""Causes of one number of one unit; the others are curves or poses."""
+from compare.report.page import absent, is_number, say, section
 
 
 def twin_section(material: Material, layers: Layers | None, summary: Summary) -> str:
@@ -24,21 +21,17 @@ def twin_section(material: Material, layers: Layers | None, summary: Summary) ->
     if facts.get("engine"):
         reason = f": {facts['reason']}" if facts.get("reason") else ""
         lead += say("material", "engine", seconds=facts.get("seconds"), engine=f"{facts['engine']}{reason}")
-    body = f'<div class="sheet">{shown}</div>{material_words(facts)}{engine_chart(facts)}'
+    body = f'<div class="sheet">{shown}</div>{material_words(facts)}'
     return section("twin", "The twin", body, lead)
 
 
 def material_words(twin: dict[str, Any]) -> str:
-    """Return HTML of the summary's `twin`: the sentence, what it leaves frame by frame, what would explain that."""
+    """Return HTML of the summary's `twin`: the sentence, what it leaves frame by frame."""
     material = twin.get("material") or {}
     if not material.get("sentence"):
         return ""
     text = "<h3>What the object is said to be made of</h3>"
-    if places := material.get("places"):
-        lines = "".join(say("material", "place", **{**one, "number": str(k + 1)}) for k, one in enumerate(places))
-        text += f"<p>The object is of two materials: {escape(str(material.get('why')))}.</p><ul>{lines}</ul>"
-    else:
-        text += f"<p>The object is {escape(str(material['sentence']))}.</p>"
+    text += f"<p>The object is {escape(str(material['sentence']))}.</p>"
     if not is_number(material.get("relative_rmse")):
         return text
     text += say("material", "met", **material)
@@ -47,26 +40,4 @@ def material_words(twin: dict[str, Any]) -> str:
     shares = [100 * value if is_number(value) else float("nan") for value in material["relative_rmse_per_frame"]]
     lights = [float(k + 1) for k in range(len(shares))]
     chart = line_chart({"a frame": (lights, shares)}, x_title="light", y_title="not explained, % (rms)")
-    rows = [
-        {**part, "cause": words("causes").get(name) or name, "amount": "–"}
-        | ({"amount": say("material", "amount", **{"unit": "", **part})} if name in TELLING_SIZE else {})
-        for name, part in sorted(material["explained_by"].items(), key=lambda item: -(item[1].get("explains") or 0))
-    ]
-    return text + f'<div class="pair"><figure>{chart}</figure>{table_of("causes", rows)}</div>'
-
-
-def engine_chart(twin: dict[str, Any]) -> str:
-    """Return the figure of each engine's seconds against error, by the twin's facts; empty if no pilot was run."""
-    lines = {
-        name: ([100 * error for error, _ in points], [seconds for _, seconds in points])
-        for name, points in (twin.get("time_and_error") or {}).items()
-        if len(points) > 1 and all(is_number(value) and value > 0 for point in points for value in point)
-    }
-    if not lines:
-        return ""
-    x_title, y_title = "error of the picture, % of its mean", "seconds, the whole stack"
-    told = say("material", "pilot")
-    if is_number(error := twin.get("error")):
-        told = say("material", "pilot asked", error=error)
-    chart = line_chart(lines, x_title=x_title, y_title=y_title, log_x=True, log_y=True)
-    return f'<figure class="speed">{chart}<figcaption>{told}</figcaption></figure>'
+    return f"{text}<figure>{chart}</figure>"

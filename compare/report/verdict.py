@@ -125,9 +125,6 @@ def _twin(twin: Summary, methods: Summary) -> Statement | None:
     elif real > 2 * twins and real - twins > 1:
         level = "care"
         text += say("twin", "less", lacking=lacking, **row)
-    elif (twin.get("material") or {}).get("normals_refined"):
-        level = "care"
-        text += say("twin", "refined")
     else:
         text += say("twin", "alike")
     return Statement("Twin", level, text)

@@ -28,7 +28,7 @@ class CameraPanel:
             add("orthographic", "checkbox", "orthographic", False, hint="The focal length is then pixels per mm")
         with gui.add_folder("Rendering"):
             add = self._sampling.add
-            add("engine", "dropdown", "engine", ("auto", "direct", "many", "mitsuba"))
+            add("engine", "dropdown", "engine", ("auto", "many", "mitsuba"))
             add("samples", "number", "samples a pixel", 0, min=0, max=65536, step=1, hint="0: what it takes")
             add("max_depth", "number", "depth", 3, min=2, max=64, step=1, hint="2: direct light only")
             add("percent", "number", "error, %", 1.0, min=0.01, max=50.0, step=0.1, hint="That is aimed at")

@@ -21,8 +21,8 @@ from twin.engines.film import Film
 Picture = NDArray[np.float32]
 SLICES = 4
 """In which a refined picture is rendered: between them another may be drawn."""
-ROUGH_ERROR = 100.0
-"""Relative error that the first picture may have: any, so one sample a pixel."""
+ROUGH_SAMPLES = 2
+"""A pixel, of the first picture."""
 
 
 class LiveScene:
@@ -37,22 +37,22 @@ class LiveScene:
         self._parameters: Any = None
         self.loads = 0
 
-    def picture(self, scene: TwinScene, light: int, *, width: int, height: int, error: float = ROUGH_ERROR) -> Picture:
+    def picture(self, scene: TwinScene, light: int, *, width: int, height: int) -> Picture:
         """Return the light of one flash that meets one surface, (h, w, 3) linear, at most `width` x `height`.
 
         A disc is taken for a point, of a mirror nothing is seen, and a large mesh is a coarse one: `refining` shows
         them. The picture has the shape of the camera's. Raises RenderError: the camera sees nothing, or the vectorised
         variant does not run here.
         """
-        from twin.engines.direct import Direct
+        from twin.engines.many import Many
 
         coarse = tuple(replace(one, mesh=display_mesh(one.mesh)) for one in scene.objects)
         small = fitted(replace(scene, objects=coarse), width, height)
         small.film()  # Whether the camera sees anything.
         film = whole_film(small)
         self._update(small)
-        lit = Direct(self._mitsuba, film, scene.lights.only([light]), error=error).images()[0]
-        return film.whole(lit)
+        many = Many(self._mitsuba, film, scene.lights.only([light]), max_depth=2)
+        return film.whole(many.band(slice(0, film.size[0]), ROUGH_SAMPLES)[0, 0])
 
     def _update(self, scene: TwinScene) -> None:
         from twin.engines.variant import import_mitsuba
@@ -144,9 +144,7 @@ def fitted(scene: TwinScene, width: int, height: int) -> TwinScene:
 def whole_film(scene: TwinScene) -> Film:
     """Return a film of the camera's whole picture, whatever stands before it: kernels are compiled for its size."""
     camera = scene.camera
-    if abs(camera.fx / camera.fy - 1) < 1e-2 and not any(camera.distortion):
-        return Film.of_pinhole(replace(camera, fy=camera.fx), slice(0, camera.height), slice(0, camera.width))
-    return scene.film()
+    return Film.of_pinhole(camera, slice(0, camera.height), slice(0, camera.width))
 
 
 def refining(scene: TwinScene, light: int, *, width: int, height: int, samples: int = 16) -> Iterator[Picture | None]:
@@ -156,22 +154,20 @@ def refining(scene: TwinScene, light: int, *, width: int, height: int, samples: 
     Mitsuba must render is one slice. Raises RenderError: the scene is at fault, all faults told.
     """
     from twin.description.description_check import check_scene
-    from twin.engines.engine_choice import Choice, choose_engine
+    from twin.engines.engine_choice import choose_engine
     from twin.engines.layers import Piece, PieceRenderer, standing_light
 
     check_scene(scene)
     small = fitted(scene, width, height)
     lit = replace(small, lights=scene.lights.only([light]), radii_mm=scene.radii_mm[[light]])
     film = lit.film()
-    asked = replace(lit, sampling=replace(lit.sampling, engine="many", samples=samples, error=0.03))
-    choice = choose_engine(asked, film)
-    if not lit.environment.is_dark:
-        choice = Choice("mitsuba", choice.error, samples, "the environment shines")
-    renderer, rows = PieceRenderer(asked, film, choice), film.size[0]
-    step = rows if choice.engine == "mitsuba" else -(-rows // SLICES)
+    engine = choose_engine(lit)[0] if lit.environment.is_dark else "mitsuba"
+    renderer, rows = PieceRenderer(lit, film, engine), film.size[0]
+    step = rows if engine == "mitsuba" else -(-rows // SLICES)
     bands = []
     for row in range(0, rows, step):
         yield None
-        bands.append(renderer.render(Piece(slice(0, 1), slice(row, min(row + step, rows)))).frames()[0])
-    frame, standing = np.concatenate(bands), standing_light(asked, film, choice)
+        piece = Piece(slice(0, 1), slice(row, min(row + step, rows)))
+        bands.append(renderer.render(piece, samples).frames()[0])
+    frame, standing = np.concatenate(bands), standing_light(lit, film, engine)
     yield film.whole(np.asarray(frame if standing is None else frame + standing, np.float32))

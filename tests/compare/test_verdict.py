@@ -67,12 +67,6 @@ def test_a_twin_that_fails_alike_but_much_less_is_not_called_good():
     assert levels(summary_of(4.5, 1.0))["Twin"] == "care"
 
 
-def test_a_twin_whose_normals_the_photographs_tilted_is_not_called_good():
-    told = summary_of() | {"twin": {"material": {"normals_refined": True}}}
-    assert levels(told)["Twin"] == "care"
-    assert "tilted by the photographs" in text_of(told, "Twin")
-
-
 def test_what_a_twin_has_is_not_said_to_lack():
     told = text_of(summary_of(4.5, 1.0), "Twin")
     assert "(noise, material, errors of" in told

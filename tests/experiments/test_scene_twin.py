@@ -126,7 +126,7 @@ def test_nothing_of_anybody_elses_is_written_over(plum):
     [
         (["--photograph"], "[camera.sensor]"),
         (["--error", "2"], "expected between 0 and 1"),
-        (["--engine", "fast"], "direct"),
+        (["--engine", "fast"], "many"),
     ],
 )
 def test_what_cannot_be_asked_for_is_refused(plum, words, message):

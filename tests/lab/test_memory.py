@@ -66,7 +66,7 @@ def registered(folder, times):
     store.save_pose(scene.pose, residual_px=0.0, sigma_mm=0.0, sigma_deg=0.0)
     trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(folder / "scan.ply")
     session = SimpleNamespace(scan=folder / "scan.ply", scan_unit="mm", scan_ball_diameter_mm=None)
-    settings = Settings(Solving("ls,iterative"), TwinSettings(engine="direct", error=0.3))
+    settings = Settings(Solving("ls,iterative"), TwinSettings(engine="many", error=0.3))
     return Job(session, Record(folder), settings)
 
 

@@ -250,7 +250,7 @@ def test_no_order_of_verbs_sessions_and_folders_loses_results(quick, seed):
 
 
 def test_settings_come_back_as_they_were_kept(tmp_path):
-    twin = TwinSettings("direct", 0.02, True, False, None)
+    twin = TwinSettings("many", 0.02, True, False, None)
     for settings in (
         Settings(),
         Settings(Solving("ls", None, ("a=b {data} {out}",), 3.5, False), twin, False, tmp_path),

@@ -50,7 +50,7 @@ def job(tmp_path):
 
 
 def test_an_object_of_few_pixels_is_matte_and_says_why(job):
-    scene, material, warnings = twin_scene(job)  # type: ignore[arg-type]
+    scene, material, warnings, _ = twin_scene(job)  # type: ignore[arg-type]
     ((_, made_of),) = scene.materials.items()
     assert isinstance(made_of, Diffuse)
     assert material["model"] == "matte"
@@ -66,10 +66,7 @@ def test_a_rendering_is_no_more_exact_than_its_material(job, monkeypatch, unexpl
     import twin.material.material_light
     import twin.material.scan_material
 
-    found = SimpleNamespace(
-        residual=SimpleNamespace(whole=unexplained), places=SimpleNamespace(fits=()), labels=None, albedo=None,
-        facts=dict, warnings=(), seen=lambda sight: sight,
-    )  # fmt: skip
+    found = SimpleNamespace(relative_rmse=unexplained, fit=None, albedo=None, facts=dict, warnings=())
     monkeypatch.setattr(twin.material.scan_material, "scan_material", lambda *_, **__: found)
     monkeypatch.setattr(twin.material.material_light, "material_scene", lambda *given: (given[-1], []))
     job.twin = TwinSettings(error=said)

@@ -119,7 +119,7 @@ def test_a_session_with_known_truth_made_by_another_renderer(tmp_path):
     code = (
         "import json, sys, rgbn; "
         "run = rgbn.open(sys.argv[1], out=sys.argv[2], truth=sys.argv[1]); "
-        "print(json.dumps(run.process(twin=rgbn.TwinSettings(engine='direct')).summary))"
+        "print(json.dumps(run.process(twin=rgbn.TwinSettings(engine='many')).summary))"
     )
     run = subprocess.run([sys.executable, "-c", code, str(session), str(tmp_path)], capture_output=True, text=True)
     assert run.returncode == 0, run.stderr

@@ -157,7 +157,7 @@ def test_errors_are_exported_where_methods_were_compared(run, session):
         (["solv", "x"], ['Unknown command "solv"', '"solve"', "`rgbn --help`"]),
         (["solve", "x", "--metod", "ls"], ["--metod", "--method", "`rgbn solve --help`"]),
         (["solve"], ["SESSION", "`rgbn solve --help`"]),
-        (["twin", "x", "--engine", "fast"], ["--engine fast", "direct, many, mitsuba"]),
+        (["twin", "x", "--engine", "fast"], ["--engine fast", "many, mitsuba"]),
         (["export", "x", "-f", "xml"], ["--format xml", "alicevision", "mitsuba, all"]),
         (["solve", "x", "--profile", "sead", "-m", "ls"], ["sead", "default, seed"]),
     ],
@@ -175,9 +175,9 @@ def test_engines_and_profiles_are_read_in_any_case(run, session):
     code, _, said = run("solve", session, "-m", "LS", "--profile", "Seed")
     assert code == 0, said
     assert json.loads(Path("out/pear/summary.json").read_text())["arguments"]["profile"] == "seed"
-    code, _, said = run("twin", session, "--engine", "Direct")
+    code, _, said = run("twin", session, "--engine", "Many")
     assert code == 0, said
-    assert json.loads(Path("out/pear/summary.json").read_text())["arguments"]["twin"]["engine"] == "direct"
+    assert json.loads(Path("out/pear/summary.json").read_text())["arguments"]["twin"]["engine"] == "many"
 
 
 @pytest.mark.parametrize("flag", ["-V", "--version"])

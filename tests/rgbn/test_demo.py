@@ -210,12 +210,12 @@ def test_a_photographed_twin_is_of_the_sessions_kind(demo, tmp_path):
 
     out = tmp_path / "out"
     shutil.copytree(demo[0], out)
-    command = [*COMMAND, "twin", str(FIXTURE), "--out", str(out), "--photograph", "--engine", "direct", "--json"]
+    command = [*COMMAND, "twin", str(FIXTURE), "--out", str(out), "--photograph", "--engine", "many", "--json"]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     assert "solve ..." not in run.stderr, "what is current is not done again"
     facts = json.loads(run.stdout)["twin"]
-    assert (facts["engine"], facts["sensor"]["cfa"]) == ("direct", "RGGB")
+    assert (facts["engine"], facts["sensor"]["cfa"]) == ("many", "RGGB")
     # What fixtures/make_bumpy.py photographed with.
     assert facts["sensor"]["full_well_e"] == pytest.approx(45000, rel=0.2)
     assert len(list((out / "twin" / "flash").glob("*.dng"))) == 12

@@ -32,7 +32,7 @@ def test_names_are_read_in_any_case_and_each_once():
         with pytest.raises(SceneError, match=unknown) as caught:
             Solving(text).methods()
         assert "there are ls, iterative," in str(caught.value)
-    with pytest.raises(SceneError, match="--engine fast: fast is unknown; there are auto, direct"):
+    with pytest.raises(SceneError, match="--engine fast: fast is unknown; there are auto, many"):
         TwinSettings(engine="fast")
 
 

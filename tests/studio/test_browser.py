@@ -33,8 +33,8 @@ def studio(tmp_path):
     root.mkdir()
     write_mesh(root / "cone.ply", ObjectMesh(cone.vertices * [40, 40, 90], cone.faces, None, cone.texcoords))
     small = edits.with_camera(edits.start_scene(), width=96, height=72, focal_px=240.0, orthographic=False)
-    # Direct light alone, without the pilot that chooses an engine: what is tested here is the way, not the renderer.
-    quick = replace(small, sampling=Sampling("mitsuba" if pick_variant()[0] == SLOW else "direct", 16, 2))
+    # Direct light alone: what is tested here is the way, not the renderer.
+    quick = replace(small, sampling=Sampling("mitsuba" if pick_variant()[0] == SLOW else "many", 16, 2))
     workspace = Workspace.at(root)
     running = Studio(workspace, port=0, desk=Desk(area="Scene", scene=begun(workspace, quick, None)))
     yield running

@@ -117,7 +117,7 @@ def test_what_is_made_of_the_fitted_kind_is_foretold_and_a_light_that_lies_is_no
         asked.append(scene.lights.names)
         return render_scene(scene).frames
 
-    sampling = Sampling("direct", error=0.005)
+    sampling = Sampling("many", error=0.005)
     images = 0.5 * photographs()
     found = relighting(sight, Frames.from_linear(LIGHTS.names, images), mask, sampling, render)
     assert asked == [found.predicted] == [LIGHTS.names[1::2]]

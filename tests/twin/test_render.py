@@ -29,11 +29,11 @@ ORTHOGRAPHIC = Camera(96, 80, 0.6, 0.6, 53.4, 35.2, projection="orthographic")
 
 
 def render(
-    scan, pose, camera, lights, albedo, *, white_value=None, samples_per_pixel=None, max_depth=3, albedo_depth_mm=None,
-    **how,
+    scan, pose, camera, lights, albedo, *, white_value=None, samples_per_pixel=None, max_depth=3, error=0.01,
+    albedo_depth_mm=None, **how,
 ):  # fmt: skip
     """Render a scan with its albedo by stock Mitsuba."""
-    sampling = Sampling("mitsuba", samples_per_pixel, max_depth)
+    sampling = Sampling("mitsuba", samples_per_pixel, max_depth, error)
     lights = lights if white_value is None else replace(lights, white_value=white_value)
     sight = Sight.of_scan(scan, pose, camera, lights)
     scene, warnings = scan_scene(sight, albedo, sampling, albedo_depth_mm=albedo_depth_mm)
@@ -123,7 +123,7 @@ def test_a_lambertian_ball_has_the_closed_form(camera, kind):
         lights = replace(lights, positions_mm=None)
     u, v = camera.grid()[..., 0], camera.grid()[..., 1]
     albedo = np.stack([0.2 + 0.004 * u, 0.6 - 0.003 * u, 0.3 + 0.003 * v], -1).astype(np.float32)
-    frames = render(mesh, pose, camera, lights, albedo, max_depth=2).frames
+    frames = render(mesh, pose, camera, lights, albedo, max_depth=2, samples_per_pixel=64).frames
     normals, points = ball_truth(camera, 60.0, CENTER)
     inside = -np.nan_to_num(np.sum(normals * camera.rays(camera.grid())[1], -1)) > 0.35
     vectors = lights.at(points[inside])
@@ -272,8 +272,8 @@ def test_frames_are_named_stored_and_the_same_wherever_they_are_rendered(tmp_pat
     assert isinstance(there.frames.codes, np.memmap)
     assert np.array_equal(Store(tmp_path).load_frames().codes, there.frames.codes)
     assert (here.frames.codes[:, :4, :4] == PEDESTAL).all()
-    assert 0 < here.noise == there.noise
-    assert (here.variant, here.choice.samples, here.max_depth) == (there.variant, 4, 3)
+    assert 0 < here.choice.noise == there.choice.noise
+    assert (here.variant, here.choice.samples, here.sampling.max_depth) == (there.variant, 4, 3)
 
 
 def test_albedo_that_was_measured_on_a_plane_gives_the_frames_that_it_was_measured_from():
@@ -309,19 +309,21 @@ def test_noise_is_measured_and_falls_with_the_samples():
     lit = again > 0.05 * again.max()
     for rendered in (few, many):
         found = np.sqrt(np.mean((rendered.frames.frame(0) - again)[lit] ** 2)) / again[lit].mean()
-        assert 0.6 * found < rendered.noise < 1.7 * found
-    assert many.noise < 0.5 * few.noise
+        assert 0.6 * found < rendered.choice.noise < 1.7 * found
+    assert many.choice.noise < 0.5 * few.choice.noise
 
 
-def test_a_pixel_is_cheaper_where_there_are_more_pixels(monkeypatch):
+def test_a_smaller_error_costs_more_samples_up_to_what_a_frame_may_cost(monkeypatch):
     pose = Pose.from_rotation_translation(np.eye(3), CENTER)
     given = (ball(subdivisions=2), pose, CAMERA, distant([0, 0, 1]), flat(CAMERA))
-    assert render(*given).choice.samples == 64
-    monkeypatch.setattr("twin.engines.render.SAMPLES_PER_FRAME", 100_000)
-    assert render(*given).choice.samples in (9, 16, 25, 36)
+
+    def samples(**how):
+        return render(*given, **how).choice.samples
+
+    assert 4 <= samples(error=0.02) < samples(error=0.003)
+    assert samples(samples_per_pixel=5, error=0.003) == 9
     monkeypatch.setattr("twin.engines.render.SAMPLES_PER_FRAME", 1)
-    assert render(*given).choice.samples == 4
-    assert render(*given, samples_per_pixel=5).choice.samples == 9
+    assert samples(error=0.003) == 4
 
 
 def test_brighter_intensity_is_only_brighter():

@@ -226,7 +226,7 @@ def test_a_scene_becomes_frames_like_a_session_whatever_the_lens(tmp_path):
     scene = one("sphere", GREY, given=given, camera=lens, sampling=Sampling("mitsuba", 16, 2))
     rendered = render_scene(scene, store=Store(tmp_path))
     assert rendered.frames.names == given.names
-    assert (rendered.choice.samples, rendered.max_depth) == (16, 2)
+    assert (rendered.choice.samples, rendered.sampling.max_depth) == (16, 2)
     assert any("resampled" in warning for warning in rendered.warnings)
     for index in (0, 1):
         assert np.abs(rendered.frames.frame(index) - image(scene, index)).max() < 2e-5

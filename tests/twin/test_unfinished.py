@@ -20,8 +20,7 @@ from twin.description.description_file import read_scene
 from twin.description.description_writer import write_scene
 from twin.description.materials import Diffuse, RoughPlastic
 from twin.description.object_mesh import built_in
-from twin.engines import layers, many
-from twin.engines.engine_choice import Choice
+from twin.engines import layers
 from twin.engines.layers import pieces_of, render_layers
 from twin.engines.render import render_scene, rendering_mark
 from twin.engines.unfinished import Unfinished
@@ -29,12 +28,10 @@ from twin.engines.variant import SLOW, pick_variant
 
 pytestmark = pytest.mark.render
 NEEDS_LLVM = pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here")
-ENGINES = ["mitsuba", pytest.param("direct", marks=NEEDS_LLVM), pytest.param("many", marks=NEEDS_LLVM)]
+ENGINES = ["mitsuba", pytest.param("many", marks=NEEDS_LLVM)]
 
 BAND = 3 * 48 * 6 * 8
 """Values of eight rows of six frames."""
-PATHS = 48 * 16 * 8
-"""Of eight rows, too."""
 
 
 def scene_for(engine, **change):
@@ -69,12 +66,10 @@ VICTIM = f"""
 import sys, time
 from pathlib import Path
 from scene.store import Store
-from twin.engines import layers, many
+from twin.engines import layers
 from twin.description.description_file import read_scene
 from twin.engines.render import render_scene, rendering_mark
 layers.VALUES_PER_BAND = {BAND}
-layers.SAMPLES_PER_CALL = {PATHS}
-many.FIRST_LOOK = 1 << 14
 def progress(done, total):
     print("piece", done, total, flush=True)
     time.sleep(0.3)
@@ -92,8 +87,6 @@ render_scene(read_scene(Path(sys.argv[1])), apart=True, store=Store(Path(sys.arg
 )
 def test_a_killed_rendering_goes_on_where_it_was(engine, tmp_path, monkeypatch):
     monkeypatch.setattr(layers, "VALUES_PER_BAND", BAND)
-    monkeypatch.setattr(layers, "SAMPLES_PER_CALL", PATHS)
-    monkeypatch.setattr(many, "FIRST_LOOK", 1 << 14)
     source = write_scene(scene_for(engine), tmp_path / "scene")
     scene = read_scene(source)
     # The band's size is no part of the mark: the victim cuts as this process does.
@@ -111,7 +104,7 @@ def test_a_killed_rendering_goes_on_where_it_was(engine, tmp_path, monkeypatch):
     assert not (tmp_path / "killed" / "frames").exists(), "no half rendering may look like a whole one"
 
     # What a piece had written that was not finished must not matter.
-    pieces = pieces_of(scene.film(), 6, Choice(engine, 0.02, 16, ""))
+    pieces = pieces_of(scene.film(), 6, engine)
     assert len(pieces) > 4
     codes = np.load(left / "codes.npy", mmap_mode="r+")
     codes[pieces[-1].frames, scene.film().rows.start + pieces[-1].rows.start] = 12345
@@ -184,7 +177,7 @@ def test_what_is_no_rendering_of_ours_is_started_anew(tmp_path):
 def test_damaged_notes_are_started_anew(tmp_path):
     """Whatever byte of the notes changes, nothing is taken from them, and nothing is raised."""
     kept = Unfinished(tmp_path / "left", "a")
-    kept.begin({"engine": "direct", "error": 0.01}, {"codes": ((2, 3), np.uint16, 0)})
+    kept.begin({"engine": "many", "samples": 9}, {"codes": ((2, 3), np.uint16, 0)})
     kept.finished(0)
     again = Unfinished(tmp_path / "left", "a")
     assert (again.notes, again.done) == (kept.notes, {0})
@@ -200,8 +193,7 @@ def test_damaged_notes_are_started_anew(tmp_path):
 
 @pytest.mark.full
 @pytest.mark.parametrize("engine", ENGINES)
-def test_light_is_kept_apart_and_adds_up(engine, tmp_path, monkeypatch):
-    monkeypatch.setattr(many, "FIRST_LOOK", 1 << 14)
+def test_light_is_kept_apart_and_adds_up(engine, tmp_path):
     scene = scene_for(engine, environment=Environment(ambient=(0.05, 0.1, 0.02)))
     rendered = render_scene(scene, apart=True, store=Store(tmp_path))
     direct, indirect, standing = (
@@ -218,17 +210,13 @@ def test_light_is_kept_apart_and_adds_up(engine, tmp_path, monkeypatch):
     shadow = np.moveaxis(shadow, -1, 0).astype(bool)
     assert shadow.sum() > 100
     assert np.median(direct[shadow]) < 1e-3
-    if engine == "direct":
-        assert not indirect.any()
-    else:
-        assert np.median(indirect[shadow].mean(-1)) > 1e-3
+    assert np.median(indirect[shadow].mean(-1)) > 1e-3
     assert indirect.min() > -1e-3
 
 
 @NEEDS_LLVM
-@pytest.mark.parametrize("engine", ["direct", "many"])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_a_lens_is_rendered_through_to_where_the_camera_projects(engine, sign):
+def test_a_lens_is_rendered_through_to_where_the_camera_projects(sign):
     """Squares at known places: their middles in the picture are where the distorting camera projects them."""
     camera = Camera(96, 80, 150.0, 158.0, 47.5 + sign * 6.3, 39.5 - sign * 5.7, (-0.9, 0.5, 0.03, -0.04, 0.0))
     u, v = np.meshgrid([14.3, 40.8, 77.6], [11.7, 33.4, 66.2])
@@ -238,11 +226,11 @@ def test_a_lens_is_rendered_through_to_where_the_camera_projects(engine, sign):
         matrix = np.diag([3.0, 3.0, 3.0, 1.0])
         matrix[:3, 3] = camera.points_at_depth(pixel, z)
         objects.append(TwinObject(str(pixel), built_in("square"), "w", matrix))
-    scene = scene_for(engine, camera=camera, objects=tuple(objects))
+    scene = scene_for("many", camera=camera, objects=tuple(objects))
     film = scene.film()
     assert film.pixels is not None
     image = np.zeros((80, 96))
-    image[film.rows, film.columns] = render_layers(scene, film, Choice(engine, 0.005, 16, "")).frames()[0, ..., 1]
+    image[film.rows, film.columns] = render_layers(scene, film, "many", 64).frames()[0, ..., 1]
     plain = replace(camera, distortion=(0.0,) * 5)
     rows, columns = np.mgrid[:80, :96]
     bent = []

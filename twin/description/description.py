@@ -95,10 +95,10 @@ class Sampling:
     max_depth : int
         2: direct light only; 3: one interreflection; and so on.
     error : float
-        Relative root-mean-square error that is aimed at where the engine is "auto".
+        Relative root-mean-square error that is aimed at where `samples` is None.
     """
 
-    engine: Literal["auto", "direct", "many", "mitsuba"] = "auto"
+    engine: Literal["auto", "many", "mitsuba"] = "auto"
     samples: Count | None = None
     max_depth: Annotated[int, Strict(), Field(ge=2, le=100)] = 3
     error: Annotated[float, Strict(), Field(ge=1e-4, lt=1)] = 0.01

@@ -1,123 +1,153 @@
-"""The engine `many`: one trip through the scene for all flashes of the stack.
+"""The engine `many`: stock Mitsuba's paths, each traced once for all the flashes of the stack.
 
-Direct light by the engine `direct`. Light that has met more than one surface: camera rays are sent on from the first
-surface and end in cells that know what they send back under every flash (twin/engines/radiance_cells.py).
+A path costs its rays, a flash one more from each surface on the way: the path is shared, and so is the scene.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
+from twin.description.description import white_of
 from twin.engines.film import Film
-from twin.engines.flash_shading import Flashes, by_bands, camera_rays, start_above
-from twin.engines.radiance_cells import NOWHERE, Hits, RadianceCells, add_weighted
 from twin.engines.variant import import_mitsuba
 
-SAMPLES_PER_CALL = 1 << 21
-FIRST_LOOK = 1 << 19
-"""Paths all over the film that find the cells, before any picture is made in bands."""
+LATTICE = 0.7548776662466927, 0.5698402909980532
+"""Additive recurrence in two dimensions: every first n points are well spread [Roberts2018]."""
+UNIT = 2.0**-32
+"""Of a random whole number of 32 bits, over the numbers below 1."""
 
 
-class Indirect:
-    """Light that meets two surfaces or more on its way from a flash to the camera.
+class Many:
+    """A scene before a film under flashes.
 
-    scene, film, lights: As in `Direct`.
-    samples: Paths a pixel; rounded to what a jittered grid can hold.
-    max_depth: 3: light meets two surfaces; 4: three; and so on.
+    Parameters
+    ----------
+    scene : mi.Scene
+        Shapes and materials, mm, camera frame. Emitters of its own are not rendered.
+    lights : Lights
+        Distant, or points. Pixel values are those of `TwinScene`: a flash of intensity 1 gives the irradiance pi (times
+        white_value / 0.8 where that is given) on what faces it at the lights' reference point.
+    max_depth : int
+        2: light meets one surface; 3: two; and so on.
     """
 
-    def __init__(
-        self, scene: Any, film: Film, lights: Lights, *, samples: int = 16, max_depth: int = 5, seed: int = 0
-    ) -> None:
-        self._mi = import_mitsuba()
-        self._scene, self._film, self._seed = scene, film, seed
-        self._count, self.samples = len(lights), self._sampler(samples).sample_count()
-        self._above, self._bounces = start_above(self._mi, scene), max_depth - 3
-        self._pool = ThreadPoolExecutor(os.cpu_count() or 1)
-        flashes, how = Flashes(self._mi, lights), {"bounces": self._bounces, "paths": self.samples, "seed": seed}
-        self._empty = RadianceCells(self._mi, scene, flashes, **how)
+    def __init__(self, scene: Any, film: Film, lights: Lights, *, max_depth: int) -> None:
+        self._mi = mi = import_mitsuba()
+        self._scene, self._film, self._count, self._depth = scene, film, len(lights), max_depth
+        low, high = np.array(scene.bbox().min).ravel(), np.array(scene.bbox().max).ravel()
+        # Above all of the scene: orthographic rays start there.
+        self._above = float(high[2] + 1 + 0.1 * np.max(high - low))
+        power, places = np.pi * lights.intensities * white_of(lights), lights.directions
+        self._near = lights.positions_mm is not None
+        if lights.positions_mm is not None:
+            places = lights.positions_mm
+            power = power * np.sum((places - lights.reference_point_mm) ** 2, 1, keepdims=True)
+        self._places, self._power = (mi.Float(a.astype(np.float32).ravel()) for a in (places, power))
 
-    def images(self) -> NDArray[np.float32]:
-        """Return (F, h, w, 3), linear, of the film's box."""
-        # A pixel costs memory for its samples, and for its lights.
-        step = SAMPLES_PER_CALL // (self._film.size[1] * max(self.samples, self._count // 4))
-        return by_bands(self._film, self._count, step, self.band)
+    def band(self, rows: slice, samples: int, seed: int = 0) -> NDArray[np.float32]:
+        """Return (2, F, rows, w, 3) of some of the box's rows: light of one surface, of more; linear.
 
-    def band(self, rows: slice) -> NDArray[np.float32]:
-        """Return (F, rows, w, 3) of some of the box's rows; the same whatever bands were rendered before."""
-        start, height, width = rows.start, rows.stop - rows.start, self._film.size[1]
-        # What a band has learned is forgotten: the next must not depend on it.
-        self._cells = (self._empty if height == self._film.size[0] else self._known).copy()
-        row, column = np.mgrid[start : start + height, 0:width].reshape(2, -1)
-        hits = self._paths(row, column, self.samples, start + 1)
-        owners = np.repeat(np.arange(len(row), dtype=np.int32), self.samples)
-        glossy = np.nonzero(hits.glossy)[0]
-        hits.keys[glossy] = NOWHERE
-        cells = self._cells.cells(hits, self._pool)
-        out = np.zeros((len(row), 3, self._count), np.float32)
-        if len(glossy):
-            out += self._by_way_of(hits.only(glossy), owners[glossy], len(row), start)
+        samples: Paths a pixel.
+        seed: Other paths.
 
-        def add(piece: slice) -> None:
-            samples = slice(piece.start * self.samples, piece.stop * self.samples)
-            own = owners[samples]
-            add_weighted(self._cells.radiance, cells[samples], hits.weights[samples], own, out)
-
-        step = 4096
-        list(self._pool.map(add, [slice(i, min(i + step, len(row))) for i in range(0, len(row), step)]))
-        out /= self.samples
-        return np.ascontiguousarray(out.reshape(height, width, 3, -1).transpose(3, 0, 1, 2))
-
-    @cached_property
-    def _known(self) -> RadianceCells:
-        """The cells that all bands start from, so that they fit together; one that is all of the film needs none."""
-        height, width = self._film.size
-        step = max(1, int(np.sqrt(height * width / FIRST_LOOK)))
-        rows, columns = np.mgrid[0:height:step, 0:width:step].reshape(2, -1)
-        cells = self._empty.copy()
-        cells.cells(self._paths(rows, columns, max(1, FIRST_LOOK // len(rows)), 0), self._pool)
-        return cells
-
-    def _by_way_of(self, hits: Hits, owners: NDArray[np.int32], count: int, number: int) -> NDArray[np.float32]:
-        """Return (count, 3, F): what glossy surfaces send on to their owners, each path for itself.
-
-        What such a surface sends on depends on where it is seen from, so the path goes on and ends in the next cell.
+        The same values whatever the bands: a pixel's samples are its own, and one thread adds them, in their order.
         """
-        surface = self._cells.arrive(hits)
-        out = self._cells.reflected(surface, owners, hits.weights, count)
-        if self._bounces > 0:
-            sampler = self._mi.load_dict({"type": "independent"})
-            sampler.seed(int(np.random.SeedSequence([self._seed, 1, number]).generate_state(1)[0]), len(owners))
-            onward = self._cells.leave(surface, surface.is_valid(), sampler)
-            cells = self._cells.cells(onward, self._pool)
-            add_weighted(self._cells.radiance_before, cells, onward.weights * hits.weights, owners, out)
-        return out
+        import drjit as dr
 
-    def _sampler(self, samples: int) -> Any:
-        # What a jittered grid cannot hold is rounded up here, without Mitsuba's line on the terminal.
-        rows = int(np.sqrt(samples))
-        return self._mi.load_dict({"type": "multijitter", "sample_count": rows * -(-samples // rows)})
+        mi, (height, width) = self._mi, (rows.stop - rows.start, self._film.size[1])
+        size, lanes = height * width, dr.arange(mi.UInt32, height * width)
+        middle, right, down = (
+            mi.Vector3f(np.ascontiguousarray(a.reshape(-1, 3).T, np.float32)) for a in self._views(rows)
+        )
+        own = mi.sample_tea_32(lanes + dr.opaque(mi.UInt32, rows.start * width), dr.opaque(mi.UInt32, seed))
+        others = mi.sample_tea_32(own[0], own[1])
+        # Opaque: numbers would be compiled into the kernel, anew for each band.
+        step, count, most, depth = (dr.opaque(mi.UInt32, n) for n in (size, self._count, samples, self._depth))
+        out = dr.zeros(mi.Float, 6 * self._count * size)
 
-    def _paths(self, rows: NDArray[np.intp], columns: NDArray[np.intp], samples: int, number: int) -> Hits:
-        """Return where `samples` rays from what each pixel sees end."""
+        def lit(surface: Any, weight: Any, layer: Any, active: Any) -> None:
+            def add(light: Any) -> tuple[Any]:
+                value = weight * self._reflected(surface, light, active)
+                for channel in range(3):
+                    place = ((layer * count + light) * 3 + channel) * step + lanes
+                    dr.scatter_add(out, value[channel], place, active, dr.ReduceMode.NoConflicts)
+                return (light + 1,)
+
+            dr.while_loop((mi.UInt32(0),), lambda light: active & (light < count), add)
+
+        def path(sample: Any) -> tuple[Any]:
+            # A point of the pixel and its mirror image about the middle: what is linear across it has no error.
+            across, along = _spread(mi, own, sample // 2)
+            across, along = (dr.select(sample % 2 == 0, x - 0.5, 0.5 - x) for x in (across, along))
+            toward = middle + across * right + along * down
+            flat = self._film.camera.is_orthographic
+            origin = mi.Point3f(toward.x, toward.y, self._above) if flat else mi.Point3f(0)
+            toward = mi.Vector3f(0, 0, -1) if flat else dr.normalize(toward)
+            first: Any = _spread(mi, others, sample)
+
+            def bounce(turn: Any, origin: Any, toward: Any, weight: Any, active: Any) -> tuple[Any, ...]:
+                ray = mi.Ray3f(origin, toward)
+                surface = self._scene.ray_intersect(ray, mi.RayFlags.All, False, active)
+                active &= surface.is_valid()
+                lit(surface, weight, dr.minimum(turn, 1), active)
+                active &= turn + 2 < depth
+                key = mi.sample_tea_32(own[1], sample * 256 + 2 * turn)
+                lobe, (x, y) = key[0] * UNIT, mi.sample_tea_32(key[1], sample * 256 + 2 * turn + 1)
+                place = mi.Point2f(dr.select(turn == 0, first[0], x * UNIT), dr.select(turn == 0, first[1], y * UNIT))
+                drawn, share = surface.bsdf().sample(mi.BSDFContext(), surface, lobe, place, active)
+                onward = surface.spawn_ray(surface.to_world(drawn.wo))
+                weight = weight * share
+                return turn + 1, onward.o, onward.d, weight, active & (dr.max(weight) > 0)
+
+            start = mi.UInt32(0), origin, toward, mi.Color3f(1), mi.Bool(True)
+            dr.while_loop(start, lambda turn, origin, toward, weight, active: active, bounce)
+            return (sample + 1,)
+
+        dr.while_loop((dr.zeros(mi.UInt32, size),), lambda sample: sample < most, path)
+        found = out.numpy().reshape(2, self._count, 3, height, width)
+        return np.divide(np.moveaxis(found, 2, -1), samples, dtype=np.float32, order="C")
+
+    def _views(self, rows: slice) -> tuple[NDArray, ...]:
+        """Return the middle of each pixel, and its sides right and down (h, w, 3), where its rays go through.
+
+        Perspective: on the plane z = -1; else on z = 0. Between its corners a pixel is straight.
+        """
+        camera, top, left = self._film.camera, self._film.rows.start, self._film.columns.start
+        v, u = np.mgrid[top + rows.start : top + rows.stop + 1, left : self._film.columns.stop + 1] - 0.5
+        origins, directions = camera.rays(np.stack([u, v], -1))
+        corners = origins if camera.is_orthographic else directions / -directions[..., 2:]
+        beside, below = (corners[:, 1:] - corners[:, :-1]), (corners[1:] - corners[:-1])
+        middle = (corners[1:, 1:] + corners[1:, :-1] + corners[:-1, 1:] + corners[:-1, :-1]) / 4
+        return middle, (beside[1:] + beside[:-1]) / 2, (below[:, 1:] + below[:, :-1]) / 2
+
+    def _reflected(self, surface: Any, index: Any, active: Any) -> Any:
+        """Return the radiance that flash `index` sends by way of a surface toward where its ray came from.
+
+        E f(wi, wo) cos, black where the flash is behind the surface (no ray is traced) or hidden.
+        """
         import drjit as dr
 
         mi = self._mi
-        sampler = self._sampler(samples)
-        samples = sampler.sample_count()
-        sampler.set_samples_per_wavefront(samples)
-        # Mixed, not added up: neighbouring bands must not share samples.
-        seed = int(np.random.SeedSequence([self._seed, number]).generate_state(1)[0])
-        sampler.seed(seed, len(rows) * samples)
-        pixel = dr.arange(mi.UInt32, len(rows) * samples) // samples
-        within = sampler.next_2d()
-        x = dr.gather(mi.Float, mi.Float(columns.astype(np.float32)), pixel) + within.x - 0.5
-        y = dr.gather(mi.Float, mi.Float(rows.astype(np.float32)), pixel) + within.y - 0.5
-        ray = camera_rays(mi, self._film, x, y, self._above)
-        surface = self._scene.ray_intersect(ray, mi.RayFlags.All, True, True)
-        return self._empty.leave(surface, surface.is_valid(), sampler)
+        place = dr.gather(mi.Vector3f, self._places, index, active)
+        power = dr.gather(mi.Color3f, self._power, index, active)
+        if self._near:
+            offset = place - surface.p
+            square = dr.squared_norm(offset)
+            toward, power = offset * dr.rsqrt(square), power / square
+            ray = surface.spawn_ray_to(mi.Point3f(place))
+        else:
+            toward, ray = place, surface.spawn_ray(place)
+        value = surface.bsdf().eval(mi.BSDFContext(), surface, surface.to_local(toward), active) * power
+        seen = active & (dr.max(value) > 0)
+        seen &= ~self._scene.ray_test(ray, True, seen)
+        return dr.select(seen, value, 0)
+
+
+def _spread(mi: Any, shifts: Any, number: Any) -> list[Any]:
+    """Return two numbers 0 to 1: the lattice's point of that number, moved by two random whole numbers."""
+    import drjit as dr
+
+    moved = [mi.Float(shift) * UNIT + mi.Float(number) * step for shift, step in zip(shifts, LATTICE, strict=True)]
+    return [x - dr.floor(x) for x in moved]

@@ -16,19 +16,18 @@ from scene.files import write_npy
 from scene.frames import PEDESTAL, Frames, encode
 from scene.output_folder import scratch_for
 from scene.store import Store
-from twin.description.description import TwinScene
+from twin.description.description import Sampling, TwinScene
 from twin.engines.engine_choice import Choice, choose_engine
 from twin.engines.film import Film
-from twin.engines.flash_shading import give_memory_back
-from twin.engines.layers import Piece, PieceRenderer, pieces_of, standing_light
-from twin.engines.path_tracing import PathTracer
+from twin.engines.layers import Piece, PieceRenderer, noise_of_one_sample, pieces_of, standing_light
 from twin.engines.unfinished import Unfinished
 from twin.engines.variant import SLOW, graphics_card, pick_variant
 from twin.ground_truth import ground_truth
 
+FEWEST, MOST = 4, 1024
+"""Samples a pixel, unless others are asked for."""
 SAMPLES_PER_FRAME = 1 << 24
-"""Samples that a frame by stock Mitsuba may cost, unless more are asked for or a pilot has told how many it takes."""
-
+"""Samples that a frame by stock Mitsuba may cost, unless more are asked for."""
 
 LAYERS = ("direct", "indirect")
 
@@ -40,8 +39,6 @@ class Rendering:
     frames: Named and ordered as the lights; no ambient, no noise but the sampling's. Black where the object is not.
     choice: The engine, and why.
     variant: Mitsuba's.
-    noise: Of stock Mitsuba's sampling: standard deviation of a lit pixel over its mean, measured by rendering a strip
-        twice. None: by another engine.
     seconds: Wall time of this run.
     pieces, found: Frames, or bands of all frames; and how many of them a run that was stopped had left.
     """
@@ -49,8 +46,7 @@ class Rendering:
     frames: Frames
     choice: Choice
     variant: str
-    max_depth: int
-    noise: float | None
+    sampling: Sampling
     seconds: float
     pieces: int
     found: int = 0
@@ -58,19 +54,15 @@ class Rendering:
 
     def facts(self) -> dict[str, Any]:
         """Return what the summary says of it."""
-        choice, pilot = self.choice, self.choice.pilot
+        choice = self.choice
         return {
             "engine": choice.engine,
             "reason": choice.reason,
-            "error": choice.error,
-            "samples_per_pixel": None if choice.engine == "direct" else choice.samples,
-            "onward_share": None if pilot is None else pilot.onward,
-            "disagreement": None if pilot is None else pilot.disagreement,
-            "seconds_expected": None if pilot is None else pilot.seconds(choice.error),
-            "time_and_error": None if pilot is None else pilot.curves(choice.error),
+            "error": self.sampling.error,
+            "samples_per_pixel": choice.samples,
             "variant": self.variant,
-            "max_depth": self.max_depth,
-            "noise": self.noise,
+            "max_depth": self.sampling.max_depth,
+            "noise": choice.noise,
             "seconds": self.seconds,
             "warnings": self.warnings,
         }
@@ -102,7 +94,7 @@ def render_scene(
     Parameters
     ----------
     scene : TwinScene
-        With `sampling.engine` "auto" the engine is chosen by a pilot rendering; see `twin.engines.engine_choice`.
+        With `sampling.engine` "auto": see `twin.engines.engine_choice`.
     apart : bool
         With a store, also keep light that met one surface, and light that met more, each by itself.
     executor : Executor or None
@@ -134,10 +126,9 @@ def render_scene(
         tell(str(choice))
         if graphics_card():
             tell("renderer: {}, {}".format(*pick_variant()))
-    noise = _elsewhere(executor, _noise, scene, film, choice) if choice.engine == "mitsuba" else None
-    standing = _elsewhere(executor, standing_light, scene, film, choice, apart)
+    standing = _elsewhere(executor, standing_light, scene, film, choice.engine, apart)
     work = _Work(scene, film, choice, apart and store is not None, standing)
-    pieces, found = pieces_of(film, len(scene.lights), choice), len(kept.done)
+    pieces, found = pieces_of(film, len(scene.lights), choice.engine), len(kept.done)
     if kept.notes is None:
         shape = (len(scene.lights), scene.camera.height, scene.camera.width, 3)
         layers = dict.fromkeys(LAYERS if work.apart else (), (shape, np.float16, 0))
@@ -159,8 +150,8 @@ def render_scene(
         frames = _stored(store, kept, work)
         ground_truth(scene, folder=store.folder)
     seconds = time.perf_counter() - started
-    variant, depth, warnings = pick_variant()[0], scene.sampling.max_depth, _warnings(film, choice, noise)
-    return Rendering(frames, choice, variant, depth, noise, seconds, len(pieces), found, warnings)
+    variant, warnings = pick_variant()[0], _warnings(film, choice)
+    return Rendering(frames, choice, variant, scene.sampling, seconds, len(pieces), found, warnings)
 
 
 def rendering_mark(scene: TwinScene, apart: bool) -> str:
@@ -173,18 +164,27 @@ def _elsewhere(executor: Executor | None, work: Callable[..., Any], *arguments: 
 
 
 def _choose(scene: TwinScene, film: Film) -> Choice:
-    choice = choose_engine(scene, film)
-    if choice.engine != "mitsuba":
-        return choice
-    samples = choice.samples
-    if scene.sampling.samples is None and choice.pilot is None:
-        affordable = SAMPLES_PER_FRAME // (film.window[2] * film.window[3])
-        samples = int(np.clip(math.isqrt(affordable), 2, 8)) ** 2
-    # Each pixel is sampled on a jittered grid.
-    return replace(choice, samples=math.ceil(math.sqrt(samples)) ** 2)
+    engine, reason = choose_engine(scene)
+    one, samples = noise_of_one_sample(scene, film, engine), scene.sampling.samples
+    if samples is None:
+        wanted, most = (one / scene.sampling.error) ** 2, MOST
+        if engine == "mitsuba":
+            most = max(FEWEST, min(most, SAMPLES_PER_FRAME // (film.window[2] * film.window[3])))
+        samples = math.ceil(np.clip(wanted, FEWEST, most))
+    if engine == "mitsuba":
+        # Each pixel is sampled on a jittered grid.
+        samples = math.ceil(math.sqrt(samples)) ** 2
+    return Choice(engine, samples, reason, one / math.sqrt(samples))
 
 
-def _warnings(film: Film, choice: Choice, noise: float | None) -> tuple[str, ...]:
+def give_memory_back() -> None:
+    """Return to the system what Dr.Jit keeps of freed arrays: it would keep the most that it ever needed."""
+    import drjit
+
+    drjit.flush_malloc_cache()
+
+
+def _warnings(film: Film, choice: Choice) -> tuple[str, ...]:
     warnings, (variant, note) = [], pick_variant()
     if variant == SLOW:
         warnings.append(f"The twin was rendered by Mitsuba's slow variant: {note}")
@@ -193,10 +193,10 @@ def _warnings(film: Film, choice: Choice, noise: float | None) -> tuple[str, ...
             "The twin was rendered without lens distortion and with square pixels, then resampled (bilinear): it is "
             "slightly softer than a photograph."
         )
-    if noise is not None and noise > 0.03:
+    if choice.noise is not None and choice.noise > 0.03:
         warnings.append(
-            f"The twin's own noise is {100 * noise:.0f} % of a lit pixel at {choice.samples} samples a pixel; it "
-            "counts as an error of the methods that are run on it."
+            f"The twin's own noise is {100 * choice.noise:.0f} % of a lit pixel at {choice.samples} samples a pixel; "
+            "it counts as an error of the methods that are run on it."
         )
     return tuple(warnings)
 
@@ -223,28 +223,15 @@ def _make(work: _Work, pieces: list[Piece], share: list[int]) -> Iterator[tuple[
     """Render some of the pieces in this process. Idempotent: the samples are seeded by the piece's place."""
     if not share:
         return
-    renderer = PieceRenderer(work.scene, work.film, work.choice, apart=work.apart)
+    renderer = PieceRenderer(work.scene, work.film, work.choice.engine, apart=work.apart)
     for index in share:
-        layers, standing = renderer.render(pieces[index]), work.standing
+        layers, standing = renderer.render(pieces[index], work.choice.samples), work.standing
         layers = replace(layers, standing=None if standing is None else standing[pieces[index].rows])
         parts: dict[str, NDArray] = {"codes": encode(layers.frames())}
         if work.apart:
             onward = np.zeros_like(layers.direct) if layers.onward is None else layers.onward
             parts |= {"direct": layers.direct, "indirect": onward}
         yield index, parts
-
-
-def _noise(scene: TwinScene, film: Film, choice: Choice) -> float:
-    """Render the film's middle rows twice under the strongest light; see `Rendering.noise`."""
-    top, left, height, width = film.window
-    strip = replace(film, window=(top + max(0, height // 2 - 24), left, min(48, height), width))
-    tracer = PathTracer(scene, strip)
-    index = int(np.argmax(scene.irradiance.sum(1)))
-    one, two = (tracer.image(index, choice.samples, seed=seed) for seed in (1, 2))
-    mean = (one + two) / 2
-    lit = mean > 0.05 * mean.max()
-    # Two renderings differ by twice the variance of one.
-    return float(np.sqrt(np.mean((one - two)[lit] ** 2) / 2) / np.mean(mean[lit])) if lit.any() else 0.0
 
 
 def _stored(store: Store, kept: Unfinished, work: _Work) -> Frames:

@@ -86,7 +86,7 @@ def import_mitsuba(*, slow: bool = False) -> Any:
     """
     variant, note = pick_variant()
     if variant == SLOW and not slow:
-        raise RenderError(f"the engines `direct` and `many` need a vectorised variant of Mitsuba: {note} Or `mitsuba`.")
+        raise RenderError(f"the engine `many` needs a vectorised variant of Mitsuba: {note} Or `mitsuba`.")
     import mitsuba as mi
 
     mi.set_variant(variant)  # type: ignore[attr-defined]

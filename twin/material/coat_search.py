@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.description.materials import Distribution
 from twin.material.material_kernels import predicted, reduced
 from twin.material.material_noise import Noise, deviances, first_noise, inflation, noise_of, student_weights
 from twin.material.material_samples import Samples
@@ -62,19 +61,17 @@ class CoatSearch:
     white (3,): Pixel value of reflectance 1: the coat is gray by it. None: each channel for itself.
     most (3,): Of the strength.
     model: What is supposed of coat and body.
-    distribution: Of the coat's facets.
-    about: Where the search starts, its distribution the same; None: everywhere.
+    about: Where the search starts; None: everywhere.
     """
 
     def __init__(
-        self, samples: Samples, white: Array | None, most: Array, model: Model, distribution: Distribution,
-        about: Fit | None = None,
+        self, samples: Samples, white: Array | None, most: Array, model: Model, about: Fit | None = None
     ) -> None:  # fmt: skip
         self._samples, self._white, self._most, self.model = samples, white, most, model
         self._parameters = (2 if white is not None else 4) + len(model.free) - 1
         variance = first_noise(samples).variance(samples.values, np.zeros_like(samples.values))
         self.weights = np.where(samples.usable[..., None], 1 / variance, 0).astype(np.float32)
-        self.fit = self._anywhere(distribution) if about is None else about
+        self.fit = self._anywhere() if about is None else about
         self.noise = self._weigh()
         for _ in range(ROUNDS):
             before, self.fit = self.fit, self._descended()
@@ -84,14 +81,14 @@ class CoatSearch:
 
     def on(self, samples: Samples) -> "CoatSearch":
         """Return the search on other samples, about what was found on these."""
-        return CoatSearch(samples, self._white, self._most, self.model, self.fit.surface.distribution, about=self.fit)
+        return CoatSearch(samples, self._white, self._most, self.model, about=self.fit)
 
     def with_second_lobe(self) -> "CoatSearch":
         """Return the search for facets of two roughnesses, about what was found."""
         free = (*self.model.free, "second_roughness", "second")
         model, surface = Model("a second lobe", (), free), self.fit.surface
         start = min((self._best(surface.changed(**one)) for one in SECOND), key=lambda one: one[0])[1]
-        return CoatSearch(self._samples, self._white, self._most, model, surface.distribution, about=start)
+        return CoatSearch(self._samples, self._white, self._most, model, about=start)
 
     def predicted(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return what the coat gives back (P, F, 3), and its variance."""
@@ -141,12 +138,12 @@ class CoatSearch:
         strength, left = strengths(self._sums(surface), self._white, self._most)
         return left, Fit(surface, strength, self._parameters)
 
-    def _anywhere(self, distribution: Distribution) -> Fit:
+    def _anywhere(self) -> Fit:
         """Return the best coat of any roughness that is tried, over any body that is.
 
         A body that is dimmed too much or too little makes wide lobes attractive: both must be searched together.
         """
-        tried = [coat(float(x), distribution=distribution, **one) for x in TRIED for one in self.model.tried]
+        tried = [coat(float(x), **one) for x in TRIED for one in self.model.tried]
         found = [self._best(surface) for surface in tried]
         return min(found, key=lambda one: one[0])[1]
 

@@ -1,10 +1,10 @@
 """The material of a registered object, from its photographs: no more of it than they ask for.
 
-Matte; rough plastic, its facets of GGX or of Beckmann; that with a coat which dims only a share of the body; or with a
+Matte; rough plastic; that with a coat which dims only a share of the body; or with a
 rough body, which is not Lambert's; each with one lobe or two: the one whose evidence [Schwarz1978] is best.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from scene.spheres import WHITE_BALL_ALBEDO
-from twin.description.materials import Distribution
-from twin.material.coat_search import COVERED, PARTLY, ROUGH, ROUGHEST, SMOOTHEST, CoatSearch, Fit, Model
+from twin.material.coat_search import COVERED, PARTLY, ROUGH, ROUGHEST, SMOOTHEST, CoatSearch, Fit
 from twin.material.material_kernels import predicted
 from twin.material.material_noise import Noise, deviances, first_noise, student_weights
 from twin.material.material_samples import FEWEST, Samples
@@ -29,9 +28,6 @@ BRIGHTEST = 2.0
 PAYS = 0.05
 """Share of the error under lights not fitted to, that a second lobe must take away: less is what wide lobes take of
 anything, light from the table, say, or a body of another law."""
-LEVEL = 2.0
-"""Difference of BIC below which two distributions are said to be level."""
-NAMES: dict[Distribution, str] = {"ggx": "GGX", "beckmann": "Beckmann"}
 AT_THE_END = 1.02
 """Factor between a roughness and the end of what is tried, below which it is said that it lies there."""
 
@@ -71,18 +67,17 @@ class MaterialFit:
         if coat.second > 0:
             bare += f", {100 * coat.second:.0f} % of its facets of roughness {coat.second_roughness:.3f}"
         return (
-            f"rough plastic, roughness {coat.roughness:.3f} of {NAMES[coat.distribution]} "
+            f"rough plastic, roughness {coat.roughness:.3f} "
             f"(± {100 * self.roughness_sigma:.1f} %), specularity {self.specularity:.3f} "
             f"(± {100 * self.specularity_sigma:.1f} %) at index {coat.index:.2f}{bare}: "
             f"{'; '.join(self.evidence)}"
         )
 
 
-def fit_material(samples: Samples, lights: Lights, distributions: Sequence[Distribution] = tuple(NAMES)) -> MaterialFit:
+def fit_material(samples: Samples, lights: Lights) -> MaterialFit:
     """Return the material that explains the samples with the fewest numbers.
 
     lights: The same; its white value, if known, ties strength to reflectance, and then the coat's is gray.
-    distributions: Of the coat's facets, that are tried: one or both.
 
     value = irradiance (albedo body(alpha, covered) + k coat(alpha)), see `twin.material.reflection_models.shade`; each
     pixel's alpha^2 is the material's plus its own `spread`. Per pixel and channel the squared residual with the best
@@ -95,7 +90,7 @@ def fit_material(samples: Samples, lights: Lights, distributions: Sequence[Distr
     brightest = np.percentile(matte_albedo(samples).astype(np.float64), 99, axis=0) if white is None else None
     full: Array = np.asarray(white if brightest is None else brightest / WHITE_BALL_ALBEDO, np.float64)
     some = samples.only(slice(None, None, max(1, len(samples) // FIRST_LOOK)))
-    first, told = _likeliest(some, white, BRIGHTEST * full, distributions)
+    first, told = _likeliest(some, white, BRIGHTEST * full)
     search = first.on(samples)
     variance = search.predicted()[1]
     factor = search.inflation()
@@ -135,38 +130,23 @@ def robust(samples: Samples, fit: MaterialFit | Fit, noise: Noise) -> tuple[NDAr
     return values, slope, variance, albedo
 
 
-def _likeliest(
-    samples: Samples, white: Array | None, most: Array, distributions: Sequence[Distribution]
-) -> tuple[CoatSearch, tuple[str, ...]]:
-    """Return the coat that the evidence favours, and the words for its facets and for its body."""
-    on, (facets, *others) = f"({len(samples):,} pixels)", distributions
-
-    def search(model: Model, facets: Distribution) -> CoatSearch:
-        return CoatSearch(samples, white, most, model, facets)
-
-    first, *rest = (search(model, facets) for model in (COVERED, PARTLY, ROUGH))
+def _likeliest(samples: Samples, white: Array | None, most: Array) -> tuple[CoatSearch, tuple[str, ...]]:
+    """Return the coat that the evidence favours, and the words for it."""
+    on = f"({len(samples):,} pixels)"
+    first, *rest = (CoatSearch(samples, white, most, model) for model in (COVERED, PARTLY, ROUGH))
     gains = [_gain(samples, first, other) for other in rest]
     best = int(np.argmax(gains))
     words = [f"it rises by {-gains[best]:,.0f} with {rest[best].model.words} {on}"]
     if gains[best] > 0:
         first, words = rest[best], [f"by {gains[best]:,.0f} more with {rest[best].model.words} {on}"]
-    told: tuple[str, ...] = ()
-    for name in others:
-        other = search(first.model, name)
-        gain, less = _gain(samples, first, other), other
-        if gain > 0:
-            first, less = other, first
-        better, lesser = (NAMES[one.fit.surface.distribution] for one in (first, less))
-        told = (f"by {abs(gain):,.0f} more with {better} than with {lesser} {on}",)
-        if abs(gain) < LEVEL:
-            told = (f"{better} and {lesser} are level, {abs(gain):.1f} apart {on}",)
     two = first.with_second_lobe()
-    one_misses, two_miss = (_foretold(samples, search) for search in (first, two))
-    if _gain(samples, first, two) > 0 and two_miss < (1 - PAYS) * one_misses:
-        first = two
-        words.append(f"a second lobe lowers the error in frames not fitted to, {100 * one_misses:.1f} %, to "
-                     f"{100 * two_miss:.1f} %")  # fmt: skip
-    return first, (*told, *words)
+    if _gain(samples, first, two) > 0:
+        one_misses, two_miss = (_foretold(samples, search) for search in (first, two))
+        if two_miss < (1 - PAYS) * one_misses:
+            first = two
+            words.append(f"a second lobe lowers the error in frames not fitted to, {100 * one_misses:.1f} %, to "
+                         f"{100 * two_miss:.1f} %")  # fmt: skip
+    return first, tuple(words)
 
 
 def _foretold(samples: Samples, search: CoatSearch) -> float:

@@ -1,4 +1,4 @@
-"""The scene of fitted materials, and light that reaches a sample by way of the object's other parts, rendered small."""
+"""The scene of a fitted material, and light that comes by way of the object's other parts, rendered small."""
 
 from dataclasses import dataclass, replace
 
@@ -6,58 +6,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.camera import Camera
-from scene.mesh import Mesh
 from twin.description.description import Sampling, TwinScene
 from twin.description.materials import Diffuse, Material, RoughPlastic
-from twin.description.object_mesh import ObjectMesh
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.material.fit_material import MaterialFit
 from twin.material.material_samples import Samples
 from twin.scan_scene import scan_scene
 from twin.visibility import Sight
 
-SIDE = 112
+SIDE = 56
 """Pixels across the object: light from elsewhere changes slowly."""
-SAMPLES, DEPTH = 36, 4
+SAMPLES, DEPTH = 64, 4
 
 
 def material_scene(
-    sight: Sight,
-    fits: tuple[MaterialFit, ...],
-    labels: NDArray[np.int8] | None,
-    albedo: NDArray[np.float32],
-    sampling: Sampling,
+    sight: Sight, fit: MaterialFit, albedo: NDArray[np.float32], sampling: Sampling
 ) -> tuple[TwinScene, tuple[str, ...]]:
-    """Return the scene of a scan made of fitted materials, and what is suspicious about it.
+    """Return the scene of a scan made of a fitted material, and what is suspicious about it.
 
-    Parameters and errors: see `twin.scan_scene.scan_scene`; `albedo` (H, W, 3) is that of the fits, of the body.
-    `labels` (H, W): which of the fits a pixel is of, -1 where unknown; None if there is but one.
-
-    Notes
-    -----
-    Of several materials each gets the faces that mostly its pixels see, and those unseen whose nearest seen face is
-    its: one object each, with the same normals at the border.
+    Parameters and errors: see `twin.scan_scene.scan_scene`; `albedo` (H, W, 3) is that of the fit, of the body.
     """
     scene, warnings = scan_scene(sight, albedo, sampling)
     ((name, body),) = scene.materials.items()
     assert isinstance(body, Diffuse)
     # Where the white value is unknown, the scene has taken one.
-    made = [_made(fit, body, float(np.mean(scene.white))) for fit in fits]
-    if len(made) == 1 or labels is None:
-        return replace(scene, materials={name: made[0]}), warnings
-    (whole,) = scene.objects
-    of_face = _face_labels(replace(sight, mesh=Mesh(whole.mesh.vertices, whole.mesh.faces)), labels, len(fits))
-    parts = [(number, np.flatnonzero(of_face == number)) for number in range(len(fits)) if (of_face == number).any()]
-    return replace(
-        scene,
-        materials={f"{name}_{number + 1}": made[number] for number, _ in parts},
-        objects=tuple(
-            replace(
-                whole, name=f"{whole.name}_{number + 1}", material=f"{name}_{number + 1}", mesh=_part(whole.mesh, faces)
-            )
-            for number, faces in parts
-        ),
-    ), warnings
+    return replace(scene, materials={name: _made(fit, body, float(np.mean(scene.white)))}), warnings
 
 
 def _made(fit: MaterialFit, body: Diffuse, white: float) -> Material:
@@ -65,32 +38,6 @@ def _made(fit: MaterialFit, body: Diffuse, white: float) -> Material:
         return body
     specularity = min(float(np.mean(fit.strength)) / white, 1.0)
     return RoughPlastic(body.reflectance, specularity=specularity, **fit.surface.numbers())
-
-
-def _face_labels(sight: Sight, labels: NDArray[np.int8], count: int) -> NDArray[np.intp]:
-    """Return (T,) the label of most pixels that see a face; of an unseen one, that of the nearest seen one."""
-    from scipy.spatial import KDTree
-
-    mesh = sight.mesh
-    votes = np.zeros((len(mesh.faces), count), np.intp)
-    labelled = np.flatnonzero((labels >= 0).any(1))
-    box = slice(int(labelled[0]), int(labelled[-1]) + 1), slice(0, sight.camera.width)
-    for rows, face, _, _ in sight.rows(*box):
-        hit = (face >= 0) & (labels[rows] >= 0)
-        np.add.at(votes, (face[hit], labels[rows][hit]), 1)
-    seen = votes.sum(1) > 0
-    found = np.argmax(votes, 1)
-    middle = mesh.vertices[mesh.faces].mean(1)
-    if seen.any() and not seen.all():
-        found[~seen] = found[seen][KDTree(middle[seen]).query(middle[~seen])[1]]
-    return found
-
-
-def _part(mesh: ObjectMesh, faces: NDArray[np.intp]) -> ObjectMesh:
-    """Return some faces (T,) of a mesh, with the corners that they have."""
-    used, corner = np.unique(mesh.faces[faces], return_inverse=True)
-    at_corners = (None if a is None else a[used] for a in (mesh.normals, mesh.texcoords, mesh.colours))
-    return ObjectMesh(mesh.vertices[used], corner.reshape(-1, 3), *at_corners)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +72,7 @@ def onward_light(sight: Sight, samples: Samples, albedo: NDArray[np.float32]) ->
     albedo (P, 3): Of the samples.
     Raises RenderError: No vectorised variant of Mitsuba runs here; and see `twin.scan_scene.scan_scene`.
     """
-    from twin.engines.flash_shading import give_memory_back
-    from twin.engines.many import Indirect
+    from twin.engines.many import Many
     from twin.engines.variant import import_mitsuba
 
     import_mitsuba()
@@ -138,8 +84,8 @@ def onward_light(sight: Sight, samples: Samples, albedo: NDArray[np.float32]) ->
     sampling, picture = Sampling("many", SAMPLES, DEPTH), _picture(row, column, albedo, small)
     scene, _ = scan_scene(replace(sight, camera=small, normals=None), picture, sampling)
     film = scene.film()
-    images = Indirect(mitsuba_scene(scene), film, scene.lights, samples=SAMPLES, max_depth=DEPTH).images()
-    give_memory_back()
+    many = Many(mitsuba_scene(scene), film, scene.lights, max_depth=DEPTH)
+    images = many.band(slice(0, film.size[0]), SAMPLES)[1]
     return OnwardLight(images, film.rows.start, film.columns.start, scale)
 
 

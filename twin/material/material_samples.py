@@ -17,6 +17,8 @@ Image = NDArray[np.float32]
 
 MOST, FEWEST = 20_000, 100
 """Pixels."""
+LEAST_LIGHTS = 3
+"""They fix the albedo's channels and leave something to be judged."""
 OUTLINE_PX = 3
 """So near the mask's border no pixel is taken: it may show what lies behind, and its normal is least known."""
 GRAZING = 0.25
@@ -43,7 +45,6 @@ class Samples:
     irradiance (P, F, 3 channels): Intensity times fall-off, on what faces the light.
     values (P, F, 3): Linear; the ambient frame, if there is one, is subtracted.
     usable (P, F): Not clipped, in no shadow nor near one's border, not too dim.
-    slopes (P, 2, 3): The normals' change for one pixel to the right, and one down.
     spread (P,): Square of the angle (radians) over which a pixel smears the normal: added to that of the roughness.
     pixel_share: P over the number of pixels that might have been taken.
     """
@@ -57,7 +58,6 @@ class Samples:
     irradiance: Image
     values: Image
     usable: NDArray[np.bool_]
-    slopes: Image
     spread: Image
     pixel_share: float
 
@@ -69,6 +69,12 @@ class Samples:
         rows, columns = self.rows - self.rows.min(), self.columns - self.columns.min()
         side = max(1.0, np.sqrt(pixels / self.pixel_share))
         return (rows // side).astype(int) * (int(columns.max() // side) + 1) + (columns // side).astype(int)
+
+    def of_frames(self, frames: slice) -> "Samples":
+        """Return the samples under some of the lights, of those pixels that can still be used."""
+        names = ("toward", "irradiance", "values", "usable")
+        some = replace(self, **{name: getattr(self, name)[:, frames] for name in names})
+        return some.only(some.usable.sum(1) >= LEAST_LIGHTS)
 
     def only(self, which: Any) -> "Samples":
         """Return some of the pixels."""
@@ -159,13 +165,11 @@ def samples_at(
     spread = smear * np.sum(slopes**2, (1, 2))
     at, normal, view = (a.astype(np.float32) for a in (points, found, views))
     samples = Samples(
-        rows, columns, at, normal, view, toward, irradiance, values, usable, slopes.astype(np.float32),
-        spread.astype(np.float32), 1.0,
+        rows, columns, at, normal, view, toward, irradiance, values, usable, spread.astype(np.float32), 1.0
     )  # fmt: skip
     if lenient:
         return replace(samples, spread=np.minimum(samples.spread, CREASED)).only(usable.any(1))
-    # Three lights fix the albedo's channels and leave something to be judged.
-    return samples.only((usable.sum(1) >= 3) & (spread < CREASED))
+    return samples.only((usable.sum(1) >= LEAST_LIGHTS) & (spread < CREASED))
 
 
 def inner_pixels(mask: NDArray[np.bool_], normals: Image | None) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from twin.description.materials import Distribution, RoughPlastic
+from twin.description.materials import RoughPlastic
 from twin.engines.mitsuba_materials import bsdf
 from twin.engines.mitsuba_scene import loadable
 from twin.engines.variant import SLOW, import_mitsuba
@@ -32,8 +32,6 @@ VECTORS: Any = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "arc
 """For numba: what keeps it from vector instructions is given up, exceptions at divisions and the order of sums."""
 SHADED = 7
 """Rows that `shade` works in."""
-FARTHEST = 46.0
-"""Exponent of Beckmann's distribution beyond which there is nothing: e^-46 is 1e-20, where the renderer ends too."""
 
 
 class Coat(NamedTuple):
@@ -44,7 +42,6 @@ class Coat(NamedTuple):
     transmittance (2, NODES): Share of the light that gets through, at cosines 0 to 1, over index sqrt(1 - R): R is the
         coat's diffuse reflectance from within. Of either roughness.
     covered: Share of the body's light that passes it.
-    beckmann: Whether the distribution is Beckmann's; else GGX.
     body: Roughness of the body that lies bare, 0 to 1, by the law of [Burley2012]; -1: it is Lambert's.
     second, second_roughness: Share of the facets that are of another roughness, and it: a second lobe.
     """
@@ -53,27 +50,21 @@ class Coat(NamedTuple):
     index: float
     transmittance: Array
     covered: float = 1.0
-    beckmann: bool = False
     body: float = LAMBERT
     second: float = 0.0
     second_roughness: float = 1.0
 
     def changed(self, **new: Any) -> "Coat":
         """Return the coat with other numbers, by their names in `coat`."""
-        names = ("roughness", "index", "covered", "distribution", "body", "second", "second_roughness")
+        names = ("roughness", "index", "covered", "body", "second", "second_roughness")
         numbers: dict[str, Any] = {name: getattr(self, name) for name in names}
         return coat(**{**numbers, **new})
 
     def numbers(self) -> dict[str, Any]:
         """Return its numbers by the names of `twin.description.materials.RoughPlastic`."""
-        same = ("distribution", "roughness", "index", "covered", "second", "second_roughness")
+        same = ("roughness", "index", "covered", "second", "second_roughness")
         body = None if self.body < 0 else self.body
         return {name: getattr(self, name) for name in same} | {"body_roughness": body}
-
-    @property
-    def distribution(self) -> Distribution:
-        """As `twin.description.materials.RoughPlastic` has it."""
-        return "beckmann" if self.beckmann else "ggx"
 
 
 def coat(
@@ -81,29 +72,28 @@ def coat(
     index: float = INDEX,
     *,
     covered: float = 1.0,
-    distribution: Distribution = "ggx",
     body: float = LAMBERT,
     second: float = 0.0,
     second_roughness: float = 1.0,
 ) -> Coat:
     """Return the coat of a roughness; see `Coat`."""
     where = np.log(np.clip([roughness, second_roughness], TABLED[0], TABLED[-1]))
-    transmittance = np.asarray(_transmittances(index, distribution)(where).real, np.float64)
-    return Coat(roughness, index, transmittance, covered, distribution == "beckmann", body, second, second_roughness)
+    transmittance = np.asarray(_transmittances(index)(where).real, np.float64)
+    return Coat(roughness, index, transmittance, covered, body, second, second_roughness)
 
 
 @lru_cache(16)
-def _transmittances(index: float, distribution: Distribution) -> CubicSpline:
+def _transmittances(index: float) -> CubicSpline:
     """Return what gives the transmittance (NODES,) of a roughness' logarithm: to 0.03 % the renderer's own, see `Coat`.
 
     The body of reflectance 1, seen from where it is lit, has the value cos T(cos)^2 / (index^2 (1 - R)).
     """
-    return CubicSpline(np.log(TABLED), [_transmittance(float(roughness), index, distribution) for roughness in TABLED])
+    return CubicSpline(np.log(TABLED), [_transmittance(float(roughness), index) for roughness in TABLED])
 
 
-def _transmittance(roughness: float, index: float, distribution: Distribution) -> Array:
+def _transmittance(roughness: float, index: float) -> Array:
     mi = import_mitsuba(slow=True)
-    material = RoughPlastic((1.0, 1.0, 1.0), roughness, 0.0, index, distribution=distribution)
+    material = RoughPlastic((1.0, 1.0, 1.0), roughness, 0.0, index)
     plastic = mi.load_dict(loadable(mi, bsdf(material)))
     cosine = np.maximum(np.linspace(0, 1, NODES), 1e-3)
     toward = np.stack([np.sqrt(1 - cosine**2), 0 * cosine, cosine]).astype(np.float32)
@@ -125,36 +115,14 @@ def matte() -> Coat:
 
 
 @numba.njit(nogil=True, cache=True, **VECTORS)
-def _lobe(a2, beckmann, cosines, nv, out):
-    """Fill `out` (F,) with D G of facets of the squared roughness `a2`; `cosines` as `shade` has them.
-
-    Beckmann's D [Beckmann1963], with Smith's share of facets that a direction sees by the rational function of
-    [Walter2007]; or GGX.
-    """
+def _lobe(a2, cosines, nv, out):
+    """Fill `out` (F,) with D G of GGX's facets of the squared roughness `a2`; `cosines` as `shade` has them."""
     nl, nh = cosines[0], cosines[2]
-    if beckmann:
-        of_view = _beckmann_unhidden(nv * nv, a2)
-        for f in range(len(out)):
-            nh2 = nh[f] * nh[f]
-            out[f] = 0.0
-            if nl[f] > 0 and 1 - nh2 <= FARTHEST * a2 * nh2:
-                facets = np.exp((nh2 - 1) / (a2 * nh2)) / (np.pi * a2 * nh2 * nh2)
-                out[f] = facets * _beckmann_unhidden(nl[f] * nl[f], a2) * of_view
-        return
     of_view = 1 + np.sqrt(1 + a2 * (1 / (nv * nv) - 1))
     for f in range(len(out)):
         bottom = nh[f] * nh[f] * (a2 - 1) + 1
         hidden = (1 + np.sqrt(1 + a2 * (1 / (nl[f] * nl[f]) - 1))) * of_view
         out[f] = 4 * a2 / (np.pi * bottom * bottom * hidden)
-
-
-@numba.njit(nogil=True, cache=True, inline="always")
-def _beckmann_unhidden(cosine2, a2):
-    # cot / alpha; 1.6 and more: all are seen.
-    if cosine2 >= 2.56 * a2 * (1 - cosine2):
-        return 1.0
-    a = np.sqrt(cosine2 / (a2 * (1 - cosine2)))
-    return a * (3.535 + 2.181 * a) / (1 + a * (2.276 + 2.577 * a))
 
 
 @numba.njit(nogil=True, cache=True, inline="always")
@@ -202,7 +170,7 @@ def shade(normal, view, lights, roughness, surface, out):
     """Fill out[0] and out[1] with the body's and the coat's pixel values under each light: of albedo and strength 1.
 
     Body: cos_l ((1 - covered) B + covered T(l) T(v)), B of [Burley2012] or 1; coat: pi F D G / (4 cos_v), G by Smith,
-    each direction apart; D and G of GGX or Beckmann [Walter2007], or of two roughnesses mixed. The matte coat (index 1)
+    each direction apart; D and G of GGX [Walter2007], or of two roughnesses mixed. The matte coat (index 1)
     has the body cos_l and no coat.
 
     normal, view: Unit, three numbers each.
@@ -231,10 +199,10 @@ def shade(normal, view, lights, roughness, surface, out):
         fresnel[f] = (across * across + along * along) / 2
     _body(surface, cosines, nv, diffuse)
     a2 = roughness * roughness
-    _lobe(a2, surface.beckmann, cosines, nv, gloss)
+    _lobe(a2, cosines, nv, gloss)
     if surface.second > 0:
         a2 += surface.second_roughness * surface.second_roughness - surface.roughness * surface.roughness
-        _lobe(a2, surface.beckmann, cosines, nv, lobe)
+        _lobe(a2, cosines, nv, lobe)
         for f in range(len(lobe)):
             gloss[f] += surface.second * (lobe[f] - gloss[f])
     for f in range(len(lobe)):

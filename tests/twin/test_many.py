@@ -1,4 +1,4 @@
-"""The engines `direct` and `many`: closed forms, stock Mitsuba, and what must not change their pictures."""
+"""The engine `many`: closed forms, stock Mitsuba, and what must not change their pictures."""
 
 from dataclasses import replace
 
@@ -11,13 +11,10 @@ from scene.normals import unit
 from twin.description.description import Sampling, TwinObject, TwinScene
 from twin.description.materials import Conductor, Diffuse, RoughPlastic
 from twin.description.object_mesh import built_in
-from twin.engines import many
-from twin.engines.direct import Direct
 from twin.engines.film import Film
-from twin.engines.many import Indirect
+from twin.engines.many import Many
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.path_tracing import PathTracer
-from twin.engines.sampling_plan import bends, plan_samples, predicted_error, samples_for, tolerance_for
 from twin.engines.variant import SLOW, import_mitsuba, pick_variant
 
 pytestmark = [
@@ -65,17 +62,16 @@ def whole(scene):
     return Film.of_pinhole(camera, slice(0, camera.height), slice(0, camera.width))
 
 
-def direct(scene, film=None, error=0.003):
+def rendered(scene, film=None, samples=64, seed=10_000):
+    """Return light of one surface and of more, (2, F, h, w, 3)."""
     import_mitsuba()
-    return Direct(mitsuba_scene(scene), film or whole(scene), scene.lights, error=error)
+    film, depth = film or whole(scene), scene.sampling.max_depth
+    many = Many(mitsuba_scene(scene), film, scene.lights, max_depth=depth)
+    return many.band(slice(0, film.size[0]), samples, seed)
 
 
-def indirect(scene, film=None, samples=64, seed=10_000):
-    import_mitsuba()
-    depth = scene.sampling.max_depth
-    return Indirect(
-        mitsuba_scene(scene), film or whole(scene), scene.lights, samples=samples, max_depth=depth, seed=seed
-    )
+def direct(scene, samples=64):
+    return rendered(replace(scene, sampling=replace(scene.sampling, max_depth=2)), samples=samples)[0]
 
 
 def stock(scene, samples):
@@ -87,7 +83,7 @@ def test_a_matte_ball_under_a_distant_light_has_the_closed_form():
     """Albedo times intensity times cosine, to 0.1 %, where the pixel is not at an edge; 0 behind the terminator."""
     given = lights([0, 0, 1], [-0.5, 0.6, 0.6], intensities=[[1, 1, 1], [1.2, 0.5, 0.8]])
     scene = scene_of((placed("ball", "sphere", "m"),), {"m": Diffuse((0.2, 0.5, 0.9))}, given)
-    images = direct(scene).images()
+    images = direct(scene)
     # A pixel's value is its area's mean: of 6 x 6 points.
     within = np.stack(np.meshgrid(*[(np.arange(6) + 0.5) / 6 - 0.5] * 2), -1).reshape(-1, 2)
     origins, rays = CAMERA.rays(CAMERA.grid()[..., None, :] + within)
@@ -115,7 +111,7 @@ def test_the_mean_is_that_of_stock_mitsuba_shadows_gloss_and_all(near, flat, dis
     given = lights([120, 60, 200], [-90, 150, 160], near=near, intensities=[[1, 1, 1], [0.5, 0.8, 1.1]])
     ball = RoughPlastic((0.4, 0.4, 0.6), 0.2, distribution=distribution)
     scene = scene_of(*corner(ball), given, camera=camera, max_depth=2)
-    ours, theirs = direct(scene).images(), stock(scene, 256)
+    ours, theirs = direct(scene, 256), stock(scene, 256)
     assert np.allclose(ours.mean((1, 2)), theirs.mean((1, 2)), rtol=2e-3)
     assert np.sqrt(np.mean((ours - theirs) ** 2)) < 0.006 * theirs.mean()
 
@@ -124,9 +120,9 @@ def test_the_mean_is_that_of_stock_mitsuba_shadows_gloss_and_all(near, flat, dis
 def test_light_that_went_on_is_what_stock_mitsuba_has_beyond_direct_light():
     given = lights([120, 60, 200], [-90, 150, 160], near=True)
     scene = scene_of(*corner(), given)
-    through = indirect(scene).images()
+    straight, through = rendered(scene, samples=400)
     whole_of = stock(scene, 400)
-    beyond = whole_of - direct(scene).images()
+    beyond = whole_of - straight
     assert beyond.mean() > 0.05 * whole_of.mean(), "the scene shows what is tested"
     assert np.allclose(through.mean((1, 2)), beyond.mean((1, 2)), rtol=0.02)
     assert np.sqrt(np.mean((through - beyond) ** 2)) < 0.02 * whole_of.mean()
@@ -140,9 +136,9 @@ def test_light_that_went_on_is_what_stock_mitsuba_has_beyond_direct_light():
 def test_light_that_a_glossy_ball_throws_on_its_surroundings_is_where_stock_mitsuba_has_it(max_depth, distribution):
     given = lights([120, 60, 200], near=True)
     scene = scene_of(*corner(Conductor("Al", 0.3, distribution)), given, max_depth=max_depth)
-    through = indirect(scene, samples=256).images()
+    straight, through = rendered(scene, samples=576)
     both = stock(scene, 576)
-    beyond = both - direct(scene).images()
+    beyond = both - straight
     blocks = (through - beyond).reshape(1, 5, 8, 6, 8, 3).mean((2, 4))
     assert np.sqrt(np.mean(blocks**2)) < 0.006 * both.mean()
     assert np.allclose(through.mean((1, 2)), beyond.mean((1, 2)), rtol=0.03)
@@ -157,8 +153,7 @@ def test_inside_a_matte_ball_it_is_an_integrating_sphere(max_depth, terms):
     matrix = np.diag([40.0, 40.0, 40.0, 1.0])
     ball = TwinObject("ball", built_in("sphere"), "m", matrix)
     scene = scene_of((ball,), {"m": Diffuse(tuple(rho))}, given, camera=camera, max_depth=max_depth)
-    straight = direct(scene).images()[0]
-    went_on = indirect(scene, samples=16).images()[0]
+    straight, went_on = rendered(scene, samples=16)[:, 0]
     assert np.allclose(straight, rho, rtol=0.01)
     series = rho * sum(rho**k for k in range(1, terms))
     # A grazing ray in a thousand slips out between facet and smooth normal.
@@ -166,66 +161,40 @@ def test_inside_a_matte_ball_it_is_an_integrating_sphere(max_depth, terms):
     assert np.allclose(went_on.mean((0, 1)), series, rtol=2e-3)
 
 
-@pytest.mark.full
 def test_frames_are_linear_in_intensity_and_go_with_their_lights():
     given = lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8], [0, -0.3, 1])
     scene = scene_of(*corner(), given)
     brighter = given.intensities * np.array([[1.0], [2.0], [0.5]])
     turned = [2, 0, 1]
-    changes = {
-        "bright": replace(given, intensities=brighter),
-        "turned": replace(given, names=tuple(given.names[i] for i in turned), directions=given.directions[turned]),
-    }
-    for engine in (direct, indirect):
-        images = engine(scene).images()
-        bright = engine(replace(scene, lights=changes["bright"])).images()
-        permuted = engine(replace(scene, lights=changes["turned"])).images()
-        # `direct` samples each light where that light's own picture asks for it, whatever its brightness.
-        assert np.allclose(permuted, images[turned], rtol=1e-4, atol=1e-4 * images.mean())
-        close = np.abs(bright - images * brighter[:, None, None]) < 1e-4 + 1e-3 * bright
-        assert close.mean() > (0.98 if engine is direct else 0.9999)
-        assert np.allclose(bright.mean((1, 2)), images.mean((1, 2)) * brighter, rtol=2e-3)
+    other = replace(given, names=tuple(given.names[i] for i in turned), directions=given.directions[turned])
+    images = rendered(scene, samples=4)
+    bright = rendered(replace(scene, lights=replace(given, intensities=brighter)), samples=4)
+    assert np.allclose(bright, images * brighter[:, None, None], rtol=1e-4)
+    assert np.array_equal(rendered(replace(scene, lights=other), samples=4), images[:, turned])
 
 
-def test_bands_change_nothing():
-    scene = scene_of(*corner(), lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8]))
-    engine = direct(scene)
-    at_once = engine.images()
-    pieces = [engine.band(slice(row, min(row + 7, len(at_once[0])))) for row in range(0, len(at_once[0]), 7)]
-    assert len(pieces) == 6
-    assert np.allclose(np.concatenate(pieces, 1), at_once, atol=1e-6)
+def test_neither_bands_nor_threads_change_anything():
+    import drjit
+
+    scene, threads = scene_of(*corner(), lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8])), drjit.thread_count()
+    at_once = rendered(scene, samples=5)
+    many = Many(mitsuba_scene(scene), whole(scene), scene.lights, max_depth=5)
+    try:
+        drjit.set_thread_count(3)
+        pieces = [many.band(slice(row, min(row + 7, 40)), 5, 10_000) for row in range(0, 40, 7)]
+    finally:
+        drjit.set_thread_count(threads)
+    assert np.array_equal(np.concatenate(pieces, 2), at_once)
+    assert not np.array_equal(rendered(scene, samples=5, seed=1), at_once)
 
 
-def test_the_order_in_which_threads_add_changes_nothing():
-    scene = scene_of(*corner(), lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8]))
-    engine = direct(scene, error=0.003)
-    assert engine.samples_per_pixel > 4
-    first = engine.images()
-    for _ in range(3):
-        assert np.array_equal(engine.images(), first)
-
-
-def test_the_order_changes_nothing_of_what_glossy_surfaces_send_on(monkeypatch):
-    monkeypatch.setattr(many, "FIRST_LOOK", 1 << 12)
-    objects, _ = corner()
-    shiny = {one.material: RoughPlastic((0.5, 0.5, 0.5), 0.1) for one in objects}
-    scene = scene_of(objects, shiny, lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8]))
-    first, again = (indirect(scene, samples=16).images() for _ in range(2))
-    assert first.max() > 0
-    assert np.array_equal(first, again)
-
-
-@pytest.mark.full
 def test_a_window_is_a_cut_of_the_whole():
     scene = scene_of(*corner(), lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8]))
     cut = replace(whole(scene), rows=slice(8, 30), columns=slice(10, 41), window=(8, 10, 22, 31))
-    part = direct(scene, cut, error=0.001).images()
+    part, expected = rendered(scene, cut).sum(0), rendered(scene).sum(0)[:, 8:30, 10:41]
     assert part.shape == (2, 22, 31, 3)
-    expected = direct(scene, error=0.001).images()[:, 8:30, 10:41]
-    assert np.sqrt(np.mean((part - expected) ** 2)) < 0.004 * expected.mean()
-    went_on = indirect(scene, cut, samples=256).images()
-    expected = indirect(scene, samples=256).images()[:, 8:30, 10:41]
-    assert np.allclose(went_on.mean((1, 2)), expected.mean((1, 2)), rtol=0.02)
+    assert np.sqrt(np.mean((part - expected) ** 2)) < 0.05 * expected.mean()
+    assert np.allclose(part.mean((1, 2)), expected.mean((1, 2)), rtol=0.01)
 
 
 def test_light_behind_the_surface_and_a_hidden_light_give_nothing():
@@ -233,33 +202,10 @@ def test_light_behind_the_surface_and_a_hidden_light_give_nothing():
     objects, materials = corner()
     walls = (objects[0], placed("ball", "sphere", "ball", (0, 0, 10), 12.0))
     given = lights([60, 45, 75], [0, 0, -1])
-    images = direct(scene_of(walls, materials, given)).images()[..., 0]
+    images = direct(scene_of(walls, materials, given))[..., 0]
     # From the ball's middle, 40 mm before the wall, along -(60, 45, 75): to (-32, -24) mm on the wall.
     for x, y in ((-32, -24), (32, 24), (-32, 24), (32, -24), (-24, -32)):
         u, v = CAMERA.project(np.array([x, y, -330.0])).round().astype(int)
         dark = images[0, v - 1 : v + 2, u - 1 : u + 2].max() == 0
         assert dark == ((x, y) == (-32, -24)) or (x, y) == (-24, -32)
     assert images[1].max() == 0
-
-
-def test_samples_go_where_the_picture_bends_and_the_plan_adds_up():
-    rng = np.random.default_rng(10_002)
-    images = np.zeros((3, 20, 30, 3), np.float32)
-    images[0, :, 14:] = 1  # an edge
-    images[1] = np.linspace(0, 1, 30)[:, None]  # a slope
-    images[2, 7, 9] = rng.random(3)  # a speck
-    bend = np.empty((3, 20, 30), np.float32)
-    bends(images, np.ones(3, np.float32), bend)
-    assert np.array_equal(np.unique(np.nonzero(bend[0] > 0.1)[1]), [13, 14])
-    assert bend[1, :, 1:-1].max() < 1e-6
-    for error in (0.05, 0.02, 0.01):
-        tolerance = tolerance_for(bend, error)
-        samples = samples_for(bend, tolerance)
-        assert predicted_error(bend, samples) <= error
-        pixels, first_lane, first_pair, light, counts, lights_of_lane = plan_samples(bend, 2, 11, tolerance)
-        wanted = samples[:, 2:13].reshape(3, -1)
-        assert np.array_equal(pixels, np.nonzero((wanted > 1).any(0))[0])
-        owner = np.repeat(pixels, np.diff(first_pair))
-        assert np.array_equal(counts, wanted[light, owner])
-        assert np.array_equal(np.diff(first_lane), wanted[:, pixels].max(0))
-        assert lights_of_lane.sum() == counts.sum()
