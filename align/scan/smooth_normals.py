@@ -123,12 +123,12 @@ def _adapted(plain: Array, near: Neighbours, noise: Array, fits: list[Fits]) -> 
         both = known[:, k] & known[:, j]
         apart = ((normals[:, k] - normals[:, j]) ** 2).sum(1)
         expected = np.abs(np.where(both, variance[:, j], 0.0) - np.where(both, variance[:, k], 0.0))
-        apart, expected, weight = near.smooth(np.stack([both * apart, expected, both * 1.0], -1), ROUNDS).T
+        apart, expected, weight = near.smooth(np.stack([both * apart, expected, both], -1).astype(np.float64), ROUNDS).T
         return np.maximum(apart - beyond * expected, 0) / np.maximum(weight, 1e-12)
 
     # What the smallest fit leaves beyond noise is shape that it does not follow, and as bad as noise.
     left = np.where(known[:, 1], fits[0].variance * (fits[0].rough - noise[0] ** 2), 0.0)
-    sums = near.smooth(np.stack([left, known[:, 1] * 1.0], -1), ROUNDS)
+    sums = near.smooth(np.stack([left, known[:, 1]], -1).astype(np.float64), ROUNDS)
     bias = np.zeros_like(variance)
     bias[:, 1] = SHAPE * np.maximum(sums[:, 0] / np.maximum(sums[:, 1], 1e-12), 0)
     bias[:, 0] = np.maximum(differ(1, 0, 1.0) - bias[:, 1], 0)
