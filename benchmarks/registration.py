@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from align.pose.photographed import Photographs
-from align.pose.picks import misses_px, pose_of, refined
+from align.pose.picks import misses_px, pose_of
 from align.pose.register import Registration, register
 from align.scan.mended_scan import load_scan
 from align.truth import ground_truth
@@ -340,7 +340,6 @@ def _picked(name: str, noise_px: float, trials: int) -> list[PickRow]:
         pixels = np.stack([columns, rows], -1)[chosen] + noise_px * generator.standard_normal((PICKS, 2))
         pose = pose_of(made.camera, points, pixels, radius, center)
         assert pose is not None
-        pose = refined(pose, made.camera, points, pixels, center)
         misses = misses_px(pose, made.camera, made.points, made.camera.project(made.pose.apply(made.points)))
         shift = np.linalg.norm(pose.apply(center) - made.pose.apply(center))
         found.append(((pose @ made.pose.inverse()).angle_deg(), shift, np.sqrt(np.mean(misses**2))))

@@ -126,9 +126,8 @@ def _by_the_scan(view: Any, photographs: Any, *, refine: bool) -> tuple[Lights, 
     lights = photographs.lights
     witness = ask_scan(view, photographs)
     result = {
-        "turn_deg": witness.turn_deg(lights),
-        "brighter": witness.brighter(lights),
-        "explains": witness.explains,
+        "turn_deg": witness.turn_deg,
+        "brighter": witness.brighter,
         "off": [lights.names[n] for n in np.flatnonzero(witness.off(lights))],
         "refined": refine,
     }

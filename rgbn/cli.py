@@ -125,21 +125,11 @@ def align(
     /,
     *,
     out: Out = None,
-    check: Annotated[
-        bool,
-        Parameter(
-            help="Check the registration: refine again from beside it, and the cost around it.",
-            negative="",
-        ),
-    ] = False,
     refine_lights: Refine = None,
     json: Json = False,
 ) -> None:
     """Find the object, register its scan, write the ground-truth normals."""
-    from rgbn.align_check import checked
-
-    around = partial(checked, tell=not (json or is_quiet())) if check else None
-    _run(json, session, "align", out=out, around=around, refine_lights=refine_lights)
+    _run(json, session, "align", out=out, refine_lights=refine_lights)
 
 
 @app.command(sort_key=6)

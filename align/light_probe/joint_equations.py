@@ -18,6 +18,7 @@ from align.light_probe.light_step import light_slopes
 from align.pose.full_resolution import FinalEvidence
 from align.pose.refine import robust_sigma
 from scene.errors import AlignError
+from scene.lights import Lights
 
 Array = NDArray[np.float64]
 SECTORS = 8
@@ -64,6 +65,24 @@ class JointEquations:
         beside = _beside(len(lights), near, seen.caster.mesh.radius_mm, outline, bias)
         return cls(matrices / effect, pulls / effect, beside, len(lights))
 
+    @classmethod
+    def of_lights(
+        cls,
+        lights: Lights,
+        pixels: Array,
+        surface: tuple[Array, Array],
+        values: Array,
+        used: NDArray[np.bool_],
+        doubt_deg: float,
+    ) -> "JointEquations":
+        """Linearise at lights and a pose that is held, by relative values (N, P) of `pixels` (P, 2) on a `surface`."""
+        points, normals = surface
+        fitted = _Pixels.of(lights.toward(points), normals, values, used, np.full(len(points), doubt_deg))
+        slopes = light_slopes(lights, points, fitted.m, near=False)
+        matrices, pulls = fitted.equations(slopes, np.zeros((len(points), 3, 6)), _sector_of(pixels))
+        nothing = np.zeros((6, 6)), np.zeros(6)
+        return cls(matrices, pulls, _beside(len(lights), False, 1.0, nothing, nothing), len(lights))
+
     def solve(self, *, without: int | None = None, nearness: Array | None = None) -> tuple[Array, Array]:
         """Return the best step (6 + k N,), the pose's six first, in its units, and the pose's covariance (6, 6).
 
@@ -84,6 +103,21 @@ class JointEquations:
     def lights_of(self, step: Array) -> Array:
         """Return the lights' part (N, k) of a step."""
         return step[6:].reshape(self.count, -1)
+
+    def lights_held_out(self, before: Array) -> Array:
+        """Return (SECTORS, N), by how much less each light misses each sector, fitted to the rest, than after `before`.
+
+        `before` (N, k): the step back to lights as they were. In variances of a sample.
+        """
+        gain = np.zeros((len(self.matrices), self.count))
+        k = before.shape[1]
+        for sector, (matrix, pull) in enumerate(zip(self.matrices, self.pulls, strict=True)):
+            blocks = matrix[6:, 6:].reshape(self.count, k, self.count, k)
+            own = np.einsum("ninj->nij", blocks)
+            for sign, step in ((1, before), (-1, self.lights_of(self.solve(without=sector)[0]))):
+                missed = np.einsum("ni,nij,nj->n", step, own, step) - 2 * (step * self.lights_of(pull)).sum(1)
+                gain[sector] += sign * missed
+        return gain
 
     def held_out(self, nearness: Array) -> Array:
         """Return (SECTORS,), by how much less near lights miss each sector than distant ones, both fitted to the rest.

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.motion import nudge
 from formats.meshes.scan_files import LARGEST
 from scene.camera import FROM_OPENCV, Camera
 from scene.errors import AlignError
@@ -77,7 +76,7 @@ def read_picks(path: Path, camera: Camera, mesh: Mesh, *, unit: str = "mm", half
     for _ in range(3):
         if agree.sum() < FEWEST:
             break
-        pose = refined(pose, camera, points[agree], pixels[agree], mesh.center_mm)
+        pose = pose_of(camera, points[agree], pixels[agree], mesh.radius_mm, mesh.center_mm) or pose
         misses = misses_px(pose, camera, points, pixels)
         agree = misses < tolerance_px
     misses = misses_px(pose, camera, points, pixels)
@@ -224,22 +223,3 @@ def misses_px(pose: Pose, camera: Camera, points: Array, pixels: Array) -> Array
     """Return (K,), px, how far points land from their pixels; inf behind the camera."""
     miss = np.linalg.norm(camera.project(pose.apply(points)) - pixels, axis=1)
     return np.where(np.isfinite(miss), miss, np.inf)
-
-
-def refined(pose: Pose, camera: Camera, points: Array, pixels: Array, center_mm: Array) -> Pose:
-    """Return the pose of least squared distance in pixels, distortion honoured, from `pose` on."""
-    from scipy.optimize import least_squares
-
-    pivot = pose.apply(center_mm)
-    length = float(np.abs(points - points.mean(0)).max())
-    # Depth moves nothing under an orthographic camera.
-    depth = 0.0 if camera.is_orthographic else 1.0
-
-    def moved(step: Array) -> Pose:
-        twist = step * [1 / length, 1 / length, 1 / length, 1, 1, depth]
-        return nudge(pose, twist, pivot)
-
-    def residuals(step: Array) -> Array:
-        return np.nan_to_num((camera.project(moved(step).apply(points)) - pixels).ravel(), nan=1e4)
-
-    return moved(least_squares(residuals, np.zeros(6), x_scale=1.0).x)

@@ -49,7 +49,7 @@ def test_the_light_that_is_off_is_named_and_put_right(world, glossy, kind, turn,
     lights = _spoilt(scene.lights, turn, brighter)
     witness = _asked(scene, lights)
     assert np.flatnonzero(witness.off(lights)).tolist() == [WRONG]
-    assert witness.brighter(lights)[WRONG] == pytest.approx(brighter, abs=0.025)
+    assert witness.brighter[WRONG] == pytest.approx(brighter, abs=0.025)
     better = refined(lights, witness)
     error = angular_error_deg(better.directions, scene.lights.directions)
     assert error[WRONG] < (0.2 if kind == "matte" else 1.0)

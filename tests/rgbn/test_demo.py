@@ -235,22 +235,6 @@ def test_a_photographed_twin_is_of_the_sessions_kind(demo, tmp_path):
 
 
 @pytest.mark.full
-def test_the_check_of_the_registration_starts_from_what_is_there(demo, tmp_path):
-    """Nothing is aligned again; the pose comes back from beside it."""
-    out = tmp_path / "out"
-    shutil.copytree(demo[0], out)
-    run = subprocess.run(
-        [*COMMAND, "align", str(FIXTURE), "--out", str(out), "--check"], check=True, capture_output=True, text=True
-    )
-    assert "align ..." not in run.stderr
-    assert "The cost is lowest at the pose." in run.stdout
-    found = json.loads((out / "align" / "check.json").read_text())
-    assert max(found["returned_px"]) < 0.2 < 3 < min(found["started_px"])
-    for name in ("photograph", "shaded", "outline", "outline_zoom", "checkerboard", "sigma"):
-        assert (out / "align" / f"{name}.png").is_file()
-
-
-@pytest.mark.full
 def test_mitsuba_alone_renders_the_exported_twin(demo, tmp_path):
     """`rgbn export --format mitsuba`, then Mitsuba's own command line: the frames that `rgbn twin` rendered."""
     from formats.pictures import read_picture
