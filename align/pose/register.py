@@ -58,7 +58,7 @@ class Registration:
     of an edge), misfit (these as one number, see `Fit`), shading (relative residual), rim_points, edge_bias_px,
     disagreement (of outline and shading: the variance is inflated by it); under near lights scale, scale_sigma (see
     `free_scale`); of the best pose and the next, where there is one: cost, second_cost, second_deviations (see
-    `compare_poses`), second_angle_deg; where the focal length is not known: focal_sigma (relative), focal_turn_deg and
+    `compare_poses`), second_angle_deg; where the focal length is not known: focal_sigma (relative), and
     focal_shift_mm (of the pose, over one sigma of it)."""
     warnings: tuple[str, ...] = ()
     ambiguous: bool = False
@@ -171,7 +171,6 @@ def register(
     longer = register_longer(evidence)
     if longer is not None:
         facts["focal_sigma"] = photographs.camera.focal_sigma
-        facts["focal_turn_deg"] = float(np.degrees(np.linalg.norm(longer.twist[:3])))
         facts["focal_shift_mm"] = float(np.linalg.norm(longer.twist[3:]))
     return Registration(
         pose,
