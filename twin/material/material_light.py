@@ -14,9 +14,9 @@ from twin.material.material_samples import Samples
 from twin.scan_scene import scan_scene
 from twin.visibility import Sight
 
-SIDE = 56
+SIDE = 112
 """Pixels across the object: light from elsewhere changes slowly."""
-SAMPLES, DEPTH = 64, 4
+SAMPLES, DEPTH = 36, 4
 
 
 def material_scene(
