@@ -142,7 +142,7 @@ def align(job: Job) -> Outcome:
     given = read_mask(session.mask, frames.height, frames.width) if session.mask else None
     found = find_object(frames, camera, spheres, mask_given=given)
     lights = lights.seen_from(_object_point(camera, spheres, lights, found.mask))
-    warnings, result = [*found.warnings, *part_warnings(frames, parts_of(spheres, camera, found.mask), lights)], None
+    warnings, result = [*found.warnings, *part_warnings(frames, parts_of(spheres, camera))], None
     if session.lights_file and not spheres:
         told = lights_in_other_axes(frames, lights, camera, found.mask)
         warnings += [told] if told else []

@@ -77,11 +77,12 @@ def movement_warnings(frames: Frames, facts: list[FrameFacts]) -> list[str]:
     if found.step is not None:
         here, (right, down) = found.step.first, found.step.shift_px
         turn = f", turned by {abs(found.step.turn_deg):.1f} degrees" if found.step.turn_deg else ""
+        growth = f", grown by {found.step.growth:+.1%}" if found.step.growth else ""
+        what = "the focus or the zoom" if growth else "the camera or the table"
         return [
             f"{frames.names[here]}: from here on the picture lies {np.hypot(right, down):.1f} px off the frames before "
-            f"(right {right:+.1f}, down {down:+.1f}{turn}): the camera or the table moved after "
-            f"{frames.names[here - 1]}, or the object with what lies around it. Reshoot, or list the frames before or "
-            "after under frames.skip."
+            f"(right {right:+.1f}, down {down:+.1f}{turn}{growth}): {what} moved after {frames.names[here - 1]}, or "
+            "the object with what lies around it. Reshoot, or list the frames before or after under frames.skip."
         ]
     return [
         f"{frames.names[i]}: the picture lies {np.hypot(right, down):.1f} px off the other frames' (right "

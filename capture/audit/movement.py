@@ -1,4 +1,4 @@
-"""Did the camera stand still? One frame's static edges against the others', frames before against frames after."""
+"""Did the camera or its focus stand still? A frame's static edges against the others', those before against after."""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -28,11 +28,12 @@ LEAST_PX = 1.0
 
 @dataclass(frozen=True)
 class Step:
-    """From frame `first` on the picture lies `shift_px` (u, v) elsewhere, and is turned about its middle."""
+    """From frame `first` on the picture lies `shift_px` (u, v) elsewhere, turned about its middle and grown."""
 
     first: int
     shift_px: NDArray[np.float64]
     turn_deg: float
+    growth: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -200,7 +201,7 @@ def step_votes(units: NDArray[np.complex64]) -> NDArray[np.float32]:
 
 
 def find_step(votes, middles: NDArray[np.float64], gain: float = GAIN) -> Step | None:
-    """Return the movement that stays, if there is one: tiles vote for a shift and a turn in common [Ballard1981].
+    """Return the movement that stays, if there is one: tiles vote for a shift, and a turn or growth [Ballard1981].
 
     `votes` are the tiles', see `step_votes`; `middles` (T, 2) their (u, v) from the picture's middle; `gain` the least
     that counts, see `GAIN`.
@@ -210,31 +211,37 @@ def find_step(votes, middles: NDArray[np.float64], gain: float = GAIN) -> Step |
         return None
     still = planes[:, :, REACH_PX, REACH_PX].mean(0)
     farthest = max(float(np.linalg.norm(middles, axis=1).max()), 1.0)
-    best = (gain, -1, 0.0, np.zeros((1, 1)))
-    for turn in np.arange(-REACH_PX // 2, REACH_PX // 2 + 1) / farthest:
-        total = _turned(planes, middles, turn)
+    rates = np.arange(-REACH_PX // 2, REACH_PX // 2 + 1) / farthest
+    best = (gain, -1, 0j, np.zeros((1, 1)))
+    # A camera turns, or a focus moves: not both.
+    for rate in (*(1j * rates), *rates[rates != 0]):
+        total = _taken_back(planes, middles, rate)
         gains = total.max((1, 2)) - still
         k = int(np.argmax(gains))
         if gains[k] > best[0]:
-            best = (float(gains[k]), k, float(turn), total[k])
-    _, k, turn, plane = best
+            best = (float(gains[k]), k, complex(rate), total[k])
+    _, k, rate, plane = best
     if k < 0:
         return None
     row, column, down, right = peak(plane)
     shift = np.array([column + right - REACH_PX, row + down - REACH_PX])
-    moved = shift + turn * middles[:, ::-1] * [-1, 1]
-    if np.sqrt(np.mean(np.sum(moved**2, 1))) < LEAST_PX:
+    moved = shift @ [1, 1j] + rate * (middles @ [1, 1j])
+    if np.sqrt(np.mean(np.abs(moved) ** 2)) < LEAST_PX:
         return None
-    return Step(k + FEWEST_BESIDE, shift, float(np.degrees(turn)))
+    return Step(k + FEWEST_BESIDE, shift, float(np.degrees(rate.imag)), rate.real)
 
 
-def _turned(planes: NDArray, middles: NDArray, turn: float) -> NDArray:
-    """Return the mean over tiles of planes (T, K, h, w), each moved by what a turn (radians) moves its tile."""
+def _taken_back(planes: NDArray, middles: NDArray, rate: complex) -> NDArray:
+    """Return the mean over tiles of planes (T, K, h, w), each moved by what a growth and a turn move its tile.
+
+    `rate`: the growth, and the turn (radians) as its imaginary part.
+    """
     total = np.zeros(planes.shape[1:])
     height, width = planes.shape[2:]
     for plane, (u, v) in zip(planes, middles, strict=True):
-        # A turn moves the tile by (-turn v, turn u): its vote for the shift lies so far from its peak.
-        right, down = round(-turn * v), round(turn * u)
+        # The tile's vote for the shift lies so far from its peak.
+        moved = rate * complex(u, v)
+        right, down = round(moved.real), round(moved.imag)
         rows = slice(max(down, 0), min(height + down, height)), slice(max(-down, 0), min(height - down, height))
         columns = slice(max(right, 0), min(width + right, width)), slice(max(-right, 0), min(width - right, width))
         total[:, rows[1], columns[1]] += plane[:, rows[0], columns[0]]

@@ -20,7 +20,6 @@ from capture.session.session_types import Session
 from lab.watch.shots import Shot, mean_codes
 from scene.errors import CaptureError
 from scene.frames import Frames
-from scene.lights import Lights
 
 LOOKED_BACK = 12
 """The newest frames: among them a movement is sought, and a lost focus; what happened before was told before."""
@@ -86,12 +85,12 @@ class FramesSoFar:
         return told
 
     @staticmethod
-    def late_warnings(frames: Frames, flash: list[Shot], parts: list[Part], lights: Lights | None = None) -> list[str]:
+    def late_warnings(frames: Frames, flash: list[Shot], parts: list[Part]) -> list[str]:
         """Return what takes a second to find in the newest frames: a lost focus, a movement of all, or of `parts`."""
         last = slice(-LOOKED_BACK, None)
         recent, facts = frames.only(last), [shot.facts for shot in flash[last]]
         moved = movement_warnings(recent, facts) if len(facts) >= FEWEST else []
-        return [*focus_warnings(recent, facts), *(moved or part_warnings(recent, parts, lights))]
+        return [*focus_warnings(recent, facts), *(moved or part_warnings(recent, parts))]
 
 
 class Told:

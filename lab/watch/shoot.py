@@ -127,7 +127,7 @@ class Shoot:
         exif = [shot.exif for shot in flash]
         small, step = self._small(), flash[0].small.step
         with ThreadPoolExecutor(1) as beside:
-            late = beside.submit(self._frames.late_warnings, self._stack, flash, self._parts(), self.lights)
+            late = beside.submit(self._frames.late_warnings, self._stack, flash, self._parts())
             if not lights.is_due(len(flash)):
                 lights.update(small, exif, step)
                 yield self._new(lights.warnings)
@@ -165,7 +165,7 @@ class Shoot:
         found = self.lights_so_far.found
         if found is None or found.camera is None:
             return []
-        return parts_of(found.spheres, found.camera, self._normals.mask, self.sorted.flash[0].small.step)
+        return parts_of(found.spheres, found.camera, self.sorted.flash[0].small.step)
 
     def _small(self) -> Frames:
         assert self._stack is not None

@@ -177,6 +177,24 @@ def test_a_camera_that_turned_midway(warnings_of, scene_pictures):
     assert float(re.findall(r"turned by ([\d.]+) degrees", warning)[0]) == pytest.approx(2, abs=0.4)
 
 
+def test_a_zoom_that_moved_midway(warnings_of, scene_pictures):
+    """By 2 %: nothing lay elsewhere in the middle of the picture."""
+    images = scene_pictures()
+    height, width = images.shape[1:3]
+    zoom = cv2.getRotationMatrix2D((width / 2, height / 2), 0.0, 1.02)
+    images[7:] = [cv2.warpAffine(i, zoom, (width, height), borderMode=cv2.BORDER_REPLICATE) for i in images[7:]]
+    (warning,) = warnings_of(images)
+    assert "flash_007: from here on" in warning
+    assert "the focus or the zoom moved after flash_006" in warning
+    assert float(re.findall(r"grown by \+([\d.]+)%", warning)[0]) == pytest.approx(2, abs=0.6)
+
+
+def test_a_camera_that_sinks_little_by_little_is_named(warnings_of, scene_pictures):
+    images = np.stack([moved(image, (0, 0.35 * i)) for i, image in enumerate(scene_pictures())])
+    (warning,) = warnings_of(images)
+    assert "from here on the picture lies" in warning
+
+
 def moved(image, shift):
     matrix = np.array([[1, 0, shift[0]], [0, 1, shift[1]]], np.float32)
     size = (image.shape[1], image.shape[0])
