@@ -1,7 +1,6 @@
 """Ground-truth normals: the registered scan, seen through the camera, and how sure each normal is."""
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +51,6 @@ def ground_truth(
     *,
     covariance: NDArray | None = None,
     longer: LongerFocal | None = None,
-    normals: Literal["smooth", "facet"] = "smooth",
     at_vertices: tuple[Array, Array] | None = None,
 ) -> Truth:
     """Cast a ray through every pixel's centre and read the scan's normals.
@@ -69,9 +67,6 @@ def ground_truth(
         Of the pose, as in `Registration.covariance`; without it, sigma is the scan's part alone.
     longer : LongerFocal, optional
         Of the same registration; with `covariance`.
-    normals : {"smooth", "facet"}
-        "smooth": the surface's, freed from the scan's noise, interpolated over the face. "facet": the
-        triangle's own, as measured; sigma then says how far off that may be.
     at_vertices : ((V, 3), (V,)), optional
         What `smooth_normals(mesh)` returned; computed here when absent.
 
@@ -122,12 +117,7 @@ def ground_truth(
             variance = variance + _pose_variance(view, here, middle, own)
         if longer is not None:
             variance = variance + _turned(View(caster, longer.camera, longer.pose), here, middle)
-        if normals == "facet":
-            answer = pose.rotate(mesh.face_normals[face])
-            variance = variance + angular_error_deg(answer, middle) ** 2
-        else:
-            answer = _average(view, here, face, depth[first + v, u], middle)
-        found[first + v, u] = answer
+        found[first + v, u] = _average(view, here, face, depth[first + v, u], middle)
         sigma[first + v, u] = np.sqrt(variance)
     return Truth(found, depth, sigma, np.isfinite(depth))
 

@@ -30,7 +30,6 @@ FEATURES: dict[Kind, tuple[str, ...]] = {
     "white": ("one", "shading", "flatter", "taller", "support", "radius"),
 }
 """What is seen of a circle, in the order of the weights."""
-PAIRS = "chrome and chrome", "chrome and white", "white and white"
 EACH = 2  # circles of one kind that overlap and are considered
 LIKELIEST, HOPELESS = 60, -6.0  # circles that are considered, and log-odds of their own under which none is
 STARTS = 10  # circles from which the likeliest set is sought
@@ -78,9 +77,9 @@ def fitted() -> Weights:
     return tomllib.loads(WEIGHTS.read_text())
 
 
-def considered(suspects: Sequence[Suspect], weights: Weights | None = None) -> list[Suspect]:
+def considered(suspects: Sequence[Suspect]) -> list[Suspect]:
     """Return the suspects without those that are worse than `EACH` others at their place."""
-    quality = (weights or fitted())["circle"]
+    quality = fitted()["circle"]
     kept: list[Suspect] = []
     for one in sorted(suspects, key=lambda s: -float(s.features @ quality[s.like])):
         same = sum(one.like == o.like and overlap(one.sphere, o.sphere) for o in kept)

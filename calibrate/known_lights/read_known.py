@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from formats.light_files.light_formats import read_light_file
 from formats.light_files.light_frames import keys_of, places
@@ -15,7 +14,6 @@ from scene.errors import CalibrationError
 from scene.lights import Lights
 from scene.reading import ENCODE, listed, shortened
 
-Array = NDArray[np.float64]
 LARGEST = 1e9  # of any number of a light: a thousand kilometres, or a flash a billion times as bright as the others
 NO_INTENSITIES = "has no intensities"
 """Ends the flag, after the file's name, of lights whose intensities are 1 because their file has none."""

@@ -59,7 +59,6 @@ class MirroredTable(NamedTuple):
     plane: TablePlane
     blur_px: float  # standard deviation of the blur under which the silhouette edge is seen
     mirror: float  # reflectance where it faces the camera
-    law: Law  # by which it changes with the angle
     explained: float  # share of the profiles' variance that the model explains; d and e alone explain none of it
     is_fresnels: float = 0.0  # log ratio of what Schlick's law and Fresnel's leave; 0 where only one was tried
 
@@ -205,7 +204,7 @@ def _settle(
     covariance = inverse @ (sums.T @ sums + np.diag(prior)) @ inverse
     (sphere, plane, blur), best = kept.at, kept.explained
     found = TablePlane(plane, np.sqrt(np.diag(covariance)[PLANE]))
-    return MirroredTable(sphere, covariance[OUTLINE, OUTLINE], found, blur, best.mirror, law, best.share)
+    return MirroredTable(sphere, covariance[OUTLINE, OUTLINE], found, blur, best.mirror, best.share)
 
 
 class _Turn(NamedTuple):

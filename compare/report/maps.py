@@ -1,17 +1,9 @@
 """The report's still maps of the object: normals, errors, sigma, albedo; the viewer reads their values."""
 
-import numpy as np
-
 from compare.report import charts, pictures
 from compare.report.facts import Material, Summary, by_error, doubts_of
 from compare.report.layers import Layers
 from compare.report.page import absent, is_number, picture, say, section
-from compare.report.pictures import Box
-from scene.map_pictures import known_pixels
-
-MAP_WIDTH = 440
-MAPS_PIXELS = 2_400_000
-"""Of all maps together."""
 
 
 def normals_section(material: Material, layers: Layers | None, ranking: str) -> str:
@@ -28,17 +20,6 @@ def normals_section(material: Material, layers: Layers | None, ranking: str) -> 
             scale = colour_scale(layers.scales["sigma"]["end_deg"]) if kind == "sigma" else ""
             body += f'<h3>{title}</h3>{scale}<div class="gallery many">{shown}</div>'
     return section("normals", "Normals", body, lead)
-
-
-def map_box(material: Material) -> tuple[Box, int]:
-    """Return the part of the maps that shows the object, and how wide it is shown."""
-    shape = material.mask
-    if shape is None:
-        maps = (material.map_of("normals", name) for name in ("truth", *material.methods))
-        there = next((normals for normals in maps if normals is not None), None)
-        shape = np.ones((1, 1), bool) if there is None else known_pixels(there)
-    box = Box.of_mask(shape, margin=0.03)
-    return box, box.shown_width(MAP_WIDTH, count=1 + 4 * len(material.methods), total=MAPS_PIXELS)
 
 
 def errors_section(layers: Layers | None, summary: Summary) -> str:

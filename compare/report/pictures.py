@@ -43,13 +43,9 @@ class Box:
         """Return the part of an image (H, W, ...) in the box."""
         return image[self.rows, self.columns]
 
-    def shown_width(self, largest: int, *, count: int = 1, total: int | None = None) -> int:
-        """Return the width at which `count` pictures of this box are shown.
-
-        Each has at most as many pixels as a square of side `largest`, all together at most `total`.
-        """
-        pixels = min(largest**2, (total or largest**2 * count) / count)
-        return max(16, min(largest, int((pixels * self.width / self.height) ** 0.5)))
+    def shown_width(self, largest: int) -> int:
+        """Return the width at which a picture of this box has at most as many pixels as a square of side `largest`."""
+        return max(16, min(largest, int((largest**2 * self.width / self.height) ** 0.5)))
 
     @classmethod
     def around(cls, low: NDArray, high: NDArray, *, width: int, height: int, margin: float) -> "Box":

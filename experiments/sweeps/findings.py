@@ -82,10 +82,10 @@ class Finding:
     solvers: tuple[str, ...] = tuple(SOLVERS)
 
 
-def _listed(errors: Errors, experiment: str, solvers: Sequence[str], at: Sequence[int] = (0, -1)) -> str:
+def _ends(errors: Errors, experiment: str) -> str:
     words = (
-        f"{SOLVERS[solver]} " + " to ".join(f"{errors.over(experiment, solver)[i]:.1f}" for i in at)
-        for solver in solvers
+        f"{SOLVERS[one]} " + " to ".join(f"{errors.over(experiment, one)[i]:.1f}" for i in (0, -1))
+        for one in CALIBRATED
     )
     return ", ".join(words) + "°"
 
@@ -100,7 +100,7 @@ def _ambient(errors: Errors) -> Judged:
 def _interreflection(errors: Errors) -> Judged:
     curves = [errors.over("interreflection", one) for one in CALIBRATED]
     rises = all(curve[-1] > MORE * max(curve[0], 1) and np.mean(np.diff(curve) > 0) > 0.5 for curve in curves)
-    return rises, _listed(errors, "interreflection", CALIBRATED)
+    return rises, _ends(errors, "interreflection")
 
 
 def _images_three(errors: Errors) -> Judged:
@@ -170,7 +170,7 @@ def _best_of(experiment: str, solver: str, among: Sequence[str]) -> Callable[[Er
 def _shadow_all(errors: Errors) -> Judged:
     return (
         all(errors.over("shadow", one)[-1] > 2 * UNACCEPTABLE_DEG for one in CALIBRATED),
-        _listed(errors, "shadow", CALIBRATED),
+        _ends(errors, "shadow"),
     )
 
 

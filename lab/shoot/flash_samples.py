@@ -46,12 +46,12 @@ class Shown(NamedTuple):
         )
 
 
-def lights_at(positions: Array, reference: Array, power: Array | float = 1.0) -> Lights:
+def lights_at(positions: Array, reference: Array) -> Lights:
     """Return near lights of equal energy at positions (F, 3): the nearer, the brighter."""
     away = positions - reference
     distance = np.linalg.norm(away, axis=1, keepdims=True)
     names = tuple(f"flash_{number:03d}" for number in range(1, len(positions) + 1))
-    intensities = np.broadcast_to(np.reshape(power, (-1, 1)) / distance**2, (len(positions), 3))
+    intensities = np.broadcast_to(1 / distance**2, (len(positions), 3))
     return Lights(names, away / distance, intensities, positions, np.asarray(reference, np.float64)).normalised()
 
 

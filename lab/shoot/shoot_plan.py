@@ -129,12 +129,11 @@ def light_slopes(positions: Array, reference: Array, points: Array, b: Array) ->
     return np.concatenate([moved, along * r**2 / d**3], -1)
 
 
-def joint_covariance(lights: PredictedLights, flashes: NDArray | slice = slice(None)) -> Array:
+def joint_covariance(lights: PredictedLights) -> Array:
     """Return (F, 4, F, 4) of positions, mm, and log intensities."""
-    positions = lights.position_covariance_mm2[flashes][:, :, flashes]
-    count = len(positions)
+    count = len(lights.position_covariance_mm2)
     out = np.zeros((count, 4, count, 4))
-    out[:, :3, :, :3] = positions
+    out[:, :3, :, :3] = lights.position_covariance_mm2
     out[np.arange(count), 3, np.arange(count), 3] = lights.intensity_sigma**2
     return out
 

@@ -145,21 +145,6 @@ def test_sigma_follows_pose_and_curvature(bumpy):
     assert (known == np.isfinite(ground_truth(smooth, pose, PERSPECTIVE).normals[..., 0])).all()
 
 
-def test_facets_are_the_triangles_own_normals():
-    """Every pixel of a coarse ball shows one of its planes, exactly; sigma knows how far that is from round."""
-    mesh = sphere_mesh(2, 40.0)
-    pose = Pose.from_rotation_translation(np.eye(3), [0, 0, -600])
-    facet = ground_truth(mesh, pose, PERSPECTIVE, normals="facet")
-    smooth = ground_truth(mesh, pose, PERSPECTIVE)
-    known = np.isfinite(facet.normals[..., 0])
-    assert known.sum() > 500
-    assert (known == np.isfinite(smooth.normals[..., 0])).all()
-    assert (facet.normals[known].astype(float) @ mesh.face_normals.T).max(1).min() > 1 - 1e-6
-    apart = angular_error_deg(facet.normals, smooth.normals)[known]
-    assert (facet.sigma_deg[known] >= apart - 1e-4).all()
-    assert np.median(apart) > 2
-
-
 @pytest.mark.full
 def test_a_scan_finer_than_the_pixels_is_averaged_over_them(bumpy):
     """A grating of one millimetre under pixels of four: their middles would show its flanks, they show the plane."""
@@ -191,5 +176,6 @@ def test_scan_noise_is_measured_from_the_scan_and_taken_off(bumpy, noise_mm):
     rms = np.sqrt(np.mean(error[known] ** 2))
     assert np.sqrt(np.mean(dirty.sigma_deg[known] ** 2)) == pytest.approx(rms, rel=0.5)
     assert 0.9 < (error < 2 * dirty.sigma_deg)[known].mean() <= 1
-    plain = angular_error_deg(clean.normals, ground_truth(noisy, pose, PERSPECTIVE, normals="facet").normals)
-    assert np.nanmedian(error) < 0.2 * np.nanmedian(plain)
+    raw = ground_truth(noisy, pose, PERSPECTIVE, at_vertices=(noisy.vertex_normals, np.zeros(len(noisy.vertices))))
+    plain = angular_error_deg(clean.normals, raw.normals)
+    assert np.nanmedian(error) < 0.35 * np.nanmedian(plain)

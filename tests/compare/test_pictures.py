@@ -118,7 +118,6 @@ def test_a_data_uri_is_the_picture(photograph, kind):
 def test_a_tall_object_is_not_shown_larger_than_a_wide_one():
     assert Box(0, 0, 4000, 3000).shown_width(1000) == 1000
     assert Box(0, 0, 1000, 4000).shown_width(1000) == 500
-    assert Box(0, 0, 500, 500).shown_width(400, count=10, total=100_000) == 100
 
 
 def test_a_mirrors_edge_is_seen_and_so_are_the_highlights_of_single_frames():

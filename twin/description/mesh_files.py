@@ -6,15 +6,12 @@ Files count texture coordinates from the bottom (v up); `ObjectMesh` from the to
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from formats.meshes.ply_write import write_ply
 from formats.meshes.scan_files import read_mesh_file
 from formats.pictures import linear_from_srgb
 from scene.errors import AlignError, RenderError
 from twin.description.object_mesh import ObjectMesh, smooth
-
-Array = NDArray[np.float64]
 
 
 def read_mesh(path: Path) -> ObjectMesh:

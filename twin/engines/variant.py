@@ -134,13 +134,10 @@ def graphics_card() -> str:
     return "; ".join(" ".join(line.split()) for line in told.splitlines())
 
 
-def llvm_libraries(places: tuple[str, ...] | None = None) -> list[Path]:
-    """Return the LLVM libraries on this machine that are not known to be too old, newest first.
-
-    `places` are glob patterns of absolute paths; where the usual systems put the library, if not given.
-    """
+def llvm_libraries() -> list[Path]:
+    """Return the LLVM libraries on this machine that are not known to be too old, newest first."""
     found: dict[Path, tuple[int, Path]] = {}
-    for place in (*(_PLACES if places is None else places), str(Path(sys.prefix) / "lib" / "libLLVM*")):
+    for place in (*_PLACES, str(Path(sys.prefix) / "lib" / "libLLVM*")):
         for path in map(Path, sorted(glob(place))):
             release = _release(path)
             if release >= OLDEST_LLVM:
