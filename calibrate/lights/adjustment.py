@@ -146,11 +146,8 @@ class Adjustment:
         c, grown = self.camera, float(np.exp(change[0]))
         return replace(c, fx=c.fx * grown, fy=c.fy * grown, cx=c.cx + float(change[1]), cy=c.cy + float(change[2]))
 
-    def balls_at(self, x: Array) -> list[Sphere]:
-        """Return the adjusted balls: what the camera's change does to a given outline, and their own moves."""
-        return [self._ball_at(x, ball) for ball in range(self.balls)]
-
-    def _ball_at(self, x: Array, ball: int) -> Sphere:
+    def ball_at(self, x: Array, ball: int) -> Sphere:
+        """Return an adjusted ball: what the camera's change does to a given outline, and its own move."""
         first = self.first_ball + 3 * ball
         found = moved(self.seen.spheres[ball], x[first : first + 3] + self.shifts[ball] @ self._camera_change(x))
         for column in np.flatnonzero(self.free_diameters == ball):
@@ -184,7 +181,7 @@ class Adjustment:
 
     def _mirrored(self, x: Array, ball: int) -> _Mirrored:
         """Return what of a ball's residuals does not hang on the lights."""
-        camera, sphere = self.camera_at(x), self._ball_at(x, ball)
+        camera, sphere = self.camera_at(x), self.ball_at(x, ball)
         # The highlights' pixels, and beside them, at once: of so few numbers each call costs more than what it does.
         points, rays = mirrored_rays(camera, sphere, self.seen.highlights[ball] + BESIDE_PX[:, None])
         seen, (a, b) = rays[0], (rays[1:] - rays[0]) / PIXEL_STEP

@@ -158,7 +158,7 @@ def _conclude(problem: Adjustment, x: Array) -> LightFit:
     capped = np.minimum(missed, CAP)
     rows = 2 * int(problem.used.sum())
     chi2 = float(np.sum(residual[:rows] ** 2)) * problem.scale**2 + float(np.sum(residual[rows:] ** 2))
-    spheres = problem.balls_at(x)
+    spheres = [problem.ball_at(x, ball) for ball in range(problem.balls)]
     beside_outline = [difference(*pair) for pair in zip(spheres, seen.spheres, strict=True)]
     outlines = zip(beside_outline, seen.covariances, strict=True)
     return LightFit(

@@ -3,8 +3,6 @@
 import hashlib
 from pathlib import Path
 
-from scene.files import write_text
-
 FILE = "SHA256SUMS"
 
 
@@ -19,24 +17,15 @@ def sums_of(folder: Path) -> dict[str, str]:
     return sums
 
 
-def sums_in(text: str) -> dict[str, str]:
-    """Return the SHA-256 by file's name of the lines of a SHA256SUMS."""
-    return {name: value for value, name in (line.split("  ", 1) for line in text.splitlines())}
-
-
 def checksums_of(folder: Path) -> str:
     """Return a line for each file of `sums_of`."""
     return "".join(f"{value}  {name}\n" for name, value in sums_of(folder).items())
 
 
-def write_checksums(folder: Path) -> None:
-    """Write SHA256SUMS into a folder."""
-    write_text(folder / FILE, checksums_of(folder))
-
-
 def differences(expected: str, folder: Path) -> list[str]:
     """Return what differs from checksums that were taken before, a sentence a file."""
-    before, now = sums_in(expected), sums_of(folder)
+    before = {name: value for value, name in (line.split("  ", 1) for line in expected.splitlines())}
+    now = sums_of(folder)
     said = [f"{name} is gone" for name in before if name not in now]
     said += [f"{name} has changed" for name in before if name in now and now[name] != before[name]]
     return said + [f"{name} is new" for name in now if name not in before]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.datasets.checksums import write_checksums
+from experiments.datasets.checksums import FILE, checksums_of
 from experiments.datasets.describe import preview, readme, session_toml
 from experiments.photographs import Photographs, photograph_dataset
 from experiments.recipe import Dataset
@@ -61,7 +61,7 @@ def write_dataset(folder: Path, dataset: Dataset) -> None:
     write_text(folder / "session.toml", session_toml(dataset, stack))
     write_text(folder / "README.md", readme(dataset, stack, _facts(stack)))
     write_json(folder / RECIPE, dataset)
-    write_checksums(folder)
+    write_text(folder / FILE, checksums_of(folder))
 
 
 def _share_of_lights(bits: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:

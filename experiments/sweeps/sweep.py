@@ -61,11 +61,6 @@ def cell_path(folder: Path, cell: Cell) -> Path:
     return folder / "cells" / f"{cell.key}.json"
 
 
-def read_cells(folder: Path, cells: Sequence[Cell]) -> list[dict[str, Any]]:
-    """Return what the cells' files hold."""
-    return [json_of(cell_path(folder, cell)) for cell in cells]
-
-
 def run_cells(
     record: Record,
     cells: Sequence[Cell],
@@ -110,7 +105,7 @@ def join_cells(
     from experiments.sweeps.sweep_page import write_page
 
     with record.making(folder.name, mark):
-        found = read_cells(root, cells)
+        found = [json_of(cell_path(root, cell)) for cell in cells]
         rows, perturbed, seconds = write_tables(folder, found, [*ONE_FACTOR, *PERTURBATIONS, *cells[0].methods])
         write_page(folder, rows, found, perturbed=perturbed, seconds=seconds, staging=staging, quick=quick)
 

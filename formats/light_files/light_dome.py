@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.light_files.light_frames import Photographs, dome_depth_mm, dome_image_width_mm, dome_origin, nameless
+from formats.light_files.light_frames import Photographs, dome_origin, nameless
 from formats.light_files.light_json import parsed
 from scene.camera import Camera
 from scene.lights import Lights
@@ -59,7 +59,7 @@ def read_dome(path: Path, camera: Camera | None) -> Lights:
     intensities = intensities * (np.mean(distance) / np.maximum(distance, 1e-9)) ** 2
     if camera is None or camera.is_orthographic or width_mm <= 0:
         return Lights(names, directions, intensities, flags=((NO_SCALE,),) * len(names))
-    origin = dome_origin(camera, dome_depth_mm(camera, width_mm))
+    origin = dome_origin(camera, width_mm * camera.fx / camera.width)
     return Lights(names, directions, intensities, positions + origin, origin)
 
 
@@ -72,7 +72,7 @@ def write_dome(lights: Lights, shot: Photographs) -> tuple[dict[str, Any], list[
     near = lights.positions_mm is not None and not camera.is_orthographic
     if near:
         depth_mm = float(-lights.reference_point_mm[2])
-        origin, width_mm = dome_origin(camera, depth_mm), dome_image_width_mm(camera, depth_mm)
+        origin, width_mm = dome_origin(camera, depth_mm), camera.width * depth_mm / camera.fx
         lights = lights.seen_from(origin)
     positions = lights.positions_mm - origin if near and lights.positions_mm is not None else np.zeros((0, 3))
     distance = np.linalg.norm(positions, axis=1, keepdims=True) if near else np.ones((len(lights), 1))

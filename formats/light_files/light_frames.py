@@ -106,13 +106,3 @@ def matlab_matrix(camera: Camera) -> Array:
 def dome_origin(camera: Camera, depth_mm: float) -> Array:
     """Return a dome's origin (3,), mm, camera frame: what the picture's middle shows of the plane z = -depth_mm."""
     return camera.points_at_depth([(camera.width - 1) / 2, (camera.height - 1) / 2], -depth_mm)
-
-
-def dome_image_width_mm(camera: Camera, depth_mm: float) -> float:
-    """Return how wide a strip of the plane z = -depth_mm the picture shows."""
-    return camera.width * depth_mm / camera.fx
-
-
-def dome_depth_mm(camera: Camera, image_width_mm: float) -> float:
-    """Return the distance at which the picture shows a strip so wide."""
-    return image_width_mm * camera.fx / camera.width

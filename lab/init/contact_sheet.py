@@ -1,25 +1,17 @@
 """A picture of what was found: the scene with the balls in circles, and the photographs small."""
 
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
 from compare.report.picture_strip import INK, PAPER, PictureStrip
 from compare.report.pictures import Exposure
 from lab.init.draft import Draft
-from scene.files import write_png
 
 WIDTH = 1236
 """Of six small pictures beside each other."""
 MOST = 12
 """Photographs that are shown small."""
 COLOURS = {"chrome": (90, 220, 255), "white": (255, 190, 60)}
-
-
-def write_sheet(path: Path, draft: Draft) -> None:
-    """Write the contact sheet, a PNG."""
-    write_png(path, contact_sheet(draft))
 
 
 def contact_sheet(draft: Draft) -> NDArray[np.uint8]:

@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 from capture.survey.folder_files import FolderFiles, survey
 from lab.init.answers import Answers, Asking
-from lab.init.contact_sheet import write_sheet
+from lab.init.contact_sheet import contact_sheet
 from lab.init.draft import Draft
 from lab.init.prepare import prepare
 from lab.init.session_text import is_unedited, session_text, signed
 from lab.progress import progress_bar, say
 from lab.session_place import MANIFEST, default_out
 from scene.errors import SessionError
-from scene.files import write_text
+from scene.files import write_png, write_text
 from scene.light_text import FILENAMES
 from scene.origin import Origin
 from scene.output_folder import open_record
@@ -97,7 +97,7 @@ def write_session(draft: Draft, out: Path | None = None) -> Made:
     with open_record(out, origin=origin, input_folders=[draft.folder]) as record:
         record.forget([PART])
         with record.part_of(PART):
-            write_sheet(out / SHEET, draft)
+            write_png(out / SHEET, contact_sheet(draft))
     # Last, and outside of the output folder's record: from here on it is the user's.
     write_text(manifest, signed(session_text(draft)))
     return Made(draft, manifest, out / SHEET)

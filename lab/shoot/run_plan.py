@@ -56,15 +56,12 @@ def run_plan(
         from scene.files import write_json, write_text
 
         facts = _planned(under_way, set_up, flashes, shoot)
-        facts |= {"name": _name_of(source, thing), "source": None if source is None else str(source)}
+        name = f"{thing.shape} of {thing.size_mm:g} mm" if source is None else source.resolve().stem
+        facts |= {"name": name, "source": None if source is None else str(source)}
         with record.part_of(PLAN):
             write_json(record.folder / "plan.json", facts)
             write_text(record.folder / "plan.html", plan_page(facts))
         return facts | {"folder": str(record.folder)}
-
-
-def _name_of(source: Path | None, thing: ObjectOptions) -> str:
-    return f"{thing.shape} of {thing.size_mm:g} mm" if source is None else source.resolve().stem
 
 
 @contextmanager

@@ -22,16 +22,8 @@ def known_before(b: Array, information: Array | None = None) -> Array:
     return np.linalg.inv(nothing if information is None else nothing + information)
 
 
-def score(b: Array, covariances: Array) -> float:
-    """Return the normals' sigma, radians, one tangent axis, mean over pixels; 1 before the first flash.
-
-    As the mean angle between normals and truth, it lets no single dark pixel outweigh all others.
-    """
-    return float(np.mean(np.sqrt(_across(b, covariances, np.sum(b * b, -1)))))
-
-
 def gains(b: Array, covariances: Array, vectors: Array, noise: Array, seen: NDArray[np.bool_]) -> Array:
-    """Return by how much each candidate flash would lower the `score`.
+    """Return by how much each candidate flash would lower the normals' sigma, radians, one tangent axis.
 
     Parameters
     ----------
@@ -50,7 +42,7 @@ def gains(b: Array, covariances: Array, vectors: Array, noise: Array, seen: NDAr
     Returns
     -------
     gains : (C,) float64
-        At least 0, mean over pixels.
+        At least 0, mean over pixels: no single dark pixel outweighs all others.
 
     Notes
     -----

@@ -149,7 +149,8 @@ def integrate(
     box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
     edges = edges_of(np.where(inside[..., None], normals, 0.0)[box], inside[box], camera, box)
     depth = np.zeros(edges.inside.shape) if hint is None else _unknown(np.full(edges.inside.shape, z_mm), camera)
-    opinions = _even(edges)
+    # Of an edge's two pixels, each counts a half.
+    opinions: Opinions = [(0.5 * axis.pair, 0.5 * axis.pair) for axis in edges.axes]
     target, pull = None, _PULL * edges.inside
     if hint is not None:
         hint_mm, hint_weight = hint
@@ -182,11 +183,6 @@ def surface_at(z_mm: Array, normals: NDArray, camera: Camera) -> Surface:
     edges = edges_of(np.where(inside[..., None], normals, 0.0), inside, camera, box)
     depth = np.where(inside, _unknown(np.where(inside, z_mm, -1.0), camera), 0.0)
     return _surface(edges, depth, inside, camera, box, None, 0, True)
-
-
-def _even(edges: Edges) -> Opinions:
-    """Return, per axis, the share of the first pixel and of the next in their edge: a half each."""
-    return [(0.5 * axis.pair, 0.5 * axis.pair) for axis in edges.axes]
 
 
 def _opinions(edges: Edges, depth: Array, sharpness: float) -> Opinions:

@@ -107,8 +107,8 @@ def render_scene(
         Frames go to its `frames/codes.npy`, memory-mapped, and the true maps beside: `truth_normals.npy` and so on, see
         `twin.ground_truth`; with `apart` also `truth_direct.npy` and `truth_indirect.npy`, (F, H, W, 3) float16, and
         `truth_standing.npy`, (H, W, 3) float32, where there is an environment. Without a store: see `scratch`.
-        Until it is done a rendering lies in `scene.record.scratch_for` the store: of a run that was killed, the same
-        rendering keeps what is there, and does only what lacks.
+        Until it is done a rendering lies in `scene.output_folder.scratch_for` the store: of a run that was killed, the
+        same rendering keeps what is there, and does only what lacks.
     scratch : Path or None
         Folder for a rendering without a store, memory-mapped; the caller removes it. None: memory.
 

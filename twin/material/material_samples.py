@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from scene.errors import RenderError
 from scene.frames import Frames
-from scene.mesh import Mesh
 from scene.normals import unit
 from twin.visibility import Sight
 
@@ -127,7 +126,8 @@ def samples_at(
     points: Any = looks[0][2]
     if normals is None:
         # The plane through what is found beside.
-        around = [unit(_interpolated(mesh, *look)) for look in looks]
+        smooth = mesh.vertex_normals
+        around = [unit(np.einsum("pc,pcx->px", weights, smooth[mesh.faces[face]])) for face, weights, _ in looks]
         found: Any = around[0]
         slopes: Any = np.einsum("xk,kpi->pxi", np.linalg.pinv(BESIDE_PX[1:]), np.stack(around[1:]) - around[0])
     else:
@@ -183,10 +183,6 @@ def inner_pixels(mask: NDArray[np.bool_], normals: Image | None) -> tuple[NDArra
     if normals is not None:
         inner &= np.isfinite(normals).all(-1)
     return np.nonzero(inner)  # type: ignore[return-value]
-
-
-def _interpolated(mesh: Mesh, face: NDArray[np.int64], weights: Array, _points: Array) -> Array:
-    return np.einsum("pc,pcx->px", weights, mesh.vertex_normals[mesh.faces[face]])
 
 
 def _slopes(normals: Image, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Array:
