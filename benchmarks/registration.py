@@ -150,7 +150,8 @@ def register_on(
     square = twist @ np.linalg.pinv(found.covariance, rcond=1e-14, hermitian=True) @ twist
     center = sphere_center(scan.vertices)[None]
     return {
-        "refused": "", "warnings": tuple(found.warnings), "ambiguous": found.ambiguous,
+        "refused": "", "warnings": tuple(found.warnings),
+        "ambiguous": any("nearly symmetric" in text for text in found.warnings),
         "apart_px": apart_px(camera, Mesh(center, scan.faces[:0]) if is_ball else scan, found.pose, pose),
         "turn_deg": None if is_ball else off.angle_deg(), "sigma_deg": None if is_ball else found.sigma_deg,
         "is_inside": None if is_ball else bool(square < INSIDE[camera.is_orthographic]), "processor_s": spent,

@@ -48,10 +48,8 @@ class Registration:
     """sigma_mm, sigma_deg: standard deviation (rms length) of the position of the scan's middle, and of the rotation.
     An orthographic camera does not tell depth: it is left out there."""
     covariance: Array
-    """(6, 6): of the twist (rotation vector in radians about `pivot_mm`, translation in mm), camera axes; see
-    `align.pose.motion.nudge`. Where the focal length is not known, its part (`longer`) is in it, and in both sigmas."""
-    pivot_mm: Array
-    """(3,): the scan's middle, camera frame."""
+    """(6, 6): of the twist (rotation vector in radians about the scan's middle, translation in mm), camera axes, see
+    `align.pose.motion.nudge`. Where the focal length is not known, its part (`longer`) is in it and in both sigmas."""
     evidence: dict[str, float]
     """overlap (intersection over union of silhouette and mask), normals_deg (median angle to the normals that fit the
     photographs best), beside_deg (the same of the scan turned a little), outline_share (of the outline within a pixel
@@ -61,8 +59,6 @@ class Registration:
     `compare_poses`), second_angle_deg; where the focal length is not known: focal_sigma (relative), and
     focal_shift_mm (of the pose, over one sigma of it)."""
     warnings: tuple[str, ...] = ()
-    ambiguous: bool = False
-    """Another pose explains the photographs as well, within chance: a symmetric object."""
     longer: LongerFocal | None = None
     """The same with a focal length one sigma longer; None where the focal length is known."""
 
@@ -141,18 +137,16 @@ def register(
         )
     if fit.misfit > POOR_MISFIT:
         warnings.append(f"scan: it fits poorly: {fit.words}. Check the silhouette in the report.")
-    ambiguous = False
     if found.second is not None and found.test is not None:
         facts["cost"], facts["second_cost"] = found.test.costs
         facts["second_deviations"] = found.test.deviations
         facts["second_angle_deg"] = (pose.inverse() @ found.second).angle_deg()
-        ambiguous = found.test.deviations < SURE
-    if ambiguous:
-        warnings.append(
-            f"scan: two poses fit nearly as well (cost {facts['cost']:.4f} and {facts['second_cost']:.4f}, "
-            f"{facts['second_deviations']:.1f} standard deviations), {facts['second_angle_deg']:.0f} degrees apart: "
-            "the object looks nearly symmetric. Check the silhouette and the shading in the report."
-        )
+        if found.test.deviations < SURE:
+            warnings.append(
+                f"scan: two poses fit nearly as well (cost {facts['cost']:.4f} and {facts['second_cost']:.4f}, "
+                f"{facts['second_deviations']:.1f} standard deviations), {facts['second_angle_deg']:.0f} degrees "
+                "apart: the object looks nearly symmetric. Check the silhouette and the shading in the report."
+            )
     bias_px = evidence.edges.bias_px
     if abs(bias_px) > 1:
         warnings.append(
@@ -178,10 +172,8 @@ def register(
         0.0,
         0.0,
         np.zeros((6, 6)),
-        pose.apply(mesh.center_mm),
         facts,
         tuple(warnings),
-        ambiguous,
         longer,
     ).with_covariance(evidence.covariance())
 

@@ -61,11 +61,12 @@ def test_one_sigma_longer_is_the_true_camera_with_the_true_pose(world, too_short
 
 def test_the_covariance_reaches_the_true_pose_only_with_the_camera_s_part(world, too_short):
     found = too_short[2]
-    gap = world.pose.apply(world.mesh.center_mm) - found.pivot_mm
+    middle = found.pose.apply(world.mesh.center_mm)
+    gap = world.pose.apply(world.mesh.center_mm) - middle
     alone = (found.covariance - found.longer.covariance)[3:, 3:]
     assert gap @ np.linalg.solve(alone, gap) > 100
     assert gap @ np.linalg.solve(found.covariance[3:, 3:], gap) < 4
-    assert found.sigma_mm == pytest.approx(SIGMA * abs(found.pivot_mm[2]), rel=0.1)
+    assert found.sigma_mm == pytest.approx(SIGMA * abs(middle[2]), rel=0.1)
     assert found.evidence["focal_sigma"] == SIGMA
     assert found.evidence["focal_shift_mm"] == pytest.approx(np.linalg.norm(found.longer.twist[3:]))
 
