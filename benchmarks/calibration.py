@@ -33,8 +33,8 @@ from scene.spheres import Sphere
 SCENES = ROOT / "out" / "scenes"
 SAME, SAME_PX = 0.04, 1.5
 """Share of the radius, and pixels at least, by which a found ball's circle may differ from the true one."""
-INSIDE_2, INSIDE_3 = 5.991, 7.815
-"""95 % quantiles of chi-square with 2 and 3 degrees of freedom."""
+INSIDE_2 = 5.991
+"""95 % quantile of chi-square with 2 degrees of freedom."""
 OURS = {"two": "two chrome balls of 67 px, a white one", "four": "four of 67 px, a white one", "one": "one of 170 px",
         "far": "two of 67 px, a white one, distant flash"}  # fmt: skip
 COUNTS = {"two": 14, "four": 10, "one": 10, "far": 5}

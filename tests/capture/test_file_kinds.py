@@ -40,7 +40,6 @@ def scene():
 RGB = scene()
 U8, U16, FLOAT = (RGB * 255).round().astype("u1"), (RGB * 65535).round().astype("u2"), RGB.astype("f4")
 AS_U8, AS_U16 = U8 / 255, U16 / 65535
-GRAY_16 = np.repeat(AS_U16[..., :1], 3, -1)
 
 
 def kind(file, holds):

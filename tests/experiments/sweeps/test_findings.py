@@ -7,7 +7,6 @@ from experiments.sweeps.findings import FINDINGS, answers, verdict_of
 from solve.methods import UNCALIBRATED
 
 CLAIMS = {finding.claim: finding for finding in FINDINGS}
-LAST = {name: len(one.levels) - 1 for name, one in ONE_FACTOR.items()}
 
 
 def as_stated(name, solver, level):
