@@ -13,6 +13,8 @@ from solve.surface.grid_laplacian import solve_grid
 from solve.surface.tangent_planes import Edges, edges_of, finer
 
 Array = NDArray[np.float64]
+TORN_PX = 2.0
+"""Gap between neighbours from which on the surface is torn there."""
 
 Opinions = list[tuple[NDArray, NDArray]]
 """Per axis, how much the first pixel and the next believe in their edge, (h, w) each, 0 to 1."""
@@ -55,11 +57,11 @@ class Surface:
         base, rays = camera.rays(camera.grid())
         return base + rays * ((self.z_mm - base[..., 2]) / rays[..., 2])[..., None]
 
-    def torn_share(self, gap_px: float = 2.0) -> float:
-        """Return the share of the pixels with a gap of more pixels than this to the right or below."""
+    def torn_share(self) -> float:
+        """Return the share of the pixels that are torn off the next one to the right or below."""
         inside = np.isfinite(self.z_mm)
-        right = np.isfinite(self.gap_right) & (self.gap_right > gap_px)
-        down = np.isfinite(self.gap_down) & (self.gap_down > gap_px)
+        right = np.isfinite(self.gap_right) & (self.gap_right > TORN_PX)
+        down = np.isfinite(self.gap_down) & (self.gap_down > TORN_PX)
         return float(np.count_nonzero(right | down) / max(np.count_nonzero(inside), 1))
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from formats.meshes.ply_write import write_ply
 from formats.pictures import srgb_from_linear
 from scene.camera import Camera
-from solve.surface.integration import Surface
+from solve.surface.integration import TORN_PX, Surface
 
 
 @dataclass(frozen=True)
@@ -32,17 +32,17 @@ class SurfaceMesh:
         write_ply(path, columns, self.faces, "millimetres; camera frame: x right, y up, z toward the viewer")
 
 
-def mesh_of(surface: Surface, normals: NDArray, albedo: NDArray, camera: Camera, *, gap_px: float = 2.0) -> SurfaceMesh:
+def mesh_of(surface: Surface, normals: NDArray, albedo: NDArray, camera: Camera) -> SurfaceMesh:
     """Return the mesh of a surface.
 
     Normals and albedo (H, W, 3) are those of a method's estimate. No face spans two neighbours that lie farther than
-    `gap_px` off each other's tangent planes. Each square of four pixels gives two triangles, where it is whole; where
+    `TORN_PX` off each other's tangent planes. Each square of four pixels gives two triangles, where it is whole; where
     one corner is missing, the triangle of the other three is given.
     """
     inside = np.isfinite(surface.z_mm)
     number = np.full(inside.shape, -1)
     number[inside] = np.arange(np.count_nonzero(inside))
-    right, down = surface.gap_right <= gap_px, surface.gap_down <= gap_px
+    right, down = surface.gap_right <= TORN_PX, surface.gap_down <= TORN_PX
     # a b    The square's corners; which of its four sides hold.
     # c d
     a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]
