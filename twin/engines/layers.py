@@ -23,8 +23,8 @@ STANDING_SAMPLES = 256
 """A pixel of the environment's one picture, which is added to every frame."""
 VALUES_PER_BAND = 1 << 22
 """Of a band's images, in float32: 16 MiB."""
-STRIP_PIXELS = 4096
-"""Of the rows that are rendered twice."""
+STRIP_PIXELS, STRIPS = 4096, 8
+"""Of the rows that are rendered twice; in so many strips: what stands in the middle is not all of a picture."""
 
 
 @dataclass(frozen=True)
@@ -101,18 +101,25 @@ class PieceRenderer:
 def noise_of_one_sample(scene: TwinScene, film: Film, engine: Engine, samples: int = 16) -> float:
     """Return the standard deviation of a lit pixel over its mean that one sample a pixel would leave; 0 in the dark.
 
-    The film's middle rows are rendered twice, with `samples`: by stock Mitsuba under the strongest light.
+    Some strips of the film, spread over its height, are rendered twice, with `samples`: by stock Mitsuba under the
+    strongest light.
     """
-    (height, width), index = film.size, int(np.argmax(scene.irradiance.sum(1)))
-    count = min(height, -(-STRIP_PIXELS // width))
-    start = (height - count) // 2
-    piece = Piece(slice(index, index + 1), slice(start, start + count))
+    top, left, height, width = film.window if engine == "mitsuba" else (0, 0, *film.size)
+    count = max(1, min(height, -(-STRIP_PIXELS // width)) // STRIPS)
+    starts = np.unique(((np.arange(STRIPS) + 0.5) / STRIPS * (height - count + 1)).astype(int)).tolist()
     if engine == "mitsuba":
-        top, left, whole, across = film.window
-        count = min(whole, -(-STRIP_PIXELS // across))
-        film = replace(film, window=(top + (whole - count) // 2, left, count, across), pixels=None)
-    renderer = PieceRenderer(scene, film, engine)
-    one, two = (renderer.render(piece, samples, seed=seed).frames() for seed in (1, 2))
+        tracer, index = PathTracer(scene, film), int(np.argmax(scene.irradiance.sum(1)))
+
+        def rendered(start: int, seed: int) -> Images:
+            strip = replace(film, window=(top + start, left, count, width), pixels=None)
+            return tracer.image(index, samples, seed=seed, film=strip)
+    else:
+        renderer = PieceRenderer(scene, film, engine)
+
+        def rendered(start: int, seed: int) -> Images:
+            return renderer.render(Piece(slice(None), slice(start, start + count)), samples, seed=seed).frames()
+
+    one, two = (np.stack([rendered(start, seed) for start in starts]) for seed in (1, 2))
     mean = (one + two) / 2
     lit = mean > 0.05 * mean.max()
     # Two renderings differ by twice the variance of one.

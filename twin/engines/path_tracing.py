@@ -23,15 +23,18 @@ class PathTracer:
         self._loaded: Any = mitsuba_scene(scene, light=0)
         self._parameters: Any = self._mitsuba.traverse(self._loaded)
 
-    def image(self, index: int, samples_per_pixel: int, *, seed: int = 0) -> NDArray[np.float32]:
+    def image(
+        self, index: int, samples_per_pixel: int, *, seed: int = 0, film: Film | None = None
+    ) -> NDArray[np.float32]:
         """Return pixel values (h, w, 3) of the film's window under one light and the environment.
 
         index: Which light.
         seed: Other samples of the same light.
+        film: Another window of the same camera.
         """
         if index != self._lit_by:
             self._light(index)
-        return traced(self._loaded, self._film, self._scene.points, samples_per_pixel, (seed, index))
+        return traced(self._loaded, film or self._film, self._scene.points, samples_per_pixel, (seed, index))
 
     def _light(self, index: int) -> None:
         """Change the flash in place: shapes and materials, which cost the time, stay."""
