@@ -12,7 +12,7 @@ from scene.camera import FROM_OPENCV, Camera
 from scene.errors import AlignError
 from scene.length_units import UNITS_MM
 from scene.mesh import Mesh
-from scene.pose import Pose
+from scene.pose import Pose, rotation_from_vector
 from scene.rays import RayCaster
 from scene.reading import reading, text_of
 
@@ -182,13 +182,14 @@ def _consensus(
 
 
 def pose_of(camera: Camera, points: Array, pixels: Array, radius_mm: float, center_mm: Array) -> Pose | None:
-    """Return the pose that puts points at their pixels, by a closed form; None where there is none.
+    """Return the pose that puts points at their pixels, by least squares; None where there is none.
 
     `points` (K, 3), scan frame, mm, four or more; `pixels` (K, 2), whose distortion is undone first; radius and middle
     (3,) are the scan's. An orthographic camera does not tell depth: the scan is put just behind the plane z = 0.
 
     Perspective: SQPnP [Terzakis2020]. Orthographic: the linear least-squares map from points to the image plane,
-    of which the nearest pair of orthonormal rows is taken (polar decomposition).
+    of which the nearest pair of orthonormal rows is taken (polar decomposition); on a shallow relief its errors are
+    large, so the turn of least squares is found from there.
     """
     origins, directions = camera.rays(pixels)
     if camera.is_orthographic:
@@ -208,13 +209,21 @@ def pose_of(camera: Camera, points: Array, pixels: Array, radius_mm: float, cent
 
 
 def _orthographic(image_mm: Array, points: Array, radius_mm: float, center_mm: Array) -> Pose | None:
+    from scipy.optimize import least_squares
+
     middle, middle_mm = points.mean(0), image_mm.mean(0)
-    rows = np.linalg.lstsq(points - middle, image_mm - middle_mm, rcond=1e-6)[0].T
+    away, seen = points - middle, image_mm - middle_mm
+    rows = np.linalg.lstsq(away, seen, rcond=1e-6)[0].T
     u, singular, v = np.linalg.svd(rows, full_matrices=False)
     if singular[1] < 1e-6:
         return None
-    rotation = u @ v
-    rotation = np.vstack([rotation, np.cross(rotation[0], rotation[1])])
+    rows = u @ v
+    start = np.vstack([rows, np.cross(rows[0], rows[1])])
+
+    def misses(turn: Array) -> Array:
+        return (away @ (rotation_from_vector(turn) @ start)[:2].T - seen).ravel()
+
+    rotation = rotation_from_vector(least_squares(misses, np.zeros(3), method="lm").x) @ start
     shift = np.append(middle_mm - rotation[:2] @ middle, -1.5 * radius_mm - rotation[2] @ center_mm)
     return Pose.from_rotation_translation(rotation, shift)
 
