@@ -271,7 +271,7 @@ class Record:
             if data["format"] != FORMAT:
                 raise ValueError(f"format {data['format']}, expected {FORMAT}")
             files = {name: (str(of), list(map(str, digests))) for name, (of, digests) in data["files"].items()}
-            seen = {name: (list(look), str(digest)) for name, (look, digest) in data["seen"].items()}
+            seen = {name: ([*map(int, (a, b, c, d))], str(one)) for name, ((a, b, c, d), one) in data["seen"].items()}
             done = {work: {**entry, "fingerprint": entry["fingerprint"]} for work, entry in data["done"].items()}
             self.notes, self.done, self._files, self._seen = dict(data["notes"]), done, files, seen
 

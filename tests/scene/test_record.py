@@ -213,7 +213,8 @@ def test_a_damaged_record_is_told_and_nothing_is_touched(tmp_path):
     whole = json.loads(path.read_text())
     path.with_suffix(".new").write_text('{"format": 2, "fi')
     assert not work(out), "the record that a killed run was writing is no damage"
-    faults = ({"format": 99}, {"files": {"x": 3}}, {"done": {"x": 3}}, {"seen": {"x": []}}, {"notes": 1})
+    faults = ({"format": 99}, {"files": {"x": 3}}, {"done": {"x": 3}}, {"seen": {"x": []}}, {"seen": {"x": [[1], "a"]}},
+              {"notes": 1})  # fmt: skip
     for text in ("{", "", "[1]", "[" * 9999, *(json.dumps(whole | fault) for fault in faults)):
         path.write_text(text)
         with pytest.raises(SceneError, match=r"record.json: cannot be read"):
