@@ -15,6 +15,8 @@ from scene.spheres import Sphere
 Array = NDArray[np.float64]
 ROUNDS = (("soft_l1", 2.0), ("linear", 1.0), ("linear", 1.0), ("linear", 1.0))
 """Loss, and sigmas from which on residuals count in proportion, in each round."""
+MOST_TRIALS = 100
+"""Points at which a round looks: sound highlights need 50 at most, and those that contradict each other never rest."""
 INLIER_SIGMAS, INLIER_PX = 5.0, 0.25
 CONTRADICTION_PX = 1.0
 """Miss from which one of two balls is left out, which costs the light's range: a reflection of something else misses
@@ -76,7 +78,8 @@ def fit_lights(seen: Observed, *, near: bool) -> LightFit:
     shown = np.isfinite(seen.highlights[..., 0])
     for loss, reach in ROUNDS:
         # By name through a dict: the type stub takes no function for the Jacobian.
-        options: dict[str, Any] = {"jac": problem.slopes, "x_scale": "jac", "loss": loss, "f_scale": reach}
+        options: dict[str, Any] = {"jac": problem.slopes, "x_scale": "jac", "max_nfev": MOST_TRIALS}
+        options |= {"loss": loss, "f_scale": reach}
         x = least_squares(problem.residuals, x, **options).x
         size = np.linalg.norm(problem.residual_pixels(x), axis=-1)
         square = np.nanmedian((size / seen.sigma_px)[problem.used] ** 2) / MEDIAN_SQUARE

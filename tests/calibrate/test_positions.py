@@ -69,6 +69,17 @@ def test_exact_highlights_give_exact_lights(scene):
     assert np.nanmax(fit.residual_px) < 1e-3
 
 
+def test_highlights_that_all_contradict_each_other_end_soon(monkeypatch):
+    rng, looked, residuals = np.random.default_rng(0), [], Adjustment.residuals
+    spheres = _spheres(2)
+    spots = np.stack([ball.center_px + ball.radius_px * rng.uniform(-0.65, 0.65, (60, 2)) for ball in spheres])
+    camera = replace(CAMERA, focal_sigma=0.02, center_sigma_px=10.0)
+    monkeypatch.setattr(Adjustment, "residuals", lambda self, x: looked.append(0) or residuals(self, x))
+    seen = Observed(camera, spheres, [0.1**2 * np.eye(3)] * 2, spots, np.full((2, 60), 0.15), REFERENCE)
+    assert fit_lights(seen, near=False).misfit > 10
+    assert len(looked) < 500
+
+
 @pytest.mark.full
 @pytest.mark.parametrize("count", [2, 3])
 @pytest.mark.parametrize("stated", [pytest.param(0.15, id="noise as stated"), pytest.param(0.3, id="half of it")])
