@@ -57,7 +57,7 @@ def find_lights(problem: Problem, settings: Settings) -> Problem:
     """Return the problem under lights with the intensities that the object itself tells, and cautions.
 
     Directions (and positions) are taken as they are; intensities where the object tells none; and a trend of the
-    intensities with the direction as far as the object's own reflection could pretend it, see `_without_pretence`.
+    intensities with the direction as far as the object's own reflection could pretend it, see `_pretended`.
 
     Intensities are on the scale of the given ones, at the reference point; of near lights that is moved to the depth of
     the visible surface that leaves the least misfit. `intensity_sigma`: what is left uncertain, and what that
@@ -72,17 +72,20 @@ def find_lights(problem: Problem, settings: Settings) -> Problem:
     if own is lights:
         return problem.under(lights).warned(*cautions)
     given = lights.seen_from(found.reference_point_mm).intensities
-    intensities = given * np.exp(_without_pretence(np.log(own.intensities / given), parts, found.directions))
+    ratio = np.log(own.intensities / given)
+    pretended = _pretended(ratio, parts, found.directions)
+    intensities = given * np.exp(ratio - pretended)
     # The scale is a gauge: albedo stays comparable with the other methods'.
     intensities *= np.exp(np.mean(np.log(lights.intensities / intensities), axis=0))
-    shared = _fall_off(found, points)
-    covariance = np.diag(np.nan_to_num(own.intensity_sigma) ** 2) + np.outer(shared, shared)
-    own = replace(own, intensities=intensities, intensity_sigma=np.hypot(own.intensity_sigma, shared))
+    # Shared by all lights: what the depth does; and what was taken away, which may have been true.
+    shared = np.stack([_fall_off(found, points), pretended.mean(1)])
+    covariance = np.diag(np.nan_to_num(own.intensity_sigma) ** 2) + shared.T @ shared
+    own = replace(own, intensities=intensities, intensity_sigma=np.hypot(own.intensity_sigma, np.hypot(*shared)))
     return replace(problem.under(own), intensity_covariance=covariance).warned(*cautions)
 
 
-def _without_pretence(ratio: NDArray, parts: list[Evidence], directions: NDArray) -> NDArray:
-    """Return the logs (F, C) of intensities over given ones without what the object's reflection may pretend.
+def _pretended(ratio: NDArray, parts: list[Evidence], directions: NDArray) -> NDArray:
+    """Return what the object's reflection may pretend of the logs (F, C) of intensities over given ones.
 
     Notes
     -----
@@ -101,7 +104,7 @@ def _without_pretence(ratio: NDArray, parts: list[Evidence], directions: NDArray
         )
         for each in (0 * trend, trend)
     )
-    return ratio - trend * min(with_it / max(without - with_it, 1e-30), 1.0)
+    return trend * min(with_it / max(without - with_it, 1e-30), 1.0)
 
 
 def told_by_object(problem: Problem, settings: Settings) -> tuple[Lights, list[Evidence], NDArray]:

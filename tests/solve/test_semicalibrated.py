@@ -147,6 +147,19 @@ def test_a_trend_that_the_object_only_pretends_is_not_followed_and_a_real_one_is
     assert error("semicalibrated", trend) < 0.25 * error("iterative", trend)
 
 
+def test_what_was_taken_for_a_pretence_counts_as_uncertain(camera):
+    """Given intensities are off by a small trend; what of it stays is an error, and the stated sigma is no smaller."""
+    normals, mask, albedo = ball()
+    lights = lights_around(16, seed=10016)
+    images = photographs(lights, normals, albedo, camera)
+    images += np.random.default_rng(1).normal(0, 0.01 * images.max(), images.shape)
+    trend = np.exp(0.15 * lights.directions[:, :1])
+    given = Lights(lights.names, lights.directions, lights.intensities * trend).normalised()
+    found, _ = find_lights(as_floats(lights, images), given, camera, mask)
+    error = np.log(found.intensities / lights.intensities).mean(1)
+    assert np.std(error) < 2 * np.sqrt(np.mean(found.intensity_sigma**2))
+
+
 def test_sigma_of_the_normals_knows_the_covariance_of_the_intensities():
     rng, lights = np.random.default_rng(10091), lights_around(9, seed=10091)
     root = 0.01 * rng.normal(size=(9, 9))
