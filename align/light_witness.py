@@ -33,14 +33,14 @@ EXPLAINS = 0.2  # share of its frame's misfit, on sectors left out, that a chang
 class Witness(NamedTuple):
     """What the scan says of N lights."""
 
-    change: Array  # (N, 3), see `light_slopes`: turns along two tangents, radians, and the intensity's logarithm
+    change: Array  # (N, 3), see `changed`: tangents of turns to two sides, and the intensity's logarithm
     covariance: Array  # (N, 3, 3)
     moved: NDArray[np.bool_]  # (N,) whether the change explains sectors that it was not fitted to
 
     @property
     def turn_deg(self) -> Array:
         """(N,): by how much the directions are off."""
-        return np.rad2deg(np.hypot(*self.change.T[:2]))
+        return np.rad2deg(np.arctan(np.hypot(*self.change.T[:2])))
 
     @property
     def brighter(self) -> Array:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from align.light_witness import ask_scan, refined
+from align.light_witness import Witness, _between, ask_scan, refined
 from align.pose.scan_view import View
 from lab.registration import _by_the_scan
 from scene.normals import angular_error_deg, unit
@@ -40,6 +40,13 @@ def _asked(world, lights):
 @pytest.fixture(scope="module")
 def glossy(build, bumpy, rotations):
     return build(bumpy, rotations[1], gloss=0.3, table=0.4)
+
+
+def test_a_large_turn_is_told_as_it_is(world):
+    lights = _spoilt(world.lights, 50.0, 0.0)
+    change = _between(lights, world.lights)
+    witness = Witness(change, np.zeros((len(lights), 3, 3)), np.ones(len(lights), bool))
+    assert witness.turn_deg[WRONG] == pytest.approx(50)
 
 
 @pytest.mark.parametrize(("turn", "brighter"), [(4.0, 0.0), (0.0, 0.12), (2.0, -0.08)])
