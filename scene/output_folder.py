@@ -134,8 +134,8 @@ def _check_place(folder: Path, said: Path, input_folders: list[Path]) -> None:
     if there and not (folder / PLACE / NAME).is_file() and not _is_unused(folder, there):
         shown = ", ".join(there[:3]) + (" ..." if len(there) > 3 else "")
         raise SceneError(
-            f"--out {said}: is not empty ({shown}), and rgbn did not make it: it has no record ({PLACE}/{NAME}). "
-            "Choose a new folder; nothing was written or removed."
+            f"--out {said}: is not empty ({shown}), and rgbn did not make it, or an earlier version did: "
+            f"it has no record ({PLACE}/{NAME}). Choose a new folder; nothing was written or removed."
         )
 
 
