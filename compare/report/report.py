@@ -43,7 +43,9 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     material = Material.load(store, summary)
     compared, warnings = summary.get("compare") or {}, all_warnings(summary)
     layers = Layers.of(material, summary)
-    best = next(iter(material.methods), None)
+    # The methods are ranked by the truth; without one the photographs may have recommended a method.
+    recommended = None if compared.get("has_truth") else (summary.get("trust") or {}).get("recommended")
+    best = recommended or next(iter(material.methods), None)
     folded = {
         "Why": why_section(summary),
         "Warnings": _warnings_section(warnings),

@@ -13,7 +13,7 @@ WORSE = 3.0
 def trust_sentence(found: dict[str, Any]) -> str:
     """Return which method to take, which not to use, and why not to believe that."""
     methods, recommended, level = found["methods"], found["recommended"], found["level"]
-    text = f"{recommended}, which leaves {found['relative_rmse']:.1%} of the photographs unexplained"
+    text = recommended
     if level:
         text += f"; {', '.join(level)} {'is' if len(level) == 1 else 'are'} level with it"
     least = max(methods[recommended]["unexplained"], 1e-9)

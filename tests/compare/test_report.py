@@ -388,3 +388,14 @@ def test_a_large_session_stays_below_ten_megabytes(tmp_path):
     # Three on the first screen, the frames, the outline and sigma twice, key ball, truth and methods, errors.
     assert len(Page(path).all("img")) == 3 + count + 2 + 1 + 1 + 15 + 14
     assert path.stat().st_size < 10e6
+
+
+def test_without_a_truth_the_page_begins_with_the_method_that_the_photographs_recommend(session, tmp_path):
+    summary = copy.deepcopy(session.summary)
+    store = Store(shutil.copytree(session.store.folder, tmp_path / "out"))
+    rows = {name: {"unexplained": 0.02, "apart_deg": 0.0} for name in ("ls", "iterative")}
+    summary["trust"] = {"methods": rows, "recommended": "ls", "level": [], "relative_rmse": 0.03, "doubts": []}
+    for has_truth, shown in ((False, "ls"), (True, "iterative")):
+        summary["compare"]["has_truth"] = has_truth
+        first = Page(write_report(store, summary)).texts["verdict"]
+        assert f"normals, {shown}" in first
