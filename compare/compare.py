@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from compare.report.facts import method_names, read_optional, sphere_rows, stored_lights
 from compare.report.pictures import colour_scale_end, error_picture, with_colour_scale
 from compare.statistics.ambiguity import four_ways, is_measured_so
+from compare.statistics.frames_alike import frames_alike
 from compare.statistics.level_methods import level_methods, thinned
 from compare.statistics.statistics import COVERAGE, angular_statistics, common_rotation, error_correlation
 from scene.errors import SceneError
@@ -60,6 +61,7 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         median_to_others_deg (the median of its median angles to the other methods), histogram (pixels per bin, the
         last one: beyond the last edge), median_sigma_deg (of the median on the photographs); level: best, and the
         methods that are level with it (`level_methods`); histogram_edges_deg; error_scale_deg (the colour scale's end);
+        frames_alike: psnr_db and ssim of the photographs and their twins (`frames_alike`);
         between_methods: a, b, pixels and statistics of the angle between each two methods on the real frames; lights,
         spheres, pose for the report; notes (plain statements, such as that there is no truth); warnings.
 
@@ -85,6 +87,7 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         "lights": stored_lights(store),
         "spheres": sphere_rows(store),
         "pose": read_optional(store, "pose.json"),
+        "frames_alike": _frames_alike(store, mask),
         "notes": [],
         "warnings": [],
     }
@@ -115,6 +118,14 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         if stale.name not in written:
             remove(stale)
     return result
+
+
+def _frames_alike(store: Store, mask: Mask | None) -> dict[str, Any] | None:
+    """Return how alike photographs and twin look; nothing where one of the two is not there."""
+    twin = Store(store.path("twin"))
+    if mask is None or not all(one.path("frames", "frames.json").exists() for one in (store, twin)):
+        return None
+    return frames_alike(store.load_frames(), twin.load_frames(), mask)
 
 
 def _errors(store: Store, name: str, known: Known, result: dict[str, Any]) -> list[float]:

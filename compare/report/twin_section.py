@@ -21,6 +21,9 @@ def twin_section(material: Material, layers: Layers | None, summary: Summary) ->
     if facts.get("engine"):
         reason = f": {facts['reason']}" if facts.get("reason") else ""
         lead += say("material", "engine", seconds=facts.get("seconds"), engine=f"{facts['engine']}{reason}")
+    if alike := (summary.get("compare") or {}).get("frames_alike"):
+        worst = min(alike["frames"], key=lambda row: row["ssim"])
+        lead += say("material", "alike", **alike, worst=worst["name"], least=worst["ssim"])
     body = f'<div class="sheet">{shown}</div>{material_words(facts)}'
     return section("twin", "The twin", body, lead)
 

@@ -1,0 +1,70 @@
+"""How alike each photograph and its twin look: PSNR and SSIM."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compare.report.pictures import Box, thumbnail
+from formats.pictures import srgb_from_linear
+from scene.frames import Frames
+
+WIDTH_PX = 800
+"""Pictures of the object are compared at most so wide: both figures are of a picture as people look at it."""
+WINDOW_PX = 11
+"""Side of the window of SSIM: its weights end at 3.5 sigmas of 1.5 px [Wang2004]."""
+WHITE = 0.999
+"""Quantile of the photographs' values on the object that is shown as white."""
+
+
+def frames_alike(photographs: Frames, twin: Frames, mask: NDArray[np.bool_]) -> dict[str, Any] | None:
+    """Return how alike photographs and twin are: psnr_db and ssim, medians, and the same of each of `frames`, by name.
+
+    None where no photograph has a twin of its name and size.
+
+    Parameters
+    ----------
+    photographs, twin : Frames
+    mask : (H, W) bool
+        The object; nothing else counts.
+
+    Notes
+    -----
+    In sRGB from 0 to 1, one white for all frames; each channel of the twin is scaled once, by least squares over all
+    frames: a lamp's strength has no unit. PSNR is 10 log10(1 / mean square of the difference). SSIM [Wang2004] is the
+    mean over the object of that of the three channels.
+    """
+    from skimage.metrics import structural_similarity
+
+    names = [name for name in photographs.names if name in twin.names]
+    if not names or not mask.any() or not mask.shape == photographs.codes.shape[1:3] == twin.codes.shape[1:3]:
+        return None
+    box = Box.of_mask(mask, margin=0.02)
+    pairs = [
+        [thumbnail(frames, frames.names.index(name), WIDTH_PX, box) for frames in (photographs, twin)] for name in names
+    ]
+    inside = _seen_at(mask, box, *pairs[0][0].shape[:2])
+    if min(inside.shape) < WINDOW_PX or not inside.any():
+        return None
+    real, made = (np.stack([pair[side][inside] for pair in pairs]) for side in (0, 1))
+    scale = np.sum(real * made, (0, 1)) / np.maximum(np.sum(made**2, (0, 1)), 1e-12)
+    white = max(float(np.quantile(real, WHITE)), 1e-6)
+    found = []
+    for name, (photograph, rendering) in zip(names, pairs, strict=True):
+        a, b = (srgb_from_linear(np.clip(image / white, 0, 1)) for image in (photograph, rendering * scale))
+        square = float(np.mean((a - b)[inside] ** 2))
+        a[~inside] = b[~inside] = 0
+        likeness: Any = structural_similarity(
+            a, b, data_range=1.0, channel_axis=-1, gaussian_weights=True, use_sample_covariance=False, full=True
+        )
+        ssim = float(likeness[1][inside].mean())
+        found.append({"name": name, "psnr_db": -10 * np.log10(max(square, 1e-12)), "ssim": ssim})
+    medians = {key: float(np.median([row[key] for row in found])) for key in ("psnr_db", "ssim")}
+    return {**medians, "frames": found}
+
+
+def _seen_at(mask: NDArray[np.bool_], box: Box, height: int, width: int) -> NDArray[np.bool_]:
+    """Return (height, width), which pixels of a shrunken box lie on the object."""
+    v = box.top + ((np.arange(height) + 0.5) * box.height / height).astype(np.intp)
+    u = box.left + ((np.arange(width) + 0.5) * box.width / width).astype(np.intp)
+    return mask[np.ix_(v, u)]
