@@ -68,7 +68,8 @@ def test_a_scene_is_rendered_photographed_and_processed(plum):
     run = rgbn("twin", plum / "plum.toml", "--out", plum / "twin", "--layers")
     assert run.returncode == 0, run.stderr
     assert run.stdout.strip() == str(plum / "twin" / "session.toml")
-    assert "engine mitsuba: it was asked for" in run.stderr
+    assert "engine mitsuba, 16 samples" in run.stderr
+    assert "it was asked for" in run.stderr
     session = load_session(plum / "twin")
     assert session.name == "plum"
     assert [path.suffix for path in session.flash] == [".dng"] * 8

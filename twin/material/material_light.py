@@ -16,7 +16,7 @@ from twin.visibility import Sight
 
 SIDE = 112
 """Pixels across the object: light from elsewhere changes slowly."""
-SAMPLES, DEPTH = 36, 4
+SAMPLES, DEPTH = 64, 4
 
 
 def material_scene(
