@@ -7,9 +7,9 @@ comes to rest, and the narrow faces that bridge it agree with nobody [Zheng2011]
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_matrix
 
-from align.scan.jets import Neighbours
+from align.scan.scan_noise import Neighbours
 from scene.mesh import Mesh
 
 ROUNDS = 8
@@ -18,8 +18,6 @@ ALIKE = 0.25
 SWEEPS = 4
 BEND_DEG = 35.0
 """Vertices of one edge whose sides differ by more are on two sides of a crease."""
-RING = 256
-"""Vertices of a ring and its ring; more are not asked."""
 
 
 def cross_creases(
@@ -30,39 +28,70 @@ def cross_creases(
     And each vertex's normal on its own side, (V, 3): the mesh's own away from `suspect` vertices (V,), near which the
     surface bends more than smooth fits can follow; nowhere else is a crease looked for.
     """
-    cut, side = np.zeros(3 * len(mesh.faces), bool), mesh.vertex_normals.copy()
+    cut = np.zeros(3 * len(mesh.faces), bool)
+    side = mesh.vertex_normals.copy()
     faces = np.flatnonzero(suspect[mesh.faces].any(1))
     if not len(faces):
         return cut, side
-    corners, normals = mesh.faces[faces], mesh.face_normals[faces]
-    numbers = np.repeat(np.arange(len(faces)), 3)
-    has = csr_array((np.ones(corners.size), (numbers, corners.ravel())), (len(faces), len(mesh.vertices)))
-    beside = (has @ has.T).tocoo()
+    count = len(mesh.vertices)
+    corners = mesh.faces[faces]
+    around = csr_matrix(
+        (np.ones(corners.size, np.int8), (corners.ravel(), np.repeat(np.arange(len(faces)), 3))), (count, len(faces))
+    )
+    normals = mesh.face_normals[faces]
     first, second = (mesh.vertices[corners[:, k]] - mesh.vertices[corners[:, 0]] for k in (1, 2))
     area = np.linalg.norm(np.cross(first, second), axis=1)
-
-    def agreeing(weight: NDArray) -> coo_array:
-        """Return (T, T): how much faces that share a corner agree, by the other's weight (T,)."""
-        apart = ((rested[beside.row] - rested[beside.col]) ** 2).sum(1)
-        alike = beside.data * weight[beside.col] * np.exp(-0.5 * apart / ALIKE**2)
-        return coo_array((alike, (beside.row, beside.col)), beside.shape)
-
     rested = normals
     for _ in range(ROUNDS):
-        rested = agreeing(area) @ rested
-        rested /= np.maximum(np.linalg.norm(rested, axis=1, keepdims=True), 1e-300)
+        rested = _agree(corners, around.indptr, around.indices, rested, area)
     # A bridging face that was talked over to one side says nothing of its vertices.
-    trust = agreeing(area * np.exp(-0.5 * ((rested - normals) ** 2).sum(1) / ALIKE**2)).sum(1)
-    # Of the faces around a vertex the one that is trusted most comes last, and stays.
-    order = np.argsort(trust)
-    side[corners[order].ravel()] = np.repeat(rested[order], 3, axis=0)
-    side[~suspect] = mesh.vertex_normals[~suspect]
+    trust = area * np.exp(-0.5 * ((rested - normals) ** 2).sum(1) / ALIKE**2)
+    _sides(np.flatnonzero(suspect), around.indptr, around.indices, rested, trust, side)
     for _ in range(SWEEPS):
         side = _move_over(np.flatnonzero(suspect), near.graph, side)
     start, end = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
     both = np.flatnonzero(suspect[start] & suspect[end])
-    cut[both] = np.einsum("ek,ek->e", side[start[both]], side[end[both]]) < np.cos(np.radians(BEND_DEG))
+    bend = np.einsum("ek,ek->e", side[start[both]], side[end[both]])
+    cut[both] = bend < np.cos(np.radians(BEND_DEG))
     return cut, side
+
+
+@numba.njit(nogil=True, cache=True)
+def _likeness(normals, one, two):  # pragma: no cover
+    square = 0.0
+    for axis in range(3):
+        square += (normals[one, axis] - normals[two, axis]) ** 2
+    return np.exp(-0.5 * square / ALIKE**2)
+
+
+@numba.njit(nogil=True, cache=True)
+def _agree(corners, indptr, indices, normals, area):  # pragma: no cover
+    """Average each face's normal over the faces at its corners that agree with it."""
+    out = np.zeros_like(normals)
+    for face in range(len(corners)):
+        for corner in range(3):
+            vertex = corners[face, corner]
+            for k in range(indptr[vertex], indptr[vertex + 1]):
+                weight = area[indices[k]] * _likeness(normals, face, indices[k])
+                for axis in range(3):
+                    out[face, axis] += weight * normals[indices[k], axis]
+        length = np.sqrt((out[face] ** 2).sum())
+        out[face] = out[face] / length if length > 0 else normals[face]
+    return out
+
+
+@numba.njit(nogil=True, cache=True)
+def _sides(vertices, indptr, indices, normals, trust, side):  # pragma: no cover
+    """Give each vertex the normal that most of its faces' trust agrees on."""
+    for vertex in vertices:
+        best = 0.0
+        for k in range(indptr[vertex], indptr[vertex + 1]):
+            votes = 0.0
+            for m in range(indptr[vertex], indptr[vertex + 1]):
+                votes += trust[indices[m]] * _likeness(normals, indices[k], indices[m])
+            if votes > best:
+                best = votes
+                side[vertex] = normals[indices[k]]
 
 
 @numba.njit(nogil=True, cache=True)
@@ -71,29 +100,25 @@ def _move_over(suspects, graph, side):  # pragma: no cover
     vertices, indptr, indices = graph
     out = side.copy()
     alike = np.cos(np.radians(BEND_DEG / 2))
-    ring, height = np.zeros(RING, np.int64), np.zeros(RING)
+    ring = np.zeros(256, np.int64)
     for vertex in suspects:
         count = 0
         for k in range(indptr[vertex], indptr[vertex + 1]):
             for m in range(indptr[indices[k]], indptr[indices[k] + 1]):
-                j = indices[m]
-                if j != vertex and count < RING:
-                    ring[count], height[count] = j, 0.0
-                    for axis in range(3):
-                        height[count] += (vertices[vertex, axis] - vertices[j, axis]) * side[j, axis]
+                if indices[m] != vertex and count < len(ring):
+                    ring[count] = indices[m]
                     count += 1
         best = np.inf
         for k in range(indptr[vertex], indptr[vertex + 1]):
+            candidate = side[indices[k]]
             total, members = 0.0, 0
             for m in range(count):
-                cosine = 0.0
-                for axis in range(3):
-                    cosine += side[ring[m], axis] * side[indices[k], axis]
-                if cosine > alike:
-                    total += height[m]
+                j = ring[m]
+                if (side[j] * candidate).sum() > alike:
+                    total += ((vertices[vertex] - vertices[j]) * side[j]).sum()
                     members += 1
             # A side of one or two vertices is none.
             if members >= 5 and abs(total / members) < best:
                 best = abs(total / members)
-                out[vertex] = side[indices[k]]
+                out[vertex] = candidate
     return out

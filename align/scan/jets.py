@@ -1,109 +1,43 @@
-"""Local surfaces: polynomials of degree 3 through a vertex's neighbourhood, and the normals they give.
+"""Local surfaces: polynomials of degree 2 and 3 through a vertex's neighbourhood, and the normals they give.
 
-The height over the tangent plane is fitted by least squares; the slope at the vertex turns the normal [Cazals2005].
+The height over the tangent plane is fitted by weighted least squares; the slope at the vertex turns the normal
+[Cazals2005]. One Cholesky factor serves both degrees: the square's block of the normal equations is the cube's first.
 Compiled: no Python per vertex.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, diags_array, eye_array
 
-from scene.fan_out import fan_out
-from scene.mesh import Mesh
-
-Array = NDArray[np.float64]
-
-CUBIC = 10
-"""Coefficients of a polynomial of degree 3 in x and y."""
+QUADRATIC, CUBIC = 6, 10
 MOST = 1024
 """Vertices of one neighbourhood; more are not gathered."""
-RIDGE = 1e-7
-"""Of the neighbours' number, added to the normal equations: a slope that they do not tell is most uncertain."""
-CHUNK = 1 << 14
 
 
 class Graph(NamedTuple):
     """A mesh as a graph: the neighbours of vertex i are indices[indptr[i]:indptr[i + 1]]."""
 
-    vertices: Array
+    vertices: NDArray[np.float64]
     """(V, 3), mm."""
     indptr: NDArray[np.int64]
     indices: NDArray[np.int64]
 
 
 class Fits(NamedTuple):
-    """Fits around K vertices."""
+    """Fits of degree 2 and 3 around K vertices."""
 
-    normals: Array
-    """(K, 3) unit; as at the start where not fitted."""
-    variance: Array
-    """(K,), radians squared for noise of 1 mm; infinite where too few neighbours determine the fit."""
-    rough: Array
-    """(K,), mm^2: the variance of the heights about the fit."""
-
-
-@dataclass(frozen=True)
-class Neighbours:
-    """The mesh as a graph."""
-
-    graph: Graph
-    """Which vertices share an edge with which."""
-    average: csr_array
-    """(V, V): the mean over a vertex and its neighbours."""
-    spacing_mm: Array
-    """(V,): length of the edges around, evened out."""
-
-    @classmethod
-    def of(cls, mesh: Mesh, *, keep: NDArray[np.bool_] | None = None) -> "Neighbours":
-        """Return the graph of a mesh; `keep` (3 T,) leaves out half-edges (corner 0 to 1, 1 to 2, 2 to 0)."""
-        count = len(mesh.vertices)
-        start, end = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
-        if keep is not None:
-            start, end = start[keep], end[keep]
-        graph = csr_array((np.ones(len(start)), (start, end)), (count, count))
-        graph = (graph + graph.T).tocsr()
-        graph.data[:] = 1
-        near = graph + eye_array(count)
-        average = (diags_array(1 / near.sum(1)) @ near).tocsr()
-        degree = np.diff(graph.indptr)
-        rows = np.repeat(np.arange(count), degree)
-        length = np.linalg.norm(mesh.vertices[rows] - mesh.vertices[graph.indices], axis=1)
-        spacing = np.bincount(rows, length, count) / np.maximum(degree, 1)
-        # A vertex without edges takes the scan's middle length.
-        spacing[degree == 0] = np.median(spacing)
-        links = Graph(mesh.vertices, graph.indptr.astype(np.int64), graph.indices.astype(np.int64))
-        found = cls(links, average, spacing)
-        return cls(links, average, found.smooth(spacing, 3))
-
-    def smooth(self, values: Array, rounds: int) -> Array:
-        """Return (V, ...) averaged `rounds` times over each vertex and its neighbours."""
-        for _ in range(rounds):
-            values = self.average @ values
-        return values
-
-    def fit(self, start: Array, chosen: NDArray, step: float) -> Fits:
-        """Fit around the vertices `chosen` (K,) within `step` spacings, on all cores.
-
-        `start` (V, 3) are the normals over whose planes heights are measured.
-        """
-        fits = Fits(start[chosen], np.full(len(chosen), np.inf), np.full(len(chosen), np.inf))
-
-        def work(first: int) -> None:
-            part = slice(first, first + CHUNK)
-            _fit_normals(
-                chosen[part], step * self.spacing_mm[chosen[part]], self.graph, Fits(*(array[part] for array in fits))
-            )
-
-        fan_out(work, range(0, len(chosen), CHUNK))
-        return fits
+    normals: NDArray[np.float64]
+    """(K, 2, 3) unit; as at the start where not fitted."""
+    variance: NDArray[np.float64]
+    """(K, 2), radians squared for noise of 1 mm; infinite where too few neighbours determine the fit."""
+    rough: NDArray[np.float64]
+    """(K, 2), mm^2: the mean squared residual; infinite where not fitted."""
 
 
 @numba.njit(nogil=True, cache=True)
-def _gather(i, radius, graph, stamp, found):  # pragma: no cover
+def gather(i, radius, graph, stamp, found):  # pragma: no cover
     """Fill `found` with the vertices within `radius` of vertex i that edges lead to; return how many.
 
     Along the surface: the other side of a thin wall is near in space, and not reached. `stamp` (V,) holds for each
@@ -130,7 +64,7 @@ def _gather(i, radius, graph, stamp, found):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def _tangents(normal, frame):  # pragma: no cover
+def tangents(normal, frame):  # pragma: no cover
     """Fill `frame` (3, 3) with two tangents and the normal, as rows; the turn about the normal is arbitrary."""
     x, y, z = normal
     side = 1.0 if z >= 0 else -1.0
@@ -141,44 +75,116 @@ def _tangents(normal, frame):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def _fit_normals(chosen, radii, graph, fits):  # pragma: no cover
-    """Fit around the vertices `chosen` (K,), with one radius each (K,), and fill `fits`, whose normals are the start.
+def accumulate(found, radius, vertices, heights, frame, rows, work):  # pragma: no cover
+    """Sum the normal equations of a neighbourhood (about its first vertex) into `work`.
 
-    All neighbours weigh the same: of all weights in the same circle these leave the least noise in the slope. Lengths
-    are in radii.
+    rows : (N, 11), filled: of each neighbour the monomials of its place x, y in the tangent plane, and its height z.
+    work : (13, 11): the rows' products, and the slopes' unit vectors (11, 12). Lengths are in radii. Where `heights`
+    (V,) are given, they stand in for the surface's own. All neighbours weigh the same: of all weights in the same
+    circle these leave the least noise in the slope.
+    """
+    for n, j in enumerate(found):
+        x = y = z = 0.0
+        for axis in range(3):
+            away = (vertices[j, axis] - vertices[found[0], axis]) / radius
+            x += away * frame[0, axis]
+            y += away * frame[1, axis]
+            z += away * frame[2, axis]
+        if len(heights):
+            z = heights[j] / radius
+        for m, value in enumerate((1.0, x, y, x * x, x * y, y * y, x * x * x, x * x * y, x * y * y, y * y * y, z)):
+            rows[n, m] = value
+    work[: CUBIC + 1] = rows.T @ rows
+    work[CUBIC + 1 :] = 0.0
+    work[11, 1] = work[12, 2] = 1.0
+
+
+@numba.njit(nogil=True, cache=True)
+def factor(work, first, size, ridge):  # pragma: no cover
+    """Replace columns `first` to `size` of the normal matrix M = L L^T by L's, and each row r below M by r L^-T.
+
+    The dot product of two such rows is r M^-1 s. Return whether M is regular.
+    """
+    for b in range(first, size):
+        for a in range(b, len(work)):
+            value = work[a, b]
+            for c in range(b):
+                value -= work[a, c] * work[b, c]
+            if a > b:
+                work[a, b] = value / work[b, b]
+            elif value < ridge:
+                return False
+            else:
+                work[b, b] = np.sqrt(value)
+    return True
+
+
+@numba.njit(nogil=True, cache=True)
+def fit_normals(chosen, radii, graph, heights, start, fits):  # pragma: no cover
+    """Fit both degrees around the vertices `chosen` (K,), with one radius each (K,), and fill `fits`.
+
+    `start` (V, 3) are the normals over whose planes heights are measured; `heights`: see `accumulate`.
     """
     normals, variance, rough = fits
     stamp = np.full(len(graph.vertices), -1, np.int64)
     found = np.zeros(MOST, np.int64)
-    frame, rows = np.zeros((3, 3)), np.zeros((MOST, CUBIC + 1))
-    # Of the heights, and the slopes' unit vectors.
-    right = np.zeros((CUBIC, 3))
+    frame, rows, work = np.zeros((3, 3)), np.zeros((MOST, CUBIC + 1)), np.zeros((13, CUBIC + 1))
     for k in range(len(chosen)):
         i, radius = chosen[k], radii[k]
-        count = _gather(i, radius, graph, stamp, found)
-        if count < CUBIC + 2:
-            continue
-        _tangents(normals[k], frame)
-        for n in range(count):
-            x = y = z = 0.0
+        variance[k] = np.inf
+        rough[k] = np.inf
+        normals[k] = start[i]
+        count = gather(i, radius, graph, stamp, found)
+        tangents(start[i], frame)
+        accumulate(found[:count], radius, graph.vertices, heights, frame, rows[:count], work)
+        first = 0
+        for degree, size in enumerate((QUADRATIC, CUBIC)):
+            if count < size + 2 or not factor(work, first, size, 1e-6 * count):
+                break
+            first = size
+            right, along, across = work[10, :size], work[11, :size], work[12, :size]
+            u, v = (along * right).sum(), (across * right).sum()
+            # The normal of a surface of these slopes over the frame.
+            steep = 1.0 + u * u + v * v
             for axis in range(3):
-                away = (graph.vertices[found[n], axis] - graph.vertices[i, axis]) / radius
+                normals[k, degree, axis] = (frame[2, axis] - u * frame[0, axis] - v * frame[1, axis]) / np.sqrt(steep)
+            variance[k, degree] = ((along * along).sum() + (across * across).sum()) / (radius * steep) ** 2
+            rough[k, degree] = max(work[10, 10] - (right * right).sum(), 0.0) * radius * radius / count
+
+
+@numba.njit(nogil=True, cache=True)
+def ring_bend(graph, normals):  # pragma: no cover
+    """Return (V,) the rms by which the neighbours' normals miss a linear law of place about each vertex's."""
+    vertices, indptr, indices = graph
+    out = np.zeros(len(vertices))
+    frame = np.zeros((3, 3))
+    for i in range(len(vertices)):
+        tangents(normals[i], frame)
+        first, last = indptr[i], indptr[i + 1]
+        a = b = c = 1e-30
+        square = 0.0
+        slopes = np.zeros((2, 3))
+        for k in range(first, last):
+            x = y = 0.0
+            for axis in range(3):
+                away = vertices[indices[k], axis] - vertices[i, axis]
                 x += away * frame[0, axis]
                 y += away * frame[1, axis]
-                z += away * frame[2, axis]
-            for m, value in enumerate((1.0, x, y, x * x, x * y, y * y, x * x * x, x * x * y, x * y * y, y * y * y, z)):
-                rows[n, m] = value
-        products = rows[:count].T @ rows[:count]
-        for m in range(CUBIC):
-            products[m, m] += RIDGE * count
-            right[m, 0] = products[m, CUBIC]
-        right[1, 1] = right[2, 2] = 1.0
-        solved = np.linalg.solve(np.ascontiguousarray(products[:CUBIC, :CUBIC]), right)
-        u, v = solved[1, 0], solved[2, 0]
-        # The normal of a surface of these slopes over the frame.
-        steep = 1.0 + u * u + v * v
+            a += x * x
+            b += x * y
+            c += y * y
+            for axis in range(3):
+                turned = normals[indices[k], axis] - normals[i, axis]
+                slopes[0, axis] += x * turned
+                slopes[1, axis] += y * turned
+                square += turned * turned
+        determinant = a * c - b * b
+        if last - first < 4 or determinant <= 1e-6 * a * c:
+            continue
+        # What the law explains: s M^-1 s for each axis' slopes s.
         for axis in range(3):
-            normals[k, axis] = (frame[2, axis] - u * frame[0, axis] - v * frame[1, axis]) / np.sqrt(steep)
-        variance[k] = (solved[1, 1] + solved[2, 2]) / (radius * steep) ** 2
-        left = products[CUBIC, CUBIC] - (right[:, 0] * solved[:, 0]).sum()
-        rough[k] = max(left, 0.0) * radius * radius / (count - CUBIC)
+            u, v = slopes[0, axis], slopes[1, axis]
+            square -= (c * u * u - 2 * b * u * v + a * v * v) / determinant
+        # Four or more neighbours share two slopes.
+        out[i] = np.sqrt(max(square, 0.0) / (last - first - 2))
+    return out

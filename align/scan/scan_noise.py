@@ -1,0 +1,197 @@
+"""How rough a scan is by its own noise: its size, its reach along the surface, what it does to fits and plain normals.
+
+Noise is everywhere, detail is not: the noise is read where the surface is smoothest. It may be shared by neighbouring
+vertices, as scanners that average make it; then fits of growing size leave growing residuals, and averages help less.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, csr_matrix, diags, eye
+
+from align.scan.jets import Fits, Graph, fit_normals
+from scene.fan_out import fan_out
+from scene.mesh import Mesh
+
+Array = NDArray[np.float64]
+
+STEPS = (1.9, 2.6, 3.7, 5.3, 7.6)
+"""Radii of the fits, in spacings of the vertices: each about twice the area of the one before."""
+SMOOTHEST = 0.2
+"""The share of the vertices, those with the smallest residuals, that show the noise bare."""
+SAMPLE = 3000
+DRAWS = 2
+REACHES = 3
+ROUNDING = 1e-7
+"""Of the scan's radius: files hold coordinates as float32."""
+FITS = 4
+"""How many of the steps, the smallest, tell noise from shape."""
+GROWTH = np.geomspace(3.0, 8.0, 12)
+"""From step to step a surface's own residuals squared grow by so much: r^6 = 6.6 if smooth, less if rough."""
+PREFERENCE = 0.7
+CHUNK = 1 << 14
+_NONE = np.zeros(0)
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """The mesh as a graph."""
+
+    graph: Graph
+    """Which vertices share an edge with which."""
+    average: csr_matrix
+    """(V, V): the mean over a vertex and its neighbours."""
+    spacing_mm: Array
+    """(V,): length of the edges around, evened out."""
+
+    @classmethod
+    def of(cls, mesh: Mesh, *, keep: NDArray[np.bool_] | None = None) -> "Neighbours":
+        """Return the graph of a mesh; `keep` (3 T,) leaves out half-edges (corner 0 to 1, 1 to 2, 2 to 0)."""
+        count = len(mesh.vertices)
+        start, end = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
+        if keep is not None:
+            start, end = start[keep], end[keep]
+        graph = csr_matrix((np.ones(len(start)), (start, end)), (count, count))
+        graph = (graph + graph.T).tocsr()
+        graph.data[:] = 1
+        near = graph + eye(count)
+        average = (diags(1 / np.asarray(near.sum(1)).ravel()) @ near).tocsr()
+        rows = np.repeat(np.arange(count), np.diff(graph.indptr))
+        length = np.linalg.norm(mesh.vertices[rows] - mesh.vertices[graph.indices], axis=1)
+        degree = np.bincount(rows, minlength=count)
+        spacing = np.bincount(rows, length, count) / np.maximum(degree, 1)
+        # A vertex without edges takes the scan's middle length.
+        spacing[degree == 0] = np.median(spacing)
+        for _ in range(3):
+            spacing = average @ spacing
+        links = Graph(mesh.vertices, graph.indptr.astype(np.int64), graph.indices.astype(np.int64))
+        return cls(links, average, spacing)
+
+    def smooth(self, values: Array, rounds: int) -> Array:
+        """Return (V, ...) averaged `rounds` times over each vertex and its neighbours."""
+        for _ in range(rounds):
+            values = self.average @ values
+        return values
+
+    def fit(self, start: Array, chosen: NDArray, step: float, heights: Array | None = None) -> Fits:
+        """Fit around the vertices `chosen` (K,) within `step` spacings, on all cores; see `jets.fit_normals`."""
+        count = len(chosen)
+        fits = Fits(np.zeros((count, 2, 3)), np.zeros((count, 2)), np.zeros((count, 2)))
+
+        def work(first: int) -> None:
+            part = slice(first, first + CHUNK)
+            some, own = chosen[part], Fits(*(array[part] for array in fits))
+            fit_normals(
+                some, step * self.spacing_mm[some], self.graph, _NONE if heights is None else heights, start, own
+            )
+
+        fan_out(work, range(0, len(chosen), CHUNK))
+        return fits
+
+
+@dataclass(frozen=True)
+class ScanNoise:
+    """The scan's noise, across the surface."""
+
+    sigma_mm: float
+    """Standard deviation."""
+    reach: int
+    """How often white noise is averaged over neighbours to make noise like it; 0: white."""
+    excess: Array
+    """(L, 2): variance of a fitted normal of step L and degree 2 or 3 over what white noise would give it."""
+    rest: Array
+    """(L, 2): mean squared residual of those fits, for noise of 1 mm."""
+
+
+def scan_noise(mesh: Mesh, near: Neighbours) -> ScanNoise:
+    """Measure the noise of a scan from the residuals of quadratic fits of four sizes.
+
+    Noise of known size and reach is put on the same mesh and fitted alike; the scan's noise is the one
+    whose residuals grow with the fit's size as the scan's do. Where they grow faster than any noise's, what is left
+    over is the surface's shape: then the smallest fit bounds the noise.
+    """
+    generator = np.random.default_rng(0)
+    count = len(mesh.vertices)
+    chosen = generator.permutation(count)[:SAMPLE]
+    few = chosen[: SAMPLE // 5]
+    own = np.array([_quantile(near.fit(mesh.vertex_normals, chosen, step).rough) for step in STEPS])
+    left = np.zeros((REACHES, len(STEPS)))
+    answer = np.zeros((REACHES, len(STEPS), 2))
+    rest = np.zeros_like(answer)
+    for reach in range(REACHES):
+        for _ in range(DRAWS):
+            noise = near.smooth(generator.standard_normal(count), reach)
+            noise /= noise.std()
+            for level, step in enumerate(STEPS):
+                # Of 1e-4 mm: slopes stay small, and the answer is linear.
+                normals, variance, rough = near.fit(mesh.vertex_normals, few, step, 1e-4 * noise)
+                variance, rough = 1e-8 * variance, 1e8 * rough
+                turned = 1 - np.einsum("kdx,kx->kd", normals, mesh.vertex_normals[few]) ** 2
+                known = np.isfinite(variance)
+                for degree in range(2):
+                    ok = known[:, degree]
+                    if ok.any():
+                        answer[reach, level, degree] += np.mean(turned[ok, degree] / variance[ok, degree]) / DRAWS
+                if level == 0 and known[:, 1].any():
+                    rest[reach] += np.mean(rough[known[:, 1], 1]) / DRAWS
+                left[reach, level] += _quantile(rough) / DRAWS
+    floor = (ROUNDING * mesh.radius_mm) ** 2
+    if not (left > 0).all():
+        # So few vertices that no fit leaves a residual.
+        return ScanNoise(float(np.sqrt(floor)), 0, *np.ones((2, len(STEPS), 2)))
+    sigma, reach = _unmix(own[:FITS] + floor, left[:, :FITS])
+    return ScanNoise(
+        float(np.sqrt(sigma**2 + floor)), reach, np.maximum(answer[reach], 1e-3), np.maximum(rest[reach], 1e-3)
+    )
+
+
+def _unmix(own: Array, left: Array) -> tuple[float, int]:
+    """Return sigma (mm) and reach of the noise in residuals `own` (L,) that noise of 1 mm makes `left` (R, L).
+
+    own = sigma^2 left + shape, where the shape grows from each fit to the next by one factor.
+    """
+    from scipy.optimize import nnls
+
+    best, answer = np.inf, (0.0, 0)
+    for reach, noise in enumerate(left):
+        for factor in GROWTH:
+            parts = np.stack([noise, own[0] * factor ** np.arange(len(own))], -1)
+            (square, _), miss = nnls(parts / own[:, None], np.ones(len(own)))
+            # White, unless shared noise explains the residuals clearly better.
+            if miss < (best if reach == 0 or answer[1] == reach else PREFERENCE * best):
+                best, answer = miss, (float(np.sqrt(square)), reach)
+    return answer
+
+
+def _quantile(rough: Array) -> float:
+    square = rough[:, 0]
+    known = square[np.isfinite(square)]
+    return float(np.quantile(known, SMOOTHEST)) if len(known) else 0.0
+
+
+def plain_normal_gain(mesh: Mesh) -> Array:
+    """Return (V,) the rms turn, radians, of each vertex normal for noise of 1 mm along the vertices' normals.
+
+    Plain normals are the area-weighted means of the faces around. Large faces need no fit: noise hardly turns them. A
+    decimated scan has large faces where it is flat, and there the plain normals are better than any fit over the few,
+    far neighbours.
+
+    The normal's direction is that of S = sum of the faces' cross products. A vertex k that moves by z along its normal
+    n changes each of its faces' by z (e x n), with e the edge across from k; the squares of the sums over the faces
+    that both vertices share, without their part along S, add up over k, divided by |S|^2.
+    """
+    count, faces = len(mesh.vertices), mesh.faces
+    corners = mesh.vertices[faces]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    turn = np.cross(np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1), mesh.vertex_normals[faces])
+    # Each face tells each of its corners (rows) what the moves of all three (columns) do to it.
+    place = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, 3).ravel()
+    total, square, along = np.zeros((count, 3)), np.zeros(count), csr_array((count, count))
+    for axis in range(3):
+        moved = csr_array((np.tile(turn[..., axis], 3).ravel(), place), (count, count))
+        square += moved.power(2).sum(1)
+        along = along + moved.multiply(mesh.vertex_normals[:, [axis]])
+        total[:, axis] = np.bincount(faces.ravel(), np.repeat(cross[:, axis], 3), count)
+    square -= along.power(2).sum(1)
+    return np.sqrt(np.maximum(square, 0)) / np.maximum(np.linalg.norm(total, axis=1), 1e-300)
