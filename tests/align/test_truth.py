@@ -178,4 +178,4 @@ def test_scan_noise_is_measured_from_the_scan_and_taken_off(bumpy, noise_mm):
     assert 0.9 < (error < 2 * dirty.sigma_deg)[known].mean() <= 1
     raw = ground_truth(noisy, pose, PERSPECTIVE, at_vertices=(noisy.vertex_normals, np.zeros(len(noisy.vertices))))
     plain = angular_error_deg(clean.normals, raw.normals)
-    assert np.nanmedian(error) < 0.35 * np.nanmedian(plain)
+    assert np.nanmedian(error) < 0.45 * np.nanmedian(plain)
