@@ -14,7 +14,7 @@ WIDTH_PX = 800
 WINDOW_PX = 11
 """Side of the window of SSIM: its weights end at 3.5 sigmas of 1.5 px [Wang2004]."""
 WHITE = 0.999
-"""Quantile of the photographs' values on the object that is shown as white."""
+"""Quantile of the brightest photograph's values on the object that is shown as white."""
 
 
 def frames_alike(photographs: Frames, twin: Frames, mask: NDArray[np.bool_]) -> dict[str, Any] | None:
@@ -40,25 +40,32 @@ def frames_alike(photographs: Frames, twin: Frames, mask: NDArray[np.bool_]) -> 
     if not names or not mask.any() or not mask.shape == photographs.codes.shape[1:3] == twin.codes.shape[1:3]:
         return None
     box = Box.of_mask(mask, margin=0.02)
-    pairs = [
-        [thumbnail(frames, frames.names.index(name), WIDTH_PX, box) for frames in (photographs, twin)] for name in names
-    ]
-    inside = _seen_at(mask, box, *pairs[0][0].shape[:2])
+
+    def pair(name: str) -> tuple[NDArray, NDArray]:
+        real, made = (thumbnail(one, one.names.index(name), WIDTH_PX, box) for one in (photographs, twin))
+        return real, made
+
+    inside = _seen_at(mask, box, *pair(names[0])[0].shape[:2])
     if min(inside.shape) < WINDOW_PX or not inside.any():
         return None
-    real, made = (np.stack([pair[side][inside] for pair in pairs]) for side in (0, 1))
-    scale = np.sum(real * made, (0, 1)) / np.maximum(np.sum(made**2, (0, 1)), 1e-12)
-    white = max(float(np.quantile(real, WHITE)), 1e-6)
+    products, squares, white = np.zeros(3), np.full(3, 1e-12), 1e-6
+    # One frame after the other, twice: a stack of them is not held in memory.
+    for name in names:
+        real, made = (image[inside] for image in pair(name))
+        products, squares = products + np.sum(real * made, 0), squares + np.sum(made**2, 0)
+        white = max(white, float(np.quantile(real, WHITE)))
     found = []
-    for name, (photograph, rendering) in zip(names, pairs, strict=True):
-        a, b = (srgb_from_linear(np.clip(image / white, 0, 1)) for image in (photograph, rendering * scale))
+    for name in names:
+        photograph, rendering = pair(name)
+        both = photograph, rendering * (products / squares)
+        a, b = (srgb_from_linear(np.clip(image / white, 0, 1)) for image in both)
         square = float(np.mean((a - b)[inside] ** 2))
         a[~inside] = b[~inside] = 0
         likeness: Any = structural_similarity(
             a, b, data_range=1.0, channel_axis=-1, gaussian_weights=True, use_sample_covariance=False, full=True
         )
         ssim = float(likeness[1][inside].mean())
-        found.append({"name": name, "psnr_db": -10 * np.log10(max(square, 1e-12)), "ssim": ssim})
+        found.append({"name": name, "psnr_db": float(-10 * np.log10(max(square, 1e-12))), "ssim": ssim})
     medians = {key: float(np.median([row[key] for row in found])) for key in ("psnr_db", "ssim")}
     return {**medians, "frames": found}
 
