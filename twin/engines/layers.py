@@ -25,6 +25,8 @@ VALUES_PER_BAND = 1 << 22
 """Of a band's images, in float32: 16 MiB."""
 STRIP_PIXELS, STRIPS = 4096, 8
 """Of the rows that are rendered twice; in so many strips: what stands in the middle is not all of a picture."""
+TRIED = 16
+"""Samples a pixel by which that is done, at most."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ class PieceRenderer:
         return Layers(first[0], whole - first[0]) if first else Layers(whole)
 
 
-def noise_of_one_sample(scene: TwinScene, film: Film, engine: Engine, samples: int = 16) -> float:
+def noise_of_one_sample(scene: TwinScene, film: Film, engine: Engine, samples: int = TRIED) -> float:
     """Return the standard deviation of a lit pixel over its mean that one sample a pixel would leave; 0 in the dark.
 
     Some strips of the film, spread over its height, are rendered twice, with `samples`: by stock Mitsuba under the

@@ -19,7 +19,7 @@ from scene.store import Store
 from twin.description.description import Sampling, TwinScene
 from twin.engines.engine_choice import Choice, choose_engine
 from twin.engines.film import Film
-from twin.engines.layers import Piece, PieceRenderer, noise_of_one_sample, pieces_of, standing_light
+from twin.engines.layers import TRIED, Piece, PieceRenderer, noise_of_one_sample, pieces_of, standing_light
 from twin.engines.unfinished import Unfinished
 from twin.engines.variant import SLOW, graphics_card, pick_variant
 from twin.ground_truth import ground_truth
@@ -165,15 +165,20 @@ def _elsewhere(executor: Executor | None, work: Callable[..., Any], *arguments: 
 
 def _choose(scene: TwinScene, film: Film) -> Choice:
     engine, reason = choose_engine(scene)
-    one, samples = noise_of_one_sample(scene, film, engine), scene.sampling.samples
-    if samples is None:
-        wanted, most = (one / scene.sampling.error) ** 2, MOST
+
+    def rendered(samples: float) -> int:
+        # Stock Mitsuba samples each pixel on a jittered grid.
+        return math.ceil(math.sqrt(samples)) ** 2 if engine == "mitsuba" else math.ceil(samples)
+
+    if scene.sampling.samples is not None:
+        samples = rendered(scene.sampling.samples)
+        # Well spread samples leave less noise than their number says: fewer are tried as they are.
+        one = noise_of_one_sample(scene, film, engine, min(samples, TRIED))
+    else:
+        one, most = noise_of_one_sample(scene, film, engine), MOST
         if engine == "mitsuba":
             most = max(FEWEST, min(most, SAMPLES_PER_FRAME // (film.window[2] * film.window[3])))
-        samples = math.ceil(np.clip(wanted, FEWEST, most))
-    if engine == "mitsuba":
-        # Each pixel is sampled on a jittered grid.
-        samples = math.ceil(math.sqrt(samples)) ** 2
+        samples = rendered(float(np.clip((one / scene.sampling.error) ** 2, FEWEST, most)))
     return Choice(engine, samples, reason, one / math.sqrt(samples))
 
 
