@@ -9,7 +9,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#0
 """Told apart by colour-blind eyes too [Okabe2008]."""
 MOST_NUMBERED = 30
 """Of more lights the numbers would lie on each other."""
-CHANNELS = (("red", "#D55E00", "triangle-up"), ("green", "#009E73", "circle"), ("blue", "#0072B2", "triangle-down"))
+CHANNELS = {"red": "#D55E00", "green": "#009E73", "blue": "#0072B2"}
 
 
 def laid_out(figure: Any, *, height: int, legend_y: float = 1.02) -> Any:
@@ -45,11 +45,13 @@ def light_intensities(lights: Any) -> Any:
     """Return three bars a light: its intensity in each channel, with its sigma."""
     import plotly.express as px
 
-    names, colours = [f"intensity_{name[0]}" for name, _, _ in CHANNELS], [colour for _, colour, _ in CHANNELS]
-    figure: Any = px.bar(_rows(lights), x="light", y=names, hover_name="name", barmode="group",
-                    color_discrete_sequence=colours)  # fmt: skip
-    for bars, intensity in zip(figure.data, lights.intensities.T, strict=True):
+    columns = [f"intensity_{name[0]}" for name in CHANNELS]
+    figure: Any = px.bar(_rows(lights), x="light", y=columns, hover_name="name", barmode="group",
+                    color_discrete_sequence=list(CHANNELS.values()))  # fmt: skip
+    for bars, channel, intensity in zip(figure.data, CHANNELS, lights.intensities.T, strict=True):
+        bars.name = channel
         bars.error_y = {"array": np.nan_to_num(lights.intensity_sigma) * intensity}
+    figure.update_layout(legend_title_text="")
     figure.update_yaxes(title="intensity (mean over lights = 1)")
     return laid_out(figure, height=330)
 

@@ -44,7 +44,7 @@ def light_intensities(lights: dict[str, Any]) -> str:
     ends = [value * (1 + (row["intensity_sigma"] or 0)) for row in rows for value in row["intensity"]]
     marks = []
     for number, row in enumerate(rows, 1):
-        for channel, (name, colour, _) in enumerate(CHANNELS):
+        for channel, (name, colour) in enumerate(CHANNELS.items()):
             value, sigma = row["intensity"][channel], (row["intensity_sigma"] or 0.0) * row["intensity"][channel]
             told = f"{row['name']}, {name}: {value:.3f} ± {sigma:.3f}"
             marks.append((number + 0.18 * (channel - 1), value, sigma, colour, told))
