@@ -19,7 +19,7 @@ from benchmarks.real_captures import REAL, washington
 from benchmarks.real_surfaces import DILIGENT, diligent_object
 from benchmarks.sessions import registered, with_truth
 from benchmarks.unknown_lights import photographed
-from compare.report.line_chart import line_chart
+from draw.line_chart import line_chart
 from fixtures.mesh_shapes import blob
 from scene.camera import Camera
 from scene.clock import now, since

@@ -10,9 +10,9 @@ from scene.errors import SceneError
 from scene.length_units import Unit
 
 if TYPE_CHECKING:
-    from lab.init.answers import Answers
-    from lab.init.draft import Draft
     from scene.spheres import Kind
+    from shoot.init.answers import Answers
+    from shoot.init.draft import Draft
 
 
 @Parameter(name="*")
@@ -44,7 +44,7 @@ class Told:
     ] = None
 
     def answers(self) -> "Answers":
-        """Return it as `lab.init` takes it.
+        """Return it as `shoot.init` takes it.
 
         Raises
         ------
@@ -52,7 +52,7 @@ class Told:
             A length that is none, or two options that tell the same.
         """
         from capture.session.session_types import Lens
-        from lab.init.answers import Answers, lengths_of
+        from shoot.init.answers import Answers, lengths_of
 
         said = {key: getattr(self, key) for key in ("focal_mm", "sensor_mm", "pixel_um", "crop_factor")}
         sensors = [
@@ -88,7 +88,7 @@ def init(
     told: Told = TOLD,
 ) -> None:
     """Look at a folder of photographs, show what it holds, ask what no file tells, and write its session.toml."""
-    from lab.init.init_session import init_sessions
+    from shoot.init.init_session import init_sessions
 
     answers = told.answers()
     made, _ = init_sessions(folder, answers, silent=yes, shown=_show)
@@ -104,7 +104,7 @@ def _show(draft: "Draft") -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from lab.init.draft_notes import notes_of
+    from shoot.init.draft_notes import notes_of
 
     table = Table(title=Text(f"{draft.folder}"), show_header=False, title_justify="left", box=None)
     table.add_column(style="bold")

@@ -5,8 +5,8 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from lab.shoot.plan_options import CameraOptions, ObjectOptions, ShootOptions
 from lab.streams import is_quiet
+from shoot.plan.plan_options import CameraOptions, ObjectOptions, ShootOptions
 
 OBJECT, CAMERA, SHOOT = ObjectOptions(), CameraOptions(), ShootOptions()
 
@@ -32,7 +32,7 @@ def plan(
     json: Annotated[bool, Parameter(help="Print the plan as JSON on standard output.", negative="")] = False,
 ) -> None:
     """Say before the first flash what a shoot will give: where flashes and balls go, expected error, when to stop."""
-    from lab.shoot.run_plan import run_plan
+    from shoot.plan.run_plan import run_plan
 
     facts = run_plan(source, flashes, thing=thing, camera=camera, shoot=shoot, out=out)
     if json:
@@ -47,8 +47,8 @@ def _show(facts: dict[str, Any]) -> None:
     """Print the plan as tables."""
     from rich.console import Console
 
-    from lab.shoot.plan_page import answer_of
     from rgbn.text_tables import fact_table, number_table
+    from shoot.plan.plan_page import answer_of
 
     flashes = number_table(
         "flashes, the most useful first",

@@ -28,8 +28,8 @@ def watch(
     told: Told = TOLD,
 ) -> None:
     """Judge each photograph of a shoot within seconds of its coming, and write the session in the end."""
-    from lab.watch.alarm import Alarm
-    from lab.watch.watch_folder import watch_folder
+    from shoot.watch.alarm import Alarm
+    from shoot.watch.watch_folder import watch_folder
 
     for option, value in (("--until-idle", until_idle), ("--wanted-deg", wanted_deg)):
         if value is not None and not 0 < value < 1e7:

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 ROOMS = (
-    "scene", "formats", "capture", "calibrate", "align", "solve", "twin", "compare", "lab", "experiments", "studio",
-    "rgbn",
+    "scene", "formats", "capture", "calibrate", "align", "solve", "twin", "draw", "compare", "lab", "shoot",
+    "experiments", "studio", "rgbn",
 )  # fmt: skip
 """The root folders that are import packages, from the ground floor up."""
 ROOT = Path(__file__).resolve().parents[1]

@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 STEPS = ("capture", "calibrate", "align", "solve", "twin", "compare")
-ROOMS = ("scene", "formats", *STEPS, "lab", "experiments", "studio", "rgbn")
+ROOMS = ("scene", "formats", *STEPS[:-1], "draw", "compare", "lab", "shoot", "experiments", "studio", "rgbn")
 """From the ground floor up: what a room may import stands before it; the steps never import each other."""
 HEAVY = {"open3d", "mitsuba", "drjit", "viser", "plotly", "dask", "distributed", "trimesh", "skimage", "rawpy"}
 SOURCES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))

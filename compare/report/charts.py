@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from compare.report.line_chart import Axis, Frame, axes, svg
+from draw.line_chart import Axis, Frame, axes, svg
 from scene.figures import CHANNELS, COLOURS, laid_out
 
 MOST_NUMBERED = 30

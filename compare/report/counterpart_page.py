@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from compare.report import page, pictures
-from compare.report.line_chart import interval_chart
 from compare.report.maps import colour_scale
 from compare.report.pictures import Box
 from compare.statistics.counterpart_draws import Capture
 from compare.statistics.counterpart_verdict import ALIKE_FROM, MARGIN_DEG, MARGIN_SHARE, STRUCTURED
+from draw.line_chart import interval_chart
 
 Found = dict[str, Any]
 

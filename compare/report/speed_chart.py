@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compare.report.facts import Summary, family
-from compare.report.line_chart import Axis, Frame, axes, svg
 from compare.report.page import is_number
+from draw.line_chart import Axis, Frame, axes, svg
 
 Array = NDArray[np.float64]
 

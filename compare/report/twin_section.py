@@ -5,8 +5,8 @@ from typing import Any
 
 from compare.report.facts import Material, Summary
 from compare.report.layers import Layers
-from compare.report.line_chart import line_chart
 from compare.report.page import absent, is_number, say, section
+from draw.line_chart import line_chart
 
 
 def twin_section(material: Material, layers: Layers | None, summary: Summary) -> str:

@@ -10,12 +10,12 @@ from capture.session.globs import natural_key
 from capture.session.session_types import Lens
 from capture.survey.board_layout import FEWEST_SHOTS, find_board
 from capture.survey.folder_files import FEWEST
-from lab.init.draft import Draft, DraftBall
-from lab.init.prepare import with_camera
-from lab.init.scan_unit import read_scan
 from scene.errors import SceneError, SessionError
 from scene.length_units import Unit
 from scene.spheres import KINDS, Kind
+from shoot.init.draft import Draft, DraftBall
+from shoot.init.prepare import with_camera
+from shoot.init.scan_unit import read_scan
 from studio.new_session.found_capture import ROLES, FoundCapture
 from studio.photograph.outlines import Outline, Outlines
 

@@ -16,14 +16,14 @@ from capture.survey.folder_files import FolderFiles
 from capture.survey.small_pictures import Small, read_small
 from compare.report.picture_strip import CELL_PX
 from compare.report.pictures import Exposure, Image, shrink
-from lab.init.answers import Answers, Asking
-from lab.init.contact_sheet import MOST
-from lab.init.draft import Draft
-from lab.init.prepare import Progress, prepare
 from lab.session_place import default_out
 from scene.errors import SceneError
 from scene.frames import decode
 from scene.origin import Origin
+from shoot.init.answers import Answers, Asking
+from shoot.init.contact_sheet import MOST
+from shoot.init.draft import Draft
+from shoot.init.prepare import Progress, prepare
 
 ROLES = ("flash", "ambient", "dark", "flat", "board")
 
@@ -75,7 +75,7 @@ def look(files: FolderFiles, progress: Progress) -> FoundCapture:
     Raises
     ------
     SceneError
-        As `lab.init.prepare.prepare`.
+        As `shoot.init.prepare.prepare`.
     """
     draft = prepare(files, Asking(Answers(), silent=True), progress)
     mean = draft.small.some(MOST).read().mean(axis=0)

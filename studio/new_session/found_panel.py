@@ -4,10 +4,10 @@ import os
 import re
 from pathlib import Path
 
-from lab.init.draft import Draft
-from lab.init.draft_notes import notes_of
 from lab.session_place import MANIFEST
 from scene.spheres import KINDS
+from shoot.init.draft import Draft
+from shoot.init.draft_notes import notes_of
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.widgets import code, fenced, plain
 

@@ -7,14 +7,14 @@ from typing import Any
 
 from capture.session.session import load_session
 from capture.survey.folder_files import FolderFiles
-from lab.init.draft import Draft
-from lab.init.init_session import check_free
-from lab.init.prepare import with_camera
-from lab.init.session_text import session_text
 from lab.session_place import MANIFEST
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.files import write_text
+from shoot.init.draft import Draft
+from shoot.init.init_session import check_free
+from shoot.init.prepare import with_camera
+from shoot.init.session_text import session_text
 from studio.desk import Desk, History
 from studio.editor.preview import Preview
 from studio.new_session.edited_capture import EditedCapture, as_found

@@ -3,7 +3,7 @@
 from typing import Any
 
 from compare.report.picture_strip import INK, PictureStrip
-from lab.init.contact_sheet import COLOURS
+from shoot.init.contact_sheet import COLOURS
 from studio.new_session.edited_capture import UNUSED, EditedCapture
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.photograph.outline_marks import OutlineMarks, add_crop

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report.facts import read_optional
-from lab.watch.status import MAP, STATUS
 from scene.image_files import read_pixels
 from scene.output_folder import read_record
 from scene.reading import reading
+from shoot.watch.status import MAP, STATUS
 from studio.review.review_window import ReviewWindow
 from studio.widgets import plain
 

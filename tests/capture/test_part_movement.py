@@ -12,9 +12,9 @@ from capture.audit.frame_facts import facts_of
 from capture.audit.movement import movement
 from capture.audit.part_movement import Part, part_step, part_warnings, parts_of
 from fixtures.ball_scene import World, flashes, render
-from lab.watch.judge import FramesSoFar, Told
 from scene.camera import Camera
 from scene.frames import Frames
+from shoot.watch.judge import FramesSoFar, Told
 
 CAMERA = Camera(480, 320, 870.0, 870.0, 239.5, 159.5)
 COUNT, MOVED = 10, 6

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from formats.meshes.ply_write import write_ply
-from lab.shoot.plan_options import CameraOptions, ObjectOptions, ShootOptions
-from lab.shoot.run_plan import run_plan
 from rgbn.plan_command import plan
 from scene.errors import SceneError
+from shoot.plan.plan_options import CameraOptions, ObjectOptions, ShootOptions
+from shoot.plan.run_plan import run_plan
 
 ROOT = Path(__file__).parents[2]
 SMALL = CameraOptions(pixels=(900, 600))

@@ -7,8 +7,8 @@ import pytest
 from capture.camera.exif import Exif
 from capture.survey.folder_files import survey
 from capture.survey.small_pictures import frames_of, read_small
-from lab.init.draft import Draft, DraftBall
-from lab.init.scan_unit import ScanSize
+from shoot.init.draft import Draft, DraftBall
+from shoot.init.scan_unit import ScanSize
 from studio.new_session.found_capture import FoundCapture
 
 BALLS = (

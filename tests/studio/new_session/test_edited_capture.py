@@ -8,10 +8,10 @@ import pytest
 
 from capture.session.session_types import Lens
 from capture.survey.small_pictures import Small
-from lab.init.draft import DraftBall
-from lab.init.draft_notes import notes_of
 from scene.errors import SceneError
 from scene.frames import encode
+from shoot.init.draft import DraftBall
+from shoot.init.draft_notes import notes_of
 from studio.new_session.edited_capture import EditedCapture, as_found
 from studio.photograph.outlines import added, moved, of_kind, removed, resized
 from studio.photograph.plane import Plane

@@ -6,9 +6,9 @@ import time
 import numpy as np
 import pytest
 
-from lab.watch.status import MAP, STATUS, sigma_picture
 from scene.files import write_png
 from scene.output_folder import open_record
+from shoot.watch.status import MAP, STATUS, sigma_picture
 from studio.review.review_window import ReviewWindow
 from studio.review.shoot_panel import GROUND, LIGHT, NEXT, SIDE_PX, ShootPanel, dome
 from studio.workspace import Workspace

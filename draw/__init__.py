@@ -1,0 +1,1 @@
+"""Charts as SVG, for the report, the other pages and the documentation."""

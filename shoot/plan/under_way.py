@@ -1,0 +1,188 @@
+"""A shoot under way: its object, noise and flashes so far, as the set-up of the flashes that follow."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.job import Job
+from lab.plan import STEPS
+from scene.camera import Camera
+from scene.errors import SceneError
+from scene.estimate import Estimate
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.mesh import Mesh
+from scene.spheres import Sphere
+from shoot.plan.flash_places import Reach
+from shoot.plan.flash_samples import PIXELS, ObjectPixels, Shown, pixels_of
+from shoot.plan.set_up import SetUp
+from solve.samples import GRAY
+
+Array = NDArray[np.float64]
+METHOD = "iterative"
+"""Whose normals and albedo stand for the object."""
+SHADOW, HIGHLIGHT = 0.5, 2.0
+"""A sample under or over so many times its shading lies in a shadow, or in a highlight."""
+FEWEST_PIXELS = 20
+"""Without a scan, that have a normal."""
+
+
+class UnderWay(NamedTuple):
+    """What there is of a shoot.
+
+    Parameters
+    ----------
+    pixels : ObjectPixels
+    places : (P, 2) int64
+        Their (u, v) in the photographs.
+    lights : Lights
+        So far.
+    spheres : list of Sphere
+    shown : Shown
+        What the flashes so far show of the pixels, as photographed.
+    """
+
+    pixels: ObjectPixels
+    places: NDArray[np.int64]
+    lights: Lights
+    spheres: list[Sphere]
+    shown: Shown
+
+    @property
+    def has_known_balls(self) -> bool:
+        """Whether the balls predict how well further flashes will be known: two mirrors, which tell ranges."""
+        chrome = [sphere for sphere in self.spheres if sphere.kind == "chrome"]
+        known = len(chrome) > 1 and all(sphere.diameter_mm for sphere in chrome)
+        return known and self.lights.positions_mm is not None and not self.pixels.set_up.camera.is_orthographic
+
+    def within(self, reach: Reach) -> Reach:
+        """Return a reach whose distance, where it has none, is that of the flashes so far."""
+        if reach.distance_mm is not None or self.lights.positions_mm is None:
+            return reach
+        away = self.lights.positions_mm - self.pixels.set_up.middle_mm
+        return replace(reach, distance_mm=float(np.median(np.linalg.norm(away, axis=1))))
+
+
+def session_so_far(job: Job, gloss: str) -> UnderWay:
+    """Solve what there is of a session, and return it.
+
+    The object is the registered scan with its shadows; without one the normals found so far, without cast shadows.
+
+    Raises
+    ------
+    SceneError
+        The steps up to `solve` fail, or the lights are unknown.
+    """
+    job.run(STEPS, "solve")
+    store, method = job.store, METHOD if METHOD in job.methods else job.methods[0]
+    lights, frames = store.load_lights(), store.load_frames()
+    if lights.is_unknown:
+        raise SceneError(
+            "plan: nothing tells the lights so far, so where the next flash helps is not known. Put chrome balls "
+            "beside the object."
+        )
+    mesh = None
+    if store.path("pose.json").exists():
+        scan, pose = job.load_scan(), store.load_pose()
+        mesh = Mesh(pose.apply(scan.vertices), scan.faces)
+    estimate, spheres = store.load_estimate(method), store.load_spheres()
+    found = under_way(frames, store.load_camera(), lights, spheres, estimate, gloss=gloss, mesh=mesh)
+    if found is None:
+        raise SceneError(f"plan: {method} found no normal from {len(lights)} flashes. Shoot some more first.")
+    return found
+
+
+def under_way(
+    frames: Frames,
+    camera: Camera,
+    lights: Lights,
+    spheres: list[Sphere],
+    estimate: Estimate,
+    *,
+    gloss: str = "matte",
+    mesh: Mesh | None = None,
+    count: int = PIXELS,
+) -> UnderWay | None:
+    """Return a shoot by its frames and what they were found to show; None where no pixel has a normal.
+
+    Parameters
+    ----------
+    frames, camera, lights, spheres, estimate
+        So far; a normal map and albedo of the frames' size.
+    gloss : str
+        A key of `shoot.plan.set_up.GLOSSES`.
+    mesh : Mesh, optional
+        The object, registered; its cast shadows count. Default: the estimate's normals are the object.
+    count : int
+        Pixels at most.
+    """
+    from twin.camera.grain import sensor_like
+
+    known = np.asarray(np.isfinite(estimate.normals).all(-1) & (estimate.albedo > 0).any(-1))
+    if known.sum() < FEWEST_PIXELS:
+        return None
+    set_up = SetUp(
+        camera, mesh or Mesh(np.zeros((1, 3)), np.zeros((0, 3), np.int64)), sensor_like(frames), gloss,
+        white_value=1.0, is_mosaic=frames.is_mosaic,
+        said=(f"{len(lights)} flashes so far; noise measured on the frames",
+              "object: registered scan" if mesh else f"object: normals by {estimate.method}, no cast shadows"),
+    )  # fmt: skip
+    if mesh is not None:
+        pixels = pixels_of(set_up, count)
+        places = np.rint(camera.project(pixels.points)).astype(np.int64).clip(0, [camera.width - 1, camera.height - 1])
+    else:
+        rows, columns = np.nonzero(known)
+        some = np.linspace(0, len(rows) - 1, min(count, len(rows))).astype(int)
+        places = np.stack([columns[some], rows[some]], -1)
+        points = camera.points_at_depth(places, float(lights.reference_point_mm[2]) or -1000.0)
+        normals = np.asarray(estimate.normals[rows[some], columns[some]], np.float64)
+        set_up = replace(set_up, mesh=Mesh(points, set_up.mesh.faces))
+        pixels = ObjectPixels(set_up, points, normals, normals, np.ones(len(some)), False)
+    # Intensities are those at the object's middle from here on, each channel's mean 1: albedo takes the factor.
+    at_middle = np.linalg.norm(lights.at(pixels.set_up.middle_mm[None])[:, 0], axis=-1).mean(0)
+    lights = lights.seen_from(pixels.set_up.middle_mm)
+    gray = estimate.albedo @ (at_middle * GRAY).astype(np.float32)
+    usual, (u, v) = float(np.median(gray[known])), places.T
+    albedo = np.where(known[v, u], gray[v, u], usual).astype(np.float64)
+    pixels = replace(pixels, set_up=replace(pixels.set_up, albedo=usual), albedo=albedo)
+    pixels, shown = photographed(pixels, lights, *_samples(frames, lights, places))
+    return UnderWay(pixels, places, lights, spheres, shown)
+
+
+def photographed(
+    pixels: ObjectPixels, lights: Lights, samples: Array, clipped: NDArray[np.bool_]
+) -> tuple[ObjectPixels, Shown]:
+    """Return the pixels with the scatter that their samples have, and what they show.
+
+    Parameters
+    ----------
+    samples : (F, P) float
+        Each divided by its flash's intensity.
+    clipped : (F, P) bool
+
+    Notes
+    -----
+    The scatter is the residuals' standard deviation, by their median, less the sensor's noise: interreflections, a weak
+    highlight, a surface that is not Lambertian.
+    """
+    shown = pixels.under(lights)
+    shade = np.einsum("fpi,pi->fp", shown.vectors, pixels.b)
+    seen = shown.seen & ~clipped & (samples > SHADOW * shade) & (samples < HIGHLIGHT * shade)
+    enough = seen & (seen.sum(0) > 3)
+    if enough.any():
+        # Three numbers were fitted to each pixel's samples.
+        counts = np.broadcast_to(seen.sum(0), seen.shape)[enough]
+        share = 1.4826 * np.median(np.abs(samples - shade)[enough] / shade[enough] * np.sqrt(counts / (counts - 3)))
+        sensor = np.median(shown.noise[enough] / shade[enough])
+        pixels = replace(pixels, scatter=float(np.sqrt(max(share**2 - sensor**2, 0))))
+    return pixels, shown._replace(noise=np.hypot(shown.noise, pixels.scatter * np.maximum(shade, 0)), seen=seen)
+
+
+def _samples(frames: Frames, lights: Lights, places: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
+    """Return samples (F, P), gray, each channel divided by its flash's intensity; and whether clipped (F, P)."""
+    u, v = places.T
+    found = [frames.read_pixels(i, v, u) for i in range(len(frames))]
+    gray = [(linear / intensity) @ GRAY for (linear, _), intensity in zip(found, lights.intensities, strict=True)]
+    return np.array(gray, np.float64), np.array([clipped for _, clipped in found])
