@@ -31,7 +31,7 @@ def _light_inputs(job: Job) -> list[Any]:
 def _object_inputs(job: Job) -> list[Any]:
     session = job.session
     scan = (session.scan, session.scan_unit, session.scan_ball_diameter_mm)
-    return [session.mask, *scan, session.normals, session.picks, bool(job.settings.refine_lights)]
+    return [session.mask, session.box, *scan, session.normals, session.picks, bool(job.settings.refine_lights)]
 
 
 def _methods(job: Job) -> list[Any]:

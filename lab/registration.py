@@ -18,7 +18,7 @@ from scene.pose import Pose
 
 def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, rough_mask: Any) -> tuple[dict, list[str]]:
     """Register the scan and write pose, truth, mask and lights."""
-    from align.mask.object_mask import scan_mask
+    from align.mask.scan_mask import scan_mask
     from align.pose.motion import apart_px
     from align.pose.photographed import Photographs
     from align.pose.register import scaled_pose

@@ -133,14 +133,14 @@ def align(job: Job) -> Outcome:
     """Find the object; register the scan; write the ground truth."""
     from align.mask.object_mask import find_object
     from capture.audit.part_movement import part_warnings, parts_of
-    from capture.session.requests import read_mask
+    from capture.session.requests import object_box, read_mask
     from solve.axes import lights_in_other_axes
 
     store, session = job.store, job.session
     frames, camera, lights = store.load_frames(), store.load_camera(), Store(store.path("frames")).load_lights()
     spheres = store.load_spheres()
     given = read_mask(session.mask, frames.height, frames.width) if session.mask else None
-    found = find_object(frames, camera, spheres, mask_given=given)
+    found = find_object(frames, camera, spheres, mask_given=given, box=object_box(session, frames.width))
     lights = lights.seen_from(_object_point(camera, spheres, lights, found.mask))
     warnings, result = [*found.warnings, *part_warnings(frames, parts_of(spheres, camera))], None
     if session.lights_file and not spheres:

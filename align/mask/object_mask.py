@@ -13,6 +13,8 @@ from scene.errors import AlignError
 from scene.frames import Frames
 from scene.spheres import Sphere
 
+Box = tuple[float, ...]
+"""Left, top, right and bottom, pixels; the pixels' centres are integers."""
 WORK_SIZE = 640
 """The search runs on block means with about this many columns; the border is then found on full pixels."""
 BALL_MARGIN_PX = 4.0
@@ -38,12 +40,18 @@ class ObjectMask:
 
 
 def find_object(
-    frames: Frames, camera: Camera, spheres: list[Sphere], *, mask_given: NDArray[np.bool_] | None = None
+    frames: Frames,
+    camera: Camera,
+    spheres: list[Sphere],
+    *,
+    mask_given: NDArray[np.bool_] | None = None,
+    box: Box | None = None,
 ) -> ObjectMask:
     """Find the object: what the backdrop does not explain, near the middle, and is no ball.
 
     The pixels of calibration balls are no object (balls shot apart are not in the picture). `mask_given` (H, W), the
-    user's, is checked, and freed of balls' pixels.
+    user's, is checked, and freed of balls' pixels. Within `box`, also the user's, the object is looked for, and what
+    lies beside it is backdrop, balls and other things.
 
     The backdrop is one smooth surface: in each frame its brightness is a smooth function of the pixel, or it
     lies in a cast shadow (`align.mask.backdrop`). The object contradicts it in many frames. The border is then put
@@ -52,8 +60,11 @@ def find_object(
     Raises
     ------
     AlignError
-        The given mask is empty, too thin or of another size; or nothing stands out from the backdrop.
+        The given mask is empty, too thin or of another size; the box is empty or holds all of the picture; or nothing
+        stands out from the backdrop.
     """
+    import cv2
+
     size = (camera.height, camera.width)
     balls = np.zeros(size, bool)
     for sphere in spheres:
@@ -68,8 +79,11 @@ def find_object(
     stack = block_means(frames, factor)
     height, width = stack.shape[1:]
     balls_small = _blocks(balls, factor, height, width)
+    beside = np.zeros(size, bool) if box is None else _beside(box, size)
+    beside_small = _blocks(beside, factor, height, width)
     contradiction = contradict_backdrop(stack, balls_small)
-    small, warnings = _choose(contradiction, balls_small)
+    balls, balls_small = balls | beside, balls_small | beside_small
+    small, warnings = _choose(contradiction, balls_small, ~beside_small)
     bright = bright_mean(stack)
     border = _sharpen(bright, _trim(bright, contradiction, small), balls_small, reach=3)
     if factor > 1:
@@ -78,55 +92,17 @@ def find_object(
         big[: blown.shape[0], : blown.shape[1]] = blown
         reach = 2 * factor + 1
         # Nothing farther off has a say: the blur's sigma is 1.5 reaches.
-        window = _window(big, margin=10 * reach)
+        window = window_of(big, margin=10 * reach)
         border = np.zeros(size, bool)
         border[window] = _sharpen(bright_picture(frames, big)[window], big[window], balls[window], reach=reach)
     border = _one_piece(border & ~balls)
     _check_area(border)
-    cut = border[[0, -1]].sum() + border[:, [0, -1]].sum()
+    frame = np.pad(beside, 1, constant_values=True).astype(np.uint8)
+    cut = int((border & (cv2.dilate(frame, np.ones((3, 3), np.uint8)) > 0)[1:-1, 1:-1]).sum())
     if cut > 4:
-        warnings.append(f"mask: the object reaches the image's border ({cut} pixels): part of it may be missing.")
+        reached = "the image's border" if box is None else "the border of object.box, or the image's"
+        warnings.append(f"mask: the object reaches {reached} ({cut} pixels): part of it may be missing.")
     return ObjectMask(border, "found", tuple(warnings))
-
-
-def scan_mask(silhouette: NDArray[np.bool_], found: ObjectMask, *, tolerance_px: float = 3.0) -> ObjectMask:
-    """Return the object's mask once its scan is registered.
-
-    The registered silhouette has the better border: sub-pixel, and blind to the table, to shadows and
-    to dark albedo. So it is the mask; the found mask adds only what the scan has not: holes inside the
-    silhouette (H, W), and parts beyond it that are thicker than twice `tolerance_px` (the scan may be partial): what
-    lies closer to the silhouette is the found border's own error.
-    """
-    from scipy.ndimage import binary_dilation, binary_opening
-
-    shape, window = silhouette.shape, _window(silhouette | found.mask, margin=int(4 * tolerance_px))
-    silhouette, rough = silhouette[window], found.mask[window]
-    radius = int(np.ceil(tolerance_px))
-    disc = np.hypot(*np.mgrid[-radius : radius + 1, -radius : radius + 1]) <= tolerance_px
-    extra = rough & ~silhouette
-    in_holes = extra & _holes(silhouette)
-    near = np.asarray(binary_dilation(silhouette, disc), bool)
-    beyond = np.asarray(binary_opening(extra & ~near, disc), bool)
-    # Back to where it joins the silhouette.
-    beyond = np.asarray(binary_dilation(beyond, disc, iterations=2, mask=extra), bool)
-    mask = silhouette | in_holes | beyond
-    warnings = list(found.warnings)
-    share = (in_holes | beyond).sum() / max(mask.sum(), 1)
-    if share > 0.02:
-        warnings.append(
-            f"mask: {100 * share:.0f} % of it lies beside the registered scan: what was not scanned, or table in the "
-            "object's shadow. There is no ground truth there. Look at mask and outline in the report; if it is "
-            "shadow, give the mask: mask under [object]."
-        )
-    missing = (silhouette & ~np.asarray(binary_dilation(rough, disc), bool)).sum() / max(silhouette.sum(), 1)
-    if missing > 0.02:
-        warnings.append(
-            f"mask: {100 * missing:.0f} % of the registered scan lies outside the mask that was {found.source}: "
-            "something hides the object there, or the mask lacks it."
-        )
-    whole = np.zeros(shape, bool)
-    whole[window] = mask
-    return ObjectMask(whole, "scan", tuple(warnings))
 
 
 def _blocks(mask: NDArray[np.bool_], factor: int, height: int, width: int) -> NDArray[np.bool_]:
@@ -173,24 +149,44 @@ def _check_area(mask: NDArray[np.bool_]) -> None:
         )
 
 
-def _choose(contradiction: Contradiction, balls: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], list[str]]:
-    """Return the piece that is most likely the object: large, and near the middle."""
+def _beside(box: Box, size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Return the pixels (H, W) outside a box, and check that it is one."""
+    (height, width), (left, top, right, bottom) = size, box
+    v, u = np.mgrid[0:height, 0:width]
+    beside = (u < left) | (u > right) | (v < top) | (v > bottom)
+    if (~beside).sum() < 9 or not beside.any():
+        raise AlignError(
+            f"object.box: found {list(box)}, in a picture of {width} x {height} px; expected left, top, right and "
+            "bottom of a box about the object, pixels, some backdrop beside it."
+        )
+    return beside
+
+
+def _choose(
+    contradiction: Contradiction, never: NDArray[np.bool_], asked: NDArray[np.bool_]
+) -> tuple[NDArray[np.bool_], list[str]]:
+    """Return the piece that is most likely the object: large, near the middle of what is asked for, and nowhere else.
+
+    `never`, `asked` (h, w): the balls and what lies beside the user's box, and the pixels in it.
+    """
     from scipy.ndimage import binary_closing, binary_opening
 
-    plausible = contradiction.object_likely & ~balls
+    plausible = contradiction.object_likely & ~never
     cross = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
     # Opening cuts off noise and the thin rims of balls and shadows.
-    pieces, count = _pieces(binary_opening(binary_closing(plausible, cross), cross, iterations=2))
+    pieces = _pieces(binary_opening(binary_closing(plausible, cross), cross, iterations=2))
+    count = int(pieces.max())
     height, width = plausible.shape
     areas = np.bincount(pieces.ravel(), minlength=count + 1)[1:].astype(float)
     if not count or areas.max() < LEAST_SHARE * plausible.size:
         raise AlignError(
             "mask: no object found: nothing stands out from the backdrop "
             f"(largest piece {areas.max() if count else 0:.0f} of {plausible.size} blocks; backdrop known to "
-            f"{100 * contradiction.backdrop_noise:.1f} %). Give the mask: mask under [object]."
+            f"{100 * contradiction.backdrop_noise:.1f} %). Give a box about it, or its mask: box, mask under [object]."
         )
     v, u = np.mgrid[0:height, 0:width]
-    away = np.hypot(v - (height - 1) / 2, u - (width - 1) / 2) / np.hypot(height, width)
+    middle = np.mean(np.nonzero(asked), axis=1)
+    away = np.hypot(v - middle[0], u - middle[1]) / np.hypot(height, width)
     # Each pixel votes by its place: a big thing in the middle beats a bigger one along the border.
     votes = np.bincount(pieces.ravel(), np.exp(-((away.ravel() / 0.3) ** 2)), minlength=count + 1)[1:]
     best = int(np.argmax(votes))
@@ -200,14 +196,14 @@ def _choose(contradiction: Contradiction, balls: NDArray[np.bool_]) -> tuple[NDA
         warnings.append(
             f"mask: {len(rivals) + 1} things stand out from the backdrop; the one of {areas[best]:.0f} blocks "
             f"nearest to the middle was taken, beside {', '.join(f'{areas[i]:.0f}' for i in rivals)}. If that is "
-            "wrong, give the mask: mask under [object]."
+            "wrong, give a box about the object, or its mask: box or mask under [object]."
         )
     return np.asarray(pieces == best + 1, bool), warnings
 
 
 def _trim(picture: NDArray[np.float32], contradiction: Contradiction, piece: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Take off what hangs on the object and is much nearer to the backdrop: folds of a cloth, stains."""
-    from scipy.ndimage import binary_opening
+    from scipy.ndimage import binary_fill_holes, binary_opening
 
     excess = np.sqrt(np.maximum(picture, 0)) - np.sqrt(contradiction.backdrop)
     # The upper quartile: more of the piece may be folds than object.
@@ -220,7 +216,7 @@ def _trim(picture: NDArray[np.float32], contradiction: Contradiction, piece: NDA
         return piece
     strong = _largest(strong)
     # Dark places within the object are its own.
-    return strong | (piece & _holes(strong))
+    return strong | (piece & np.asarray(binary_fill_holes(strong), bool))
 
 
 def _sharpen(picture: NDArray, mask: NDArray[np.bool_], balls: NDArray[np.bool_], *, reach: int) -> NDArray[np.bool_]:
@@ -257,7 +253,7 @@ def _blur(image: NDArray[np.float32], sigma_px: float) -> NDArray[np.float32]:
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
 
 
-def _window(mask: NDArray[np.bool_], *, margin: int) -> tuple[slice, slice]:
+def window_of(mask: NDArray[np.bool_], *, margin: int) -> tuple[slice, slice]:
     """Return the rows and columns of a mask's box, grown by a margin."""
     if not mask.any():
         return np.s_[:, :]
@@ -265,33 +261,24 @@ def _window(mask: NDArray[np.bool_], *, margin: int) -> tuple[slice, slice]:
     return rows, columns
 
 
-def _pieces(mask: NDArray) -> tuple[NDArray[np.int32], int]:
-    """Return the 4-connected pieces' numbers (H, W), 0 outside, and how many there are."""
-    import cv2
+def _pieces(mask: NDArray) -> NDArray[np.int64]:
+    """Return the 4-connected pieces' numbers (H, W), 0 outside."""
+    from skimage.measure import label
 
-    count, numbers = cv2.connectedComponents(np.asarray(mask, np.uint8), connectivity=4, ltype=cv2.CV_32S)
-    return numbers.astype(np.int32, copy=False), count - 1
+    return np.asarray(label(mask, connectivity=1), np.int64)
 
 
 def _largest(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the largest piece of a mask that is not empty."""
-    pieces = _pieces(mask)[0]
+    """Return the largest 4-connected piece of a mask that is not empty."""
+    pieces = _pieces(mask)
     return pieces == np.argmax(np.bincount(pieces.ravel())[1:]) + 1
 
 
-def _holes(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the pixels that a mask encloses."""
-    rest = _pieces(~mask)[0]
-    outside = np.unique(np.concatenate([rest[0], rest[-1], rest[:, 0], rest[:, -1]]))
-    return ~mask & ~np.isin(rest, outside)
-
-
 def _one_piece(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the largest piece, its small holes filled."""
+    """Return the largest piece, its small holes filled: a handle's opening stays open; a dark spot is filled."""
+    from skimage.morphology import remove_small_holes
+
     if not mask.any():
         raise AlignError("mask: the object's border could not be found. Give the mask: mask under [object].")
     piece = _largest(mask)
-    holes, _ = _pieces(~piece)
-    area = np.bincount(holes.ravel())
-    # A handle's opening stays open; a dark spot is filled.
-    return piece | (area < 0.005 * piece.sum())[holes] & ~piece
+    return np.asarray(remove_small_holes(piece, max_size=int(0.005 * piece.sum())), bool)

@@ -203,6 +203,16 @@ class ObjectTable(Table):
     mask: Annotated[
         str | None, _key("Picture of the frames' size, white where the object is. Absent: found.", "mask.png")
     ] = None
+    box: Annotated[
+        list[Place] | None,
+        Field(min_length=4, max_length=4),
+        _key(
+            "Left, top, right and bottom of a box about the whole object, where it is not found by itself; its outline "
+            "is found in there.",
+            [2100, 900, 3900, 3200],
+            "px",
+        ),
+    ] = None
     scan: Annotated[str | None, _key("The laser scan, a mesh: PLY, OBJ, STL, OFF or GLB.", "scan/object.ply")] = None
     scan_unit: Annotated[
         Unit,

@@ -76,6 +76,12 @@ def hint_scale(session: Session, width: int) -> int:
     return 1 if isinstance(session.camera, Camera) and session.camera.width == width else 2
 
 
+def object_box(session: Session, width: int) -> tuple[float, ...] | None:
+    """Return the session's box about the object in pixels of frames that are `width` wide."""
+    scale = hint_scale(session, width)
+    return None if session.box is None else tuple((place + 0.5) / scale - 0.5 for place in session.box)
+
+
 def _frames_apart(
     session: Session, spec: SphereSpec, place: int, whole: Store, executor: Executor | None
 ) -> tuple[Frames, list[str]]:

@@ -64,6 +64,7 @@ class Resolver:
             no_spheres="spheres" in manifest.model_fields_set and not manifest.spheres,
             lights_file=lights or None,
             mask=self.file("object.mask", known.mask),
+            box=tuple(known.box) if known.box else None,
             scan=self.file("object.scan", known.scan, SCAN_SUFFIXES),
             scan_unit=self.scan_unit(known),
             scan_ball_diameter_mm=known.scan_ball_diameter_mm,

@@ -94,6 +94,8 @@ class Session:
         Known lights instead of balls. DiLiGenT: light_directions.txt, its intensities beside it.
     mask, scan, normals : Path or None
         The object's mask, its laser scan, its ground truth that is already registered.
+    box : (left, top, right, bottom) or None
+        About the object, pixels as `[[spheres]]` counts them.
     picks : Path or None
         Points of the scan whose pixels are known: a start for its registration.
     scan_ball_diameter_mm : float or None
@@ -119,6 +121,7 @@ class Session:
     no_spheres: bool = False
     lights_file: Path | None = None
     mask: Path | None = None
+    box: tuple[float, ...] | None = None
     scan: Path | None = None
     scan_unit: str = "mm"
     scan_ball_diameter_mm: float | None = None

@@ -8,7 +8,8 @@ import pytest
 
 from align.mask.backdrop import Contradiction
 from align.mask.bright_picture import block_means
-from align.mask.object_mask import ObjectMask, _trim, find_object, scan_mask
+from align.mask.object_mask import ObjectMask, _trim, find_object
+from align.mask.scan_mask import scan_mask
 from align.pose.photographed import box_of, longer_side
 from fixtures.mesh_scene import Tracer, random_scene
 from fixtures.mesh_shapes import blob
@@ -90,6 +91,27 @@ def test_a_large_picture_is_searched_small_and_bordered_large(on_table):
     found = find_object(frames, camera, [])
     assert found.mask.shape == (1080, 1440)
     assert overlap(found.mask, np.kron(on_table.mask, np.ones((9, 9), bool))) > 0.94
+
+
+def test_of_two_things_the_one_in_the_box_is_the_object(on_table):
+    """The same object stands twice on its table; the box decides, and its border is no border of the object."""
+    codes, mask = on_table.frames.codes, on_table.mask
+    frames = Frames(on_table.frames.names, np.concatenate([codes, codes[:, :, ::-1]], 2), on_table.frames.gain)
+    height, width = mask.shape
+    camera = replace(on_table.camera, width=2 * width)
+    left, right = np.hstack([mask, mask & False]), np.hstack([mask & False, mask[:, ::-1]])
+    (top, low), (first, last) = (np.flatnonzero(mask.any(axis))[[0, -1]] for axis in (1, 0))
+    for thing, mirrored in ((left, False), (right, True)):
+        sides = (2 * width - 1 - last, 2 * width - 1 - first) if mirrored else (first, last)
+        box = (sides[0] - 6.0, top - 6.0, sides[1] + 6.0, low + 6.0)
+        found = find_object(frames, camera, [], box=box)
+        assert overlap(found.mask, thing) > 0.95
+        assert found.warnings == ()
+    half = find_object(frames, camera, [], box=(0.0, 0.0, (first + last) / 2, height - 1.0))
+    assert any("reaches the border of object.box" in text for text in half.warnings)
+    for box in ((5.0, 5.0, 4.0, 60.0), (-9.0, -9.0, 4000.0, 4000.0), (500.0, 500.0, 600.0, 600.0)):
+        with pytest.raises(AlignError, match=r"object\.box: found"):
+            find_object(frames, camera, [], box=box)
 
 
 def test_block_means_are_means(on_table):

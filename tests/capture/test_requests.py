@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from capture.photographs.decode import decode
-from capture.session.requests import read_mask, sphere_requests
+from capture.session.requests import object_box, read_mask, sphere_requests
 from capture.session.session import load_session
 from capture.session.session_types import SphereSpec
 from scene.errors import SessionError
@@ -154,3 +154,11 @@ def test_a_mask_that_is_no_picture(tmp_path):
     (tmp_path / "mask.png").write_bytes(b"no")
     with pytest.raises(SessionError, match="mask cannot be read"):
         read_mask(tmp_path / "mask.png", 8, 10)
+
+
+@pytest.mark.parametrize(
+    ("table", "width", "box"), [("", 80, (10, 8, 71, 55)), ("half = true", 40, (4.75, 3.75, 35.25, 27.25))]
+)
+def test_the_objects_box_counts_the_photographs_pixels(apart, table, width, box):
+    session, _, _ = apart("[object]\nbox = [10, 8, 71, 55]", table=table)
+    assert object_box(session, width) == box
