@@ -62,7 +62,7 @@ VERBS = {
 """What is done before, and what is killed: on the fixture at half its size, a small scene, a small dataset."""
 TIMES = re.compile(r"created|seconds|[a-z_]*seconds[a-z_]*|session|exif")
 """Keys that tell when, or how fast."""
-UNALIKE = ("rgbn.log", "seconds.parquet", "report.html", "index.html", "speed.svg")
+UNALIKE = ("rgbn.log", "seconds.parquet", "results.csv", "report.html", "index.html", "speed.svg")
 """Files of seconds: only their being there is compared."""
 
 
