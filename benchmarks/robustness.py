@@ -17,9 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.harness import ROOT, Scale, Table, folded, markdown
-from fixtures.bad_input.cases import Case, shares
-from fixtures.bad_input.law import take
-from fixtures.bad_input.watch import Watched
+from fixtures.bad_input.law import Case, Watched, shares, take
 
 SCENE = """name = "box"
 [camera]
@@ -212,7 +210,7 @@ def _damaged(door: str, count: int, seed: int) -> list[DoorRow]:
 
 def _door_cases(scale: Scale) -> list[tuple]:
     if scale == "small":
-        return [("lights .lp", 20, 0)]
+        return [("lights lights.lp", 20, 0)]
     seed, counts = (0, shares(200)) if scale == "gates" else (11, shares(4000))
     slow = ("process", "rgbn") if scale == "gates" else ()
     return [(door, count, seed) for door, count in counts.items() if not door.startswith(slow)]
