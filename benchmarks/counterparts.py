@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.benchmark_findings import verdict_of
 from benchmarks.harness import Figures, Scale, Table, markdown
 from benchmarks.virtual_lab import BALLS, CENTRE_MM, VIRTUAL_EXPERIMENTS, Experiment, Setup
 from benchmarks.virtual_pairs import against_the_lab, process_capture, write_rendering
@@ -17,7 +18,6 @@ from compare.statistics.counterpart_verdict import DRAWS, compare_counterparts
 from draw.line_chart import line_chart
 from experiments.compare_folders import error_maps, open_folder, shifts_of
 from experiments.stagings import CALIBRATED, SOLVERS
-from experiments.sweeps.findings import verdict_of
 from scene.clock import now, since
 from scene.store import Store
 

@@ -17,9 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.harness import ROOT, Scale, Table, folded, markdown
-from fixtures.bad_input.cases import Case, shares
-from fixtures.bad_input.law import take
-from fixtures.bad_input.watch import Watched
+from fixtures.bad_input.law import Case, Watched, shares, take
 
 SCENE = """name = "box"
 [camera]
@@ -62,7 +60,7 @@ VERBS = {
 """What is done before, and what is killed: on the fixture at half its size, a small scene, a small dataset."""
 TIMES = re.compile(r"created|seconds|[a-z_]*seconds[a-z_]*|session|exif")
 """Keys that tell when, or how fast."""
-UNALIKE = ("rgbn.log", "seconds.parquet", "report.html", "index.html", "speed.svg")
+UNALIKE = ("rgbn.log", "seconds.parquet", "results.csv", "report.html", "index.html", "speed.svg")
 """Files of seconds: only their being there is compared."""
 
 
@@ -212,7 +210,7 @@ def _damaged(door: str, count: int, seed: int) -> list[DoorRow]:
 
 def _door_cases(scale: Scale) -> list[tuple]:
     if scale == "small":
-        return [("lights .lp", 20, 0)]
+        return [("lights lights.lp", 20, 0)]
     seed, counts = (0, shares(200)) if scale == "gates" else (11, shares(4000))
     slow = ("process", "rgbn") if scale == "gates" else ()
     return [(door, count, seed) for door, count in counts.items() if not door.startswith(slow)]

@@ -6,28 +6,23 @@ The sweeps lie in out/sweeps and go on there where they were stopped: the tables
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 from pyarrow import parquet
 
+from benchmarks.benchmark_findings import GAPS, agreement, answers, benchmark_statistics, verdict_of
 from benchmarks.harness import ROOT, Figures, Scale, Table, markdown
-from experiments.stagings import CALIBRATED, ONE_FACTOR, SOLVERS, experiments
+from experiments.stagings import CALIBRATED, ONE_FACTOR, SOLVERS, TOLD_WRONGLY, experiments
 from experiments.sweeps.cell import measured, run_cell
-from experiments.sweeps.findings import answers, verdict_of
-from experiments.sweeps.perturbation import PERTURBATIONS
-from experiments.sweeps.stability import candour, tolerances
 from experiments.sweeps.sweep import sweep
-from experiments.sweeps.sweep_statistics import agreement, benchmark_statistics, statistics
-from experiments.tables import Rows
+from experiments.sweeps.sweep_statistics import GROUP, breaks, levels, statistics
+from experiments.tables import Results, results
 from lab.options import Staging
 from solve.solve import solve
 
 OUT = ROOT / "out" / "sweeps"
 STAGINGS: tuple[Staging, ...] = ("benchmark", "one-factor")
 PROFILES = ("default", "seed")
-GAPS = "filled_deg"
-"""Mean errors in which a pixel without a normal counts 90 degrees: who gives up where it is hard gains nothing."""
 UNDEFINED = {("images", "hsh", "seed"), ("ring", "hsh", "seed")}
 """Experiment, method, profile: round-off decides, see the table `round-off`; they are in no comparison."""
 SETS = {
@@ -38,21 +33,21 @@ SETS = {
 
 
 @cache
-def small(staging: Staging) -> Rows:
-    """Return the rows of six small cells, of the first and the last level of three experiments."""
+def small(staging: Staging) -> Results:
+    """Return the results of six small cells, of the first and the last level of three experiments."""
     cells = []
     for name in ("noise", "roughness", "specularity"):
         every = list(experiments(staging)[name].cells(methods=tuple(SOLVERS), quick=True))
         cells += [replace(cell, recipe=replace(cell.recipe, side=24)) for cell in (every[0], every[-1])]
-    return [row for cell in cells for row in run_cell(cell)["rows"]]
+    return results([row for cell in cells for row in run_cell(cell)["rows"]])
 
 
-def swept(staging: Staging, scale: Scale, name: str = "results") -> Rows:
-    """Return a sweep's rows, `results` or `perturbations`; at the scale of the gates a first look."""
+def swept(staging: Staging, scale: Scale) -> Results:
+    """Return a sweep's results; at the scale of the gates a first look."""
     if scale == "small":
-        return small(staging) if name == "results" else []
+        return small(staging)
     folder = sweep("all", out=OUT, staging=staging, quick=scale == "gates")
-    return parquet.read_table(folder / f"{name}.parquet").to_pylist()
+    return results(parquet.read_table(folder / "results.parquet").to_pylist())
 
 
 @dataclass(frozen=True)
@@ -74,12 +69,11 @@ class MeanRow:
 def _means(scale: Scale) -> list[MeanRow]:
     theirs, found = benchmark_statistics(), []
     for staging in STAGINGS:
-        ours = statistics(swept(staging, scale), GAPS)
-        for name, solver in dict.fromkeys(key[:2] for key in ours):
+        ours = statistics(swept(staging, scale), GAPS).to_dict("index")
+        for name, solver in dict.fromkeys(key[:2] for key in ours if key[0] in ONE_FACTOR):
             both = {profile: ours[name, solver, profile] for profile in PROFILES}
             default, seed = (
-                np.nan if (name, solver, profile) in UNDEFINED else one.get("mean", np.nan)
-                for profile, one in both.items()
+                np.nan if (name, solver, profile) in UNDEFINED else float(one["mean"]) for profile, one in both.items()
             )
             failed = int(sum(one["failed"] for one in both.values()))
             found.append(MeanRow(staging, name, solver, default, seed, theirs[name, solver]["mean"], failed))
@@ -141,13 +135,14 @@ def _agreements(scale: Scale) -> list[AgreementRow]:
     theirs, found = benchmark_statistics(), []
     for staging in STAGINGS:
         rows = swept(staging, scale)
+        rows = rows[rows["experiment"].isin(ONE_FACTOR)]
         for profile in PROFILES:
             for words, solvers in SETS.items():
                 undefined = {name for name, solver, of in UNDEFINED if of == profile and solver in solvers}
-                kept = [row for row in rows if row["experiment"] not in undefined]
-                ours = agreement(kept, profile, GAPS, solvers=solvers)
-                plain = [row | {GAPS: theirs[row["experiment"], "ls"]["mean"]} for row in kept]
-                base = agreement(plain, profile, GAPS, solvers=solvers)
+                kept = rows[~rows["experiment"].isin(undefined)]
+                ours = agreement(kept, profile, solvers=solvers)
+                plain = kept.assign(**{GAPS: [theirs[name, "ls"]["mean"] for name in kept["experiment"]]})
+                base = agreement(plain, profile, solvers=solvers)
                 found.append(
                     AgreementRow(
                         staging, profile, words, ours.pairs, *ours.overall, ours.within[0], ours.between[0],
@@ -211,13 +206,11 @@ class FindingRow:
 def _findings(scale: Scale) -> list[FindingRow]:
     return [
         FindingRow(
-            one.finding.section, one.finding.claim, one.finding.rule, staging, profile, one.holds[profile],
-            one.numbers[profile],
+            one.finding.section, one.finding.claim, one.finding.rule, staging, one.profile, one.holds, one.numbers
         )
         for staging in STAGINGS
         for one in answers(swept(staging, scale))
-        for profile in PROFILES
-    ]  # fmt: skip
+    ]
 
 
 def _show_findings(rows: Sequence[FindingRow]) -> str:
@@ -245,21 +238,15 @@ def _finding_figures(rows: Sequence[FindingRow]) -> Figures:
 
 @dataclass(frozen=True)
 class StabilityRow:
-    """The smallest strength of one quantity that breaks a method, median and quartiles; None: none does.
+    """Where a method breaks in the staging one-factor, in words, experiment by experiment in the order of the sweep.
 
-    draws: 0 where the method is not told it. The last four: cells of the nine experiments, and how many of them the
-    method doubted.
+    The last four: cells of all experiments, and how many of them the method doubted.
     """
 
     solver: str
     profile: str
-    quantity: str
-    breaks_at: float | None
-    low: float | None
-    high: float | None
-    how: str | None
-    draws: int
-    failed: int
+    experiments: tuple[str, ...]
+    breaks: tuple[str, ...]
     broken: int
     broken_doubted: int
     whole: int
@@ -267,40 +254,33 @@ class StabilityRow:
 
 
 def _stability(scale: Scale) -> list[StabilityRow]:
-    doubts = {(one["solver"], one["profile"]): one for one in candour(swept("one-factor", scale))}
-    kept = ("broken", "broken_doubted", "whole", "whole_doubted")
-    return [
-        StabilityRow(
-            one.solver, one.profile, one.name, one.breaks_at, one.low, one.high, one.how, one.draws, one.failed,
-            *(doubts[one.solver, one.profile][key] for key in kept),
-        )
-        for one in tolerances(swept("one-factor", scale, "perturbations"))
-    ]  # fmt: skip
+    table = swept("one-factor", scale)
+    by_place = dict(iter(levels(table).groupby(GROUP, sort=False)))
+    kept, found = table[~table["has_failed"]], []
+    for (solver, profile), cells in kept.groupby(["solver", "profile"], sort=False):
+        there = {name: by_place[name, solver, profile] for name in dict.fromkeys(cells["experiment"])}
+        words = tuple(breaks(list(one["label"]), one["state"]) for one in there.values())
+        doubts, broken = ~cells["is_ok"] | (cells["doubts"].fillna("") != ""), cells["is_broken"]
+        counts = (broken, broken & doubts, ~broken, ~broken & doubts)
+        found.append(StabilityRow(solver, profile, tuple(there), words, *(int(one.sum()) for one in counts)))
+    return found
 
 
 def _show_stability(rows: Sequence[StabilityRow]) -> str:
-    lines: dict[tuple[str, str], dict[str, Any]] = {}
-    for row in rows:
-        unit = PERTURBATIONS[row.quantity].unit
-        ends = " to ".join("more" if end is None else f"{end:.3g}" for end in (row.low, row.high))
-        told = "not told" if not row.draws else "holds" if row.breaks_at is None else "broken without"
-        told = f"{row.breaks_at:.3g} {unit} ({ends}), {row.how}" if row.breaks_at else told
-        told += f" ({row.failed} failed)" if row.failed else ""
-        lines.setdefault((row.solver, row.profile), {**vars(row)})[row.quantity] = told
-    columns = {"method, profile": "`{solver}`, {profile}"} | {one: f"{{{one}}}" for one in PERTURBATIONS}
+    lines = [vars(row) | dict(zip(row.experiments, row.breaks, strict=True)) for row in rows]
+    columns = {"method, profile": "`{solver}`, {profile}"}
+    columns |= {name: f"{{{name}}}" for name in (*ONE_FACTOR, *TOLD_WRONGLY) if name in rows[0].experiments}
     columns["doubted, of its broken cells"] = "{broken_doubted} of {broken}"
     columns["of the others"] = "{whole_doubted} of {whole}"
-    return markdown(columns, lines.values())
+    return markdown(columns, lines)
 
 
 MEASURES = ("experiments.sweeps.sweep",)
 TABLES = (
     Table(
         "sweeps", "stability", MEASURES, StabilityRow, lambda scale: [(scale,)], _stability, _show_stability,
-        lambda rows: {
-            f"{row.solver}, {row.profile}: {row.quantity}, breaks at": row.breaks_at for row in rows if row.breaks_at
-        },
-        lambda rows: _pictures({f"sweeps-{name}.svg": f"{name}.svg" for name in ("atlas", "speed")}),
+        lambda rows: {f"{row.solver}, {row.profile}: cells broken": float(row.broken) for row in rows},
+        lambda rows: _pictures({"sweeps-speed.svg": "speed.svg"}),
     ),
     Table(
         "sweeps", "agreement", MEASURES, AgreementRow, lambda scale: [(scale,)], _agreements,

@@ -17,8 +17,8 @@ def sweep(
     experiment: Annotated[
         str,
         Parameter(
-            help="ambient, interreflection, material, images, noise, ring, roughness, shadow, specularity; some, with "
-            "commas; or all."
+            help="ambient, interreflection, material, images, noise, ring, roughness, shadow, specularity; and what "
+            "wrong lights do: directions, intensities. Some, with commas; or all."
         ),
     ],
     /,
@@ -76,8 +76,6 @@ def list_datasets(
     /,
     *,
     shelf: Shelf = SHELF,
-    families: Annotated[bool, Parameter(help="One line a family.", negative="")] = False,
-    markdown: Annotated[bool, Parameter(help="The families, for a page of documentation.", negative="")] = False,
     json: Json = False,
 ) -> None:
     """List the datasets, and which of them are on the shelf."""
@@ -89,12 +87,8 @@ def list_datasets(
         found = [one for one in found if one.name in names or one.same_as in names]
     if json:
         print(json_module.dumps([{**asdict(one), "folder": str(one.folder)} for one in found], indent=1))
-    elif markdown:
-        print(on_shelf.families_markdown(found), end="")
-    elif families:
-        on_shelf.tell_families(found)
     else:
-        on_shelf.tell(found)
+        print(on_shelf.listing(found))
 
 
 @dataset.command(sort_key=2)
@@ -153,13 +147,12 @@ def add(
     *,
     name: Annotated[str | None, Parameter(help="Default: the folder's.")] = None,
     text: Annotated[str, Parameter(help="What it is, in a line.")] = "",
-    link: Annotated[bool, Parameter(help="Leave the files where they are; else they are copied.", negative="")] = False,
     shelf: Shelf = SHELF,
 ) -> None:
-    """Check a dataset, and put it on the shelf: the list shows it, and `run` solves it."""
+    """Check a dataset, and note it on the shelf: the list shows it, and `run` solves it, where it lies."""
     from experiments.datasets.shelf import add as add_dataset
 
-    entry = add_dataset(shelf, folder, name=name, text=text, link=link)
+    entry = add_dataset(shelf, folder, name=name, text=text)
     print(f"{entry.name}: added, {entry.text}; {entry.folder}")
 
 
@@ -185,20 +178,15 @@ def run(
         str, Parameter(help="Settings of our methods: default, or seed.", converter=in_any_case)
     ] = "default",
     timeout_s: Annotated[float, Parameter(help="Seconds after which a program is ended.")] = 3600.0,
-    downloads: Annotated[
-        str | None,
-        Parameter(help="Address under which the shelf is served, for the site's links. Default: where it is here."),
-    ] = None,
     shelf: Shelf = SHELF,
     out: Annotated[Path, Parameter(alias="-o", help="Output folder.")] = Path("out") / "datasets-table",
 ) -> None:
-    """Solve datasets of the shelf by methods and other programs: a table of angular errors, and a site."""
+    """Solve datasets of the shelf by methods and other programs: a table of angular errors, and a gallery."""
     from experiments.datasets.run_methods import results_text
     from experiments.datasets.run_methods import run as run_methods
-    from experiments.datasets.site import write_site
     from lab.options import Solving
 
     solving = Solving(method, profile, tuple(command or ()), timeout_s)
     rows = run_methods(shelf, on or [], solving=solving, out=out)
     print(results_text(rows), end="")
-    say(f"site: {write_site(shelf, out, rows, downloads=downloads or '')}")
+    say(f"gallery: {out / 'index.html'}")

@@ -14,6 +14,7 @@ from experiments.scenes import dataset_scene, recipe_scene
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.normals import unit
 from twin.description.description import Environment, TwinScene
 from twin.engines.engine_choice import Engine
 from twin.ground_truth import GroundTruth, ground_truth
@@ -35,7 +36,7 @@ class Photographs:
     """A stack with its truth."""
 
     frames: Frames
-    lights: Lights  # as they are, of mean intensity 1
+    lights: Lights  # as methods are told them, of mean intensity 1
     camera: Camera
     truth: GroundTruth
     """Its albedo is in the frames' exposure: pixel value under a light of intensity 1 along the normal."""
@@ -154,7 +155,24 @@ def photograph(recipe: Recipe) -> Photographs:
         # What comes out of a medium is a difference of two renderings: below zero by their noise, here and there.
         images = generator.poisson(np.maximum(images, 0).astype(np.float64) * photons) / photons
     frames = Frames.from_linear(lights.names, images)
-    return Photographs(frames, lights, scene.camera, replace(truth, albedo=truth.albedo * exposure))
+    return Photographs(frames, _told(lights, recipe), scene.camera, replace(truth, albedo=truth.albedo * exposure))
+
+
+def _told(lights: Lights, recipe: Recipe) -> Lights:
+    """Return distant lights as a recipe's methods are told them: each turned about an axis of its own, each off by a
+    factor; one draw of chance has the same axes and numbers at all strengths.
+    """
+    # Another stream than the photons', which begins with the seed too.
+    generator = np.random.default_rng([recipe.seed, len(lights), 4711])
+    across, factors = generator.standard_normal((len(lights), 3)), generator.standard_normal((len(lights), 1))
+    if recipe.directions_off_deg:
+        across -= np.sum(across * lights.directions, 1, keepdims=True) * lights.directions
+        # Two numbers across the direction: their sum of squares is 2 on the mean.
+        angle = np.radians(recipe.directions_off_deg) / np.sqrt(2) * np.linalg.norm(across, axis=1, keepdims=True)
+        lights = replace(lights, directions=np.cos(angle) * lights.directions + np.sin(angle) * unit(across))
+    if recipe.intensities_off:
+        lights = replace(lights, intensities=lights.intensities * np.exp(recipe.intensities_off * factors)).normalised()
+    return lights
 
 
 class _Rendered(NamedTuple):

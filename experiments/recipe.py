@@ -29,13 +29,15 @@ class Recipe:
     ambient: float = 0.0  # radiance from everywhere, not subtracted; a flash gives a white surface the radiance 1
     noise: float = 0.0  # of the photons: standard deviation at pixel value 1, as a share of it; 0: none
     images: int = 0  # how many of the frames are taken, at random; 0: all
+    directions_off_deg: float = 0.0  # error of the light directions that methods are told, root mean square
+    intensities_off: float = 0.0  # of their intensities: standard deviation of the logarithm
     side: int = 256  # of the picture, pixels
-    seed: int = 0  # of what is left to chance: the photons, and which frames are taken
+    seed: int = 0  # of what is left to chance: the photons, which frames are taken, how the told lights are off
 
     @property
     def scene(self) -> "Recipe":
         """The recipe of what has to be rendered; many cells may share it."""
-        return replace(self, ambient=0.0, noise=0.0, images=0, seed=0)
+        return replace(self, ambient=0.0, noise=0.0, images=0, seed=0, directions_off_deg=0.0, intensities_off=0.0)
 
 
 @dataclass(frozen=True)

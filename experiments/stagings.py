@@ -1,4 +1,4 @@
-"""The nine experiments, a line each, in two stagings: one factor at a time, and as the benchmark's text has them."""
+"""The experiments, a line each, in two stagings: one factor at a time, and as the benchmark's text has them."""
 
 import csv
 from collections.abc import Iterator, Mapping
@@ -108,6 +108,22 @@ ONE_FACTOR: dict[str, Experiment] = {
 """The nine in the order of the benchmark's table, by the name on the command line: all but one factor is easy."""
 
 
+TOLD_WRONGLY: dict[str, Experiment] = {
+    one.name: one
+    for one in (
+        Experiment(
+            "directions", "Light Directions", "directions_off_deg", (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0),
+            "error of the light directions told, degrees rms", Recipe(noise=CAMERA_NOISE), OBJECTS[:1], 5,
+        ),
+        Experiment(
+            "intensities", "Light Intensities", "intensities_off", (0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.3),
+            "error of the light intensities told, share", Recipe(noise=CAMERA_NOISE), OBJECTS[:1], 5,
+        ),
+    )
+}  # fmt: skip
+"""Beyond the benchmark's: easy photographs, and lights that a calibration got wrong."""
+
+
 def benchmark_bases(noise: float) -> dict[str, Experiment]:
     """Return the staging "benchmark" but for its levels: one shape each, the text's pear, cones and sinusoidal surface.
 
@@ -143,8 +159,8 @@ def benchmark() -> dict[str, Experiment]:
 
 
 def experiments(staging: "Staging") -> dict[str, Experiment]:
-    """Return a staging's nine experiments by name."""
-    return benchmark() if staging == "benchmark" else ONE_FACTOR
+    """Return a staging's experiments by name."""
+    return benchmark() if staging == "benchmark" else ONE_FACTOR | TOLD_WRONGLY
 
 
 def experiments_of(text: str, staging: "Staging" = "one-factor") -> tuple[Experiment, ...]:

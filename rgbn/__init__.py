@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rgbn.array_solve import solve_arrays as solve
     from rgbn.examples import example
     from rgbn.opened_session import Session
-    from rgbn.opened_session import open_session as open
+    from rgbn.opened_session import Session as open
     from scene.camera import Camera
     from scene.errors import SceneError
     from scene.lights import Lights
@@ -31,7 +31,7 @@ _PLACES = {
     "Solving": "lab.options.Solving",
     "TwinSettings": "lab.options.TwinSettings",
     "example": "rgbn.examples.example",
-    "open": "rgbn.opened_session.open_session",
+    "open": "rgbn.opened_session.Session",
     "solve": "rgbn.array_solve.solve_arrays",
 }
 

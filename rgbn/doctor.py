@@ -26,14 +26,16 @@ class Finding(NamedTuple):
 
 def examine() -> list[Finding]:
     """Return what was found; what is most often missing, the ray caster and the renderer, is really tried."""
-    return [
-        _packages(),
-        _imports("photographs", _raw),
-        _imports("ray casting", _rays),
-        _renderer(),
-        *_machine(),
-        _here(),
-    ]
+    tried = {"packages": _packages, "photographs": _raw, "ray casting": _rays, "renderer": _renderer}
+    return [*(_tried(what, how) for what, how in tried.items()), *_machine()]
+
+
+def _tried(what: str, how: Callable[[], tuple[str, str]]) -> Finding:
+    try:
+        mark, text = how()
+    except Exception as error:
+        mark, text = "X", f"{' '.join(str(error).split())}. Run: make setup"
+    return Finding(mark, what, text)
 
 
 def tell_findings() -> None:
@@ -58,59 +60,42 @@ def tell_findings() -> None:
         )
 
 
-def _packages() -> Finding:
+def _packages() -> tuple[str, str]:
     found = libraries()
-    missing = [name for name, version in found.items() if version == "absent"]
-    if missing:
-        return Finding("X", "packages", f"not installed: {', '.join(missing)}. Run: make setup")
+    if missing := [name for name, version in found.items() if version == "absent"]:
+        return "X", f"not installed: {', '.join(missing)}. Run: make setup"
     LOG.info(", ".join(f"{name} {version}" for name, version in found.items()))
-    return Finding("ok", "packages", f"rgbn {found['rgbn']} on Python {found['python']}, {len(found) - 2} libraries")
+    return "ok", f"rgbn {found['rgbn']} on Python {found['python']}, {len(found) - 2} libraries"
 
 
-def _imports(what: str, how: Callable[[], str]) -> Finding:
-    try:
-        return Finding("ok", what, how())
-    except Exception as error:
-        return Finding("X", what, f"{' '.join(str(error).split())}. Run: make setup")
-
-
-def _raw() -> str:
+def _raw() -> tuple[str, str]:
     import rawpy
 
-    return f"LibRaw {'.'.join(map(str, rawpy.libraw_version))} reads raw files"
+    return "ok", f"LibRaw {'.'.join(map(str, rawpy.libraw_version))} reads raw files"
 
 
-def _rays() -> str:
+def _rays() -> tuple[str, str]:
     from scene.rays import import_open3d
 
     import_open3d()
-    return "open3d imports"
+    return "ok", "open3d imports"
 
 
-def _renderer() -> Finding:
+def _renderer() -> tuple[str, str]:
     from twin.engines.variant import SLOW, pick_variant
 
-    try:
-        variant, note = pick_variant()
-    except Exception as error:
-        return Finding("X", "renderer", f"{' '.join(str(error).split())}. Run: make setup")
-    return Finding("!" if variant == SLOW else "ok", "renderer", f"{variant}: {note}" if note else variant)
+    variant, note = pick_variant()
+    return "!" if variant == SLOW else "ok", f"{variant}: {note}" if note else variant
 
 
 def _machine() -> list[Finding]:
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
+    here, memory = Path.cwd(), os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
     text = f"{os.cpu_count()} cores, {memory:.0f} GB memory"
     small = "" if memory >= MEMORY_GB else f"; large sessions want {MEMORY_GB} GB: use half = true under [frames]"
-    free = shutil.disk_usage(Path.cwd()).free / 1e9
+    free = shutil.disk_usage(here).free / 1e9
     room = f"{free:.0f} GB free here; a session of 60 x 24 MP takes about 11 GB, with its twin {DISK_GB} GB"
-    return [
-        Finding("!" if small else "ok", "machine", text + small),
-        Finding("ok" if free > DISK_GB else "!", "disk", room),
-    ]
-
-
-def _here() -> Finding:
-    here = Path.cwd()
+    found = [Finding("!" if small else "ok", "machine", text + small)]
+    found.append(Finding("ok" if free > DISK_GB else "!", "disk", room))
     if os.access(here, os.W_OK):
-        return Finding("ok", "this folder", "can be written: output goes to out/NAME here")
-    return Finding("!", "this folder", f"{here} cannot be written: name an output folder, --out DIR")
+        return [*found, Finding("ok", "this folder", "can be written: output goes to out/NAME here")]
+    return [*found, Finding("!", "this folder", f"{here} cannot be written: name an output folder, --out DIR")]

@@ -4,7 +4,6 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,10 +20,12 @@ def fixture_folder() -> Path:
 
 
 class Example(NamedTuple):
-    """A session of the shelf: what it shows, and what makes it of a copy of the fixture."""
+    """A session of the shelf: what it shows, and how it differs from the fixture."""
 
     words: str
-    change: Callable[[Path], None]
+    without: tuple[str, ...] = TRUTH  # files and folders
+    cut: str = ""  # session.toml's text from here on is left out
+    edits: tuple[tuple[str, str], ...] = ()  # in session.toml, each there
 
 
 def example(name: str, folder: str | Path | None = None) -> Path:
@@ -65,7 +66,7 @@ def example(name: str, folder: str | Path | None = None) -> Path:
             # Files alone: an installed package may be read-only, and its modes are not the user's.
             shutil.copytree(fixture_folder(), made, copy_function=shutil.copyfile)
             made.chmod(0o755)
-            EXAMPLES[name].change(made)
+            _change(made, name)
             made.rename(place)
     except OSError as error:
         raise SceneError(f"{place}: the example cannot be written ({error.strerror}). Name another folder.") from error
@@ -91,67 +92,47 @@ def tell_example(name: str | None = None, folder: Path | None = None, /) -> None
     print(f"{place}: {EXAMPLES[name].words}\nnext: rgbn {verb} {place}")
 
 
-def _edit(folder: Path, *changes: tuple[str, str]) -> None:
-    """Replace texts of session.toml, each of which stands there."""
-    text = (folder / SESSION).read_text("utf-8")
-    for old, new in changes:
+def _change(folder: Path, name: str) -> None:
+    """Make an example of a copy of the fixture."""
+    what, session = EXAMPLES[name], folder / SESSION
+    text = session.read_text("utf-8")
+    if what.cut:
+        text = text[: text.index(what.cut)].rstrip() + "\n"
+    for old, new in what.edits:
         assert old in text, old
         text = text.replace(old, new)
-    (folder / SESSION).write_text(text, "utf-8")
-
-
-def _without(folder: Path, *names: str) -> None:
-    for name in names:
-        path = folder / name
+    session.write_text(text, "utf-8")
+    if "lights.lp" in text:
+        known = json.loads((folder / "truth.json").read_text("utf-8"))["directions_at_object"]
+        files = sorted(path.name for path in (folder / "raw").glob("flash_*"))
+        rows = (f"{file} {x:.6f} {y:.6f} {z:.6f}\n" for file, (x, y, z) in zip(files, known, strict=True))
+        (folder / "lights.lp").write_text(f"{len(files)}\n{''.join(rows)}", "utf-8")
+    for path in (folder / one for one in what.without):
         shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
-def _cut(folder: Path, first: str) -> None:
-    """Leave out session.toml's text from a place on."""
-    text = (folder / SESSION).read_text("utf-8")
-    (folder / SESSION).write_text(text[: text.index(first)].rstrip() + "\n", "utf-8")
-
-
-def _no_scan(folder: Path) -> None:
-    _without(folder, "scan", *TRUTH)
-    _cut(folder, "[object]")
-    _edit(folder, ('name = "bumpy"', 'name = "no-scan"'))
-
-
-def _known_lights(folder: Path) -> None:
-    known = json.loads((folder / "truth.json").read_text("utf-8"))["directions_at_object"]
-    files = sorted(path.name for path in (folder / "raw").glob("flash_*"))
-    rows = (f"{file} {x:.6f} {y:.6f} {z:.6f}\n" for file, (x, y, z) in zip(files, known, strict=True))
-    (folder / "lights.lp").write_text(f"{len(files)}\n{''.join(rows)}", "utf-8")
-    # Directions alone, of flashes that stand near, are good for lights and normals, not for registering a scan.
-    _without(folder, "scan", *TRUTH)
-    _cut(folder, "[[spheres]]")
-    lights = '\n\n[lights]\nfile = "lights.lp"\n'
-    _edit(folder, ('name = "bumpy"', 'name = "known-lights"'), ("cy = 228.1", f"cy = 228.1{lights}"))
-
-
-def _no_session_toml(folder: Path) -> None:
-    _without(folder, SESSION, *TRUTH)
-
-
-def _wrong(folder: Path) -> None:
-    """Slips that people make. The first four are told at once; the scan's unit shows only in the photographs."""
-    _without(folder, *TRUTH)
-    _edit(
-        folder,
-        ('name = "bumpy"', 'name = "wrong"'),
-        ("raw/flash_*.dng", "raw/flsh_*.dng"),
-        ("width = 640", 'width = "640 px"'),
-        ("diameter_mm = 90.0", "diametre_mm = 90.0"),
-        ("scan/object.ply", "scans/object.ply"),
-        ('scan_unit = "mm"', 'scan_unit = "m"'),
-    )
-
-
 EXAMPLES = {
-    "fixture": Example("photographs, two chrome balls and a white one, a scan, and the known truth", lambda _: None),
-    "no-scan": Example("the same photographs and balls without a scan: lights and normals, no errors", _no_scan),
-    "known-lights": Example("light directions from a file, lights.lp, in place of balls; no scan", _known_lights),
-    "no-session-toml": Example("photographs and a scan alone, for `rgbn init` to describe", _no_session_toml),
-    "wrong": Example("with mistakes in session.toml and a wrong unit: see what is said, and put it right", _wrong),
-}
+    "fixture": Example("photographs, two chrome balls and a white one, a scan, and the known truth", without=()),
+    "no-scan": Example(
+        "the same photographs and balls without a scan: lights and normals, no errors", ("scan", *TRUTH), "[object]",
+        (('name = "bumpy"', 'name = "no-scan"'),),
+    ),
+    # Directions alone, of flashes that stand near, are good for lights and normals, not for registering a scan.
+    "known-lights": Example(
+        "light directions from a file, lights.lp, in place of balls; no scan", ("scan", *TRUTH), "[[spheres]]",
+        (('name = "bumpy"', 'name = "known-lights"'), ("cy = 228.1", 'cy = 228.1\n\n[lights]\nfile = "lights.lp"\n')),
+    ),
+    "no-session-toml": Example(
+        "photographs and a scan alone, for `rgbn init` to describe", (SESSION, *TRUTH)
+    ),
+    # Slips that people make. The first four are told at once; the scan's unit shows only in the photographs.
+    "wrong": Example(
+        "with mistakes in session.toml and a wrong unit: see what is said, and put it right",
+        edits=(
+            ('name = "bumpy"', 'name = "wrong"'), ("raw/flash_*.dng", "raw/flsh_*.dng"),
+            ("width = 640", 'width = "640 px"'), ("diameter_mm = 90.0", "diametre_mm = 90.0"),
+            ("scan/object.ply", "scans/object.ply"),
+            ('scan_unit = "mm"', 'scan_unit = "m"'),
+        ),
+    ),
+}  # fmt: skip

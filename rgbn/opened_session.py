@@ -1,13 +1,14 @@
 """`import rgbn`: a session opened in Python; what is asked for is computed where it is not done and current."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lab.options import TwinSettings
-from lab.session_place import session_and_out
+from lab.options import AS_GIVEN, Solving, TwinSettings
+from lab.session_place import origin_of, session_and_out
 from lab.settings import Settings
-from rgbn.session_steps import Method, SessionSteps
 from scene.errors import SceneError
+from scene.output_folder import open_record, read_record
 from scene.store import Store
 
 if TYPE_CHECKING:
@@ -21,36 +22,55 @@ if TYPE_CHECKING:
     from scene.lights import Lights
     from scene.pose import Pose
 
+Method = Solving | str | None
+
 
 class Session:
-    """A session and its output folder, opened by `rgbn.open`.
+    """A session and its output folder; `rgbn.open` is this.
 
     The verbs are the command line's steps: `check`, `calibrate`, `align`, `solve`, `twin`, `compare`. Each runs what is
-    not done and current yet, and returns the session, so that `session.calibrate().lights` is one line. A property runs
-    the step that it needs, if that is not done and current.
+    not done and current yet, as the output folder was made unless something else is said, and returns the session, so
+    that `session.calibrate().lights` is one line. A property runs the step that it needs, if that is not done and
+    current.
 
     Vectors are in the camera frame: x right, y up, z toward the viewer. Arrays are [row, column].
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder with session.toml, or in the DiLiGenT layout; or an output folder, which is then gone on with.
+    out : str or Path, optional
+        Output folder: new, empty or rgbn's own. Default: out/NAME here, by the session's name.
+    scheduler : str, optional
+        Address of a Dask scheduler.
+    truth : str or Path, optional
+        Folder of a known truth (truth.json, truth.npz) to judge the results by. Default: as the output folder was made.
+    refine_lights : bool, optional
+        Let the registered scan's own shading correct lights that it contradicts. Default: as the output folder was
+        made; not in a new one.
 
     Raises
     ------
     SceneError
-        By verbs and properties: the input is at fault, or what is asked for cannot be had of this session.
+        The session cannot be read: every fault at once. By verbs and properties: the input is at fault, or what is
+        asked for cannot be had of this session.
     """
 
-    def __init__(self, steps: SessionSteps) -> None:
-        self._steps = steps
-
-    @property
-    def path(self) -> Path:
-        """The session's folder, or its session.toml."""
-        return self._steps.path
-
-    @property
-    def out(self) -> Path:
-        """The output folder."""
-        return self._steps.out
-
-    # The steps.
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        out: str | Path | None = None,
+        scheduler: str | None = None,
+        truth: str | Path | None = None,
+        refine_lights: bool | None = None,
+    ) -> None:
+        self.path, folder = session_and_out(Path(path), None if out is None else Path(out))
+        self._scheduler = scheduler
+        self._said = Settings(refine_lights=refine_lights, truth=None if truth is None else Path(truth))
+        # Faults of the session are told now; nothing runs yet.
+        _ = self._session
+        self.out = folder.resolve()
 
     def check(self) -> "Session":
         """Decode the capture and audit it."""
@@ -84,17 +104,19 @@ class Session:
         return self._run("compare", solving, twin)
 
     def _run(self, wanted: str, solving: Method = None, twin: TwinSettings | None = None) -> "Session":
-        self._steps.run(wanted, solving, twin)
+        from lab.run import run_session
+
+        said = self._with(solving, twin)
+        how = {"solving": said.solving, "twin": said.twin, "truth": said.truth, "refine_lights": said.refine_lights}
+        run_session(self.path, wanted, out=self.out, scheduler=self._scheduler, **how)
         return self
 
     process = compare
 
-    # What they found.
-
     @property
     def summary(self) -> dict[str, Any]:
         """summary.json: every number so far, units in the key names. Runs `check` where nothing is done yet."""
-        return self._steps.told or self.check()._steps.told
+        return self._told or self.check()._told
 
     @property
     def warnings(self) -> "Table":
@@ -107,7 +129,7 @@ class Session:
     @property
     def methods(self) -> tuple[str, ...]:
         """The methods whose results are there."""
-        return tuple((self._steps.told.get("solve") or {}).get("methods") or ())
+        return tuple((self._told.get("solve") or {}).get("methods") or ())
 
     @property
     def store(self) -> Store:
@@ -117,21 +139,21 @@ class Session:
     @property
     def frames(self) -> "Frames":
         """The photographs, linear, memory-mapped. Runs `check`."""
-        self._steps.need("check")
+        self._need("check")
         return self.store.load_frames()
 
     @property
     def camera(self) -> "Camera":
         """The camera; once the balls are found, as they corrected it. Runs `check`."""
-        self._steps.need("check")
-        return (self.store if self._steps.is_current("calibrate") else self._steps.early).load_camera()
+        self._need("check")
+        return self._as_of("calibrate").load_camera()
 
     @property
     def spheres(self) -> "Balls":
         """The calibration balls that were found. Runs `calibrate`."""
         from rgbn.result_tables import Balls
 
-        self._steps.need("calibrate")
+        self._need("calibrate")
         return Balls(self.store.load_spheres(), self.camera, self.store.load_frames())
 
     @property
@@ -141,30 +163,28 @@ class Session:
         Directions and intensities hold at `reference_point_mm`: amid the balls, and once `align` is done at the
         object's centre.
         """
-        self._steps.need("calibrate")
-        return (self.store if self._steps.is_current("align") else self._steps.early).load_lights()
+        self._need("calibrate")
+        return self._as_of("align").load_lights()
 
     @property
     def mask(self) -> "NDArray[np.bool_]":
         """The object's pixels, (H, W). Runs `align`."""
-        self._steps.need("align")
+        self._need("align")
         return self.store.load_mask()
 
     @property
     def pose(self) -> "Pose":
         """The scan's pose, camera from scan, mm. Runs `align`."""
-        session = self._steps.session
-        if session.normals or not session.scan:
-            why = "gives its normals, so no scan is registered" if session.normals else "names no scan"
-            raise self._lacks("pose", why, 'Give [object] scan = "...", and no normals')
-        self._steps.need("align")
+        if self._session.normals or not self._session.scan:
+            raise self._lacks("pose", "names no scan, or given normals", 'Give [object] scan = "...", and no normals')
+        self._need("align")
         return self.store.load_pose()
 
     @property
     def truth(self) -> "NDArray[np.float32]":
         """Ground-truth normals, (H, W, 3), unit, NaN where unknown. Runs `align`."""
         self._require_truth("ground truth")
-        self._steps.need("align")
+        self._need("align")
         return self.store.load_normals("truth")
 
     def normals(self, method: str, *, twin: bool = False) -> "NDArray[np.float32]":
@@ -180,7 +200,7 @@ class Session:
     def estimate(self, method: str, *, twin: bool = False) -> "Estimate":
         """Return all that a method found, with its own sigma and warnings. Runs `solve`, `twin`."""
         store, name = self._solved(method, twin)
-        row = {} if twin else self._steps.told["solve"]["methods"][name]
+        row = {} if twin else self._told["solve"]["methods"][name]
         told = {key: row[key] for key in ("seconds", "settings") if key in row}
         return store.load_estimate(name, **told, warnings=tuple(row.get("warnings") or ()))
 
@@ -197,90 +217,84 @@ class Session:
         from rgbn.result_tables import Errors
 
         self._require_truth("error")
-        self._steps.need("compare")
-        return Errors(self._steps.told["compare"])
+        self._need("compare")
+        return Errors(self._told["compare"])
 
     @property
     def report(self) -> Path:
         """report.html. Runs `compare`."""
-        if not (self._steps.is_current("compare") and (self.out / "report.html").is_file()):
+        if not (self.out / "report.html").is_file() or not self._is_current("compare"):
             self.compare()
         return self.out / "report.html"
 
     def __repr__(self) -> str:
-        done = ", ".join(self._steps.told.get("seconds") or ()) or "nothing"
+        done = ", ".join(self._told.get("seconds") or ()) or "nothing"
         return f"session {self.path}\noutput  {self.out}; done: {done}"
 
-    def _repr_html_(self) -> str:
-        from scene.notebook import table_html
+    @property
+    def _session(self) -> Any:
+        """The session as session.toml says it now."""
+        from capture.session.session import load_session
 
-        rows = [{"step": name, "seconds": spent} for name, spent in (self._steps.told.get("seconds") or {}).items()]
-        return table_html(rows, repr(self))
+        return load_session(self.path)
+
+    @property
+    def _told(self) -> dict[str, Any]:
+        """summary.json, empty where there is none."""
+        return self.store.read_json("summary.json") if (self.out / "summary.json").is_file() else {}
+
+    def _as_of(self, step: str) -> Store:
+        """Return where camera and lights lie: as a step left them, or as they were before the later steps had a say."""
+        return self.store if self._is_current(step) else Store(self.out / "frames")
+
+    def _need(self, wanted: str, solving: Method = None) -> None:
+        """Run a step where it is not done and current."""
+        if not self._is_current(wanted, solving):
+            self._run(wanted, solving)
+
+    def _is_current(self, wanted: str, solving: Method = None) -> bool:
+        """Whether a step, and all that it needs, is done and current."""
+        from lab.job import Job
+        from lab.plan import STEPS
+
+        session = self._session
+        with open_record(self.out, origin=origin_of(session, self.path), input_folders=[session.folder]) as record:
+            return Job(session, record, Settings.of(record).but(self._with(solving))).is_current(STEPS, wanted)
+
+    @property
+    def _kept(self) -> Solving:
+        """How the folder's methods were run."""
+        record = read_record(self.out)
+        return Solving() if record is None else Settings.of(record).solving
+
+    def _with(self, given: Method, twin: TwinSettings | None = None) -> Settings:
+        """Return what is said: methods beside those whose results are there."""
+        kept, programs = self._kept, self._kept.programs()
+        # Another program stays with the session without being asked for again.
+        asked = given if isinstance(given, Solving) else Solving(None if given in programs else given)
+        if asked.external is not None:
+            before = {text.partition("=")[0].strip(): text for text in (*(kept.external or ()), *asked.external)}
+            asked = replace(asked, external=tuple(before.values()))
+        if asked.method is not None:
+            there = [name for name in self.methods if name not in programs and not name[:1].isupper()]
+            asked = replace(asked, method=",".join(dict.fromkeys([*there, *asked.methods()])))
+        return self._said.but(Settings(asked, twin or AS_GIVEN))
 
     def _solved(self, method: str, twin: bool) -> tuple[Store, str]:
         """Return where a method's results lie and its name, after they are made where they are not there."""
-        name = self._steps.name_of(method)
+        name = method.strip() if method.strip() in self._kept.programs() else method.strip().casefold()
         if not twin:
-            self._steps.need("solve", name)
+            self._need("solve", name)
             return self.store, name
-        if not self._steps.session.scan:
+        if not self._session.scan:
             raise self._lacks("twin", "names no scan", 'Give [object] scan = "..."')
-        self._steps.need("twin", name)
+        self._need("twin", name)
         return Store(self.out / "twin"), name
 
     def _require_truth(self, what: str) -> None:
-        session = self._steps.session
-        if not (session.scan or session.normals):
+        if not (self._session.scan or self._session.normals):
             cure = 'Give [object] scan = "...", or normals = "..." that fit the photographs'
             raise self._lacks(what, "names neither a scan nor normals", cure)
 
     def _lacks(self, what: str, why: str, cure: str) -> SceneError:
         return SceneError(f"{self.path}: there is no {what}: session.toml {why}. {cure}.")
-
-
-def open_session(
-    path: str | Path,
-    *,
-    out: str | Path | None = None,
-    scheduler: str | None = None,
-    truth: str | Path | None = None,
-    refine_lights: bool | None = None,
-) -> Session:
-    """Open a session, or the output folder of one; nothing runs yet.
-
-    Parameters
-    ----------
-    path : str or Path
-        Folder with session.toml, or in the DiLiGenT layout; or an output folder, which is then gone on with.
-    out : str or Path, optional
-        Output folder: new, empty or rgbn's own. Default: out/NAME here, by the session's name.
-    scheduler : str, optional
-        Address of a Dask scheduler.
-    truth : str or Path, optional
-        Folder of a known truth (truth.json, truth.npz) to judge the results by. Default: as the output folder was made.
-    refine_lights : bool, optional
-        Let the registered scan's own shading correct lights that it contradicts. Default: as the output folder was
-        made; not in a new one.
-
-    Returns
-    -------
-    Session
-
-    Raises
-    ------
-    SceneError
-        The session cannot be read; every fault at once.
-
-    Examples
-    --------
-    >>> import rgbn
-    >>> s = rgbn.open("captures/penguin")
-    >>> s.lights.to_dataframe()
-    >>> s.normals("iterative")
-    """
-    from capture.session.session import load_session
-
-    session, folder = session_and_out(Path(path), None if out is None else Path(out))
-    load_session(session)
-    said = Settings(refine_lights=refine_lights, truth=None if truth is None else Path(truth))
-    return Session(SessionSteps(session, folder.resolve(), scheduler, said))

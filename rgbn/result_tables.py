@@ -1,7 +1,7 @@
 """What a session's tables are in Python: a short text, a small table in a notebook, a pandas DataFrame, a figure."""
 
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -15,41 +15,43 @@ if TYPE_CHECKING:
     import pandas
 
 
-class Table:
-    """Rows of a table, each a dict of plain values; the units are in the names.
+class _Shown:
+    """Rows that a person at a prompt or in a notebook sees: `caption` says in one line what matters."""
 
-    Parameters
-    ----------
-    rows : iterable of dict
-    caption : str
-        One line that says what matters.
-    """
-
-    def __init__(self, rows: Iterable[dict[str, Any]], caption: str) -> None:
-        self._rows, self.caption = tuple(rows), caption
+    caption: str
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return the rows."""
-        return list(self._rows)
+        """Return the rows, each a dict of plain values; the units are in the names."""
+        raise NotImplementedError
 
     def to_dataframe(self) -> "pandas.DataFrame":
         """Return the rows as a pandas DataFrame; NaN where unknown."""
-        return data_frame(self._rows)
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def __iter__(self) -> Iterator[dict[str, Any]]:
-        return iter(self._rows)
-
-    def __getitem__(self, index: int) -> dict[str, Any]:
-        return self._rows[index]
+        return data_frame(self.rows())
 
     def __repr__(self) -> str:
         return self.caption
 
     def _repr_html_(self) -> str:
-        return table_html(self._rows, self.caption)
+        return table_html(self.rows(), self.caption)
+
+
+class Table(_Shown, tuple[dict[str, Any], ...]):
+    """Rows of a table.
+
+    Parameters
+    ----------
+    rows : iterable of dict
+    caption : str
+    """
+
+    def __new__(cls, rows: Iterable[dict[str, Any]], caption: str) -> Self:
+        found = super().__new__(cls, rows)
+        found.caption = caption
+        return found
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the rows."""
+        return list(self)
 
 
 class Errors(Table):
@@ -61,12 +63,17 @@ class Errors(Table):
         The part `compare` of summary.json.
     """
 
-    def __init__(self, compared: dict[str, Any]) -> None:
+    _compared: dict[str, Any]
+
+    def __new__(cls, compared: dict[str, Any]) -> Self:
         from compare.statistics.statistics import statistics_rows
 
-        self._compared, rows = compared, statistics_rows(compared)
+        rows = statistics_rows(compared)
         said = (f"{row['method']} {row['median_deg']:.2f} ({row['frames']})" for row in rows)
-        super().__init__(rows, f"median angular error, degrees: {', '.join(said) or 'none is known'}")
+        caption = f"median angular error, degrees: {', '.join(said) or 'none is known'}"
+        found = super().__new__(cls, rows, caption)
+        found._compared = compared
+        return found
 
     def plot(self) -> Any:
         """Return a plotly figure: the share of pixels by error in degrees, a panel a method, real filled, twin a line.
@@ -83,40 +90,45 @@ class Errors(Table):
         return error_histogram_figure(self._compared, list(dict.fromkeys(row["method"] for row in self)))
 
 
-class Balls(tuple[Sphere, ...]):
+def ball_rows(balls: Iterable[Sphere], camera: Camera) -> list[dict[str, Any]]:
+    """Return a row a ball.
+
+    Returns
+    -------
+    list of dict
+        kind; column_px, row_px: the projected centre; radius_px; diameter_mm, x_mm, y_mm, z_mm, distance_mm: None where
+        no diameter is known; sigma_px: standard deviation of the centre, one axis; score: 0 to 1, how much of the
+        outline was seen.
+    """
+    rows = []
+    for ball in balls:
+        is_sized = ball.diameter_mm is not None and not camera.is_orthographic
+        center = ball.center_mm(camera) if is_sized else np.full(3, np.nan)
+        place = [*center.tolist(), float(np.linalg.norm(center))] if is_sized else [None] * 4
+        column, row = ball.center_px.tolist()
+        found = {"kind": ball.kind, "column_px": column, "row_px": row, "radius_px": ball.radius_px}
+        found |= dict(zip(("x_mm", "y_mm", "z_mm", "distance_mm"), place, strict=True))
+        rows.append(found | {"diameter_mm": ball.diameter_mm, "sigma_px": ball.sigma_px, "score": ball.score})
+    return rows
+
+
+class Balls(_Shown, tuple[Sphere, ...]):
     """The calibration balls, `scene.spheres.Sphere`, with the camera that saw them and the photographs."""
 
     _camera: Camera
     _frames: Frames
 
-    def __new__(cls, balls: Iterable[Sphere], camera: Camera, frames: Frames) -> "Balls":
+    def __new__(cls, balls: Iterable[Sphere], camera: Camera, frames: Frames) -> Self:
         found = super().__new__(cls, balls)
         found._camera, found._frames = camera, frames
+        kinds = [ball.kind for ball in found]
+        counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+        found.caption = f"{len(found)} balls: {counts}" if found else "no balls"
         return found
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return a row a ball.
-
-        Returns
-        -------
-        list of dict
-            kind; column_px, row_px: the projected centre; radius_px; diameter_mm, x_mm, y_mm, z_mm: None where no
-            diameter is known; sigma_px: standard deviation of the centre, one axis; score: 0 to 1, how much of the
-            outline was seen.
-        """
-        rows = []
-        for ball in self:
-            is_sized = ball.diameter_mm is not None and not self._camera.is_orthographic
-            center = ball.center_mm(self._camera).tolist() if is_sized else (None, None, None)
-            column, row = ball.center_px.tolist()
-            found = {"kind": ball.kind, "column_px": column, "row_px": row, "radius_px": ball.radius_px}
-            found |= {"diameter_mm": ball.diameter_mm, **dict(zip(("x_mm", "y_mm", "z_mm"), center, strict=True))}
-            rows.append(found | {"sigma_px": ball.sigma_px, "score": ball.score})
-        return rows
-
-    def to_dataframe(self) -> "pandas.DataFrame":
-        """Return `rows` as a pandas DataFrame; NaN where unknown."""
-        return data_frame(self.rows())
+        """Return a row a ball, see `ball_rows`."""
+        return ball_rows(self, self._camera)
 
     def plot(self) -> Any:
         """Return a plotly figure of the first photograph with the balls' outlines; axes in px."""
@@ -133,11 +145,3 @@ class Balls(tuple[Sphere, ...]):
             name = f"{ball.kind} ball {index + 1}"
             figure.add_scatter(x=u, y=v, mode="lines", name=name, line={"color": COLOURS[1 - (ball.kind == "chrome")]})
         return figure
-
-    def __repr__(self) -> str:
-        kinds = [ball.kind for ball in self]
-        counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
-        return f"{len(self)} balls: {counts}" if self else "no balls"
-
-    def _repr_html_(self) -> str:
-        return table_html(self.rows(), repr(self))

@@ -1,37 +1,130 @@
-"""What each step found, as tables in natural units."""
+"""What each step found, as tables for a terminal, in natural units.
+
+A table's columns and lines are forms, "{residual_px:.2f} px", that are filled in with a row's values; what has no value
+there, or None, is left out.
+"""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
+
+import numpy as np
 
 from compare.report.trust_section import trust_sentence
 from lab.job import Job
-from rgbn.light_tables import light_tables
-from rgbn.text_tables import fact_table, number_table
 from scene.camera import Camera
+from scene.store import Store
+
+Values = Mapping[str, Any]
+MOST, WORST = 24, 12
+"""More lights are not all listed, but so many: those that are flagged, then the least certain."""
+LIGHTS = {
+    "frame\n": "{name}", "elevation\ndeg": "{elevation_deg:.1f}", "azimuth\ndeg": "{azimuth_deg:.1f}",
+    "distance\nmm": "{distance_mm:.0f}", "intensity\nmean 1": "{intensity:.3f}",
+    "sigma\ndeg": "{direction_sigma_deg:.2f}", "flags\n": "{flags}",
+}  # fmt: skip
+BALLS = {
+    "ball\n": "{kind}", "centre\npx": "({column_px:.1f}, {row_px:.1f})", "radius\npx": "{radius_px:.2f}",
+    "diameter\nmm": "{diameter_mm:.4g}", "distance\nmm": "{distance_mm:.0f}", "sigma\npx": "{sigma_px:.3f}",
+}  # fmt: skip
+METHODS = {
+    "method": "{method}",
+    "seconds": "{seconds:.1f}",
+    "sigma of a normal, deg (median)": "{sigma_deg_median:.2f}",
+}
+TRUST = {
+    "method": "{method}", "unexplained, of the albedo": "{unexplained:.1%}",
+    "from the one taken, deg (mean)": "{apart_deg:.1f}",
+}  # fmt: skip
+ERRORS = {
+    "method": "{method}", "frames": "{frames}", "mean": "{mean_deg:.2f}", "median": "{median_deg:.2f}",
+    "under 5": "{under_5_deg:.0%}", "under 10": "{under_10_deg:.0%}",
+}  # fmt: skip
+KNOWN_TRUTH = {"figure": "{text}", "value": "{value:.3g} {unit}"}
+CHECK = {
+    "frames": "{frames} of {width} x {height} px, {ambient_words}",
+    "brightness": "{dark} to {bright} of white, mean over a frame",
+    "clipped": "{clipped}",
+    "camera": "{camera_words}",
+}
+SELF_TEST = {
+    "directions": "{direction_error_deg_median:.2f} deg off (median)",
+    "positions": "{position_error_percent_median:.1f} % off (median)",
+    "intensities": "{intensity_error_percent_rms:.1f} % off (rms)",
+    "sigma": "{directions_inside_95:.0%} of the directions inside their 95 % region",
+}
+ALIGN = {
+    "scan": "{scan}",
+    "residual": "{residual_px:.2f} px, of the outline",
+    "pose, sigma": "{sigma_mm:.2g} mm, {sigma_deg:.2g} deg",
+    "object": "{size}",
+    "distance": "{distance_mm:.0f} mm from the camera",
+    "true normals": "sigma {truth_sigma_deg_median:.2f} deg (median)",
+}
+TWIN = {
+    "material": "{model}",
+    "misfit": "{relative_rmse:.2%} of the photographs, rms",
+    "foretold": "{relative_rmse_lit:.2%} of frames not fitted to, where lit",
+    "rendering": "engine {engine}, {seconds:.0f} s, error {error:.2%}",
+}
 
 
-def check_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
+def filled(form: str, values: Values) -> str:
+    """Return a form filled in; "–" where a value is not known."""
+    known = {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in values.items()}
+    try:
+        return form.format(**known)
+    except (KeyError, TypeError):
+        # None has no digits.
+        return "–"
+
+
+def number_table(title: str, columns: Mapping[str, str], rows: Iterable[Values], caption: str = "") -> Any:
+    """Return a table, forms by their heads; columns without any value are left out. Texts stand left, numbers right."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text(title, style="bold"), title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table.caption, table.caption_justify = caption or None, "left"
+    rows = list(rows)
+    cells = {head: [filled(form, row) for row in rows] for head, form in columns.items()}
+    cells = {head: column for head, column in cells.items() if not rows or {*column} - {"–", ""}}
+    for head in cells:
+        table.add_column(head, justify="right" if ":" in columns[head] else "left")
+    for row in zip(*cells.values(), strict=True):
+        table.add_row(*map(Text, row))
+    return table
+
+
+def fact_table(title: str, lines: Mapping[str, str], values: Values | None = None) -> Any:
+    """Return facts, a line each, what and how much: forms, or with no values texts as they are."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text(title, style="bold"), title_justify="left", box=None, show_header=False, pad_edge=False)
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for what, form in lines.items():
+        if (text := form if values is None else filled(form, values)) != "–":
+            table.add_row(what, Text(text))
+    return table
+
+
+def check_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield frames, brightness, clipping and the camera."""
     found = summary["capture"]
     rows = found["frames_table"]
-    ambient = ", an ambient frame is subtracted" if found["ambient"] else ", no ambient frame"
-    dark, *_, bright = sorted(rows, key=lambda row: row["brightness"]) * 2
+    dark, bright = (one(rows, key=lambda row: row["brightness"]) for one in (min, max))
     clipped = max(rows, key=lambda row: row["saturated_share"])
     most = f"{percent(clipped['saturated_share'])} of the pixels in {clipped['name']}, fewer in the others"
-    yield fact_table(
-        f"{summary['name']}: check",
-        [
-            ("frames", f"{found['frames']} of {found['width']} x {found['height']} px{ambient}"),
-            (
-                "brightness",
-                f"{percent(dark['brightness'])} ({dark['name']}) to {percent(bright['brightness'])} "
-                f"({bright['name']}) of white, mean over a frame",
-            ),
-            ("clipped", most if clipped["saturated_share"] else "no pixel"),
-            ("camera", camera_text(job.store.load_camera())),
-        ],
-    )
+    words = {
+        "ambient_words": "an ambient frame is subtracted" if found["ambient"] else "no ambient frame",
+        **{key: f"{percent(row['brightness'])} ({row['name']})" for key, row in (("dark", dark), ("bright", bright))},
+        "clipped": most if clipped["saturated_share"] else "no pixel",
+        "camera_words": camera_text(job.store.load_camera()),
+    }
+    yield fact_table(f"{summary['name']}: check", CHECK, found | words)
 
 
 def camera_text(camera: Camera) -> str:
@@ -52,127 +145,109 @@ def percent(share: float) -> str:
     return f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:.0f} %"
 
 
-def calibrate_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
+def calibrate_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield the lights and the balls."""
     yield from light_tables(job.store, moved="align" in job.done)
 
 
-def self_test_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
+def light_tables(store: Store, *, moved: bool) -> Iterator[Any]:
+    """Yield the table of the lights, and that of the balls where there are any; of unknown lights that they are it.
+
+    moved: The lights are as the object sees them, no longer as from amid the balls.
+    """
+    lights = store.load_lights()
+    if lights.is_unknown:
+        words = f"{len(lights)}, unknown: no ball was found, and no file gives them"
+        yield fact_table("calibrate", {"lights": words})
+        return
+    rows = [
+        row | {"intensity": float(level)} for row, level in zip(lights.rows(), lights.intensities.mean(1), strict=True)
+    ]
+    shown, caption = rows, "elevation 90: on the camera's axis; azimuth 0: right, 90: up"
+    if len(rows) > MOST:
+        shown = sorted(rows, key=_doubt, reverse=True)[:WORST]
+        caption = f"the worst {WORST}; {len(rows) - WORST} more in lights.csv; {caption}"
+    sigmas = lights.direction_sigma_deg
+    if np.isfinite(sigmas).any():
+        worst = lights.names[int(np.nanargmax(sigmas))]
+        caption = (
+            f"sigma {np.nanmedian(sigmas):.2f} deg (median), {np.nanmax(sigmas):.2f} deg at worst ({worst}); {caption}"
+        )
+    seen = "the object" if moved else "amid the balls"
+    yield number_table(f"calibrate: {len(rows)} {lights.model} lights, seen from {seen}", LIGHTS, shown, caption)
+    if store.path("spheres.json").exists() and (spheres := store.load_spheres()):
+        from rgbn.result_tables import ball_rows
+
+        yield number_table("calibrate: balls", BALLS, ball_rows(spheres, store.load_camera()))
+
+
+def _doubt(row: Values) -> tuple[bool, float]:
+    sigma = row["direction_sigma_deg"]
+    return bool(row["flags"]), np.inf if sigma is None else sigma
+
+
+def self_test_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield how far the calibration of its own rendering is off."""
     test = summary["self_test"]
-    if not (test and test["calibrated"]):
-        return
-    rows = [("directions", f"{test['direction_error_deg_median']:.2f} deg off (median)")]
-    if (position := test.get("position_error_percent_median")) is not None:
-        rows.append(("positions", f"{position:.1f} % off (median)"))
-    if (intensity := test.get("intensity_error_percent_rms")) is not None:
-        rows.append(("intensities", f"{intensity:.1f} % off (rms)"))
-    for what in ("directions", "positions", "intensities"):
-        if (inside := test.get(f"{what}_inside_95")) is not None:
-            rows.append(("", f"{inside:.0%} of the {what} inside their 95 % region"))
-    yield fact_table("self-test", rows)
+    if test and test["calibrated"]:
+        yield fact_table("self-test", SELF_TEST, test)
 
 
-def align_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
+def align_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield the registration, or that there is none."""
     found, session = summary["align"] or {}, job.session
     if found.get("residual_px") is None:
         known = "given normals" if session.normals else "none: the session names no scan and no normals"
-        yield fact_table("align", [("ground truth", known)])
+        yield fact_table("align", {"ground truth": known})
         return
-    rows = [
-        ("scan", session.scan.name),
-        ("residual", f"{found['residual_px']:.2f} px, of the outline"),
-        ("pose, sigma", f"{found['sigma_mm']:.2g} mm, {found['sigma_deg']:.2g} deg"),
-        ("object", _size(found, session.scan_unit)),
-    ]
-    if found["distance_mm"] is not None:
-        rows.append(("distance", f"{found['distance_mm']:.0f} mm from the camera"))
-    if (sigma := found.get("truth_sigma_deg_median")) is not None:
-        rows.append(("true normals", f"sigma {sigma:.2f} deg (median)"))
-    yield fact_table("align", rows)
+    size = _size(found["size_mm"], found["mm_per_unit"], session.scan_unit)
+    yield fact_table("align", ALIGN, found | {"scan": session.scan.name, "size": size})
 
 
-def _size(found: dict[str, Any], unit: str) -> str:
+def _size(size_mm: list[float], mm_per_unit: float | None, unit: str) -> str:
     """Return the object's size as registered, and in the numbers of the scan's file."""
-    size, per_unit = found["size_mm"], found["mm_per_unit"]
-    text = f"{' x '.join(f'{side:.1f}' for side in size)} mm, along the scan's axes"
-    if unit == "mm" or not per_unit:
+    text = f"{' x '.join(f'{side:.1f}' for side in size_mm)} mm, along the scan's axes"
+    if unit == "mm" or not mm_per_unit:
         return text
-    file = " x ".join(f"{side / per_unit:.4g}" for side in size)
+    file = " x ".join(f"{side / mm_per_unit:.4g}" for side in size_mm)
     said = "of unknown unit" if unit == "unknown" else unit
-    return f"{text}; {file} {said} in the file (1 = {per_unit:.6g} mm)"
+    return f"{text}; {file} {said} in the file (1 = {mm_per_unit:.6g} mm)"
 
 
-def solve_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
+def solve_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield the methods."""
     methods = summary["solve"]["methods"]
-    rows = [
-        (name, f"{row['seconds']:.1f}", "–" if (sigma := row["sigma_deg_median"]) is None else f"{sigma:.2f}")
-        for name, row in methods.items()
-    ]
-    yield number_table("solve", ("method", "seconds", "sigma of a normal, deg (median)"), rows, words=1)
+    yield number_table("solve", METHODS, [{"method": name, **row} for name, row in methods.items()])
 
 
-def trust_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
+def trust_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield how well each method predicts photographs, and what to take."""
-    found = summary["trust"]
-    if not found:
-        return
-    rows = [
-        (name, "–" if (told := row["unexplained"]) is None else f"{told:.1%}", f"{row['apart_deg']:.1f}")
-        for name, row in found["methods"].items()
-    ]
-    heads = ("method", "unexplained, of the albedo", f"from {found['recommended']}, deg (mean)")
-    yield number_table("trust", heads, rows, words=1)
-    yield fact_table("", [("take", trust_sentence(found))])
+    if found := summary["trust"]:
+        yield number_table("trust", TRUST, [{"method": name, **row} for name, row in found["methods"].items()])
+        yield fact_table("", {"take": trust_sentence(found)})
 
 
-def twin_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
+def twin_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield the rendering, or that there is none."""
-    twin = summary["twin"]
-    if not twin:
-        yield fact_table("twin", [("not rendered", "no scan is registered")])
-        return
-    rows = [
-        ("material", twin["material"]["model"]),
-        ("misfit", f"{percent(twin['material']['relative_rmse'])} of the photographs, rms")
-        if twin["material"].get("relative_rmse") is not None
-        else ("misfit", "not known"),
-        *(
-            [("foretold", f"{percent(held_out['relative_rmse_lit'])} of frames not fitted to, where lit")]
-            if (held_out := twin.get("held_out"))
-            else []
-        ),
-        ("rendering", f"engine {twin['engine']}, {twin['seconds']:.0f} s, error {percent(twin['error'])}"),
-    ]
-    yield fact_table("twin", rows)
+    if twin := summary["twin"]:
+        yield fact_table("twin", TWIN, twin["material"] | (twin.get("held_out") or {}) | twin)
+    else:
+        yield fact_table("twin", {"not rendered": "no scan is registered"})
 
 
-def compare_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
+def compare_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield the errors, and against a known truth what each step is off."""
     from compare.statistics.statistics import statistics_rows
 
-    rows = [
-        (
-            row["method"],
-            row["frames"],
-            *(f"{row[key]:.2f}" for key in ("mean_deg", "median_deg")),
-            *(f"{row[key]:.0%}" for key in ("under_5_deg", "under_10_deg")),
-        )
-        for row in statistics_rows(summary["compare"])
-    ]
-    if rows:
-        heads = ("method", "frames", "mean", "median", "under 5", "under 10")
-        yield number_table("compare: angular error, degrees", heads, rows, words=2)
+    if rows := statistics_rows(summary["compare"]):
+        yield number_table("compare: angular error, degrees", ERRORS, rows)
     else:
-        yield fact_table("compare", [("no errors", "there is no ground truth: no scan, no given normals")])
+        yield fact_table("compare", {"no errors": "there is no ground truth: no scan, no given normals"})
     if check := summary.get("truth_check"):
-        known = [(row["text"], f"{row['value']:.3g} {row['unit']}") for row in check.values()]
-        yield number_table("against the known truth", ("figure", "value"), known, words=1)
+        yield number_table("against the known truth", KNOWN_TRUTH, check.values())
 
 
-TABLES: dict[str, Callable[[Job, dict[str, Any]], Iterator[Any]]] = {
+TABLES: dict[str, Callable[[Job, Values], Iterator[Any]]] = {
     "check": check_tables,
     "calibrate": calibrate_tables,
     "self_test": self_test_tables,

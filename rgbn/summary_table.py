@@ -3,7 +3,6 @@
 import json
 import os
 import shlex
-from collections.abc import Sequence
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -11,28 +10,18 @@ from typing import Any
 from lab.job import Job
 from lab.run_log import log
 from lab.streams import is_quiet, say
-from rgbn.step_tables import TABLES
-from rgbn.text_tables import fact_table
+from rgbn.step_tables import TABLES, fact_table
 
 LOG_COLUMNS = 110
-OWN = {
-    "check": ("check",),
-    "calibrate": ("calibrate",),
-    "self_test": ("calibrate", "self_test"),
-    "align": ("align",),
-    "solve": ("solve", "trust"),
-    "twin": ("twin",),
-    "compare": ("compare",),
-}
-"""Of each verb, the steps whose findings it shows."""
-SOUGHT = (
-    "report.html", "lights.json", "lights.csv", "spheres.json", "pose.json", "normals/", "albedo/", "twin/",
-    "statistics.csv", "summary.json", "camera.json", "mask.png",
-)  # fmt: skip
-"""What people look for first."""
-TABLED = {"calibrate": ["lights.csv"], "align": ["lights.json", "lights.csv"], "compare": ["statistics.csv"]}
-"""What a step's verb writes beside the step's own files."""
-NEXT = {"check": "calibrate", "calibrate": "align", "self_test": "align", "align": "solve", "twin": "compare"}
+OWN = {"self_test": ("calibrate", "self_test"), "solve": ("solve", "trust")}
+"""Of a verb, the steps whose findings it shows, where these are more than its own."""
+SOUGHT = ("report.html", "lights.json", "lights.csv", "spheres.json", "pose.json", "normals", "twin", "statistics.csv")
+"""What people look for first in an output folder."""
+NEXT = {
+    "check": "rgbn calibrate {0}", "calibrate": "rgbn align {0}", "self_test": "rgbn align {0}",
+    "align": "rgbn solve {0}", "solve": "rgbn twin {0}", "twin": "rgbn compare {0}",
+    "compare": "look at {0}/report.html; rgbn studio {0}",
+}  # fmt: skip
 
 
 def tell(job: Job, summary: dict[str, Any], *, verb: str, as_json: bool = False, whole: bool = False) -> None:
@@ -50,9 +39,9 @@ def tell(job: Job, summary: dict[str, Any], *, verb: str, as_json: bool = False,
     whole : bool
         Show what every step found, not the verb's own alone.
     """
-    steps = list(TABLES) if whole else OWN[verb]
+    steps = list(TABLES) if whole else OWN.get(verb, (verb,))
     tables = [table for step in steps for table in TABLES[step](job, summary)]
-    tables.append(fact_table("", _places(job, verb, steps)))
+    tables.append(fact_table("", _places(job, verb)))
     _print(tables, StringIO(), LOG_COLUMNS)
     if as_json:
         print(json.dumps(summary, indent=1))
@@ -85,35 +74,11 @@ def _before(verb: str) -> set[str]:
     return {verb}.union(*(_before(need) for need in STEPS[verb].needs))
 
 
-def _places(job: Job, verb: str, steps: Sequence[str]) -> list[tuple[str, str]]:
-    folder = _near(job.store.folder)
-    last = [*steps, "report"] if verb == "compare" else steps
-    names = [_top(path, job.store.folder) for step in last for path in job.record.files_of(step)]
-    names += [
-        "summary.json",
-        *(name for step in last for name in TABLED.get(step, ()) if job.store.path(name).exists()),
-    ]
-    first = {name: place for place, name in enumerate(SOUGHT)}
-    names = sorted(dict.fromkeys(names), key=lambda name: first.get(name, len(first)))
-    shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
-    return [("written", f"{folder}: {shown}"), ("next", _next(job, verb, shlex.quote(str(folder))))]
-
-
-def _next(job: Job, verb: str, folder: str) -> str:
-    if verb == "compare":
-        return f"look at {folder}/report.html; rgbn studio {folder}"
-    if verb == "solve":
-        return f"rgbn {'twin' if job.store.path('pose.json').exists() else 'compare'} {folder}"
-    return f"rgbn {NEXT[verb]} {folder}"
-
-
-def _top(path: Path, folder: Path) -> str:
-    """Return a file's name, or that of the folder below the output folder that it lies in."""
-    first, *rest = path.relative_to(folder).parts
-    return f"{first}/" if rest else first
-
-
-def _near(folder: Path) -> Path:
-    """Return a folder as it is called from here, where that is shorter."""
-    here = Path(os.path.relpath(folder))
-    return folder if here.parts[:2] == ("..", "..") else here
+def _places(job: Job, verb: str) -> dict[str, str]:
+    """Return where the results are, by the shorter way from here, and what comes next."""
+    folder, here = job.store.folder, Path(os.path.relpath(job.store.folder))
+    near = folder if here.parts[:2] == ("..", "..") else here
+    there = [name for name in SOUGHT if (folder / name).exists()]
+    has_twin = verb != "solve" or (folder / "pose.json").exists()
+    command = NEXT[verb if has_twin else "twin"].format(shlex.quote(str(near)))
+    return {"written": f"{near}: {', '.join([*there, 'summary.json'])}", "next": command}

@@ -35,15 +35,20 @@ def absent(libraries: dict[str, str]) -> list[str]:
 
 
 def install(packages: list[str]) -> None:
-    """Install Debian packages, where that may be done without asking."""
-    command = _installer() if packages and sys.platform == "linux" else []
-    if not command:
+    """Install Debian packages, where that may be done without asking: as root, or by sudo without a password."""
+    if not packages or not shutil.which("apt-get"):
+        return
+    sudo = [] if os.geteuid() == 0 else ["sudo", "-n"]
+    if sudo and (
+        not shutil.which("sudo") or subprocess.run([*sudo, "true"], capture_output=True, check=False).returncode
+    ):
         return
     print(f"installing {' '.join(packages)}", flush=True)
     # One by one: an older release that lacks a helpful one must still get the needed ones.
     installs = (["install", "-y", "-qq", "--no-install-recommends", package] for package in packages)
     for words in (["update", "-qq"], *installs):
-        subprocess.run([*command, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
+        command = [*sudo, "env", "DEBIAN_FRONTEND=noninteractive", "apt-get", *words]
+        subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
 
 
 def main() -> int:
@@ -63,18 +68,6 @@ def main() -> int:
     if absent(HELPFUL):
         print("Optional: `sudo apt-get install libllvm19` makes rendering several times faster.")
     return 0
-
-
-def _installer() -> list[str]:
-    """Return the command that installs packages without asking, or nothing."""
-    if not shutil.which("apt-get"):
-        return []
-    if os.geteuid() == 0:
-        return ["env", "DEBIAN_FRONTEND=noninteractive", "apt-get"]
-    sudo = shutil.which("sudo")
-    if sudo and subprocess.run([sudo, "-n", "true"], capture_output=True, check=False).returncode == 0:
-        return [sudo, "-n", "env", "DEBIAN_FRONTEND=noninteractive", "apt-get"]
-    return []
 
 
 if __name__ == "__main__":

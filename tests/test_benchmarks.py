@@ -18,8 +18,6 @@ LONG = {
     "sweeps/agreement", "sweeps/means", "findings/findings", "robustness/kills",
 }  # fmt: skip
 """More than five processor seconds."""
-EMPTY = {"sweeps/stability"}
-"""It judges perturbations, of which the smallest case has none."""
 
 
 def plain(rows):
@@ -36,7 +34,7 @@ def test_a_table_is_measured_shown_and_read_again(table, tmp_path, monkeypatch):
         pytest.skip(f"{table.absent[0]} is absent")
     monkeypatch.setattr(harness, "KEPT", tmp_path / "kept")
     rows = run(table, "small", processes=0, is_new=True)
-    assert {type(row) for row in rows} == (set() if table.key in EMPTY else {table.row})
+    assert {type(row) for row in rows} == {table.row}
     assert plain(run(table, "small", processes=0)) == plain(rows), "what is kept is not what was measured"
 
     real = (harness.EVIDENCE / f"{table.page}.md").read_text()
@@ -54,7 +52,7 @@ def test_a_table_is_measured_shown_and_read_again(table, tmp_path, monkeypatch):
     for block in blocks:
         head, line, *body = block.splitlines()
         assert set(line) == {"|", "-"}
-        assert body or table.key in EMPTY, head
+        assert body, head
         assert {one.count("|") for one in (head, *body)} == {line.count("|")}, block
     assert not re.search(r"\bnan\b|\bNone\b|\{\w+", "".join(blocks))
 

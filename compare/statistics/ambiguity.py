@@ -1,4 +1,4 @@
-"""How a normal map is wrong: what of its error a flip, a bas-relief, a turn, a lean or a linear map would explain."""
+"""How a normal map is wrong: what of its error a flip, a bas-relief or a linear map would explain."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report.facts import UNCALIBRATED, family
-from compare.statistics.statistics import common_rotation
 from scene.normals import angular_error_deg, unit
 
 Array = NDArray[np.float64]
@@ -15,8 +14,6 @@ LOW_RANK = ("rpca", *UNCALIBRATED)
 MIRROR = np.array([-1.0, -1.0, 1.0])
 MOST_PIXELS = 4000
 """Transforms are fitted to every so many pixels, to have at most about these, and measured on all."""
-ROUNDS, NEAR_DEG = 10, 1.0
-"""Of a turn's weights, one over the residual; residuals below weigh alike."""
 
 
 @dataclass(frozen=True)
@@ -85,48 +82,8 @@ def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_] | None) 
     return FourWays(raw, min(raw, other), best, least, mirrored)
 
 
-def error_kinds(normals: NDArray, truth: NDArray) -> dict[str, float]:
-    """Return what is left of the median angular error when one kind of error is taken away, by the truth.
-
-    Parameters
-    ----------
-    normals, truth : (P, 3) float
-        Unit, camera frame; NaN where unknown.
-
-    Returns
-    -------
-    dict
-        flip_deg: median error of (n1, n2, n3) or (-n1, -n2, n3), the better. relief_deg: after the bas-relief transform
-        that suits best, or the flip. turn_deg: after the rotation that suits best. tilt_deg: median of the zenith
-        angle found minus the true one: below 0 the surface comes out too flat, above too steep. tilt_spread_deg:
-        half the range between its quartiles. NaN where nothing is known.
-    """
-    known = np.isfinite(normals[:, 0]) & np.isfinite(truth[:, 0])
-    names = ("flip_deg", "relief_deg", "turn_deg", "tilt_deg", "tilt_spread_deg")
-    if not known.any():
-        return dict.fromkeys(names, np.nan)
-    n, t = normals[known].astype(np.float64), truth[known].astype(np.float64)
-    raw = _median(n, t)
-    flip = min(raw, _median(n * MIRROR, t))
-    some = slice(None, None, max(1, len(n) // MOST_PIXELS))
-    reliefs = (_median(n @ g, t) for g in _reliefs(n[some], t[some]))
-    tilt = _zenith_deg(n) - _zenith_deg(t)
-    low, middle, high = np.quantile(tilt, [0.25, 0.5, 0.75])
-    turned = _median(n @ _turn(n[some], t[some]), t)
-    values = (flip, min(flip, *reliefs), min(raw, turned), middle, (high - low) / 2)
-    return {name: float(value) for name, value in zip(names, values, strict=True)}
-
-
-def _median(n: Array, truth: Array) -> float:
-    return float(np.nanmedian(angular_error_deg(unit(n), truth)))
-
-
 def _mean(n: Array, truth: Array) -> float:
     return float(np.mean(angular_error_deg(unit(n), truth)))
-
-
-def _zenith_deg(n: Array) -> Array:
-    return np.degrees(np.arctan2(np.hypot(n[:, 0], n[:, 1]), n[:, 2]))
 
 
 def _reliefs(n: Array, truth: Array) -> list[Array]:
@@ -156,15 +113,3 @@ def _fit(n: Array, truth: Array, matrix, start: Array) -> Array:
 
     # lsmr: decomposing tall matrices wakes all the linear algebra's threads, which then wait for each other.
     return np.asarray(least_squares(off, start, loss="soft_l1", f_scale=0.02, max_nfev=60, tr_solver="lsmr").x)
-
-
-def _turn(n: Array, truth: Array) -> Array:
-    """Return the matrix (3, 3) for which n times it is n after the rotation that suits the truth best."""
-    weights, matrix = np.ones(len(n)), np.eye(3)
-    for _ in range(ROUNDS):
-        rotation = common_rotation((truth * weights[:, None]).T @ n)
-        if rotation is None:
-            break
-        matrix = rotation.T
-        weights = 1 / np.maximum(angular_error_deg(n @ matrix, truth), NEAR_DEG)
-    return matrix

@@ -6,14 +6,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.datasets.checked_photographs import read_samples
 from formats.diligent_layout import TABLES, Layout, read_layout
+from formats.pictures import read_values
+from scene.errors import SceneError
 from scene.reading import listed
 from solve.axes import Axes
-from solve.convention import DISAGREES, FLOOR, Claim, Convention, infer_convention
+from solve.convention import CLIPPED, DISAGREES, FLOOR, Claim, Convention, infer_convention
 
 Array = NDArray[np.float64]
 LEAST_LIGHTS = 3
+MOST_PIXELS = 1600
+_MUCH_CLIPPED = 0.3
+"""Share of the object from which a photograph is called clipped."""
 _SPREAD, _CLEARLY_LESS = 0.1, 0.4
 _OFF, _OFF_MADS = 0.35, 6.0
 _FEW = 0.2
@@ -51,20 +55,20 @@ def check_dataset(folder: Path) -> Verdict:
         There is no such folder.
     """
     found = read_layout(folder)
-    samples = read_samples(found)
+    samples = _read_samples(found)
     facts: dict[str, float | int | str] = {"photographs": len(found.files)}
     mask, normals, directions, intensities = found.mask, found.normals, found.directions, found.intensities
     if mask is not None:
         facts |= {"height": mask.shape[0], "width": mask.shape[1], "object_pixels": int(mask.sum())}
     if samples is None or mask is None or normals is None or directions is None or intensities is None:
         if normals is not None:
-            found.faults += mask_faults(found, normals)
+            _tell_mask(found, normals)
     elif len(directions) >= LEAST_LIGHTS:
-        proved = infer_convention(Claim(mask, normals, directions, intensities, samples.places, samples.values))
+        proved = infer_convention(Claim(mask, normals, directions, intensities, *samples))
         facts |= {"agreement": proved.agreement, "best": proved.best}
         if not proved.explained:
             _tell_unexplained(found, proved)
-        found.faults += mask_faults(found, proved.normals)
+        _tell_mask(found, proved.normals)
         if proved.intensities is not None:
             _tell_axes(found, proved)
             _tell_rows(found, proved)
@@ -72,18 +76,64 @@ def check_dataset(folder: Path) -> Verdict:
     return Verdict(folder, tuple(found.faults), tuple(found.notes), facts)
 
 
-def mask_faults(found: Layout, normals: Array) -> list[str]:
-    """Return what the mask and normals (H, W, 3), laid as the photographs lie, contradict each other in."""
+def _read_samples(found: Layout) -> tuple[NDArray[np.intp], NDArray[np.float32]] | None:
+    """Return places (P,) of some of the object's pixels, row by row, and their values (P, N, 3), 0 to 1, as in files.
+
+    What is wrong with the photographs is appended to the layout's faults and notes. None where there is no mask, or a
+    photograph is at fault.
+    """
+    mask = found.mask
+    size, inside = (None, np.zeros(0, np.intp)) if mask is None else (mask.shape, np.flatnonzero(mask))
+    places = inside[np.unique(np.linspace(0, len(inside) - 1, min(MOST_PIXELS, len(inside))).astype(int))]
+    values, faults = np.zeros((len(places), len(found.files), 3), np.float32), []
+    shallow, dark, clipped, within, around = [], [], [], 0.0, 0.0
+    for index, name in enumerate(found.files):
+        try:
+            image, white = read_values(found.folder / name, SceneError, do="Save it as a 16-bit PNG.")
+        except SceneError as error:
+            faults.append(str(error).removeprefix(f"{found.folder}/"))
+            continue
+        size = size or image.shape[:2]
+        if image.shape[:2] != size:
+            faults.append(
+                f"{name}: {image.shape[1]} x {image.shape[0]} px, expected {size[1]} x {size[0]} px, the size of "
+                f"{found.files[0] if mask is None else 'mask.png'}."
+            )
+        elif image.dtype not in (np.uint8, np.uint16):
+            faults.append(f"{name}: holds {image.dtype}, expected whole numbers of 16 bits. Save it as a 16-bit PNG.")
+        elif mask is not None:
+            colours = image if image.ndim == 3 else np.repeat(image[..., None], 3, -1)
+            scaled = colours[..., :3].astype(np.float32) / white
+            values[:, index] = scaled.reshape(-1, 3)[places]
+            within, around = within + float(scaled[mask].mean()), around + float(scaled[~mask].mean())
+            shallow += [name] * (image.dtype == np.uint8)
+            dark += [name] * (not scaled[mask].any())
+            clipped += [name] * bool((values[:, index].max(-1) >= CLIPPED).mean() > _MUCH_CLIPPED)
+    found.faults += faults
+    if shallow:
+        found.notes.append(f"{listed(shallow)}: 8 bits, expected 16. Dark places have few steps; save 16-bit PNGs.")
+    if dark:
+        found.faults.append(
+            f"{listed(dark)}: black all over the object. The flash did not fire? Take it off the lists."
+        )
+    if clipped:
+        found.notes.append(f"{listed(clipped)}: more than {_MUCH_CLIPPED:.0%} of the object is clipped. Expose less.")
+    if around > within > 0:
+        found.notes.append("mask.png: the photographs are brighter outside it than inside. White must be the object.")
+    return None if faults or mask is None or not found.files else (places, values)
+
+
+def _tell_mask(found: Layout, normals: Array) -> None:
+    """Append what the mask and normals (H, W, 3), laid as the photographs lie, contradict each other in."""
     assert found.mask is not None
     mask, known, name = found.mask, np.isfinite(normals[..., 0]), found.normals_name
     missing, beyond = (mask & ~known).sum() / mask.sum(), (known & ~mask).sum() / mask.sum()
-    if missing <= DISAGREES:
-        if beyond > DISAGREES:
-            found.notes.append(f"{name}: normals also outside mask.png, {beyond:.0%} of its size: not judged.")
-        return []
-    inverted = (~mask & ~known).sum() / max((~mask).sum(), 1) < DISAGREES
-    do = "mask.png seems inverted: white is the object" if inverted else "Draw the mask where normals are known"
-    return [f"mask.png: {missing:.1%} of its pixels have no normal in {name}, expected none. {do}."]
+    if missing > DISAGREES:
+        inverted = (~mask & ~known).sum() / max((~mask).sum(), 1) < DISAGREES
+        do = "mask.png seems inverted: white is the object" if inverted else "Draw the mask where normals are known"
+        found.faults.append(f"mask.png: {missing:.1%} of its pixels have no normal in {name}, expected none. {do}.")
+    elif beyond > DISAGREES:
+        found.notes.append(f"{name}: normals also outside mask.png, {beyond:.0%} of its size: not judged.")
 
 
 def _tell_axes(found: Layout, proved: Convention) -> None:
@@ -105,9 +155,21 @@ def _tell_axes(found: Layout, proved: Convention) -> None:
             "Store it as the photographs lie."
         )
     if not np.array_equal(proved.of_normals, np.eye(3)):
-        found.faults.append(normals_fault(name, proved.of_normals, given, best))
+        found.faults.append(_axes_fault(name, proved.of_normals, proved))
     if not np.array_equal(proved.of_lights, np.eye(3)):
-        found.faults.append(lights_fault(proved.of_lights, given, best, certain=proved.certain, normals_name=name))
+        # A hollow looks like a half turn of x and y.
+        certain = proved.certain and not np.array_equal(proved.of_lights, np.diag([-1, -1, 1]))
+        or_else = "" if certain else f" Or {name} is in other axes: the photographs tell that the two differ."
+        found.faults.append(_axes_fault(TABLES[0], proved.of_lights, proved) + or_else)
+
+
+def _axes_fault(name: str, turn: Array, proved: Convention) -> str:
+    """Return what to say of vectors that `turn` (3, 3) mends."""
+    return (
+        f"{name}: {WORDS.get(str(Axes(turn)), 'the axes are permuted')}; expected x right, y up, z toward the viewer, "
+        f"from the surface to the light (agreement {proved.agreement:.2f}, put right {proved.best:.2f}). For x, y, z "
+        f"write {Axes(turn)}."
+    )
 
 
 def _tell_rows(found: Layout, proved: Convention) -> None:
@@ -163,50 +225,3 @@ def _tell_intensities(found: Layout, given: Array, seen: Array) -> float:
             f"expected under {_OFF:.0%}). Measure the intensities again."
         )
     return spread
-
-
-def lights_fault(turn: Array, given: float, best: float, *, certain: bool, normals_name: str) -> str:
-    """Return what to say of light directions that `turn` (3, 3) mends.
-
-    given, best: agreement of the photographs with Lambert's law, as given and mended. certain: the normals tell that it
-    is not they.
-    """
-    words = _axes_words(turn)
-    if words == "all three point the other way":
-        words = "they go from the light to the surface"
-    or_else = "" if certain and not _is_half_turn(turn) else (
-        f" Or {normals_name} is in other axes: the photographs tell that the two differ."
-    )  # fmt: skip
-    return (
-        f"light_directions.txt: {words}; expected x right, y up, z toward the viewer, from the surface to the light "
-        f"(agreement {given:.2f}, put right {best:.2f}). {_axes_cure(turn, 'columns')}{or_else}"
-    )
-
-
-def normals_fault(name: str, turn: Array, given: float, best: float) -> str:
-    """Return what to say of a normal map that `turn` (3, 3) mends."""
-    return (
-        f"{name}: {_axes_words(turn)}; expected x right, y up, z toward the viewer (by the map's own slopes and rim; "
-        f"agreement {given:.2f}, put right {best:.2f}). {_axes_cure(turn, 'components')}"
-    )
-
-
-def _axes_words(turn: Array) -> str:
-    """Return in words what is wrong with axes that `turn` (3, 3) mends."""
-    return WORDS.get(str(Axes(turn)), "the axes are permuted")
-
-
-def _axes_cure(turn: Array, things: str) -> str:
-    """Return the sentence that says what to do to columns or components for `turn` (3, 3)."""
-    flips = [axis for axis in range(3) if turn[axis, axis] == -1]
-    if np.count_nonzero(np.diag(turn)) == 3:
-        if len(flips) == 3:
-            return f"Change the sign of all {things}."
-        which = " and ".join(("first", "second", "third")[axis] for axis in flips)
-        return f"Change the sign of the {which} of the {things}."
-    return f"Of {things} (x, y, z) write {Axes(turn)}."
-
-
-def _is_half_turn(turn: Array) -> bool:
-    """Whether x and y change sign, which a hollow looks like."""
-    return np.array_equal(turn, np.diag([-1.0, -1.0, 1.0]))

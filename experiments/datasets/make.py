@@ -1,19 +1,65 @@
-"""`rgbn dataset make`: what is missing is rendered, one dataset a core, written apart and moved to its place."""
+"""`rgbn dataset make`: what is missing is rendered, one dataset a core, written apart and moved to its place.
+
+A dataset is a folder in the DiLiGenT layout, with the true maps and pictures for people: the same bytes every time.
+"""
 
 import shutil
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from experiments.datasets.write import mark_of, write_dataset
-from experiments.photographs import one_thread
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.photographs import Photographs, one_thread, photograph_dataset
 from experiments.recipe import Dataset
 from experiments.workers import run_all
 from lab.progress import progress_bar, say
+from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
-from scene.files import move
+from scene.files import move, write_json, write_png, write_text
 from scene.output_folder import open_record
 from scene.record import Record
+
+SUMS = "SHA256SUMS"
+"""A dataset's checksums, in the form that `sha256sum --check` reads."""
+TILE, SHOWN = 160, 5
+"""Of preview.png: width of a picture, and how many photographs."""
+
+_README = """# {name}
+
+{text}.
+
+![photographs; true normals, albedo, height, attached and cast shadows](preview.png)
+
+Rendered by rgbn; nothing of it was photographed. Family `{family}`; the same recipe and code give the same bytes.
+
+The layout is that of the DiLiGenT benchmark: a program that reads one reads the other.
+
+| file | |
+|---|---|
+| `001.png` ... | one light each: 16 bits, linear, R G B. Matte: value = albedo x intensity x cosine; 65535 = 1 |
+| `filenames.txt` | the photographs in the order of the lights |
+| `light_directions.txt` | unit vectors toward the lights: x right, y up, z toward the viewer |
+| `light_intensities.txt` | R G B, relative; the mean over the photographs is 1 |
+| `mask.png` | white: the object |
+| `Normal_gt.mat`, `Normal_gt.png` | true normals in the same axes (H x W x 3, zero outside; 16 bits, (n + 1) / 2) |
+| `lights.json`, `session.toml` | the same for rgbn, with the camera and the positions of near lights in mm |
+| `truth/` | true maps, `.npy` with NaN outside: `normals`, `z_mm`, `height_mm`, `albedo`, `roughness`, `specularity` |
+| | `mask`, `object` (which of the objects) |
+| | `attached`, `cast`: shadows, one bit a light, light i in byte i // 8, bit i % 8; as `.png`: white, no light |
+| | `normals`, `z_mm`, `albedo` as `.exr` too (0 outside) |
+| `recipe.json` | what it is made from |
+| `SHA256SUMS` | checksums: `sha256sum --check SHA256SUMS` |
+
+## Recipe
+
+| | |
+|---|---|
+{recipe}
+"""
 
 
 def make(shelf: Path, datasets: Sequence[Dataset], *, processes: int | None = None) -> list[Path]:
@@ -39,6 +85,11 @@ def make(shelf: Path, datasets: Sequence[Dataset], *, processes: int | None = No
     return [shelf / one.name for one in datasets]
 
 
+def mark_of(dataset: Dataset) -> str:
+    """Return a hash of a dataset's recipe and of the code that makes it: where it is the same, so are the bytes."""
+    return fingerprint(dataset, code=code_fingerprint("experiments"))
+
+
 def _make(record: Record, missing: list[Dataset], processes: int | None) -> None:
     failed, unfinished = [], record.scratch("datasets")
     with progress_bar("datasets") as report:
@@ -60,7 +111,92 @@ def make_one(unfinished: Path, dataset: Dataset) -> str | None:
     shutil.rmtree(folder, ignore_errors=True)
     try:
         with one_thread():
-            write_dataset(folder, dataset)
+            _write(folder, dataset, photograph_dataset(dataset))
     except SceneError as error:
         return " ".join(str(error).split())
     return None
+
+
+def _write(folder: Path, dataset: Dataset, stack: Photographs) -> None:
+    """Write what `_README` lists into an empty folder; SHA256SUMS last."""
+    from formats.diligent_layout import NORMALS, write_diligent, write_normal_mat
+    from formats.pictures import write_exr
+    from scene.normals import encode_normals
+    from scene.store import Store
+    from twin.ground_truth import lights_of, save_ground_truth
+
+    truth, count = stack.truth, len(stack.lights)
+    write_diligent(folder, stack.frames, stack.lights, truth.mask)
+    Store(folder).save_lights(stack.lights, files=tuple(f"{name}.png" for name in stack.frames.names))
+    write_normal_mat(folder / NORMALS[0], truth.normals)
+    write_png(folder / NORMALS[2], encode_normals(truth.normals))
+    save_ground_truth(truth, folder / "truth")
+    for name in ("normals", "z_mm", "albedo"):
+        values = getattr(truth, name)
+        # What a picture program makes of NaN nobody knows.
+        write_exr(folder / "truth" / f"{name}.exr", np.nan_to_num(values if values.ndim == 3 else values[..., None]))
+    # Of how many of the lights a pixel does not see; white: none of them.
+    shadows = {name: lights_of(getattr(truth, name), count).mean(0) for name in ("attached", "cast")}
+    for name, share in shadows.items():
+        write_png(folder / "truth" / f"{name}.png", np.round(255 * share).astype(np.uint8))
+    write_png(folder / "preview.png", _preview(stack, shadows))
+    write_text(folder / "session.toml", _session_toml(dataset, stack))
+    recipe = asdict(dataset.recipe) | {"near_mm": dataset.near_mm, "group": dataset.group, "sensor": dataset.sensor}
+    write_text(
+        folder / "README.md",
+        _README.format(
+            name=dataset.name,
+            text=dataset.text[0].upper() + dataset.text[1:],
+            family=dataset.family,
+            recipe="\n".join(f"| {key} | {value} |" for key, value in recipe.items() if value),
+        ),
+    )
+    write_json(folder / "recipe.json", dataset)
+    write_text(folder / SUMS, checksums_of(folder))
+
+
+def checksums_of(folder: Path) -> str:
+    """Return a line for each file below a folder, but for `SUMS` and hidden files: its SHA-256, and its name."""
+    import hashlib
+
+    lines = []
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder).as_posix()
+        if path.is_file() and name != SUMS and not any(part.startswith(".") for part in name.split("/")):
+            with path.open("rb") as file:
+                lines.append(f"{hashlib.file_digest(file, 'sha256').hexdigest()}  {name}\n")
+    return "".join(lines)
+
+
+def _session_toml(dataset: Dataset, stack: Photographs) -> str:
+    """Return the text of session.toml, by which rgbn knows the camera and near lights."""
+    camera = stack.camera
+    files = "".join(f'  "{name}.png",\n' for name in stack.frames.names)
+    numbers = "".join(f"{key} = {float(getattr(camera, key))!r}\n" for key in ("fx", "fy", "cx", "cy"))
+    return (
+        f'version = 1\nname = "{dataset.name}"\n\n[frames]\nflash = [\n{files}]\nlinear = true\n\n'
+        f"[camera]\nwidth = {camera.width}\nheight = {camera.height}\n{numbers}\n"
+        '[lights]\nfile = "lights.json"\n\n[object]\nmask = "mask.png"\nnormals = "Normal_gt.mat"\n'
+    )
+
+
+def _preview(stack: Photographs, shadows: dict[str, Any]) -> NDArray[np.uint8]:
+    """Return (h, w, 3) uint8: photographs, evenly chosen, and below them normals, albedo, height and shadows."""
+    from compare.report.pictures import Box, Exposure, normal_picture, thumbnail
+
+    frames, truth = stack.frames, stack.truth
+    box, exposure = Box.of_mask(truth.mask, margin=0.06), Exposure.for_frames(frames)
+    chosen = np.linspace(0, len(frames) - 1, SHOWN).round().astype(int)
+    above = [exposure.develop(thumbnail(frames, int(index), TILE, box)) for index in chosen]
+    maps = [np.where(truth.mask, values, np.nan)[..., None] for values in (truth.height_mm, *shadows.values())]
+    below = [normal_picture(box.of(truth.normals), TILE), *(_gray(box.of(one)) for one in (truth.albedo, *maps))]
+    return np.concatenate([np.concatenate(above, 1), np.concatenate(below, 1)], 0)
+
+
+def _gray(values: NDArray) -> NDArray[np.uint8]:
+    """Return values (h, w, 1 or 3) from 0 as a picture, gamma in it; black where there is none."""
+    from scene.map_pictures import shrink
+
+    small = np.nan_to_num(shrink(np.broadcast_to(values, (*values.shape[:2], 3)), TILE))
+    top = max(float(np.quantile(small, 0.995)), 1e-6)
+    return np.round(255 * np.clip(small / top, 0, 1) ** (1 / 2.2)).astype(np.uint8)

@@ -1,65 +1,62 @@
-"""`rgbn dataset run`: methods and other programs on datasets of the shelf; results are kept."""
+"""`rgbn dataset run`: methods and other programs on datasets of the shelf; kept results, a table, a gallery."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.datasets.shelf import Entry, contents_of, entries, select
-from experiments.tables import DATASETS, Row, Rows, errors_of, has_failed, write_table
+from experiments.tables import DATASETS, Row, Rows, errors_of
 from lab.options import BY_DEFAULT, DEFAULT_PROFILE, Solving
 from lab.progress import say
 from lab.run_log import logged
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
-from scene.files import write_json, write_png, write_text
+from scene.files import write_json, write_text
+from scene.map_pictures import data_uri, shrink
+from scene.notebook import csv_text
 from scene.output_folder import open_record
 from scene.reading import json_of
 
-FAILED = "failed"
-NO_ERROR = 65535
-"""In the kept error maps, which count in hundredths of a degree: no truth, or no answer."""
+WIDTH = 160
+"""Of a picture of the gallery."""
+END_DEG = 20.0
+"""Where the colours of error maps end: one scale for all, so that pictures can be compared."""
 
 
 def run(shelf: Path, patterns: Sequence[str], *, solving: Solving = BY_DEFAULT, out: Path) -> Rows:
-    """Run methods on datasets, as far as their results are not there yet, write the tables, and return the rows.
+    """Run methods on datasets, as far as their results are not there yet; write table and page, and return the rows.
 
-    patterns: names of datasets that are on the shelf, patterns, `benchmark`; none: all of them. out gets
-    results.parquet and results.txt; results/ keeps each result and its error map (16-bit PNG, see `NO_ERROR`), work/
-    what programs said. A row's `map` is the path of its error map. SceneError: no such dataset, method or program; a
-    dataset that has changed.
+    patterns: names of datasets that are on the shelf, patterns, `benchmark`; none: all of them. out gets results.csv
+    and index.html; results/ keeps each result, work/ what programs said. SceneError: no such dataset, method or
+    program; a dataset that has changed.
     """
     solving = replace(solving, profile=solving.profile or DEFAULT_PROFILE)
     programs = solving.programs()
     names = [*solving.methods(), *programs]
-    there, rows, code = _wanted(shelf, patterns), [], code_fingerprint("experiments")
+    there, rows, shown, code = _wanted(shelf, patterns), [], {}, code_fingerprint("experiments")
     with open_record(out, origin="table of datasets") as record, logged(record):
         for number, entry in enumerate(there, 1):
             digest, kept = contents_of(shelf, entry), {}
             for name in names:
                 how = (programs[name].command, programs[name].files) if name in programs else solving.profile
                 kept[name] = out / "results" / f"{fingerprint(digest, name, how, code=code)[:24]}.json"
-            made, missing = {}, [
-                name for name, path in kept.items()
-                if not (record.is_intact(path) and record.is_intact(path.with_suffix(".png")))
-            ]  # fmt: skip
-            if missing:
+            found = {name: json_of(path) for name, path in kept.items() if record.is_intact(path)}
+            if missing := [name for name in names if name not in found]:
                 say(f"{number} of {len(there)}: {entry.name}: {', '.join(missing)}")
                 for name, row in _solve(out, entry, missing, solving):
-                    error, made[name] = row.pop("error", None), row
-                    if error is not None:
-                        write_png(kept[name].with_suffix(".png"), error)
+                    found[name] = row
+                    # What failed is tried again.
+                    if row["status"] == "ok":
                         write_json(kept[name], row)
-            for name in kept:
-                row = made.get(name) or json_of(kept[name])
-                if row["status"] == "ok":
-                    row = {**row, "map": kept[name].with_suffix(".png")}
-                rows.append({"dataset": entry.name, "family": entry.family, **row})
-        write_table(out / "results.parquet", rows, DATASETS)
-        write_text(out / "results.txt", results_text(rows))
+            rows += [{"dataset": entry.name, "family": entry.family, **found[name]} for name in names]
+            shown[entry.name] = _figures(entry, {name: found[name].pop("picture", "") for name in names})
+        rows = [{key: row.get(key) for key in DATASETS} for row in rows]
+        write_text(out / "results.csv", csv_text(rows))
+        write_text(out / "index.html", _gallery(rows, shown))
     return rows
 
 
@@ -90,8 +87,8 @@ def _solve(out: Path, entry: Entry, names: list[str], solving: Solving) -> Itera
             try:
                 job.run(STEPS, "align")
                 while left:
-                    row = _row(left[0], "" if left[0] in job.externals else job.profile, job, entry.name)
-                    yield left.pop(0), row
+                    yield left[0], _row(left[0], "" if left[0] in job.externals else job.profile, job, entry.name)
+                    del left[0]
             finally:
                 # The frames are half a gigabyte for a hundred datasets; they are made again in a second.
                 job.record.forget(job.record.done)
@@ -101,65 +98,96 @@ def _solve(out: Path, entry: Entry, names: list[str], solving: Solving) -> Itera
 
 
 def _row(name: str, profile: str, job: Any, dataset: str) -> Row:
+    """Return the row of one method, with `picture`, a PNG's data URI of its error map, if it has a result."""
+    from compare.report.pictures import Box, error_picture
     from lab.steps import solve_all
+    from scene.normals import angular_error_deg
 
     store = job.store
     try:
         table, _ = solve_all(job, store, dataset, (name,))
     except SceneError as error:
         return _failed(name, profile, error)
-    facts = table["methods"][name]
-    judged = _judged(store.load_normals(name), store.load_normals("truth"), store.load_mask())
-    more = {"seconds": facts["seconds"], "doubts": " ".join(facts["warnings"])}
-    return {"method": name, "profile": profile, **judged, **more}
-
-
-def _judged(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_]) -> Row:
-    """Return the statistics of normals (H, W, 3) under a truth, and `error`, the map to keep."""
-    from scene.normals import angular_error_deg
-
-    judged = mask & np.isfinite(truth[..., 0])
-    row = errors_of(normals[judged], truth[judged], FAILED)
+    facts, normals, truth = table["methods"][name], store.load_normals(name), store.load_normals("truth")
+    judged = store.load_mask() & np.isfinite(truth[..., 0])
+    row = {"method": name, "profile": profile, **errors_of(normals[judged], truth[judged], "failed")}
     if row["status"] != "ok":
         return row
     error = angular_error_deg(np.where(judged[..., None], normals, np.nan), truth)
-    codes = np.where(np.isfinite(error), np.round(100 * np.nan_to_num(error)), NO_ERROR).astype(np.uint16)
-    return {**row, "error": codes}
+    small = shrink(Box.of_mask(judged, margin=0.03).of(error), WIDTH)
+    picture = data_uri(error_picture(small, END_DEG), photograph=False)
+    return {**row, "seconds": facts["seconds"], "doubts": " ".join(facts["warnings"]), "picture": picture}
 
 
 def _failed(name: str, profile: str | None, error: Exception) -> Row:
     return {"method": name, "profile": profile, "status": f"failed: {' '.join(str(error).split())}"}
 
 
-def grid(rows: Rows, quantity: str = "mean_deg") -> tuple[list[str], list[tuple[str, list[float | None]]]]:
-    """Return the methods, and for each dataset its values in their order, None where one has none; last, their means.
+def results_text(rows: Rows, quantity: str = "mean_deg") -> str:
+    """Return mean angular errors, degrees, as lines for a terminal, and what failed.
 
-    A mean is over the datasets that every method solved: else a method gained by failing on what is hard.
+    The last line's means are over the datasets that every method solved: else a method gained by failing on what is
+    hard.
     """
+    from pandas import DataFrame
+
+    table = DataFrame(rows).pivot(index="dataset", columns="method", values=quantity).astype(float)
+    table = table.loc[
+        list(dict.fromkeys(row["dataset"] for row in rows)), list(dict.fromkeys(r["method"] for r in rows))
+    ]
+    whole = table.dropna()
+    if len(table) > 1 and len(whole):
+        table.loc[f"mean of {len(whole)}"] = whole.mean()
+    table = table.rename_axis(index=None, columns="mean angular error, degrees")
+    text = table.to_string(float_format="{:.2f}".format, na_rep="failed")
+    failed = (f"{row['dataset']}, {row['method']}: {row['status']}" for row in rows if row["status"] != "ok")
+    return "\n".join([text, *failed]) + "\n"
+
+
+def _figures(entry: Entry, errors: Mapping[str, str]) -> str:
+    """Return a dataset's photograph, its true normals, and each method's error map as figures."""
+    from compare.report.pictures import Box, Exposure, normal_picture
+    from formats.diligent_layout import read_layout
+    from formats.pictures import read_values
+
+    layout = read_layout(entry.folder)
+    image, _ = read_values(entry.folder / layout.files[len(layout.files) // 2], SceneError)
+    colours = image[..., :3] if image.ndim == 3 else np.repeat(image[..., None], 3, -1)
+    assert layout.mask is not None
+    assert layout.normals is not None
+    box = Box.of_mask(layout.mask, margin=0.03)
+    small = shrink(box.of(colours).astype(np.float32), WIDTH)
+    shown = Exposure(max(float(np.quantile(small.max(-1), 0.995)), 1e-6), np.ones(3)).develop(small)
+    pictures = {"photograph": data_uri(shown, photograph=True)}
+    pictures |= {"true normals": data_uri(normal_picture(box.of(layout.normals), WIDTH), photograph=False)}
+    return "".join(
+        f'<figure><img src="{uri}" alt=""><figcaption>{escape(words)}</figcaption></figure>'
+        for words, uri in (pictures | dict(errors)).items()
+        if uri
+    )
+
+
+def _gallery(rows: Rows, shown: Mapping[str, str]) -> str:
+    """Return the page: methods against datasets, then each dataset's pictures."""
+    from compare.report.maps import colour_scale
+    from compare.report.page import number, section, table, whole_page
+
     methods = list(dict.fromkeys(row["method"] for row in rows))
-    found: dict[str, dict[str, float]] = {}
-    for row in rows:
-        found.setdefault(row["dataset"], {})
-        if row["status"] == "ok":
-            found[row["dataset"]][row["method"]] = row[quantity]
-    lines = [(name, [values.get(method) for method in methods]) for name, values in found.items()]
-    whole = [[value for value in values if value is not None] for _, values in lines if None not in values]
-    if len(lines) > 1 and whole:
-        means: list[float | None] = [sum(column) / len(whole) for column in zip(*whole, strict=True)]
-        lines.append((f"mean of {len(whole)}", means))
-    return methods, lines
-
-
-def results_text(rows: Rows) -> str:
-    """Return the mean angular errors, degrees, as lines for a terminal."""
-    methods, lines = grid(rows)
-    title = "mean angular error, degrees"
-    wide = max(len(title), *(len(name) for name, _ in lines))
-    widths = [max(len(method), 7) for method in methods]
-    head = "".join(f"  {method:>{width}}" for method, width in zip(methods, widths, strict=True))
-    text = [f"{title:{wide}}{head}"]
-    for name, values in lines:
-        cells = [FAILED if value is None else f"{value:.2f}" for value in values]
-        text.append(f"{name:{wide}}" + "".join(f"  {cell:>{width}}" for cell, width in zip(cells, widths, strict=True)))
-    text += [f"{row['dataset']}, {row['method']}: {row['status']}" for row in rows if has_failed(row)]
-    return "\n".join(text) + "\n"
+    by_place = {(row["dataset"], row["method"]): row for row in rows}
+    lines = []
+    for name in shown:
+        found = [by_place[name, method] for method in methods]
+        cells = [number(row["filled_deg"]) if row["status"] == "ok" else escape(row["status"]) for row in found]
+        lines.append([f'<a href="#{name}">{escape(name)}</a>', *cells])
+    lead = (
+        "Mean angular error, degrees; a pixel without an answer counts 90. More: <a href='results.csv'>results.csv</a>"
+    )
+    errors = section("errors", "Errors", table(["dataset", *map(escape, methods)], lines, kind="numbers"), lead)
+    parts = (
+        f'<h3 id="{name}">{escape(name)}</h3><div class="gallery many">{html}</div>' for name, html in shown.items()
+    )
+    pictures = section("datasets", "Datasets", colour_scale(END_DEG) + "".join(parts))
+    said = f"{len(shown)} datasets, {len(methods)} methods"
+    return whole_page(
+        "Photometric stereo on datasets with known truth", "datasets", said, {"Errors": errors, "Datasets": pictures}
+    )

@@ -1,25 +1,22 @@
-"""The shelf: one folder of the datasets that were made, and of others' that were checked and added; and its list."""
+"""The shelf: one folder of the datasets that were made, and of notes on others' that were checked; and its list."""
 
 import re
-import shutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from experiments.catalogue import FAMILIES, benchmark_names, catalogue, first_names, wanted
+from experiments.catalogue import benchmark_names, catalogue, first_names, wanted
 from experiments.datasets.check import check_dataset
-from experiments.datasets.checksums import FILE, checksums_of, differences
-from experiments.datasets.write import mark_of
+from experiments.datasets.make import SUMS, checksums_of, mark_of
 from scene.current import fingerprint
 from scene.errors import SceneError
-from scene.files import move, write_json
+from scene.files import write_json
 from scene.output_folder import open_record, read_record
-from scene.reading import json_of, listed, told
+from scene.reading import json_of, told
 from scene.record import Record
 
 ADDED = ".added"
 """Folder of the shelf: one NAME.json for each dataset that was added, with its checksums."""
-FAMILY_COLUMNS = ("family", "datasets", "of the benchmark's list", "what is varied", "for instance")
 
 
 @dataclass(frozen=True)
@@ -71,11 +68,11 @@ def _state(record: Record | None, dataset) -> str:
     return "made" if record.is_current(dataset.name, mark_of(dataset)) else "outdated"
 
 
-def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "", link: bool = False) -> Entry:
-    """Check a dataset in the DiLiGenT layout, and put it on the shelf, by default under its folder's name.
+def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "") -> Entry:
+    """Check a dataset in the DiLiGenT layout, and note on the shelf where it is, by default under its folder's name.
 
-    text: what it is, in a line. link: leave the files where they are and remember their checksums; else they are
-    copied. SceneError: it does not pass the check, or the name is taken.
+    text: what it is, in a line. The files stay where they are. SceneError: it does not pass the check, or the name is
+    taken.
     """
     verdict = check_dataset(folder)
     if verdict.faults:
@@ -84,90 +81,40 @@ def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "", l
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
         raise SceneError(f"--name {name!r}: expected letters, digits, dots, - and _. Give another with --name.")
     with open_record(shelf, origin="shelf of datasets", input_folders=[folder]) as record:
-        place, note, work = shelf / name, shelf / ADDED / f"{name}.json", f"{ADDED}/{name}"
-        if (
-            name in catalogue()
-            or (place.exists() and not record.files_of(work))
-            or (note.exists() and Path(json_of(note)["folder"]).exists())
-        ):
+        note = shelf / ADDED / f"{name}.json"
+        is_other = note.exists() and Path(json_of(note)["folder"]) != folder.resolve()
+        if name in catalogue() or (shelf / name).exists() or is_other:
             raise SceneError(f"dataset {name}: the name is taken. Give another with --name.")
         sums = checksums_of(folder)
         text = text or f"{verdict.facts['photographs']} photographs, {verdict.facts['object_pixels']} pixels"
-        entry = Entry(name, "added", text, "added", (folder if link else place).resolve())
-        with record.making(work, fingerprint(sums)):
-            if not link:
-                unfinished = record.scratch("added") / name
-                shutil.rmtree(unfinished, ignore_errors=True)
-                for line in sums.splitlines():
-                    target = unfinished / line.split("  ", 1)[1]
-                    target.parent.mkdir(parents=True, exist_ok=True)
-                    shutil.copyfile(folder / line.split("  ", 1)[1], target)
-                move(unfinished, place)
-            # Last: a dataset without a note is a name that is free.
-            write_json(note, {**asdict(entry), "linked": link, "checksums": sums, "facts": verdict.facts})
+        entry = Entry(name, "added", text, "added", folder.resolve())
+        with record.making(f"{ADDED}/{name}", fingerprint(sums)):
+            write_json(note, {**asdict(entry), "checksums": sums, "facts": verdict.facts})
     return entry
 
 
 def contents_of(shelf: Path, entry: Entry) -> str:
     """Return the checksums of a dataset that is there and unchanged; raise SceneError where it is not."""
     note, is_added = shelf / ADDED / f"{entry.name}.json", entry.state == "added"
+    do = f"add it again, or remove {note}" if is_added else "or remove it and make it again"
     if not entry.folder.is_dir():
-        do = f"add it again, or remove {note}" if is_added else "or make it again"
         raise SceneError(f"dataset {entry.name}: {entry.folder} is gone. Put it back, {do}.")
-    expected = json_of(note)["checksums"] if is_added else (entry.folder / FILE).read_text()
-    if said := differences(expected, entry.folder):
-        do = "Put the files back, or add it under another name" if is_added else "Remove it and make it again"
-        raise SceneError(f"{entry.folder}: {listed(said, 3)}, since it was put on the shelf. {do}.")
+    expected = json_of(note)["checksums"] if is_added else (entry.folder / SUMS).read_text()
+    now = checksums_of(entry.folder)
+    if changed := {line[66:] for line in set(expected.splitlines()) ^ set(now.splitlines())}:
+        raise SceneError(
+            f"{entry.folder}: {min(changed)} is not as it was when the dataset was put on the shelf. Put it back, {do}."
+        )
     return expected
 
 
-def tell(found: list[Entry]) -> None:
-    """Print a line a dataset, and how many there are."""
-    lines = [(one.name, "benchmark" if one.benchmark else "ours", one.state or "-", one.text) for one in found]
-    _tell_table(("name", "list", "on the shelf", "what it is"), lines)
+def listing(found: list[Entry]) -> str:
+    """Return a line a dataset, and how many there are."""
+    lines = [("name", "list", "on the shelf", "what it is")]
+    lines += [(one.name, "benchmark" if one.benchmark else "ours", one.state or "-", one.text) for one in found]
+    widths = [max(len(line[place]) for line in lines) + 2 for place in range(3)]
+    rows = ["".join(f"{cell:{width}}" for cell, width in zip(line, widths, strict=False)) + line[3] for line in lines]
     own = [one for one in found if not one.same_as]
     more = f" and {len(found) - len(own)} other names" if len(own) < len(found) else ""
-    marked = sum(one.benchmark for one in own)
-    there = sum(bool(one.state) for one in own)
-    print(f"{len(own)} datasets{more}; {marked} of the benchmark's list; {there} on the shelf")
-
-
-def tell_families(found: list[Entry]) -> None:
-    """Print a line a family."""
-    _tell_table(FAMILY_COLUMNS, _families(found))
-
-
-def families_markdown(found: list[Entry]) -> str:
-    """Return a Markdown table of the families."""
-    rows = _families(found)
-    lines = [f"| {' | '.join(FAMILY_COLUMNS)} |", "|---|---|---|---|---|"]
-    lines += [f"| `{row[0]}` | {' | '.join(row[1:4])} | `{row[4]}` |" for row in rows]
-    counts = [sum(int(row[column]) for row in rows) for column in (1, 2)]
-    return "\n".join([*lines, f"| all | {counts[0]} | {counts[1]} | | |"]) + "\n"
-
-
-def _families(found: list[Entry]) -> list[tuple[str, str, str, str, str]]:
-    """Return of each family the cells of `FAMILY_COLUMNS`; a stack counts once, in the first family that has it."""
-    rows = []
-    for family, text in FAMILIES.items():
-        own = [one for one in found if one.family == family and not one.same_as]
-        if own:
-            marked = sum(one.benchmark for one in own)
-            rows.append((family, str(len(own)), str(marked), text, own[len(own) // 2].name))
-    return rows
-
-
-def _tell_table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for column in head:
-        table.add_column(column, no_wrap=column == "name")
-    for line in lines:
-        table.add_row(*line)
-    console = Console()
-    # A pipe has no width: names and texts must not be cut there.
-    if not console.is_terminal:
-        console = Console(width=200)
-    console.print(table, markup=False)
+    marked, there = sum(one.benchmark for one in own), sum(bool(one.state) for one in own)
+    return "\n".join([*rows, f"{len(own)} datasets{more}; {marked} of the benchmark's list; {there} on the shelf"])

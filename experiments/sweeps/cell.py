@@ -7,15 +7,13 @@ from threading import Lock
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from compare.statistics.ambiguity import error_kinds
 from experiments.recipe import ROOM, Cell
-from experiments.sweeps.perturbation import PERTURBATIONS, breaking_point, is_told
-from experiments.tables import GAP_DEG, errors_of
+from experiments.tables import GAP_DEG, Row, Rows, errors_of, why
 from scene.current import code_fingerprint
 from scene.errors import SceneError
 from scene.map_pictures import data_uri, shrink
+from scene.normals import angular_error_deg
 from solve.methods import UNCALIBRATED
 from solve.solve import solve
 
@@ -40,32 +38,25 @@ def run_cell(cell: Cell) -> dict[str, Any]:
         try:
             photographs = photograph(cell.recipe)
         except Exception as error:
-            return {"rows": failed_rows(cell, f"no photographs: {_why(error)}"), "seconds": [], "picture": None}
+            return {"rows": failed_rows(cell, f"no photographs: {why(error)}"), "seconds": [], "picture": None}
         rows, seconds = [], [{**_key(cell, "", ""), "seconds": time.process_time() - start}]
-        errors: dict[str, list[NDArray]] = {profile: [] for profile in cell.profiles}
-        for method in cell.methods:
-            for profile in cell.profiles:
-                row, taken, normals = _row(cell, photographs, method, profile, one_core)
-                rows.append(row)
-                seconds.append({**_key(cell, method, profile), "seconds": taken})
-                errors[profile].append(_errors(photographs, normals))
-        for profile, found in errors.items():
-            means = common_means(np.stack(found)) if found else []
-            for row, mean in zip((row for row in rows if row["profile"] == profile), means, strict=True):
-                row["common_deg"] = mean
+        for key in _keys(cell):
+            row, taken = _solved(photographs, key["solver"], key["profile"], one_core)
+            rows.append(key | row)
+            seconds.append(key | {"seconds": taken})
         return {"rows": rows, "seconds": seconds, "picture": _picture(photographs), "code": code_fingerprint(ROOM)}
 
 
-def failed_rows(cell: Cell, why: str) -> list[dict[str, Any]]:
+def failed_rows(cell: Cell, reason: str) -> Rows:
     """Return the rows of a cell that has no results."""
-    return [
-        {**_key(cell, method, profile), "status": f"failed: {why}"}
-        for method in cell.methods
-        for profile in cell.profiles
-    ]
+    return [{**key, "status": f"failed: {reason}"} for key in _keys(cell)]
 
 
-def _key(cell: Cell, method: str, profile: str) -> dict[str, Any]:
+def _keys(cell: Cell) -> Rows:
+    return [_key(cell, method, profile) for method in cell.methods for profile in cell.profiles]
+
+
+def _key(cell: Cell, method: str, profile: str) -> Row:
     """Return what names a row."""
     word = cell.value if isinstance(cell.value, str) else f"{cell.value:g}"
     value = float(cell.level) if isinstance(cell.value, str) else float(cell.value)
@@ -73,50 +64,19 @@ def _key(cell: Cell, method: str, profile: str) -> dict[str, Any]:
     return {"experiment": cell.experiment, **place, "solver": method, "profile": profile}
 
 
-def _row(
-    cell: Cell, photographs: Any, method: str, profile: str, executor: Executor
-) -> tuple[dict[str, Any], float | None, NDArray | None]:
-    """Return the row of one method with one profile, its processor seconds, and its normals (H, W, 3)."""
-    p, key = photographs, _key(cell, method, profile)
-    if cell.experiment in PERTURBATIONS and not is_told(method, cell.experiment):
-        return {**key, "status": "not told"}, None, None
+def _solved(photographs: Any, method: str, profile: str, executor: Executor) -> tuple[Row, float | None]:
+    """Return the result of one method with one profile, and its processor seconds."""
+    p = photographs
     _load(p, method, profile, executor)
     start = time.process_time()
     try:
-        if cell.experiment in PERTURBATIONS:
-            strength, estimate = breaking_point(p, cell, method, profile, executor)
-            extra = {"breaks_at": strength}
-        else:
-            estimate = solve(method, p.frames, p.lights, p.camera, p.mask, profile=profile, executor=executor)
-            extra = {}
+        estimate = solve(method, p.frames, p.lights, p.camera, p.mask, profile=profile, executor=executor)
     except SceneError as error:
-        return {**key, "status": f"no answer: {_why(error)}", "filled_deg": GAP_DEG}, None, None
+        return {"status": f"no answer: {why(error)}", "filled_deg": GAP_DEG}, None
     except Exception as error:
-        return {**key, "status": f"failed: {_why(error)}"}, None, None
+        return {"status": f"failed: {why(error)}"}, None
     taken = time.process_time() - start
-    if estimate is None:
-        return {**key, "status": "ok", **extra}, taken, None
-    return {**key, **measured(p, method, estimate), **extra}, taken, estimate.normals
-
-
-def _errors(photographs: Any, normals: NDArray | None) -> NDArray:
-    """Return the angular errors (P,) of normals (H, W, 3) on the object, NaN where there is none."""
-    from scene.normals import angular_error_deg
-
-    p = photographs
-    return np.full(p.mask.sum(), np.nan) if normals is None else angular_error_deg(normals[p.mask], p.normals[p.mask])
-
-
-def common_means(errors: NDArray[np.float64]) -> list[float | None]:
-    """Return each method's mean of errors (M, P) over the pixels that all answer; None of one that answers none.
-
-    A method that leaves out what is hard is compared there with the others on what it keeps.
-    """
-    known = np.isfinite(errors)
-    common = known[known.any(1)].all(0)
-    if not common.any():
-        return [None] * len(errors)
-    return [float(row[common].mean()) if np.isfinite(row).any() else None for row in errors]
+    return measured(p, method, estimate), taken
 
 
 def _load(photographs: Any, method: str, profile: str, executor: Executor) -> None:
@@ -132,31 +92,28 @@ def _load(photographs: Any, method: str, profile: str, executor: Executor) -> No
         solve(method, p.frames, p.lights, p.camera, some, profile=profile, executor=executor)
 
 
-def measured(photographs: Any, method: str, estimate: Any) -> dict[str, Any]:
+def measured(photographs: Any, method: str, estimate: Any) -> Row:
     """Return an estimate's columns of the table, by the truth.
 
     status: "ok"; "no answer: why", where a method refused or gave no normal; "failed: why", a fault of ours, which says
-    nothing of the method. albedo_error_percent: mean of |found - true| / true over pixels and channels. A method that
-    is not told the lights finds albedo up to a factor: the one that makes the median right is put in.
+    nothing of the method. flip_deg: the median error with convex and concave exchanged where that is better.
+    albedo_error_percent: mean of |found - true| / true over pixels and channels. A method that is not told the lights
+    finds albedo up to a factor: the one that makes the median right is put in.
     """
     p = photographs
+    normals, truth = estimate.normals[p.mask], p.normals[p.mask]
+    row = errors_of(normals, truth, "no answer")
+    if row["status"] == "ok":
+        flipped = float(np.nanmedian(angular_error_deg(normals * [-1, -1, 1], truth)))
+        row["flip_deg"] = min(row["median_deg"], flipped)
     ratio = estimate.albedo[p.mask].astype(np.float64) / p.albedo[p.mask].astype(np.float64)
     known = ratio[np.isfinite(ratio)]
     if method in UNCALIBRATED and known.size and np.median(known) > 0:
         known = known / np.median(known)
+    albedo = 100 * float(np.mean(np.abs(known - 1))) if known.size else None
     return {
-        **errors_of(estimate.normals[p.mask], p.normals[p.mask], "no answer"),
-        **error_kinds(estimate.normals[p.mask], p.normals[p.mask]),
-        "albedo_error_percent": 100 * float(np.mean(np.abs(known - 1))) if known.size else None,
-        "frames": len(p.frames),
-        "doubts": " ".join(estimate.warnings),
-    }
-
-
-def _why(error: Exception) -> str:
-    """Return an error in one line: an input's as it is told, others with their kind."""
-    text = " ".join(str(error).split())
-    return text if isinstance(error, SceneError) else f"{type(error).__name__}: {text}"
+        **row, "albedo_error_percent": albedo, "frames": len(p.frames), "doubts": " ".join(estimate.warnings)
+    }  # fmt: skip
 
 
 def _picture(photographs: Any) -> str:

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from experiments.recipe import ROOM, Cell, code_times
-from experiments.stagings import ONE_FACTOR, SOLVERS, experiments_of
+from experiments.stagings import SOLVERS, experiments, experiments_of
 from experiments.sweeps.cell import failed_rows, run_cell
-from experiments.sweeps.perturbation import PERTURBATIONS, perturbation_cells
-from experiments.tables import PERTURBED, RESULTS, SECONDS, Row, Rows, write_table
+from experiments.tables import RESULTS, SECONDS, Rows, write_table
 from experiments.workers import Work, WorkerDied, run_all
 from lab.options import Solving, Staging
 from lab.progress import progress_bar, say
@@ -41,18 +40,14 @@ def sweep(
     shape, one draw, small pictures. method: solvers with commas. scheduler: address of a Dask scheduler; default:
     processes here, one a core. SceneError: unknown experiment or method, no cluster, a full disk, a folder in use.
     """
-    experiments, methods = experiments_of(wanted, staging), Solving(method, "seed").methods()
-    cells = [cell for one in experiments for cell in one.cells(methods=methods, quick=quick)]
-    names = "-".join(one.name for one in experiments)
-    if len(experiments) == len(ONE_FACTOR):
-        names = "all"
-        if staging == "one-factor":
-            cells += perturbation_cells(methods, quick=quick)
+    chosen, methods = experiments_of(wanted, staging), Solving(method, "seed").methods()
+    cells = [cell for one in chosen for cell in one.cells(methods=methods, quick=quick)]
+    names = "all" if len(chosen) == len(experiments(staging)) else "-".join(one.name for one in chosen)
     words = ["benchmark"] * (staging == "benchmark") + [names] + ["quick"] * quick
     folder = (out or Path("out") / "sweeps") / "-".join(words)
     with open_record(folder.parent, origin="sweep") as record, logged(record):
         run_cells(record, cells, scheduler=scheduler, processes=processes)
-        join_cells(record, record.folder / folder.name, cells, staging=staging, quick=quick)
+        join_cells(record, record.folder / folder.name, cells, staging=staging)
     return folder
 
 
@@ -94,9 +89,7 @@ def run_cells(
     say(f"{len(missing)} cells in {time.perf_counter() - start:.0f} s, {failed} with failures")
 
 
-def join_cells(
-    record: Record, folder: Path, cells: Sequence[Cell], *, staging: Staging = "one-factor", quick: bool = False
-) -> None:
+def join_cells(record: Record, folder: Path, cells: Sequence[Cell], *, staging: Staging = "one-factor") -> None:
     """Write the tables and the page of cells that are all there, unless they are of these very cells already."""
     root, code = record.folder, code_fingerprint(ROOM)
     mark = fingerprint([cell.key for cell in cells], [cell_path(root, cell) for cell in cells], code=code)
@@ -106,29 +99,16 @@ def join_cells(
 
     with record.making(folder.name, mark):
         found = [json_of(cell_path(root, cell)) for cell in cells]
-        rows, perturbed, seconds = write_tables(folder, found, [*ONE_FACTOR, *PERTURBATIONS, *cells[0].methods])
-        write_page(folder, rows, found, perturbed=perturbed, seconds=seconds, staging=staging, quick=quick)
+        rows, seconds = write_tables(folder, found)
+        write_page(folder, rows, found, seconds=seconds, staging=staging)
 
 
-def write_tables(folder: Path, found: list[dict[str, Any]], order: Sequence[str]) -> tuple[Rows, Rows, Rows]:
-    """Write results.parquet, perturbations.parquet, and what no two runs agree on, the times, as seconds.parquet.
+def write_tables(folder: Path, found: list[dict[str, Any]]) -> tuple[Rows, Rows]:
+    """Write results.parquet, and what no two runs agree on, the times, as seconds.parquet; return the rows of both.
 
-    found: the cells' files. order: of the experiments and solvers. Returns the rows of the three, sorted.
+    found: the cells' files, in the order of their experiments.
     """
-    rank = {name: number for number, name in enumerate(order)}
-
-    def place(row: Row) -> tuple:
-        solver = row["solver"]
-        at = rank.get(solver, len(rank) if solver else -1)
-        experiment = rank.get(row["experiment"], len(rank))
-        return experiment, row["level"], row["shape"], row["seed"], at, solver, row["profile"]
-
-    every = sorted((row for one in found for row in one["rows"]), key=place)
-    rows = [row for row in every if row["experiment"] not in PERTURBATIONS]
-    perturbed = [row for row in every if row["experiment"] in PERTURBATIONS]
-    seconds = sorted((row for one in found for row in one["seconds"]), key=place)
+    rows, seconds = ([row for one in found for row in one[name]] for name in ("rows", "seconds"))
     write_table(folder / "results.parquet", rows, RESULTS)
     write_table(folder / "seconds.parquet", seconds, SECONDS)
-    if perturbed:
-        write_table(folder / "perturbations.parquet", perturbed, PERTURBED)
-    return rows, perturbed, seconds
+    return rows, seconds

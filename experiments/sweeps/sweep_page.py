@@ -1,26 +1,27 @@
-"""A sweep's page: the benchmark's table with its own numbers beside ours, a chart and pictures for each experiment."""
+"""A sweep's page: what breaks whom, the table of errors, a chart and pictures for each experiment."""
 
+from collections.abc import Iterable
 from html import escape
 from pathlib import Path
 from typing import Any
 
-from compare.report.page import table
+import numpy as np
+
+from compare.report.page import folded, section, table, whole_page
 from compare.report.speed_chart import speed_chart
 from draw.line_chart import line_chart
 from experiments.stagings import SOLVERS, Experiment, experiments
-from experiments.sweeps.atlas import atlas
-from experiments.sweeps.benchmark_section import beside_the_benchmark
-from experiments.sweeps.findings import answers
-from experiments.sweeps.perturbation import PERTURBATIONS
-from experiments.sweeps.stability import stability, strips, tolerances
 from experiments.sweeps.sweep_statistics import (
-    MEASURES,
-    agreement,
-    curve,
+    GROUP,
+    STATES,
+    STATISTICS,
+    breaks,
+    curves,
+    levels,
     speed_points,
     statistics,
 )
-from experiments.tables import Rows, grouped, has_failed
+from experiments.tables import Results, Rows, results
 from lab.options import Staging
 from scene.files import write_json, write_text
 
@@ -31,143 +32,151 @@ QUANTITIES = {
 }
 """By the chart's name: what, with which profile, and the axis' title."""
 HIGHEST_ALBEDO_PERCENT = 200.0
-STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#1d2329}
-table{border-collapse:collapse;font-size:13px}th,td{padding:2px 8px;text-align:right;border-bottom:1px solid #e3e7ea}
-th:first-child{text-align:left}td span{display:block}.seed{color:#005a94}.theirs{color:#777}.scroll{overflow-x:auto}
-.level{display:inline-block;text-align:center;font-size:12px;margin:0 4px 8px 0}.level img{display:block}
-.charts{display:grid;grid-template-columns:1fr 1fr;gap:8px}.charts svg{width:100%}
-figure{margin:0;max-width:760px}figcaption{font-size:13px;color:#555}
-.findings th,.findings td{text-align:left;vertical-align:top}
-.reproduced{color:#1b7837}.not{color:#b2182b}.depends{color:#8a6d00}
-.atlas{width:min(1500px,96vw);margin-left:calc(50% - min(750px,48vw))}"""
+COLOURS = {"good": "#d3e5f2", "fair": "#7fb2d6", "flipped": "#b04c00", "broken": "#D55E00", "no answer": "#8a8f94"}
+"""Of `STATES`: light to dark to another hue, told apart in gray, too."""
+LETTERS = {"flipped": "x", "no answer": "–"}
+BOX = "display:inline-block;width:1.1em;text-align:center;color:white;margin-right:1px"
 
 
 def write_page(
-    folder: Path, rows: Rows, found: list[dict[str, Any]], *, perturbed: Rows | None = None,
-    seconds: Rows | None = None, staging: Staging = "one-factor", quick: bool = False,
-) -> None:  # fmt: skip
-    """Write index.html, a chart EXPERIMENT-QUANTITY.svg each, atlas.svg, speed.svg, statistics.json and stability.json.
+    folder: Path, rows: Rows, found: list[dict[str, Any]], *, seconds: Rows, staging: Staging = "one-factor"
+) -> None:
+    """Write index.html, a chart EXPERIMENT-QUANTITY.svg each, speed.svg, statistics.json and stability.json.
 
-    rows, perturbed, seconds: of the three tables. found: the cells' files, for their pictures.
+    rows, seconds: of the two tables. found: the cells' files, for their pictures.
     """
-    perturbed, seconds = perturbed or [], seconds or []
-    ours = {measure: statistics(rows, measure) for measure in MEASURES}
-    there = [one for one in experiments(staging).values() if any(row["experiment"] == one.name for row in rows)]
-    solvers = list(dict.fromkeys(row["solver"] for row in rows))
-    # A first look has other levels: its means are not compared.
-    alike = {} if quick else {(p, m): agreement(rows, p, m) for p in ("default", "seed") for m in MEASURES}
-    parts = [
-        "<!doctype html><html lang='en'><meta charset='utf-8'><title>Sweeps</title>",
-        f"<style>{STYLE}</style><h1>Where photometric stereo fails</h1>",
-        f"<p>{len(found)} cells, {len(rows)} results: {sum(row['status'].startswith('no answer') for row in rows)} "
-        f"without an answer, {sum(map(has_failed, rows))} failed.</p>",
-        *_stability(folder, rows, perturbed),
-        _speed(folder / "speed.svg", rows, seconds, there),
-        *beside_the_benchmark(answers(rows), alike, ours, there, solvers),
-    ]
-    for one in there:
-        charts = []
-        for name in QUANTITIES:
-            chart = _chart(rows, one, solvers, name)
-            write_text(folder / f"{one.name}-{name}.svg", chart)
-            charts.append(chart)
-        charts.append(_speed(folder / f"{one.name}-speed.svg", rows, seconds, [one]))
-        heading = f"<h2 id='{one.name}'>{escape(one.label)}</h2>{_pictures(found, one)}"
-        parts.append(f"{heading}<div class='charts'>{''.join(charts)}</div>")
-        parts.append(_without_result(rows, one.name))
-    write_text(folder / "index.html", "\n".join(parts))
-    write_json(
-        folder / "statistics.json",
-        {
-            "agreement": [{"profile": p, "measure": m, **one._asdict()} for (p, m), one in alike.items()],
-            "statistics": [
-                {"experiment": experiment, "solver": solver, "profile": profile, "measure": measure, **numbers}
-                for measure, found in ours.items()
-                for (experiment, solver, profile), numbers in found.items()
-            ],
-        },
-    )
-
-
-def _stability(folder: Path, rows: Rows, perturbed: Rows) -> list[str]:
-    """Write atlas.svg and stability.json; return the page's section on them."""
-    found = stability(rows, perturbed)
-    picture = atlas(strips(rows), tolerances(perturbed))
-    write_text(folder / "atlas.svg", picture)
-    write_json(folder / "stability.json", found)
-    shapes = ", ".join(dict.fromkeys(row["shape"] for row in rows))
-    lines = [
-        (
-            escape(f"{one['solver']}, {one['profile']}"),
-            _share(one["broken_doubted"], one["broken"]),
-            _share(one["whole_doubted"], one["whole"]),
+    all_of = results(rows)
+    failures, numbers = levels(all_of), statistics(all_of)
+    there = [one for one in experiments(staging).values() if one.name in set(all_of["experiment"])]
+    chapters = {"What breaks whom": _failure_map(failures, there)}
+    if points := speed_points(all_of, seconds):
+        words = "Processor time against median angular error"
+        chart = speed_chart(
+            points,
+            label=words,
+            kinds=("default", "seed"),
+            hollow="the same method, profile seed",
+            is_twin_in_front=True,
         )
-        for one in found["doubts"]
-    ]
-    return [
-        f"<h2>What breaks whom</h2><div class='atlas'>{picture}</div>"
-        f"<p>Of each level the median over {escape(shapes)} "
-        "(the experiment's own shapes) and draws. The smallest error of lights, intensities or ambient light: "
-        "bisection of a random perturbation's strength on a matte pear under a dome; median and quartiles over "
-        "draws.</p>",
-        *(_without_result(perturbed, name) for name in PERTURBATIONS),
-        "<details><summary>Do the methods know it? How often they doubt their results</summary>"
-        f"{table(('', 'of the broken', 'of the others'), lines)}</details>",
-    ]
-
-
-def _share(part: int, whole: int) -> str:
-    return f"{part} of {whole} ({100 * part / whole:.0f} %)" if whole else "–"
-
-
-def _speed(path: Path, rows: Rows, seconds: Rows, experiments: list[Experiment]) -> str:
-    """Write a chart of speed against accuracy over some experiments; return it as a figure, nothing without times."""
-    points = speed_points(rows, seconds, [one.name for one in experiments])
-    if not points:
-        return ""
-    words = experiments[0].label if len(experiments) == 1 else "all experiments"
-    label = f"Processor time against median angular error, {words}"
-    chart = speed_chart(
-        points, label=label, kinds=("default", "seed"), hollow="the same method, profile seed", is_twin_in_front=True
+        write_text(folder / "speed.svg", chart)
+        chapters["Speed"] = section("speed", words, chart)
+    chapters["Errors"] = _errors(numbers, there)
+    for one in there:
+        charts = {name: _chart(all_of, one, name) for name in QUANTITIES}
+        for name, chart in charts.items():
+            write_text(folder / f"{one.name}-{name}.svg", chart)
+        lost = all_of[(all_of["experiment"] == one.name) & ~all_of["is_ok"]]
+        drawn = "".join(f"<figure>{chart}</figure>" for chart in charts.values())
+        body = f'{_pictures(found, one)}<div class="gallery">{drawn}</div>{_without_result(lost)}'
+        chapters[one.label] = section(one.name, one.label, body)
+    silent = int((~all_of["is_ok"] & ~all_of["has_failed"]).sum())
+    said = (
+        f"{len(found)} cells, {len(rows)} results: {silent} without an answer, {int(all_of['has_failed'].sum())} "
+        f"failed; shapes {escape(', '.join(dict.fromkeys(all_of['shape'])))}"
     )
-    write_text(path, chart)
-    return f"<figure><figcaption>{escape(label)}</figcaption>{chart}</figure>"
+    write_text(folder / "index.html", whole_page("Where each method fails", "sweeps", said, chapters))
+    write_json(folder / "statistics.json", _plain(numbers))
+    write_json(folder / "stability.json", _plain(failures))
 
 
-def _chart(rows: Rows, experiment: Experiment, solvers: list[str], name: str) -> str:
+def _plain(found: Results) -> list[dict[str, Any]]:
+    """Return a table's rows as JSON has them: None where a number is not known."""
+    return found.reset_index().astype(object).replace({np.nan: None, np.inf: None}).to_dict("records")
+
+
+def _failure_map(failures: Results, there: list[Experiment]) -> str:
+    """Return the table of methods against experiments: a box a level, and where the method breaks."""
+    by_place = dict(iter(failures.groupby(GROUP, sort=False)))
+    lines = []
+    for solver, profile in dict.fromkeys((solver, profile) for _, solver, profile in by_place):
+        cells = [by_place.get((one.name, solver, profile)) for one in there]
+        shown = ["" if one is None else _strip(one) for one in cells]
+        lines.append((escape(f"{SOLVERS.get(solver, solver)}, {profile}"), *shown))
+    legend = "".join(f"{_box(state)} {escape(words)}; " for state, words in STATES.items())
+    lead = (
+        "Of each level the median over shapes and draws, in the experiment's own order. "
+        f"{legend}underlined: the method itself had doubted it."
+    )
+    return section("failures", "What breaks whom", table(("", *(escape(one.label) for one in there)), lines), lead)
+
+
+def _strip(failures: Results) -> str:
+    rows = failures.to_dict("records")
+    boxes = (
+        _box(
+            row["state"],
+            f"{row['label']}: median {row['median_deg']:.1f}°, {row['broken_cells']} of {row['cells']} cells broken",
+            "underline" if row["doubted"] else "none",
+        )
+        for row in rows
+    )
+    words = breaks([row["label"] for row in rows], [row["state"] for row in rows])
+    return f"<span style='white-space:nowrap'>{''.join(boxes)}</span><br>{escape(words.replace('_', ' '))}"
+
+
+def _box(state: str, title: str = "", line: str = "none") -> str:
+    style = f"{BOX};background:{COLOURS[state]};text-decoration:{line}"
+    return f'<span style="{style}" title="{escape(title)}">{LETTERS.get(state, "&nbsp;")}</span>'
+
+
+def _errors(numbers: Results, there: list[Experiment]) -> str:
+    """Return the table in the benchmark's layout; each field: default, seed profile."""
+    known, solvers = numbers.to_dict("index"), list(dict.fromkeys(numbers.index.get_level_values("solver")))
+    lines = []
+    for one in there:
+        both = [[known.get((one.name, solver, profile), {}) for profile in ("default", "seed")] for solver in solvers]
+        for name in STATISTICS:
+            fields = [" / ".join(_shown(each.get(name)) for each in pair) for pair in both]
+            lines.append((f"{escape(one.label)}, {name}", *fields))
+        lines.append(("cells, refused, failed, unanswered", *("<br>".join(map(_counts, pair)) for pair in both)))
+    lead = (
+        "Angular error in degrees, of each cell the mean: the methods as they are / their plain readings (profile "
+        "seed). A pixel, or a cell, without an answer counts 90°; what failed is in no mean."
+    )
+    head = ("", *(escape(SOLVERS.get(name, str(name))) for name in solvers))
+    return section("errors", "Errors", folded("The table", table(head, lines, kind="numbers")), lead)
+
+
+def _shown(value: float | None) -> str:
+    return "–" if value is None or not np.isfinite(value) else f"{value:.2f}"
+
+
+def _counts(numbers: dict[str, float]) -> str:
+    cells, silent, failed = (int(numbers.get(name, 0)) for name in ("cells", "no_answer", "failed"))
+    return f"{cells}, {silent}, {failed}, {100 * np.nan_to_num(numbers.get('unanswered', 0.0)):.0f} %"
+
+
+def _chart(all_of: Results, experiment: Experiment, name: str) -> str:
     quantity, profile, title = QUANTITIES[name]
+    found = curves(all_of, experiment.name, profile, quantity)
+    if quantity.startswith("albedo"):
+        found = found.clip(upper=HIGHEST_ALBEDO_PERCENT)
+    labels = all_of[all_of["experiment"] == experiment.name].groupby("level")["label"].first()
     lines, spreads = {}, {}
-    for solver in solvers:
-        found = curve(rows, experiment.name, solver, profile, quantity)
-        if quantity.startswith("albedo"):
-            found |= {key: [min(v, HIGHEST_ALBEDO_PERCENT) for v in found[key]] for key in ("low", "middle", "high")}
-        places = [float(place) for place in range(len(found["level"]))]
-        label = SOLVERS.get(solver, solver)
-        lines[label], spreads[label] = (places, found["middle"]), (found["low"], found["high"])
-    labels = {row["level"]: row["label"] for row in rows if row["experiment"] == experiment.name}
-    names = [labels[level].replace("_", " ") for level in sorted(labels)]
+    for solver in dict.fromkeys(all_of["solver"]):
+        one, label = found.xs(solver).reindex(labels.index), SOLVERS.get(solver, solver)
+        places = [float(place) for place in range(len(labels))]
+        lines[label], spreads[label] = (places, list(one[0.5])), (list(one[0.25]), list(one[0.75]))
+    names = [label.replace("_", " ") for label in labels]
     return line_chart(lines, x_title=experiment.axis, y_title=title, spreads=spreads, x_names=names)
 
 
-def _pictures(found: list[dict[str, Any]], experiment: Experiment) -> str:
+def _pictures(found: Iterable[dict[str, Any]], experiment: Experiment) -> str:
     """Return one picture a level, of the first shape and seed."""
     shown: dict[int, str] = {}
     for one in found:
         first = one["rows"][0]
         if first["experiment"] == experiment.name and one["picture"] and first["shape"] == experiment.shapes[0]:
             words = escape(first["label"].replace("_", " "))
-            picture = f"<img src='{one['picture']}' alt='{words}'>"
-            shown.setdefault(first["level"], f"<div class='level'>{picture}{words}</div>")
-    return "".join(shown[level] for level in sorted(shown))
+            figure = f'<figure><img src="{one["picture"]}" alt=""><figcaption>{words}</figcaption></figure>'
+            shown.setdefault(first["level"], figure)
+    return f'<div class="sheet width-120">{"".join(shown[level] for level in sorted(shown))}</div>'
 
 
-def _without_result(rows: Rows, experiment: str) -> str:
-    lost = [row for row in rows if row["experiment"] == experiment and row["status"] not in ("ok", "not told")]
-    counts = grouped(lost, "solver", "profile", "status")
-    if not counts:
-        return ""
+def _without_result(lost: Results) -> str:
+    counts = lost.groupby(["solver", "profile", "status"], sort=False).size()
     items = "".join(
-        f"<li>{len(group)} x {escape(f'{solver}, {profile}')}: {escape(status)}</li>"
-        for (solver, profile, status), group in counts.items()
+        f"<li>{count} x {escape(f'{solver}, {profile}')}: {escape(status)}</li>"
+        for (solver, profile, status), count in counts.items()
     )
-    return f"<p>Without a result:</p><ul>{items}</ul>"
+    return f"<p>Without a result:</p><ul>{items}</ul>" if items else ""

@@ -1,175 +1,109 @@
-"""What a sweep's rows say: the benchmark's five statistics, its own beside them, how alike the two rank, and speed."""
+"""What a sweep's table says: statistics, where each method breaks, and how fast it is; see `experiments.tables`."""
 
-import csv
-from collections.abc import Sequence
-from pathlib import Path
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from itertools import groupby
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compare.report.facts import family
 from compare.report.speed_chart import SpeedPoint
-from experiments.stagings import CALIBRATED, ONE_FACTOR, SOLVERS
-from experiments.tables import KEY, Rows, grouped, has_failed
+from experiments.tables import BREAKS_DEG, KEY, Results, Rows
 
+GROUP = ["experiment", "solver", "profile"]
 STATISTICS = ("min", "max", "mean", "median", "std")
-MEASURES = {
-    "filled_deg": "a pixel without a normal counts 90°",
-    "common_deg": "pixels that all methods answer",
-    "mean_deg": "pixels that the method answers",
+GOOD_DEG = 5.0
+STATES = {
+    "good": f"median error up to {GOOD_DEG:g}°",
+    "fair": f"up to {BREAKS_DEG:g}°",
+    "flipped": "broken: convex taken for concave",
+    "broken": f"broken: past {BREAKS_DEG:g}°, or half of the cells are",
+    "no answer": "refused, or half of the object without a normal",
 }
-"""Columns of a cell's mean error, the one that flatters nobody first, and what they are over."""
-DRAWS = 1000
-Statistics = dict[tuple[str, str, str], dict[str, float]]
-Interval = tuple[float, float, float]
-"""A number, and the ends between which it lies in 90 % of the draws."""
+"""What a method can be at a level, over shapes and draws."""
 
 
-class Agreement(NamedTuple):
-    """How alike two tables of means rank: Spearman's rank correlations, each with its interval."""
+def statistics(table: Results, measure: str = "filled_deg") -> Results:
+    """Return the statistics of the cells' mean angular errors, degrees, by experiment, solver and profile.
 
-    pairs: int
-    overall: Interval
-    within: Interval
-    between: Interval
-
-
-def statistics(rows: Rows, measure: str = "mean_deg") -> Statistics:
-    """Return, by (experiment, solver, profile), the statistics of the cells' mean angular errors, degrees.
-
-    measure: a key of `MEASURES`. min, max, mean, median and std (of the population) over levels, shapes and seeds, as
-    the benchmark's table has them: of each dataset one mean error. `cells` are those that count, `no_answer` those that
-    a method refused, `failed` those that ended by a fault of ours, which are in no mean; what was refused counts where
-    gaps do. `unanswered`: the mean share of an object's pixels without a normal.
+    min, max, mean, median and std (of the population) over levels, shapes and seeds, as the RGBN benchmark's table has
+    them: of each dataset one mean error. `cells` are those that have a result, `no_answer` those that a method refused,
+    `failed` those that ended by a fault of ours, which are in no mean; what was refused counts where gaps do.
+    `unanswered`: the mean share of an object's pixels without a normal.
     """
-    found: Statistics = {}
-    for (experiment, solver, profile), group in grouped(rows, "experiment", "solver", "profile").items():
-        good, failed = [row for row in group if row["status"] == "ok"], sum(map(has_failed, group))
-        numbers: dict[str, float] = {"cells": len(good), "no_answer": len(group) - len(good) - failed, "failed": failed}
-        errors = np.array([row[measure] for row in group if row.get(measure) is not None], float)
-        if len(errors):
-            numbers |= {name: float(getattr(np, name)(errors)) for name in STATISTICS}
-        if good:
-            numbers["unanswered"] = float(np.mean([row["unanswered"] for row in good]))
-        found[experiment, solver, profile] = numbers
-    return found
+    from pandas import DataFrame
+
+    groups = table.groupby(GROUP, sort=False)
+    found = {name: groups[measure].agg(name) for name in STATISTICS[:-1]} | {"std": groups[measure].std(ddof=0)}
+    cells, failed = groups["is_ok"].sum(), groups["has_failed"].sum()
+    found |= {"cells": cells, "no_answer": groups.size() - cells - failed, "failed": failed}
+    return DataFrame(found | {"unanswered": groups["unanswered"].mean()})
 
 
-def three_means(three: Sequence[dict[str, float]]) -> str:
-    """Return statistics by the three `MEASURES` in words: the means, once where they are alike; the share answered."""
-    shown = [f"{numbers['mean']:.1f}" if "mean" in numbers else "–" for numbers in three]
-    words = shown[0] if len(set(shown)) == 1 else " / ".join(shown)
-    share = 100 * (1 - three[0].get("unanswered", np.nan))
-    return f"{words}; {share:.0f} %" if np.isfinite(share) and share < 99.5 else words
+def curves(table: Results, experiment: str, profile: str, quantity: str) -> Results:
+    """Return, by solver and level, the cells' quartiles (columns 0.25, 0.5, 0.75); NaN where none has a result."""
+    one = table[(table["experiment"] == experiment) & (table["profile"] == profile)]
+    return one.groupby(["solver", "level"], sort=False)[quantity].quantile([0.25, 0.5, 0.75]).unstack().sort_index()
 
 
-def benchmark_statistics() -> dict[tuple[str, str], dict[str, float]]:
-    """Return the benchmark's own table [Berkiten2016], by (experiment, solver): its five statistics."""
-    names = {one.label: one.name for one in ONE_FACTOR.values()}
-    found: dict[tuple[str, str], dict[str, float]] = {}
-    with open(Path(__file__).parent / "benchmark_figure7.csv", newline="") as file:
-        for row in csv.DictReader(file):
-            for solver, label in SOLVERS.items():
-                found.setdefault((names[row["experiment"]], solver), {})[row["statistic"]] = float(row[label])
-    return found
+def levels(table: Results) -> Results:
+    """Return a row for each experiment, solver, profile and level, over shapes and draws, in the table's order.
 
-
-def agreement(rows: Rows, profile: str, measure: str, *, solvers: Sequence[str] = CALIBRATED) -> Agreement:
-    """Return how alike our mean errors and the benchmark's rank [Spearman1904].
-
-    rows: of experiments that the benchmark has; compared are those in which every solver has a mean.
-
-    Notes
-    -----
-    `overall` ranks all means together; `within` is the mean over the experiments of the rank correlation of the
-    solvers, `between` the mean over the solvers of that of the experiments. The intervals are the 5 % and 95 %
-    quantiles when each experiment's cells, its scenes, are drawn anew with replacement [Efron1993].
+    label; `cells`, those that failed by a fault of ours left out; `broken_cells`; `median_deg`, of the cells' median
+    errors, inf where an answer that is worse than any is the median; `state`, a key of `STATES`; `doubted`: of a broken
+    level, the method doubted itself, or refused, in half or more of the broken cells.
     """
-    theirs, errors = benchmark_statistics(), _errors(rows, profile, measure, solvers)
-    there = [name for name, found in errors.items() if np.isfinite(found).any(0).all()]
-    if len(there) < 3:
-        unknown = (np.nan, np.nan, np.nan)
-        return Agreement(len(there) * len(solvers), unknown, unknown, unknown)
-    wanted = np.array([[theirs[name, solver]["mean"] for solver in solvers] for name in there])
-    generator, means = np.random.default_rng(len(there)), np.empty((DRAWS + 1, len(there), len(solvers)))
-    for place, name in enumerate(there):
-        found = errors[name]
-        weights = generator.multinomial(len(found), np.full(len(found), 1 / len(found)), DRAWS)
-        weights = np.concatenate([np.ones((1, len(found))), weights])
-        known = np.isfinite(found)
-        with np.errstate(invalid="ignore"):
-            means[:, place] = weights @ np.where(known, found, 0) / (weights @ known)
-    whole = _spearman(means.reshape(len(means), -1), wanted.reshape(1, -1))
-    within, between = _spearman(means, wanted), _spearman(means.swapaxes(1, 2), wanted.T)
-    return Agreement(wanted.size, _interval(whole[:, None]), _interval(within), _interval(between))
+    kept = table[~table["has_failed"]].copy()
+    kept["error"] = kept["median_deg"].where(kept["is_ok"], np.inf)
+    kept["is_silent"] = kept["is_broken"] & ~(kept["is_ok"] & (kept["unanswered"] <= 0.5))
+    enough = (kept["median_deg"] / 2).clip(lower=BREAKS_DEG)
+    kept["is_flipped"] = kept["is_broken"] & ~kept["is_silent"] & (kept["flip_deg"] <= enough)
+    kept["has_doubt"] = kept["is_broken"] & (~kept["is_ok"] | (kept["doubts"].fillna("") != ""))
+    groups = kept.groupby([*GROUP, "level"], sort=False)
+    found = groups[["is_broken", "is_silent", "is_flipped", "has_doubt"]].sum()
+    found = found.rename(columns={"is_broken": "broken_cells"})
+    found["label"], found["cells"] = groups["label"].first(), groups.size()
+    # The upper one of two: one without a result beside one that has some is not averaged.
+    found["median_deg"] = groups["error"].quantile(0.5, interpolation="higher")
+    half = found["broken_cells"] / 2
+    is_broken = (found["median_deg"] > BREAKS_DEG) | (found["broken_cells"] >= found["cells"] / 2)
+    kinds = [~is_broken & (found["median_deg"] <= GOOD_DEG), ~is_broken, found["is_silent"] > half,
+             found["is_flipped"] > half]  # fmt: skip
+    found["state"] = np.select(kinds, ["good", "fair", "no answer", "flipped"], "broken")
+    found["doubted"] = is_broken & (found["has_doubt"] >= half)
+    found = found.drop(columns=["is_silent", "is_flipped", "has_doubt"])
+    return found.sort_index(level="level", sort_remaining=False, kind="stable")
 
 
-def _interval(found: NDArray[np.float64]) -> Interval:
-    """Return the mean of correlations (1 + draws, N) as they are, and its quantiles over the draws; NaN left out."""
-    known = np.isfinite(found)
-    if not known[0].any():
-        return np.nan, np.nan, np.nan
-    means = np.where(known, found, 0).sum(1)[known.any(1)] / known.sum(1)[known.any(1)]
-    low, high = np.quantile(means, [0.05, 0.95])
-    return float(means[0]), float(low), float(high)
+def breaks(labels: Sequence[str], states: Iterable[str]) -> str:
+    """Return where a method breaks over an experiment's levels: "holds", "from 0.35", "up to 4", "0.2 to 0.6"."""
+    places = enumerate(state not in ("good", "fair") for state in states)
+    runs = [[place for place, _ in run] for is_broken, run in groupby(places, lambda one: one[1]) if is_broken]
+    words = []
+    for first, last in ((run[0], run[-1]) for run in runs):
+        if (first, last) == (0, len(labels) - 1):
+            return "everywhere"
+        if first == 0:
+            words.append(f"up to {labels[last]}")
+        elif last == len(labels) - 1:
+            words.append(f"from {labels[first]}")
+        else:
+            words.append(labels[first] if first == last else f"{labels[first]} to {labels[last]}")
+    return ", ".join(words) or "holds"
 
 
-def _errors(rows: Rows, profile: str, measure: str, solvers: Sequence[str]) -> dict[str, NDArray[np.float64]]:
-    """Return, by experiment, the errors (cells, solvers); NaN where a cell has none."""
-    rows = [row for row in rows if row["profile"] == profile and row["solver"] in solvers]
-    found = {}
-    for (name,), group in grouped(rows, "experiment").items():
-        cells = grouped(group, "level", "shape", "seed")
-        found[name] = np.full((len(cells), len(solvers)), np.nan)
-        for line, cell in zip(found[name], cells.values(), strict=True):
-            for row in cell:
-                if row.get(measure) is not None:
-                    line[solvers.index(row["solver"])] = row[measure]
-    return found
-
-
-def _spearman(ours: NDArray, theirs: NDArray) -> NDArray[np.float64]:
-    """Return the rank correlation along the last axis; NaN where one of the two is constant."""
-    from scipy.stats import rankdata
-
-    a, b = (rankdata(values, axis=-1) for values in (ours, theirs))
-    a, b = a - a.mean(-1, keepdims=True), b - b.mean(-1, keepdims=True)
-    with np.errstate(invalid="ignore"):
-        return np.sum(a * b, -1) / np.sqrt(np.sum(a * a, -1) * np.sum(b * b, -1))
-
-
-def curve(rows: Rows, experiment: str, solver: str, profile: str, quantity: str) -> dict[str, list[float]]:
-    """Return, level by level, the median of the cells' `quantity` and its quartiles; NaN where none has a result."""
-    rows = [row for row in rows if row["experiment"] == experiment]
-    levels = sorted({row["level"] for row in rows})
-    found: dict[str, list[float]] = {"level": [float(level) for level in levels], "low": [], "middle": [], "high": []}
-    rows = [row for row in rows if (row["solver"], row["profile"]) == (solver, profile) and not has_failed(row)]
-    for level in levels:
-        values = [row[quantity] for row in rows if row["level"] == level and row.get(quantity) is not None]
-        quartiles = np.quantile(values, [0.25, 0.5, 0.75]) if values else [np.nan] * 3
-        for name, value in zip(("low", "middle", "high"), quartiles, strict=True):
-            found[name].append(float(value))
-    return found
-
-
-def speed_points(rows: Rows, seconds: Rows, experiments: Sequence[str]) -> list[SpeedPoint]:
+def speed_points(table: Results, seconds: Rows) -> list[SpeedPoint]:
     """Return each method and profile once: `kind` "real" for default, "twin" for seed, as the chart draws them.
 
-    Medians over the experiments' cells of the processor seconds for a million pixels of one frame, and of the median
-    angular errors. A cell without a result is in neither.
+    Medians over the cells of the processor seconds for a million pixels of one frame, and of the median angular errors.
+    A cell without a result is in neither.
     """
-    taken = {tuple(row[key] for key in KEY): row["seconds"] for row in seconds}
-    points = []
-    good = [row for row in rows if row["experiment"] in experiments and row["status"] == "ok"]
-    for (solver, profile), group in grouped(good, "solver", "profile").items():
-        values = [
-            (spent / (row["pixels"] / (1 - row["unanswered"]) / 1e6) / row["frames"], row["median_deg"])
-            for row in group
-            if (spent := taken.get(tuple(row[key] for key in KEY)))
-        ]
-        speed, error = np.median(values, axis=0) if values else (0.0, 0.0)
-        if min(speed, error) > 0:
-            kind = "real" if profile == "default" else "twin"
-            points.append(SpeedPoint(solver, family(solver), kind, float(speed), float(error)))
-    return points
+    from pandas import DataFrame
+
+    both = table[table["is_ok"]].merge(DataFrame(seconds, columns=[*KEY, "seconds"]), on=[*KEY])
+    both["speed"] = both["seconds"] / (both["pixels"] / (1 - both["unanswered"]) / 1e6) / both["frames"]
+    found = both.groupby(["solver", "profile"], sort=False)[["speed", "median_deg"]].median()
+    return [
+        SpeedPoint(solver, family(solver), "real" if profile == "default" else "twin", float(speed), float(error))
+        for (solver, profile), (speed, error) in found.T.items()
+        if min(speed, error) > 0
+    ]

@@ -4,9 +4,7 @@ import random
 
 import pytest
 
-from fixtures.bad_input.cases import shares
-from fixtures.bad_input.law import fuzz
-from fixtures.bad_input.watch import Watched
+from fixtures.bad_input.law import Watched, fuzz, shares
 
 FULL = 2000
 """Cases of `make test-all`, over all doors: about three minutes on two cores."""

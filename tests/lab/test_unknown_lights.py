@@ -16,7 +16,7 @@ from lab.options import Solving
 from lab.run import run_session
 from lab.settings import Settings
 from rgbn.export_command import export_session
-from rgbn.opened_session import open_session
+from rgbn.opened_session import Session
 from scene.errors import CalibrationError, SceneError
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
@@ -97,7 +97,7 @@ def test_a_method_that_needs_lights_is_refused_before_anything_is_solved(dome, p
 def test_python_and_the_studio_open_it(dome, processed):
     from studio.review.folder import Review
 
-    opened = open_session(dome[0], out=processed[0])
+    opened = Session(dome[0], out=processed[0])
     assert opened.methods == UNCALIBRATED
     assert np.isfinite(opened.normals("ldr")).any()
     assert "unknown" in repr(opened.lights)

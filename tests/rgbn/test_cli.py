@@ -68,7 +68,7 @@ def test_the_numbers_of_a_check_are_those_of_the_photographs(run, session, tmp_p
 
 
 def test_more_lights_than_a_screen_holds_are_the_worst_ones_and_a_file(run, session, capsys):
-    from rgbn.light_tables import MOST, WORST, light_tables
+    from rgbn.step_tables import MOST, WORST, light_tables
     from scene.lights import Lights
     from scene.store import Store
 

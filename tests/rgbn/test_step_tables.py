@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from rgbn.light_tables import light_tables
-from rgbn.step_tables import TABLES, camera_text
+from rgbn.step_tables import TABLES, camera_text, light_tables
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.spheres import Sphere

@@ -13,8 +13,7 @@ from scipy.io import loadmat
 
 from experiments.catalogue import catalogue
 from experiments.datasets.check import check_dataset
-from experiments.datasets.make import make, make_one
-from experiments.datasets.write import mark_of
+from experiments.datasets.make import make, make_one, mark_of
 from scene.errors import SceneError
 from scene.normals import angular_error_deg
 from scene.output_folder import open_record
@@ -144,25 +143,11 @@ def test_a_folder_that_is_not_ours_is_left(tmp_path):
     assert (tmp_path / one.name / "mine.txt").exists()
 
 
-def test_a_folder_with_a_recipe_of_its_own_is_left(tmp_path):
-    one = small("blob-ambient-0.00")
-    for number, recipe in enumerate(('{"flour": "500 g"}', "[1, 2]", "no json")):
-        folder = tmp_path / str(number) / one.name
-        with open_record(folder.parent):
-            folder.mkdir(parents=True)
-        (folder / "recipe.json").write_text(recipe)
-        (folder / "SHA256SUMS").write_text("")
-        with pytest.raises(SceneError, match="is not a dataset that rgbn made"):
-            make(folder.parent, [one])
-        assert (folder / "recipe.json").read_text() == recipe
-
-
 def test_a_fault_of_ours_is_no_fault_of_the_input(tmp_path, monkeypatch):
-    def write(folder, dataset):
-        folder.mkdir()
+    def photograph(dataset):
         raise fault
 
-    monkeypatch.setattr("experiments.datasets.make.write_dataset", write)
+    monkeypatch.setattr("experiments.datasets.make.photograph_dataset", photograph)
     fault = SceneError("no renderer here")
     assert make_one(tmp_path, small("blob-ambient-0.00")) == "no renderer here"
     fault = TypeError("a slip")

@@ -8,10 +8,10 @@ from dataclasses import fields, replace
 
 import pytest
 
+from benchmarks.benchmark_findings import benchmark_statistics
 from experiments import recipe
 from experiments.recipe import Recipe
-from experiments.stagings import FITTED, NOISE, ONE_FACTOR, benchmark, experiments_of
-from experiments.sweeps.sweep_statistics import benchmark_statistics
+from experiments.stagings import FITTED, NOISE, ONE_FACTOR, TOLD_WRONGLY, benchmark, experiments_of
 from scene import current
 from scene.errors import SceneError
 
@@ -75,7 +75,8 @@ def test_names_tell_cells_apart():
     others = {
         "shape": "knot", "relief": 2.0, "material": "specular", "reflectance": 0.4, "roughness": 0.3,
         "specularity": 0.5, "lights": "ring", "count": 9, "polar_deg": 50.0, "depth": 4, "ambient": 0.3, "noise": 0.2,
-        "images": 5, "side": 99, "seed": 10003, "distribution": "beckmann",
+        "images": 5, "directions_off_deg": 1.0, "intensities_off": 0.1, "side": 99, "seed": 10003,
+        "distribution": "beckmann",
     }  # fmt: skip
     assert set(others) == {f.name for f in fields(Recipe)}
     changed = [replace(cell, recipe=replace(cell.recipe, **{name: value})).key for name, value in others.items()]
@@ -111,7 +112,8 @@ def test_a_quick_look_is_small():
 
 
 def test_what_is_asked_for():
-    assert [one.name for one in experiments_of("all")] == list(ONE_FACTOR)
+    assert [one.name for one in experiments_of("all")] == [*ONE_FACTOR, *TOLD_WRONGLY]
+    assert [one.name for one in experiments_of("all", "benchmark")] == [*ONE_FACTOR]
     assert [one.name for one in experiments_of("ring, noise,ring")] == ["ring", "noise"]
     with pytest.raises(SceneError, match="rings is unknown; there are ambient"):
         experiments_of("rings")

@@ -8,6 +8,7 @@ import pytest
 from experiments.photographs import photograph
 from experiments.recipe import Recipe
 from experiments.shapes import SHAPES
+from scene.normals import angular_error_deg
 from twin.engines.variant import SLOW, pick_variant
 
 pytestmark = [
@@ -45,6 +46,22 @@ def test_the_frames_taken_keep_their_lights():
     assert np.quantile(np.abs(some.frames.read()[:, some.mask][..., 1] - expected)[sure], 0.95) < 0.01
     others = {photograph(replace(PLAIN, images=4, seed=seed)).lights.names for seed in range(10001, 10007)}
     assert len(others) > 3
+
+
+def test_told_lights_are_as_far_off_as_the_recipe_says():
+    one = replace(PLAIN, count=400, side=16, seed=10001)
+    plain, off = photograph(one), photograph(replace(one, directions_off_deg=6.0, intensities_off=0.2))
+    assert np.array_equal(off.frames.read(), plain.frames.read()), "the light itself is the same"
+    angle = angular_error_deg(off.lights.directions, plain.lights.directions)
+    assert np.sqrt(np.mean(angle**2)) == pytest.approx(6.0, rel=0.1)
+    assert np.std(np.log(off.lights.intensities[:, 0])) == pytest.approx(0.2, rel=0.1)
+    # Strengths of one draw lie on one line; other draws do not.
+    twice = angular_error_deg(
+        photograph(replace(one, directions_off_deg=12.0)).lights.directions, plain.lights.directions
+    )
+    assert np.allclose(twice, 2 * angle)
+    other = photograph(replace(one, directions_off_deg=6.0, seed=10002)).lights.directions
+    assert np.median(angular_error_deg(other, off.lights.directions)) > 1
 
 
 def test_ambient_light_adds_albedo_and_the_exposure_holds_it():

@@ -1,4 +1,4 @@
-"""What is joined from cells: tables that are the same bytes in any order, statistics that lose no failure, charts."""
+"""What is joined from cells: tables that are the same bytes again, statistics that lose no failure, charts, a page."""
 
 import json
 import re
@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
+from benchmarks.benchmark_findings import agreement, benchmark_statistics
 from experiments.stagings import CALIBRATED, ONE_FACTOR, SOLVERS
-from experiments.sweeps.cell import common_means, failed_rows
+from experiments.sweeps.cell import failed_rows
 from experiments.sweeps.sweep import write_tables
 from experiments.sweeps.sweep_page import write_page
-from experiments.sweeps.sweep_statistics import agreement, benchmark_statistics, curve, statistics
-from experiments.tables import KEY, RESULTS
+from experiments.sweeps.sweep_statistics import breaks, curves, levels, speed_points, statistics
+from experiments.tables import KEY, RESULTS, results
 
 
 def cells_with(error, experiments=ONE_FACTOR):
@@ -24,87 +25,127 @@ def cells_with(error, experiments=ONE_FACTOR):
             for row in rows:
                 value = error(name, row["solver"], row["level"])
                 if value is not None:
-                    row |= {"status": "ok", "median_deg": float(value)}
-                    row |= dict.fromkeys(("mean_deg", "common_deg", "filled_deg"), float(value))
-                    row |= {"unanswered": 0.25, "albedo_error_percent": 3.0, "pixels": 3000, "frames": 32}
-                    row |= dict.fromkeys(("flip_deg", "relief_deg", "turn_deg", "tilt_spread_deg"), float(value))
-                    row |= {"tilt_deg": -9.0, "doubts": "by the test"}
-            key = {name: rows[0][name] for name in ("experiment", "level", "value", "label", "shape", "seed")}
-            found.append(
-                {"rows": rows, "seconds": [key | {"solver": "", "profile": "", "seconds": 1.5}], "picture": None}
-            )
+                    row |= {"status": "ok", "unanswered": 0.25, "albedo_error_percent": 3.0, "pixels": 3000}
+                    row |= dict.fromkeys(("mean_deg", "median_deg", "filled_deg", "flip_deg"), float(value))
+                    row |= {"frames": 32, "doubts": "by the test"}
+            # Each solver half as fast as the one before.
+            seconds = [
+                {name: row[name] for name in KEY} | {"seconds": 2.0 ** list(SOLVERS).index(row["solver"])}
+                for row in rows
+            ]
+            found.append({"rows": rows, "seconds": seconds, "picture": None})
     return found
 
 
-def test_tables_are_the_same_bytes_in_any_order(tmp_path):
+def table_with(error, experiments=ONE_FACTOR):
+    return results([row for one in cells_with(error, experiments) for row in one["rows"]])
+
+
+def row(level=0, *, median=1.0, seed=0, **more):
+    """A row as a cell has it; by default good."""
+    key = {"experiment": "ambient", "level": level, "value": float(level), "label": f"v{level}", "shape": "pear"}
+    key |= {"seed": seed, "solver": "ls", "profile": "default"}
+    numbers = {"status": "ok", "median_deg": median, "flip_deg": median, "unanswered": 0.0, "doubts": ""}
+    return {**key, **numbers, "pixels": 4000, "frames": 8, **more}
+
+
+def test_tables_keep_every_row(tmp_path):
     found = cells_with(lambda name, solver, level: len(solver) + level, ["ring", "ambient"])
-    order = [*ONE_FACTOR, *SOLVERS]
-    rows = write_tables(tmp_path / "a", found, order)
-    shuffled = [found[i] for i in np.random.default_rng(10001).permutation(len(found))]
-    assert write_tables(tmp_path / "b", shuffled, order) == rows
-    assert not (tmp_path / "a" / "perturbations.parquet").exists()
-    for name in ("results.parquet", "seconds.parquet"):
-        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
-    table = parquet.read_table(tmp_path / "a" / "results.parquet")
+    write_tables(tmp_path, found)
+    table = parquet.read_table(tmp_path / "results.parquet")
     assert table.column_names == list(RESULTS)
     assert table.num_rows == sum(len(one["rows"]) for one in found)
-    assert table.column("experiment").to_pylist()[0] == "ambient"
+    assert results(table.to_pylist()).equals(results([row for one in found for row in one["rows"]]))
 
 
-def test_statistics_count_what_failed():
+def test_statistics_count_what_failed_and_who_refuses_is_not_rewarded():
     errors = {0: 1.0, 1: 2.0, 2: None, 3: 6.0}
     rows = [row for one in cells_with(lambda n, s, level: errors.get(level, 3.0), ["roughness"]) for row in one["rows"]]
-    numbers = statistics(rows)["roughness", "ls", "default"]
-    values = np.repeat([1.0, 2.0, 6.0, 3.0, 3.0, 3.0, 3.0, 3.0], 3)
+    place, values = ("roughness", "ls", "default"), np.repeat([1.0, 2.0, 6.0, 3.0, 3.0, 3.0, 3.0, 3.0], 3)
+    numbers = statistics(results(rows)).loc[place]
     assert (numbers["cells"], numbers["no_answer"], numbers["failed"], numbers["unanswered"]) == (24, 0, 3, 0.25)
-    rows = [
-        {**row, "status": "no answer: by the test", "filled_deg": 90.0} if row["status"].startswith("failed") else row
-        for row in rows
-    ]
-    numbers = statistics(rows)["roughness", "ls", "default"]
-    assert (numbers["cells"], numbers["no_answer"], numbers["failed"]) == (24, 3, 0)
-    filled = statistics(rows, "filled_deg")["roughness", "ls", "default"]
-    assert filled["mean"] == pytest.approx(np.append(values, [90.0] * 3).mean()), "who refuses is not rewarded"
     for name in ("min", "max", "mean", "median", "std"):
         assert numbers[name] == pytest.approx(getattr(np, name)(values))
-    middle = curve(rows, "roughness", "ls", "default", "mean_deg")["middle"]
+    middle = curves(results(rows), "roughness", "default", "mean_deg").xs("ls")[0.5].to_numpy()
     assert np.isnan(middle[2])
-    assert middle[:2] + middle[3:] == [1.0, 2.0, 6.0, *[3.0] * 5]
+    assert [*middle[:2], *middle[3:]] == [1.0, 2.0, 6.0, *[3.0] * 5]
+    refused = {"status": "no answer: by the test", "filled_deg": 90.0}
+    numbers = statistics(results([one | refused if one["status"] != "ok" else one for one in rows])).loc[place]
+    assert (numbers["cells"], numbers["no_answer"], numbers["failed"]) == (24, 3, 0)
+    assert numbers["mean"] == pytest.approx(np.append(values, [90.0] * 3).mean())
+
+
+REFUSED, FAILED = {"status": "no answer: too few"}, {"status": "failed: ZeroDivisionError"}
+
+
+@pytest.mark.parametrize(
+    ("rows", "state", "doubted", "counts"),
+    [
+        ([row()], "good", False, (1, 0)),
+        ([row(median=7.0)], "fair", False, (1, 0)),
+        ([row(median=40.0, doubts="x"), row(median=50.0, seed=1)], "broken", True, (2, 2)),
+        ([row(median=40.0, flip_deg=3.0)], "flipped", False, (1, 1)),
+        ([row(unanswered=0.6)], "no answer", False, (1, 1)),
+        ([row(), row(median=50.0, seed=1, doubts="x"), row(seed=2, **REFUSED), row(seed=3)], "broken", True, (4, 2)),
+        ([row(), row(median=50.0, seed=1), row(seed=2)], "good", False, (3, 1)),
+        ([row(**REFUSED), row(seed=1, **REFUSED)], "no answer", True, (2, 2)),
+        # A fault of ours is neither a broken method nor one that doubted itself.
+        ([row(median=50.0), row(seed=1, **FAILED), row(seed=2, **FAILED), row(seed=3), row(seed=4)],
+         "good", False, (3, 1)),
+    ],
+)  # fmt: skip
+def test_a_level_is_what_most_of_its_cells_are(rows, state, doubted, counts):
+    (found,) = levels(results(rows)).to_dict("records")
+    assert (found["state"], found["doubted"], (found["cells"], found["broken_cells"])) == (state, doubted, counts)
+
+
+@pytest.mark.parametrize(
+    ("errors", "words"),
+    [
+        ([1, 2, 3, 4], "holds"), ([1, 2, 11, 40], "from v2"), ([40, 11, 2, 1], "up to v1"), ([1, 12, 1, 1], "v1"),
+        ([40, 1, 1, 12], "up to v0, from v3"), ([1, 12, 14, 1], "v1 to v2"), ([11, 12, 13, 14], "everywhere"),
+    ],
+)  # fmt: skip
+def test_where_it_breaks_is_told_in_words(errors, words):
+    found = levels(results([row(level, median=float(error)) for level, error in enumerate(errors)]))
+    assert breaks(list(found["label"]), found["state"]) == words
+
+
+def test_speed_is_a_million_pixels_of_one_frame():
+    rows = [row(seed=i, median=2.0 + i, unanswered=0.5) for i in range(3)]
+    times = [{name: one[name] for name in KEY} | {"seconds": 0.2 * (i + 1)} for i, one in enumerate(rows)]
+    (point,) = speed_points(results(rows), times)
+    assert (point.seconds, point.median_deg) == (pytest.approx(0.4 / 0.008 / 8), 3.0)
+    assert speed_points(results([one | FAILED for one in rows]), times) == []
 
 
 def test_the_benchmark_s_own_numbers():
     theirs = benchmark_statistics()
     assert len(theirs) == 9 * 7
     assert theirs["shadow", "iterative"] == {"min": 0.33, "max": 73.46, "mean": 38.30, "median": 43.24, "std": 27.95}
-    assert theirs["ring", "tv"]["max"] == 97.58
 
 
 def test_rank_correlation_is_that_of_ranks():
     theirs = benchmark_statistics()
-    rows = [row for one in cells_with(lambda n, s, _: theirs[n, s]["mean"] ** 3) for row in one["rows"]]
-    found = agreement(rows, "seed", "filled_deg")
+    found = agreement(table_with(lambda n, s, _: theirs[n, s]["mean"] ** 3), "seed")
     assert found.pairs == 9 * len(CALIBRATED)
     for one in found[1:]:
         assert one == pytest.approx((1.0, 1.0, 1.0), abs=1e-9), "all scenes of an experiment are alike here"
-    rows = [row for one in cells_with(lambda n, s, _: 1 / theirs[n, s]["mean"]) for row in one["rows"]]
-    assert agreement(rows, "default", "mean_deg").overall[0] == pytest.approx(-1.0)
-    assert np.isnan(agreement([], "seed", "mean_deg").overall[0])
+    found = agreement(table_with(lambda n, s, _: 1 / theirs[n, s]["mean"]), "default")
+    assert found.overall[0] == pytest.approx(-1.0)
+    assert np.isnan(agreement(table_with(lambda n, s, _: 1.0, ["ring"]), "seed").overall[0])
 
 
-def test_agreement_within_and_between_experiments_are_told_apart():
+@pytest.mark.parametrize("sign", [1, -1])
+def test_agreement_within_and_between_experiments_are_told_apart(sign):
     """The right order of methods with the experiments' difficulties upside down, and the reverse."""
     theirs = benchmark_statistics()
     mean = {name: np.mean([theirs[name, solver]["mean"] for solver in CALIBRATED]) for name in ONE_FACTOR}
     rank = sorted(mean, key=mean.get)
-    opposite = dict(zip(rank, rank[::-1], strict=True))
-    cells = cells_with(lambda name, solver, _: 1000 * mean[opposite[name]] + theirs[name, solver]["mean"])
-    found = agreement([row for one in cells for row in one["rows"]], "seed", "filled_deg")
-    assert found.within[0] == pytest.approx(1.0)
-    assert found.between[0] < -0.5
-    cells = cells_with(lambda name, solver, _: 1000 * mean[name] - theirs[name, solver]["mean"])
-    found = agreement([row for one in cells for row in one["rows"]], "seed", "filled_deg")
-    assert found.within[0] == pytest.approx(-1.0)
-    assert found.between[0] > 0.5
+    other = dict(zip(rank, rank[::-sign], strict=True))
+    found = agreement(table_with(lambda n, s, _: 1000 * mean[other[n]] + sign * theirs[n, s]["mean"]), "seed")
+    assert found.within[0] == pytest.approx(sign)
+    assert -sign * found.between[0] > 0.5
 
 
 def test_the_interval_is_wide_where_the_scenes_differ():
@@ -114,44 +155,28 @@ def test_the_interval_is_wide_where_the_scenes_differ():
         noise.setdefault((name, solver, level), np.exp(1.5 * generator.standard_normal()))
         return theirs[name, solver]["mean"] * noise[name, solver, level]
 
-    found = agreement([row for one in cells_with(scattered) for row in one["rows"]], "seed", "filled_deg")
-    for middle, low, high in found[1:]:
+    for middle, low, high in agreement(table_with(scattered), "seed")[1:]:
         assert -1 <= low <= middle + 0.05
         assert middle - 0.05 <= high
         assert high - low > 0.02
 
 
-def test_who_leaves_out_what_is_hard_is_compared_on_what_all_answer():
-    errors = np.array([[1.0, 2.0, 60.0, 70.0], [1.0, 2.0, np.nan, np.nan], [np.nan, 4.0, 5.0, 6.0], [np.nan] * 4])
-    assert common_means(errors) == [2.0, 2.0, 4.0, None]
-    assert common_means(errors[3:]) == [None]
-    assert common_means(np.array([[1.0, np.nan], [np.nan, 1.0]])) == [None, None], "no pixel that both answer"
-
-
 def test_the_page_shows_failures_and_every_experiment(tmp_path):
-    found = cells_with(lambda name, solver, level: None if solver == "tv" else level + 1.0)
-    # Each solver half as fast as the one before.
-    for one in found:
-        one["seconds"] += [
-            {name: row[name] for name in (*KEY,)} | {"seconds": 2.0 ** list(SOLVERS).index(row["solver"])}
-            for row in one["rows"]
-        ]
-    rows, perturbed, seconds = write_tables(tmp_path, found, [*ONE_FACTOR, *SOLVERS])
-    write_page(tmp_path, rows, found, perturbed=perturbed, seconds=seconds)
+    found = cells_with(lambda name, solver, level: None if solver == "tv" else 2 * level + 1.0)
+    rows, seconds = write_tables(tmp_path, found)
+    write_page(tmp_path, rows, found, seconds=seconds)
     page = (tmp_path / "index.html").read_text()
     for one in ONE_FACTOR.values():
-        assert f"<h2 id='{one.name}'>{one.label}</h2>" in page
+        assert f'<section id="{one.name}"><h2>{one.label}</h2>' in page
         chart = (tmp_path / f"{one.name}-normals.svg").read_text()
-        assert chart.count("<polyline") == len(SOLVERS)
-        assert chart.count("<polygon") == len(SOLVERS)
+        assert chart.count("<polyline") == chart.count("<polygon") == len(SOLVERS)
         assert not re.search(r"\bnan\b", chart)
-        speed = (tmp_path / f"{one.name}-speed.svg").read_text()
-        # Six methods that have results, with two profiles each.
-        assert speed.count("s per megapixel-image, median") == 12
+    # Six methods that have results, with two profiles each.
+    assert (tmp_path / "speed.svg").read_text().count("s per megapixel-image, median") == 12
     assert "tv, default: failed: by the test" in page
-    assert "ls, default: 7.81 processor s per megapixel-image" in (tmp_path / "speed.svg").read_text()
-    atlas = (tmp_path / "atlas.svg").read_text()
-    assert "tv, default" not in atlas, "what failed says nothing of the method"
-    assert json.loads((tmp_path / "stability.json").read_text())["doubts"][0]["whole_doubted"] > 0
-    assert "0 / 0 / 24 / 0 %" in page
-    assert "http" not in page.replace("http://www.w3.org/2000/svg", "")
+    assert "TV, default" not in page, "what failed says nothing of the method"
+    assert "from 0.35" in page, "where ambient light breaks it"
+    failures = json.loads((tmp_path / "stability.json").read_text())
+    assert {one["state"] for one in failures} == {"good", "fair", "broken"}
+    assert "0, 0, 24, 0 %" in page
+    assert "default-src 'none'" in page, "nothing is fetched"
