@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,18 +14,19 @@ from scene.rooms import ROOT
 
 LINES = 8
 """The last ones that are shown."""
-MOST_AT_WORK = 4
-"""Processes of a studio at a time."""
 
 
-class BackgroundProcess:
-    """Python at work with these arguments. All that is told comes from a thread of this.
+class Work:
+    """Python at work with these arguments, as it stands.
 
-    said: Called with each line of the standard error.
-    ended: Called at the end with an empty text, or with what was at fault; not after `stop`.
+    said: What it said last. share: How much of what it is at is done, 0 to 1. fault: Why it ended badly.
+    told: Called from a thread of its own with each line, and with an empty one when it has ended.
     """
 
-    def __init__(self, arguments: Sequence[str], said: Callable[[str], Any], ended: Callable[[str], Any]) -> None:
+    def __init__(self, label: str, arguments: Sequence[str], told: Callable[[str], Any] = lambda line: None) -> None:
+        self.label, self.told, self.said, self.share = label, told, list[str](), 0.0
+        self.fault, self.is_over, self.is_stopped = "", False, False
+        self._begun_s = time.monotonic()
         self._process = subprocess.Popen(
             [sys.executable, *arguments],
             cwd=ROOT,
@@ -33,29 +35,44 @@ class BackgroundProcess:
             stderr=subprocess.PIPE,
             text=True,
         )
-        self._is_stopped = False
-        self._reader = threading.Thread(target=self._read, args=(said, ended), daemon=True)
+        self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
+    @property
+    def seconds(self) -> float:
+        """Since it was begun."""
+        return time.monotonic() - self._begun_s
+
     def stop(self) -> None:
-        """End the process; what it has done is kept, and the same work goes on from there."""
-        self._is_stopped = True
+        """End it; what it has done is kept, and the same work goes on from there."""
+        self.is_stopped = True
         self._process.terminate()
         self.wait()
 
     def wait(self) -> None:
-        """Return when the process has ended and everything was told."""
+        """Return when it has ended and everything was told."""
         self._reader.join()
 
-    def _read(self, said: Callable[[str], Any], ended: Callable[[str], Any]) -> None:
+    def _read(self) -> None:
         lines = []
         with self._process:
             for line in self._process.stderr or ():
                 lines.append(line.rstrip())
-                said(line.strip())
-        code = self._process.returncode
-        if not self._is_stopped:
-            ended("" if code == 0 else _fault(lines) or f"the process ended with code {code}.")
+                self._hear(line.strip())
+        if not self.is_stopped and (code := self._process.returncode):
+            self.fault = _fault(lines) or f"the process ended with code {code}."
+        self.is_over = True
+        self.told("")
+
+    def _hear(self, line: str) -> None:
+        label, _, rest = line.partition(":")
+        if count := re.match(r" (\d+) of (\d+)", rest):
+            self.share = int(count[1]) / max(int(count[2]), 1)
+        # How far something is takes the place of how far it was.
+        is_state = count or " s so far" in rest
+        known = [text for text in self.said if not (is_state and text.startswith(f"{label}:"))]
+        self.said = [*known, line][-LINES:]
+        self.told(line)
 
 
 def _fault(lines: list[str]) -> str:
@@ -64,62 +81,22 @@ def _fault(lines: list[str]) -> str:
     return "\n".join(lines[starts[-1] :] if starts else lines[-12:]).removeprefix("rgbn: ")
 
 
-class Work:
-    """One piece of work in a process, as it stands: whoever looks at it is told of each change.
-
-    said: What it said last. share: How much of what it is at is done, 0 to 1.
-    fault: Why it ended badly. watchers: Called, in whatever thread, when something changed.
-    """
-
-    def __init__(self, label: str, arguments: Sequence[str]) -> None:
-        self.label, self.said, self.share = label, list[str](), 0.0
-        self.fault, self.is_over, self.is_stopped = "", False, False
-        self.watchers: list[Callable[[], Any]] = []
-        self._process = BackgroundProcess(arguments, self._tell, self._end)
-
-    def stop(self) -> None:
-        """End it."""
-        self.is_stopped = self.is_over = True
-        self._process.stop()
-        self._changed()
-
-    def _tell(self, line: str) -> None:
-        if count := re.search(r": (\d+) of (\d+)", line):
-            self.share = int(count[1]) / max(int(count[2]), 1)
-            # A count takes the place of the one before it.
-            self.said = [text for text in self.said if not text.startswith(line[: count.start(1)])]
-        self.said = [*self.said, line][-LINES:]
-        self._changed()
-
-    def _end(self, fault: str) -> None:
-        self.fault, self.is_over = fault, True
-        self._changed()
-
-    def _changed(self) -> None:
-        for tell in list(self.watchers):
-            tell()
-
-
 class Works:
-    """What is at work in a studio, by the folder that it writes: it goes on when the page that began it is closed."""
+    """What is at work in a studio, by the folder that it writes: it goes on when its page is closed."""
 
     def __init__(self) -> None:
-        self._works: dict[Any, Work] = {}
-        self._lock = threading.Lock()
+        self._works: dict[Path, Work] = {}
 
     def of(self, folder: Path) -> Work | None:
         """Return what writes a folder, or wrote it last."""
         return self._works.get(folder)
 
-    def begin(self, folder: Path, label: str, arguments: Sequence[str]) -> Work:
-        """Begin something. Raises SceneError: the folder is being written, or too much is at work."""
-        with self._lock:
-            busy = [work for work in self._works.values() if not work.is_over]
-            if (known := self._works.get(folder)) in busy and known is not None:
-                raise SceneError(f"{folder.name}: {known.label} is at work. Stop it first, or wait.")
-            if len(busy) >= MOST_AT_WORK:
-                raise SceneError(f"{len(busy)} things are at work, the most at a time. Wait for one, or stop one.")
-            self._works[folder] = work = Work(label, arguments)
+    def begin(self, folder: Path, label: str, arguments: Sequence[str], told: Callable[[str], Any]) -> Work:
+        """Begin something. Raises SceneError: something is at work; what runs takes all of the machine."""
+        busy = next((place for place, work in self._works.items() if not work.is_over), None)
+        if busy is not None:
+            raise SceneError(f"{busy.name}: {self._works[busy].label} is at work. Stop it first, or wait.")
+        self._works[folder] = work = Work(label, arguments, told)
         return work
 
     def stop_all(self) -> None:

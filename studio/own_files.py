@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import threading
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -14,7 +13,6 @@ from scene.output_folder import open_record
 from scene.record import PLACE
 
 Made = TypeVar("Made")
-_ONE_AT_A_TIME = threading.Lock()
 
 
 def put_own(folder: Path, write: Callable[[Path], Made]) -> Made:
@@ -26,7 +24,7 @@ def put_own(folder: Path, write: Callable[[Path], Made]) -> Made:
     """
     is_new = not folder.exists()
     try:
-        with _ONE_AT_A_TIME, open_record(folder, among_others=True) as record:
+        with open_record(folder, among_others=True) as record:
             staging = record.scratch("staging")
             shutil.rmtree(staging, ignore_errors=True)
             staging.mkdir()
@@ -52,7 +50,7 @@ def remove_own(folder: Path, names: Iterable[str]) -> None:
     Raises SceneError: one is not rgbn's own; then none is removed.
     """
     paths = [folder.resolve() / name for name in names]
-    with _ONE_AT_A_TIME, open_record(folder, among_others=True) as record:
+    with open_record(folder, among_others=True) as record:
         for path in paths:
             record.check_free(path)
         for path in paths:

@@ -1,17 +1,13 @@
-"""The folder that the studio works in: nothing outside of it is read or written by what the browser asks for."""
+"""The folder that the studio works in: what is listed in the page lies there, and what is made in it goes there."""
 
 import itertools
-import os
 import re
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from scene.errors import SceneError
 from scene.files import write_whole
-from scene.reading import reading, text_of
 
 MESHES = (".ply", ".obj", ".stl", ".off", ".glb")
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr", ".npy")
@@ -21,10 +17,6 @@ MOST_FILES = 300
 MOST_WALKED = 20_000
 """Files that are looked at for the lists."""
 UPLOADS = "uploads"
-MOST_UPLOAD = 200_000_000
-"""Bytes of the files that are on their way from all windows together."""
-_FILE_KEYS = {"mesh", "pose", "file", "map"}
-"""Keys of a scene description that name files."""
 
 
 @dataclass(frozen=True)
@@ -67,21 +59,13 @@ class Workspace:
         return found
 
     def folder_for(self, name: str) -> Path:
-        """Return the folder, new or old, that a name given in the browser means; not the workspace itself."""
+        """Return the folder, new or old, that a name typed in the page means; not the workspace itself."""
         found = self.path(name)
         if found == self.root:
             raise SceneError(f"{name!r}: is the workspace itself. Name a folder in it.")
         if found.exists() and not found.is_dir():
             raise SceneError(f"{name!r}: is a file. Name another folder.")
-        return self.closed(found)
-
-    def closed(self, folder: Path) -> Path:
-        """Return a folder, in which no link may lead out of the workspace: what is written below it stays there."""
-        for place, folders, files in os.walk(folder):
-            for path in (Path(place, name) for name in (*folders, *files)):
-                if path.is_symlink():
-                    self.path(path)
-        return folder
+        return found
 
     def name(self, path: Path) -> str:
         """Return what the browser calls a path."""
@@ -108,17 +92,14 @@ class Workspace:
     def keep_upload(self, name: str, content: bytes) -> str:
         """Write what the browser sent into `uploads/`, and return its name in the workspace.
 
-        Another file of that name stays: this one gets a number. Those that are too large come without content.
+        Another file of that name stays: this one gets a number.
         """
         stem, suffix = re.sub(r"[^\w.-]+", "_", Path(name).stem).strip("."), Path(name).suffix.lower()
         if suffix not in (*MESHES, *PICTURES) or not stem:
             kinds = ", ".join(dict.fromkeys((*MESHES, *PICTURES)))
             raise SceneError(f"{name}: cannot be used here; expected one of {kinds}.")
         if not content:
-            raise SceneError(
-                f"{name}: is empty, or larger than what can be sent at a time from all windows together, "
-                f"{MOST_UPLOAD // 10**6} MB. Copy it into {self.root}, and look for files again."
-            )
+            raise SceneError(f"{name}: is empty. Send another file.")
         for number in itertools.count(1):
             path = self.path(f"{UPLOADS}/{stem}{f'_{number}' if number > 1 else ''}{suffix}")
             if not path.exists():
@@ -128,24 +109,6 @@ class Workspace:
                 continue
             return self.name(path)
         raise AssertionError
-
-    def description(self, name: str) -> Path:
-        """Return the path of a scene description. Raises SceneError: it, or a file that it names, lies outside.
-
-        Other faults are left to its reader.
-        """
-        path = self.path(name)
-        try:
-            with reading(path):
-                data = tomllib.loads(text_of(path))
-        except SceneError:
-            return path
-        for file in _files_of(data):
-            try:
-                self.path(path.parent / file)
-            except SceneError as error:
-                raise SceneError(f"{path}: names {error}") from None
-        return path
 
     def _walk(self, folder: Path, depth: int) -> Iterator[Path]:
         try:
@@ -159,13 +122,3 @@ class Workspace:
                 yield path
             elif depth and path.is_dir() and path.name not in ("flash", "node_modules", "__pycache__"):
                 yield from self._walk(path, depth - 1)
-
-
-def _files_of(data: Any) -> Iterator[str]:
-    """Yield every value of a key that names a file, wherever it stands."""
-    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
-    for key, value in items:
-        if key in _FILE_KEYS and isinstance(value, str):
-            yield value
-        else:
-            yield from _files_of(value)

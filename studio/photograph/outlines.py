@@ -58,7 +58,7 @@ def removed(balls: Outlines, index: int) -> Outlines:
     return (*balls[:index], *balls[index + 1 :])
 
 
-def of_kind(balls: Outlines, index: int, kind: Kind) -> Outlines:
+def of_kind(balls: Outlines, index: int, kind: Kind, plane: Plane | None = None) -> Outlines:
     """Return the balls, one of them of this kind."""
     return balls if balls[index].kind == kind else _with(balls, index, kind=kind)
 

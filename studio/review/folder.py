@@ -1,7 +1,6 @@
 """What the output folder of a session holds to be reviewed, and why the rest is not there."""
 
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,15 +12,18 @@ from numpy.typing import NDArray
 
 from capture.session.session import load_session
 from capture.session.session_types import Session
+from capture.survey.small_pictures import read_small
 from compare.report.facts import Material, all_warnings, read_optional
-from lab.session_place import SESSION, is_output, is_session, session_and_out, session_of
-from scene.errors import SceneError, SessionError
-from scene.frames import Frames
+from compare.report.pictures import Exposure, Image
+from lab.session_place import session_of
+from scene.errors import SceneError
+from scene.frames import Frames, decode
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.output_folder import read_record
 from scene.spheres import Sphere
 from scene.store import Store
+from studio.review.warned import Warned, targets
 from twin.description.object_mesh import ObjectMesh
 
 if TYPE_CHECKING:
@@ -34,22 +36,8 @@ HEADLINE = "# Written by rgbn studio: the session as its own session.toml has it
 """First line of its session.toml: what may be written over."""
 OWN = "# Its own: "
 """Begins the second line, which names the session that was corrected."""
-UNREADABLE = (OSError, ValueError, KeyError, TypeError, SceneError)
+UNREADABLE = (OSError, ValueError, KeyError, TypeError, AssertionError, SceneError)
 """What a part that is missing, or that a killed run left half-made, raises when it is read."""
-
-
-@dataclass(frozen=True)
-class Warned:
-    """A warning of a step.
-
-    frames: That it names, in the order in which it names them.
-    ball: That it names first.
-    """
-
-    step: str
-    text: str
-    frames: tuple[int, ...] = ()
-    ball: int | None = None
 
 
 @dataclass(frozen=True)
@@ -154,6 +142,16 @@ class Review:
         return [self.session if name == "session" else self._parts[name][0] for name in names]
 
     @cached_property
+    def first_look(self) -> Image | None:
+        """The session's first photograph, small, for as long as none is decoded here; None: it cannot be read."""
+        with suppress(*UNREADABLE):
+            assert self.session is not None
+            (small,), _ = read_small(self.session.flash[:1], self.session.encoding)
+            linear = decode(small.codes)
+            return Exposure.for_picture(linear).develop(linear)
+        return None
+
+    @cached_property
     def scan_mesh(self) -> Mesh:
         """The session's scan. Raises SceneError: there is none, or it cannot be read."""
         from align.scan.mended_scan import load_scan
@@ -190,25 +188,6 @@ def _readable(read: Callable[[], Any]) -> Any:
 def _known_lights(store: Store) -> Lights | None:
     lights = store.load_lights()
     return None if lights.is_unknown else lights
-
-
-def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
-    """Return the output folder, and the session's place or None, that a command line means.
-
-    out: The output folder of a session; None: out/NAME. An output folder can be looked at without its session.
-    """
-    if not is_output(source) and not is_session(source):
-        raise SceneError(
-            f"{source}: neither a session (session.toml) nor an output folder of rgbn ({SESSION}). Give one of these, "
-            "or a scene description, .toml."
-        )
-    try:
-        session, folder = session_and_out(source, out)
-    except SessionError:
-        if not is_output(source):
-            raise
-        session, folder = None, source
-    return folder.resolve(), session
 
 
 def is_kept(store: Store) -> bool:
@@ -249,46 +228,3 @@ def _array(rows: Any, shape: tuple[int, ...]) -> Array | None:
         found = np.array(rows, np.float64)
         return found if found.shape == shape else None
     return None
-
-
-def targets(texts: Sequence[tuple[str, str]], names: Sequence[str], spheres: Sequence[Sphere]) -> list[Warned]:
-    """Return warnings with what they name.
-
-    names: The frames'. spheres: In the order in which `spheres.json` has them, which is that of "ball 2" in a text.
-    """
-    return [Warned(step, text, _frames(text, names), _ball(text, spheres)) for step, text in texts]
-
-
-def _frames(text: str, names: Sequence[str]) -> tuple[int, ...]:
-    """Return the frames whose names stand in a text as whole words."""
-    found = []
-    for index, name in enumerate(names):
-        # flash_1 is not named by flash_12, nor by flash_1.5; flash_1.dng names it.
-        match = re.search(rf"(?<![\w.-]){re.escape(name)}(?!\w|-\w|\.\d)", text)
-        if match:
-            found.append((match.start(), index))
-    return tuple(index for _, index in sorted(found))
-
-
-def _ball(text: str, spheres: Sequence[Sphere]) -> int | None:
-    """Return the ball that a text names by its number, its place, or as the only one of its kind."""
-    named = re.search(r"\b(chrome|white) ball (\d+)\b", text)
-    if named:
-        # Numbers count the balls of one kind.
-        return _of_kind(spheres, named[1], int(named[2]) - 1)
-    placed = re.search(r"\b(chrome|white) ball at \((-?\d+), (-?\d+)\) px", text)
-    if placed and spheres:
-        place = [float(placed[2]), float(placed[3])]
-        away = [float(abs(sphere.center_px - place).max()) for sphere in spheres]
-        nearest = min(range(len(away)), key=away.__getitem__)
-        return nearest if away[nearest] < spheres[nearest].radius_px else None
-    alone = re.search(r"\bthe (chrome|white) ball\b|\bone (chrome) ball\b", text)
-    if alone:
-        kind = alone[1] or alone[2]
-        return _of_kind(spheres, kind, 0) if sum(sphere.kind == kind for sphere in spheres) == 1 else None
-    return None
-
-
-def _of_kind(spheres: Sequence[Sphere], kind: str, number: int) -> int | None:
-    places = [index for index, sphere in enumerate(spheres) if sphere.kind == kind]
-    return places[number] if 0 <= number < len(places) else None

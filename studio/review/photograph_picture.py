@@ -1,4 +1,4 @@
-"""A photograph as it is shown large: clipped pixels marked, the mask or the registered scan laid over it."""
+"""A photograph as it is shown large, with what is laid over it; and the normals or the twin beside it."""
 
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
@@ -6,7 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report.pictures import Box, Image, contours, normal_picture
+from compare.report.pictures import Box, Image, contours, normal_picture, thumbnail
 from compare.report.registration_pictures import WIDTH, shown_pixels, views
 from scene.camera import Camera
 from scene.errors import SceneError
@@ -35,11 +35,62 @@ class Look:
     marks_clipped: bool = True
 
 
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """A picture that stands beside the photograph: of the same view, with a caption."""
+
+    image: Image
+    caption: str
+
+
+def normals_beside(review: Review, method: str) -> Beside | None:
+    """Return the normals of a method; None: there are none."""
+    normals = review.material.map_of("normals", method) if method else None
+    if normals is None:
+        return None
+    # A map of 24 megapixels is shown by a part of its pixels.
+    step = max(1, normals.shape[1] // (2 * WIDTH))
+    picture = normal_picture(normals[::step, ::step], min(WIDTH, normals.shape[1]))
+    return Beside(picture, f"normals of {method}: red right, green up, blue toward you")
+
+
+def twin_beside(review: Review, index: int, look: Look) -> Beside:
+    """Return the twin's frame in the photograph's tones, and how far the two differ on the object.
+
+    The difference is the median over the mask's pixels of abs(photograph - twin), in units of the photograph's median
+    there. Raises SceneError: there is no twin, or it has no such frame.
+    """
+    (twin, frames), exposure, mask = review.need("twin", "frames"), review.material.exposure, review.material.mask
+    assert exposure is not None
+    name, told = frames.names[index], ""
+    if name not in twin.names or (twin.width, twin.height) != (frames.width, frames.height):
+        raise SceneError(
+            f"twin: it has {len(twin)} frames of {twin.width} x {twin.height} px and none that is {name}; the "
+            f"session's have {frames.width} x {frames.height} px. Run the step `twin` again."
+        )
+    place = twin.names.index(name)
+    if mask is not None and mask.any():
+        v, u = np.nonzero(mask)
+        some = slice(None, None, max(1, len(v) // 100_000))
+        real, clipped = frames.read_pixels(index, v[some], u[some])
+        made, _ = twin.read_pixels(place, v[some], u[some])
+        usual = float(np.median(real[~clipped])) if (~clipped).any() else 0.0
+        if usual > 0:
+            difference = float(np.median(np.abs(real - made)[~clipped]) / usual)
+            told = f"; differs by {difference:.1%} of the object's brightness (median)"
+    exposure = replace(exposure, white=exposure.white / look.brightness)
+    picture = exposure.develop(thumbnail(twin, place, WIDTH))
+    return Beside(picture, f"twin, the rendered frame of the same flash{told}")
+
+
 def photograph(review: Review, index: int, look: Look) -> Image:
     """Return a whole frame with what is laid over it, at most `WIDTH` pixels wide.
 
-    Raises SceneError: there are no frames, or what is to lie over them is not in the folder.
+    While none is decoded it is the session's first one. Raises SceneError: there is none, or what is to lie over it is
+    not in the folder.
     """
+    if review.material.frames is None and review.first_look is not None:
+        return review.first_look
     (frames,), exposure = review.need("frames"), review.material.exposure
     assert exposure is not None
     exposure = replace(exposure, white=exposure.white / look.brightness)

@@ -68,9 +68,9 @@ class ShootPanel:
             stamp = _stamp(self._path)
             if stamp != self._seen:
                 self._seen = stamp
-                self._window.post(self.refresh, droppable=True)
+                self._window.post(self.refresh)
             elif self.is_alone:
-                self._window.post(self._turn_to_session, droppable=True)
+                self._window.post(self._turn_to_session)
 
     def _turn_to_session(self) -> None:
         record = read_record(self._window.folder)

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from studio.display_mesh import display_mesh
 from studio.editor.placement import quaternion
 from studio.photograph.plane import add_numbered
+from studio.review.corrections import met
 from studio.review.light_sigmas import covariance_mm2, ellipsoid_of, fitting_factor, light_places
 from studio.review.review_window import ReviewWindow
-from studio.review.scan_picks import met
 from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow
 
 Array = NDArray[np.float64]

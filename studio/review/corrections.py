@@ -1,23 +1,74 @@
-"""Balls corrected by hand, and the session with them, written where the command line can read it.
+"""Balls corrected by hand and points picked on the scan, and the session with them, as the command line reads it.
 
 What is written lies in the output folder; the user's own session.toml is read and never written.
 """
 
 import glob
 import tomllib
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from capture.session.session_types import Session, SphereSpec
 from formats.toml_text import toml_text
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.files import write_text
+from scene.length_units import UNITS_MM
+from scene.mesh import Mesh
 from scene.reading import reading, text_of
 from scene.spheres import Sphere
 from studio.own_files import put_own, remove_own
 from studio.photograph.outlines import Outline, Outlines
 from studio.review.folder import HEADLINE, KEPT, OWN, Review
+
+if TYPE_CHECKING:
+    from scene.rays import RayCaster
+
+Array = NDArray[np.float64]
+PICKS = "picks.csv"
+"""Beside the session with what was corrected."""
+GLOBS = {"flash", "ambient", "dark", "flat", "charuco", "frames"}
+FILES = {"mask", "scan", "normals", "picks", "file"}
+"""Keys of a session that name files, by patterns or one each."""
+
+
+@dataclass(frozen=True)
+class Picks:
+    """Pixels and points as they were clicked; the first pixel belongs to the first point.
+
+    pixels: Of the frames.
+    points: Of the scan, in millimetres, or in its own unit where that is unknown.
+    """
+
+    pixels: tuple[tuple[float, float], ...] = ()
+    points: tuple[tuple[float, float, float], ...] = ()
+
+    @property
+    def pairs(self) -> int:
+        """How many are whole."""
+        return min(len(self.pixels), len(self.points))
+
+    def with_pixel(self, pixel: tuple[float, float]) -> "Picks":
+        """Return them with one more pixel; it replaces a last one that has no point yet."""
+        return replace(self, pixels=(*self.pixels[: len(self.points)], pixel))
+
+    def with_point(self, point: Array) -> "Picks":
+        """Return them with one more point; it replaces a last one that has no pixel yet."""
+        x, y, z = (float(value) for value in point)
+        return replace(self, points=(*self.points[: len(self.pixels)], (x, y, z)))
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """What a hand has put right."""
+
+    outlines: Outlines = ()
+    picks: Picks = field(default_factory=Picks)
 
 
 def outlines_of(review: Review) -> Outlines:
@@ -47,28 +98,28 @@ def specs_of(session: Session, balls: Outlines, camera: Camera) -> tuple[SphereS
 
     Raises SceneError: the session's balls cannot be said by circles: their lights are given, or a ball has a mask.
     """
+    own, apart = [spec for spec in session.spheres if spec.frames], [ball for ball in balls if ball.apart]
+    fault = ""
     if session.lights_file is not None:
-        raise SceneError(
+        fault = (
             f"lights.file: this session's lights are from {session.lights_file.name}, not from balls. Take the table "
             "[lights] out of session.toml to calibrate with balls."
         )
-    if any(spec.mask for spec in session.spheres):
-        raise SceneError(
+    elif any(spec.mask for spec in session.spheres):
+        fault = (
             "spheres.mask: this session gives its balls by masks. Correct the masks, or replace them by center_px and "
             "radius_px in session.toml."
         )
-    if not balls:
-        raise SceneError("spheres: there is no ball to calibrate with. Add one.")
-    own = [spec for spec in session.spheres if spec.frames]
-    apart = [ball for ball in balls if ball.apart]
-    if [ball.kind for ball in apart] != [spec.kind for spec in own]:
-        raise SceneError(
+    elif not balls:
+        fault = "spheres: there is no ball to calibrate with. Add one."
+    elif [ball.kind for ball in apart] != [spec.kind for spec in own]:
+        fault = (
             "spheres.frames: which ball stands in which photographs of its own is not known here, as not every such "
             "ball was found. Give center_px and radius_px in session.toml."
         )
-    frames = iter(spec.frames for spec in own)
-    scale = _scale(session, camera)
-    specs = []
+    if fault:
+        raise SceneError(fault)
+    frames, scale, specs = iter(spec.frames for spec in own), _scale(session, camera), []
     for ball in balls:
         center = (ball.center_px[0] + 0.5) * scale - 0.5, (ball.center_px[1] + 0.5) * scale - 0.5
         own_frames = next(frames) if ball.apart else ()
@@ -91,19 +142,12 @@ def _scale(session: Session, camera: Camera) -> int:
     return hint_scale(session, camera.width)
 
 
-PICKS = "picks.csv"
-"""Beside it."""
-GLOBS = {"flash", "ambient", "dark", "flat", "charuco", "frames"}
-FILES = {"mask", "scan", "normals", "picks", "file"}
-"""Keys of a session that name files, by patterns or one each."""
-
-
-def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = None, picks: Path | None = None) -> Path:
+def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = None, picks: Picks | None = None) -> Path:
     """Write OUT/review/session.toml, and return its folder: a session for `rgbn process OUT/review --out OUT`.
 
-    spheres: Instead of the session's `[[spheres]]`; picks: for `object.picks`. None: those of an earlier correction,
-    else the session's. Raises SceneError: there is none to correct, or a file that is not the studio's is in the way.
-    The user's own session.toml is read and never written. Its relative paths are written out in full.
+    spheres: Instead of the session's `[[spheres]]`; picks: for `object.picks`, beside it. None: those of an earlier
+    correction, else the session's. Its relative paths are written out in full. Raises SceneError: there is none to
+    correct, or a file that is not the studio's is in the way.
     """
     path, source = review.store.path(KEPT, "session.toml"), _source(review)
     before = _read(path) if path.exists() and path != source else {}
@@ -114,12 +158,19 @@ def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = No
         data["spheres"] = [_sphere_table(spec) for spec in spheres]
     elif "spheres" in before:
         data["spheres"] = before["spheres"]
-    marked = str(picks.resolve()) if picks is not None else before.get("object", {}).get("picks")
+    rows = None if picks is None else _table(review, picks)
+    marked = before.get("object", {}).get("picks") if rows is None else str(path.with_name(PICKS).resolve())
     if marked is not None:
         data["object"] = {**data.get("object", {}), "picks": marked}
     own = [] if path == source else [f"{OWN}{review.session_path}"]
     text = "\n".join([HEADLINE, *own, toml_text(data)])
-    put_own(review.store.folder, lambda place: write_text(place / KEPT / path.name, text))
+
+    def write(place: Path) -> None:
+        write_text(place / KEPT / path.name, text)
+        if rows is not None:
+            write_text(place / KEPT / PICKS, rows)
+
+    put_own(review.store.folder, write)
     return path.parent
 
 
@@ -170,3 +221,38 @@ def _sphere_table(spec: SphereSpec) -> dict[str, Any]:
     outline = {"center_px": list(map(float, spec.center_px)), "radius_px": float(spec.radius_px)}
     own = {"frames": [glob.escape(str(path)) for path in spec.frames]} if spec.frames else {}
     return {"kind": spec.kind, **diameter, **outline, **own}
+
+
+def _table(review: Review, picks: Picks) -> str:
+    """Return picks as `object.picks` is read."""
+    session, camera = review.need("session", "camera")
+    scale, unit = _scale(session, camera), UNITS_MM[session.scan_unit]
+    rows = ["u,v,x,y,z"]
+    for (u, v), point in list(zip(picks.pixels, picks.points, strict=False))[: picks.pairs]:
+        x, y, z = (value / unit for value in point)
+        rows.append(f"{(u + 0.5) * scale - 0.5:.3f},{(v + 0.5) * scale - 0.5:.3f},{x:.9g},{y:.9g},{z:.9g}")
+    return "\n".join(rows) + "\n"
+
+
+def pose_of(review: Review, picks: Picks, mesh: Mesh) -> Any:
+    """Return `align.pose.picks.Picked`, the pose that the picks give. What was kept stays as it is.
+
+    Raises SceneError: too few picks, on one line, or contradicting each other.
+    """
+    from align.pose.picks import read_picks
+
+    (session, camera), text = review.need("session", "camera"), _table(review, picks)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / PICKS
+        path.write_text(text)
+        try:
+            return read_picks(path, camera, mesh, unit=session.scan_unit, half=_scale(session, camera) == 2)
+        except SceneError as error:
+            raise SceneError(str(error).replace(str(path), "The picks")) from None
+
+
+def met(caster: "RayCaster", origin: Array, direction: Array) -> Array | None:
+    """Return the point (3,) at which a ray first meets a mesh, None where it misses."""
+    direction = np.asarray(direction, np.float64) / np.linalg.norm(direction)
+    hits = caster.cast(np.asarray(origin, np.float64)[None], direction[None])
+    return np.asarray(origin) + hits.distance[0] * direction if hits.hit[0] else None

@@ -1,0 +1,86 @@
+"""Warnings of the steps, with the frames and the ball that each is about, and the tab on which it stands."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from scene.spheres import Sphere
+
+if TYPE_CHECKING:
+    from studio.review.folder import Review
+
+STEPS = {"Capture": "check", "Balls": "calibrate", "Lights": "calibrate", "Scan": "align", "Solve": "solve",
+         "Twin": "twin", "Verdict": "compare"}  # fmt: skip
+"""The tabs of a session, each with the step of `lab.plan` up to which its button runs."""
+
+
+@dataclass(frozen=True)
+class Warned:
+    """A warning of a step.
+
+    frames: That it names, in the order in which it names them.
+    ball: That it names first.
+    """
+
+    step: str
+    text: str
+    frames: tuple[int, ...] = ()
+    ball: int | None = None
+
+
+def targets(texts: Sequence[tuple[str, str]], names: Sequence[str], spheres: Sequence[Sphere]) -> list[Warned]:
+    """Return warnings with what they name.
+
+    names: The frames'. spheres: In the order in which `spheres.json` has them, which is that of "ball 2" in a text.
+    """
+    return [Warned(step, text, _frames(text, names), _ball(text, spheres)) for step, text in texts]
+
+
+def _frames(text: str, names: Sequence[str]) -> tuple[int, ...]:
+    """Return the frames whose names stand in a text as whole words."""
+    found = []
+    for index, name in enumerate(names):
+        # flash_1 is not named by flash_12, nor by flash_1.5; flash_1.dng names it.
+        match = re.search(rf"(?<![\w.-]){re.escape(name)}(?!\w|-\w|\.\d)", text)
+        if match:
+            found.append((match.start(), index))
+    return tuple(index for _, index in sorted(found))
+
+
+def _ball(text: str, spheres: Sequence[Sphere]) -> int | None:
+    """Return the ball that a text names by its number, its place, or as the only one of its kind."""
+    named = re.search(r"\b(chrome|white) ball (\d+)\b", text)
+    if named:
+        # Numbers count the balls of one kind.
+        return _of_kind(spheres, named[1], int(named[2]) - 1)
+    placed = re.search(r"\b(chrome|white) ball at \((-?\d+), (-?\d+)\) px", text)
+    if placed and spheres:
+        place = [float(placed[2]), float(placed[3])]
+        away = [float(abs(sphere.center_px - place).max()) for sphere in spheres]
+        nearest = min(range(len(away)), key=away.__getitem__)
+        return nearest if away[nearest] < spheres[nearest].radius_px else None
+    alone = re.search(r"\bthe (chrome|white) ball\b|\bone (chrome) ball\b", text)
+    if alone:
+        kind = alone[1] or alone[2]
+        return _of_kind(spheres, kind, 0) if sum(sphere.kind == kind for sphere in spheres) == 1 else None
+    return None
+
+
+def _of_kind(spheres: Sequence[Sphere], kind: str, number: int) -> int | None:
+    places = [index for index, sphere in enumerate(spheres) if sphere.kind == kind]
+    return places[number] if 0 <= number < len(places) else None
+
+
+def warnings_of(review: "Review", tab: str) -> list[Warned]:
+    """Return the warnings that stand on a tab: each on the first one of its step; all of them under Verdict."""
+    first = {step: name for name, step in reversed(STEPS.items())}
+    return [one for one in review.warnings if tab in ("Verdict", first.get(one.step))]
+
+
+def marks_of(review: "Review") -> dict[str, str]:
+    """Return what stands behind the names of the tabs: a tick where the step is done, and how many warnings it has."""
+    counts = {tab: 0 if tab == "Verdict" else len(warnings_of(review, tab)) for tab in STEPS}
+    return {
+        tab: f"⚠{counts[tab]}" if counts[tab] else "✓" if step in review.done else "" for tab, step in STEPS.items()
+    }
