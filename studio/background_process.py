@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from scene.errors import SceneError
 from scene.rooms import ROOT
 
 LINES = 8
@@ -17,16 +16,16 @@ LINES = 8
 
 
 class Work:
-    """Python at work with these arguments, as it stands.
+    """Python at work with these arguments on a folder, as it stands.
 
     said: What it said last. share: How much of what it is at is done, 0 to 1. fault: Why it ended badly.
     told: Called from a thread of its own with each line, and with an empty one when it has ended.
     """
 
-    def __init__(self, label: str, arguments: Sequence[str], told: Callable[[str], Any] = lambda line: None) -> None:
-        self.label, self.told, self.said, self.share = label, told, list[str](), 0.0
+    def __init__(self, label: str, folder: Path, arguments: Sequence[str], told: Callable[[str], Any]) -> None:
+        self.label, self.folder, self.told, self.said, self.share = label, folder, told, list[str](), 0.0
         self.fault, self.is_over, self.is_stopped = "", False, False
-        self._begun_s = time.monotonic()
+        self.begun_s = time.monotonic()
         self._process = subprocess.Popen(
             [sys.executable, *arguments],
             cwd=ROOT,
@@ -37,11 +36,6 @@ class Work:
         )
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
-
-    @property
-    def seconds(self) -> float:
-        """Since it was begun."""
-        return time.monotonic() - self._begun_s
 
     def stop(self) -> None:
         """End it; what it has done is kept, and the same work goes on from there."""
@@ -60,7 +54,9 @@ class Work:
                 lines.append(line.rstrip())
                 self._hear(line.strip())
         if not self.is_stopped and (code := self._process.returncode):
-            self.fault = _fault(lines) or f"the process ended with code {code}."
+            # From the line that the command line begins with its name.
+            start = max((number for number, line in enumerate(lines) if line.startswith("rgbn: ")), default=-12)
+            self.fault = "\n".join(lines[start:]).removeprefix("rgbn: ") or f"the process ended with code {code}."
         self.is_over = True
         self.told("")
 
@@ -73,34 +69,3 @@ class Work:
         known = [text for text in self.said if not (is_state and text.startswith(f"{label}:"))]
         self.said = [*known, line][-LINES:]
         self.told(line)
-
-
-def _fault(lines: list[str]) -> str:
-    """Return the message that ended the process: from the line that the command line begins with its name."""
-    starts = [number for number, line in enumerate(lines) if line.startswith("rgbn: ")]
-    return "\n".join(lines[starts[-1] :] if starts else lines[-12:]).removeprefix("rgbn: ")
-
-
-class Works:
-    """What is at work in a studio, by the folder that it writes: it goes on when its page is closed."""
-
-    def __init__(self) -> None:
-        self._works: dict[Path, Work] = {}
-
-    def of(self, folder: Path) -> Work | None:
-        """Return what writes a folder, or wrote it last."""
-        return self._works.get(folder)
-
-    def begin(self, folder: Path, label: str, arguments: Sequence[str], told: Callable[[str], Any]) -> Work:
-        """Begin something. Raises SceneError: something is at work; what runs takes all of the machine."""
-        busy = next((place for place, work in self._works.items() if not work.is_over), None)
-        if busy is not None:
-            raise SceneError(f"{busy.name}: {self._works[busy].label} is at work. Stop it first, or wait.")
-        self._works[folder] = work = Work(label, arguments, told)
-        return work
-
-    def stop_all(self) -> None:
-        """End everything."""
-        for work in list(self._works.values()):
-            if not work.is_over:
-                work.stop()

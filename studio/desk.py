@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar, get_args
 
-from studio.background_process import Works
+from studio.background_process import Work
 
 State = TypeVar("State")
 LONGEST = 200
@@ -80,7 +80,7 @@ class Desk:
     review: Output folder and session that is looked at; None for the second: the one that the folder names.
     sittings: By output folder, what was corrected there.
     to_run: The step up to which a session that is opened next is run at once; empty: it is not.
-    works: What is at work in the background.
+    work: What is at work in the background, or was last.
     """
 
     area: Area = "Open"
@@ -92,7 +92,7 @@ class Desk:
     review: tuple[Path, Path | None] | None = None
     sittings: dict[Path, Sitting] = field(default_factory=dict)
     to_run: str = ""
-    works: Works = field(default_factory=Works)
+    work: Work | None = None
 
     def show_session(self, out: Path, session: Path | None, *, tab: str = "Capture", run: str = "") -> None:
         """Go to a session."""

@@ -85,7 +85,8 @@ class Studio:
         if window is not None:
             window.close()
             window.wait()
-        self.desk.works.stop_all()
+        if self.desk.work is not None and not self.desk.work.is_over:
+            self.desk.work.stop()
         self.preview.close()
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()

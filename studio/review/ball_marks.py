@@ -44,17 +44,11 @@ class BallMarks:
         return WAITING if self._window.tab == "Balls" else None
 
     def _add_crop(self, plane: Plane) -> list[Any]:
-        """Show the chosen ball by all of its photographs together, in full resolution."""
-        window = self._window
-        if window.ball is None:
+        """Show the chosen ball by all photographs together, in full resolution."""
+        window, material = self._window, self._window.review.material
+        if window.ball is None or material.frames is None or material.exposure is None:
             return []
-        ball, review = window.outlines[window.ball], window.review
-        frames, exposure = review.material.frames, review.material.exposure
-        if ball.apart and window.ball < len(review.spheres):
-            frames, exposure = review.material.photographs_of_ball(window.ball)
-        if frames is None or exposure is None:
-            return []
-        return [add_crop(window, plane, frames, exposure, ball)]
+        return [add_crop(window, plane, material.frames, material.exposure, window.outlines[window.ball])]
 
     def _add_highlights(self, plane: Plane) -> list[Any]:
         """Draw the chosen ball's highlights, and by how much they miss, drawn larger."""
@@ -62,24 +56,22 @@ class BallMarks:
         seen, lights, camera = review.highlights_px, review.lights, review.material.camera
         if index is None or seen is None or lights is None or camera is None or index >= len(review.spheres):
             return []
-        known = np.isfinite(seen[index]).all(-1)
+        sphere, known = review.spheres[index], np.isfinite(seen[index]).all(-1)
         if not known.any():
             return []
-        sphere = review.spheres[index]
         arm = 0.03 * sphere.radius_px * plane.per_px
         arms = arm * np.array([[[-1, 0, 0], [1, 0, 0]], [[0, -1, 0], [0, 1, 0]]])
-        at = plane.place(seen[index][known], lift=0.0024)
-        misses = residuals_px(camera, sphere, lights, seen[index])
-        start = mirrored_px(camera, sphere, lights)
+        at = plane.place(seen[index], lift=0.0024)
+        crosses = (at[known, None, None] + arms).reshape(-1, 2, 3)
+        misses, start = residuals_px(camera, sphere, lights, seen[index]), mirrored_px(camera, sphere, lights)
         ends = np.stack([start, start + magnification(rms_px(misses), sphere.radius_px) * misses], 1)[known]
         handles = [
-            add_lines(self._view, "seen", (at[:, None, None] + arms).reshape(-1, 2, 3), SEEN, 2.0),
+            add_lines(self._view, "seen", crosses, SEEN, 2.0),
             add_lines(self._view, "misses", plane.place(ends, lift=0.0027), MISSES, 3.0),
         ]
         if known[window.frame]:
             angle = np.linspace(0, 2 * np.pi, 32, endpoint=False)
-            ring = 2 * arm * np.stack([np.cos(angle), np.sin(angle), np.zeros(32)], -1)
-            ring += plane.place(seen[index][window.frame], lift=0.0024)
+            ring = 2 * arm * np.stack([np.cos(angle), np.sin(angle), np.zeros(32)], -1) + at[window.frame]
             handles.append(add_lines(self._view, "this_frame", closed(ring), SEEN, 3.0))
         return handles
 
@@ -94,9 +86,9 @@ def magnification(rms: float, radius_px: float) -> float:
 def mirrored_px(camera: Camera, sphere: Sphere, lights: Lights) -> Array:
     """Return (N, 2), the pixels at which a mirror ball shows each light."""
     positions = None if camera.is_orthographic or not sphere.diameter_mm else lights.positions_mm
-    if positions is None:
-        return mirrored_at(camera, sphere, lambda points: lights.directions)
-    return mirrored_at(camera, sphere, lambda points: unit(positions - points))
+    return mirrored_at(
+        camera, sphere, lambda points: lights.directions if positions is None else unit(positions - points)
+    )
 
 
 def residuals_px(camera: Camera, sphere: Sphere, lights: Lights, highlights_px: Array) -> Array:

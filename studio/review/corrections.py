@@ -76,30 +76,30 @@ def outlines_of(review: Review) -> Outlines:
     camera, session = review.material.camera, review.session
     if review.spheres:
         return tuple(
-            Outline(s.kind, (float(s.center_px[0]), float(s.center_px[1])), float(s.radius_px), _stated_mm(session, s),
-                    apart=s.apart)
+            Outline(s.kind, (float(s.center_px[0]), float(s.center_px[1])), float(s.radius_px), _stated_mm(session, s))
             for s in review.spheres
-        )  # fmt: skip
+        )
     if camera is None or session is None:
         return ()
     scale, found = _scale(session, camera), []
-    for i, spec in enumerate(session.spheres):
+    specs = [spec for spec in session.spheres if not spec.frames]
+    for i, spec in enumerate(specs):
         # Those that the session names without a place wait in the middle of the picture to be put in place.
-        place = (camera.width * (i + 0.5) / len(session.spheres), camera.height / 2)
+        place = (camera.width * (i + 0.5) / len(specs), camera.height / 2)
         if spec.center_px is not None:
             place = (spec.center_px[0] + 0.5) / scale - 0.5, (spec.center_px[1] + 0.5) / scale - 0.5
         radius = (spec.radius_px or 0) / scale or camera.width / 20
-        found.append(Outline(spec.kind, place, radius, spec.diameter_mm, apart=bool(spec.frames)))
+        found.append(Outline(spec.kind, place, radius, spec.diameter_mm))
     return tuple(found)
 
 
 def specs_of(session: Session, balls: Outlines, camera: Camera) -> tuple[SphereSpec, ...]:
     """Return `[[spheres]]` entries that say these outlines, in the pixels that the session counts in.
 
-    Raises SceneError: the session's balls cannot be said by circles: their lights are given, or a ball has a mask.
+    Balls that were shot apart stay as the session has them. Raises SceneError: its balls cannot be said by circles:
+    their lights are given, or a ball has a mask.
     """
-    own, apart = [spec for spec in session.spheres if spec.frames], [ball for ball in balls if ball.apart]
-    fault = ""
+    apart, fault = [spec for spec in session.spheres if spec.frames], ""
     if session.lights_file is not None:
         fault = (
             f"lights.file: this session's lights are from {session.lights_file.name}, not from balls. Take the table "
@@ -110,21 +110,15 @@ def specs_of(session: Session, balls: Outlines, camera: Camera) -> tuple[SphereS
             "spheres.mask: this session gives its balls by masks. Correct the masks, or replace them by center_px and "
             "radius_px in session.toml."
         )
-    elif not balls:
+    elif not balls and not apart:
         fault = "spheres: there is no ball to calibrate with. Add one."
-    elif [ball.kind for ball in apart] != [spec.kind for spec in own]:
-        fault = (
-            "spheres.frames: which ball stands in which photographs of its own is not known here, as not every such "
-            "ball was found. Give center_px and radius_px in session.toml."
-        )
     if fault:
         raise SceneError(fault)
-    frames, scale, specs = iter(spec.frames for spec in own), _scale(session, camera), []
+    scale, specs = _scale(session, camera), []
     for ball in balls:
         center = (ball.center_px[0] + 0.5) * scale - 0.5, (ball.center_px[1] + 0.5) * scale - 0.5
-        own_frames = next(frames) if ball.apart else ()
-        specs.append(SphereSpec(ball.kind, ball.diameter_mm, center, ball.radius_px * scale, None, own_frames))
-    return tuple(specs)
+        specs.append(SphereSpec(ball.kind, ball.diameter_mm, center, ball.radius_px * scale, None, ()))
+    return (*specs, *apart)
 
 
 def _stated_mm(session: Session | None, sphere: Sphere) -> float | None:
@@ -215,12 +209,14 @@ def _in_full(value: Any, folder: Path, key: str = "") -> Any:
 
 
 def _sphere_table(spec: SphereSpec) -> dict[str, Any]:
-    assert spec.center_px is not None
-    assert spec.radius_px is not None
-    diameter = {} if spec.diameter_mm is None else {"diameter_mm": float(spec.diameter_mm)}
-    outline = {"center_px": list(map(float, spec.center_px)), "radius_px": float(spec.radius_px)}
-    own = {"frames": [glob.escape(str(path)) for path in spec.frames]} if spec.frames else {}
-    return {"kind": spec.kind, **diameter, **outline, **own}
+    said = {
+        "kind": spec.kind,
+        "diameter_mm": spec.diameter_mm and float(spec.diameter_mm),
+        "center_px": spec.center_px and list(map(float, spec.center_px)),
+        "radius_px": spec.radius_px and float(spec.radius_px),
+        "frames": [glob.escape(str(path)) for path in spec.frames] or None,
+    }
+    return {key: value for key, value in said.items() if value is not None}
 
 
 def _table(review: Review, picks: Picks) -> str:

@@ -43,6 +43,50 @@ class Beside:
     caption: str
 
 
+def photograph(review: Review, index: int, look: Look) -> Image:
+    """Return a whole frame with what is laid over it, at most `WIDTH` pixels wide.
+
+    While none is decoded it is the session's first one. Raises SceneError: there is none, or what is to lie over it is
+    not in the folder.
+    """
+    if review.material.frames is None and review.first_look is not None:
+        return review.first_look
+    (frames,), exposure = review.need("frames"), review.material.exposure
+    assert exposure is not None
+    exposure = replace(exposure, white=exposure.white / look.brightness)
+    picture = exposure.develop(thumbnail(frames, index, WIDTH))
+    if look.marks_clipped:
+        picture = np.where(_clipped(frames, index, picture.shape)[..., None], CLIPPED_COLOUR, picture).astype(np.uint8)
+    box = Box(0, 0, frames.width, frames.height)
+    if look.overlay == "mask":
+        return _with_mask(review, picture, box, look.opacity)
+    if look.overlay == "nothing":
+        return picture
+    truth, lights, camera = review.need("scan", "lights", "camera")
+    normals = _sampled(truth, shown_pixels(box, picture.shape))
+    if look.overlay == "scan, normals":
+        over = np.where(np.isfinite(normals[..., :1]), normal_picture(normals, picture.shape[1]), picture)
+    else:
+        both = views(frames, exposure, lights, index, box, lambda pixels: shading(truth, camera, lights, index, pixels))
+        over = _fitted(both.shaded, picture.shape)
+    return _blend(picture, over, np.isfinite(normals[..., 0]), look.opacity)
+
+
+def shading(truth: NDArray, camera: Camera, lights: Lights, index: int, pixels: NDArray) -> NDArray[np.float32]:
+    """Return what a white matte object with these normals would show under one light, without cast shadows.
+
+    truth (H, W, 3): unit normals, NaN where unknown; pixels (h, w, 2); a near light is taken at the depth of the
+    reference point. The shading (h, w) is max(0, vector . normal), NaN off the scan.
+    """
+    normals = _sampled(truth, pixels)
+    if lights.positions_mm is None:
+        vectors = lights.directions[index]
+    else:
+        points = camera.points_at_depth(pixels.reshape(-1, 2), float(lights.reference_point_mm[2]))
+        vectors = lights.only([index]).toward(points)[0].reshape(normals.shape)
+    return np.maximum(np.sum(normals * vectors, -1), 0).astype(np.float32)
+
+
 def normals_beside(review: Review, method: str) -> Beside | None:
     """Return the normals of a method; None: there are none."""
     normals = review.material.map_of("normals", method) if method else None
@@ -83,80 +127,10 @@ def twin_beside(review: Review, index: int, look: Look) -> Beside:
     return Beside(picture, f"twin, the rendered frame of the same flash{told}")
 
 
-def photograph(review: Review, index: int, look: Look) -> Image:
-    """Return a whole frame with what is laid over it, at most `WIDTH` pixels wide.
-
-    While none is decoded it is the session's first one. Raises SceneError: there is none, or what is to lie over it is
-    not in the folder.
-    """
-    if review.material.frames is None and review.first_look is not None:
-        return review.first_look
-    (frames,), exposure = review.need("frames"), review.material.exposure
-    assert exposure is not None
-    exposure = replace(exposure, white=exposure.white / look.brightness)
-    box = Box(0, 0, frames.width, frames.height)
-    picture = exposure.develop(_small(frames, index))
-    if look.marks_clipped:
-        picture = np.where(_clipped(frames, index, picture.shape)[..., None], CLIPPED_COLOUR, picture).astype(np.uint8)
-    if look.overlay == "mask":
-        return _with_mask(review, picture, box, look.opacity)
-    if look.overlay == "nothing":
-        return picture
-    why = [review.missing[part] for part in ("scan", "lights", "camera") if part in review.missing]
-    if why:
-        raise SceneError(f"scan: {why[0]}")
-    truth, lights, camera = review.need("scan", "lights", "camera")
-    normals = _sampled(truth, shown_pixels(box, picture.shape))
-    if look.overlay == "scan, normals":
-        over = np.where(np.isfinite(normals[..., :1]), normal_picture(normals, picture.shape[1]), picture)
-    else:
-        both = views(frames, exposure, lights, index, box, lambda pixels: shading(truth, camera, lights, index, pixels))
-        over = _fitted(both.shaded, picture.shape)
-    return _blend(picture, over, np.isfinite(normals[..., 0]), look.opacity)
-
-
-def shading(truth: NDArray, camera: Camera, lights: Lights, index: int, pixels: NDArray) -> NDArray[np.float32]:
-    """Return what a white matte object with these normals would show under one light, without cast shadows.
-
-    truth (H, W, 3): unit normals, NaN where unknown; pixels (h, w, 2); a near light is taken at the depth of the
-    reference point. The shading (h, w) is max(0, vector . normal), NaN off the scan.
-    """
-    normals = _sampled(truth, pixels)
-    if lights.positions_mm is None:
-        vectors = lights.directions[index]
-    else:
-        points = camera.points_at_depth(pixels.reshape(-1, 2), float(lights.reference_point_mm[2]))
-        vectors = lights.only([index]).toward(points)[0].reshape(normals.shape)
-    return np.maximum(np.sum(normals * vectors, -1), 0).astype(np.float32)
-
-
-def _small(frames: Frames, index: int) -> NDArray[np.float32]:
-    """Return a frame (h, w, 3), linear, at most `WIDTH` wide, each pixel the mean of those that it covers.
-
-    The mean of the codes is the code of the mean: what is held is small, and shown at once.
-    """
-    import cv2
-
-    wide = min(WIDTH, frames.width)
-    size = (wide, max(1, round(frames.height * wide / frames.width)))
-
-    def area(image: NDArray) -> NDArray:
-        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
-
-    if frames.codes.dtype != np.uint16:
-        return area(frames.frame(index))
-    ambient = None if frames.ambient is None else area(frames.ambient)
-    one = replace(
-        frames, names=("",), codes=area(frames.codes[index])[None], gain=frames.gain[[index]], ambient=ambient
-    )
-    return one.read()[0]
-
-
 def _sampled(truth: NDArray, pixels: NDArray) -> NDArray[np.float32]:
     """Return the map's values at the nearest pixels."""
-    u = np.clip(np.rint(pixels[..., 0]), 0, truth.shape[1] - 1).astype(int)
-    v = np.clip(np.rint(pixels[..., 1]), 0, truth.shape[0] - 1).astype(int)
-    return np.asarray(truth[v, u], np.float32)
+    u, v = np.rint(pixels).astype(int).reshape(-1, 2).T.clip(0, [[truth.shape[1] - 1], [truth.shape[0] - 1]])
+    return np.asarray(truth[v, u], np.float32).reshape(*pixels.shape[:2], 3)
 
 
 def _clipped(frames: Frames, index: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
@@ -192,6 +166,4 @@ def _blend(under: Image, over: NDArray, where: NDArray[np.bool_], opacity: float
 def _fitted(image: NDArray, shape: tuple[int, ...]) -> NDArray[np.uint8]:
     import cv2
 
-    if image.shape[:2] == shape[:2]:
-        return image
     return np.asarray(cv2.resize(image, (shape[1], shape[0]), interpolation=cv2.INTER_NEAREST), np.uint8)

@@ -116,7 +116,7 @@ class ReviewWindow(PhotographWindow):
     def read(self) -> None:
         """Read the folder. Corrections stay, unless they are kept and the balls were found anew with them."""
         before = vars(self).get("review")
-        self.review = Review.read(self.folder, self.session_path)
+        self.review = Review(self.folder, self.session_path)
         if before is not None and (turned := turned_deg(before.lights, self.review.lights)) is not None:
             self.notify("The lights have turned", f"by {np.median(turned):.3f}° (median), {turned.max():.3f}° at most")
         found, sitting = Corrections(outlines_of(self.review)), self.sitting

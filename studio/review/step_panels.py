@@ -9,7 +9,7 @@ from compare.report.facts import read_optional
 from studio.photograph.outline_inputs import OutlineInputs
 from studio.review.ball_marks import magnification, residuals_px, rms_px
 from studio.review.corrections import outlines_of
-from studio.review.folder import Review, is_kept
+from studio.review.folder import is_kept
 from studio.review.light_sigmas import FACTORS, fitting_factor
 from studio.review.photograph_picture import OVERLAYS
 from studio.review.review_window import ReviewWindow
@@ -19,15 +19,10 @@ from studio.widgets import Row, plain, table, text
 NONE = "(no method has run)"
 
 
-def lacks_text(review: Review) -> str:
-    """Return what a folder lacks and why, as Markdown; empty where it is whole."""
-    waits = review.unfinished
-    lines = [f"- **no {name}**: {why}" for name, why in review.missing.items() if name not in waits]
-    if waits:
-        steps = ", ".join(f"`{step}`" for step in dict.fromkeys(waits.values()))
-        lines += [f"- **{', '.join(waits)}**: not made yet ({steps}). **Run** makes them, or says what stops it."]
-    lines += [f"- **no session**: {plain(review.why_no_session)}"] if review.why_no_session else []
-    return "\n".join(["**Not in this folder**", "", *lines]) if lines else ""
+def _lacks(window: ReviewWindow) -> str:
+    review = window.review
+    lines = [*review.lacks, *([f"- **no session**: {plain(review.why_no_session)}"] if review.why_no_session else [])]
+    return "\n".join(["**Not in this folder**", "", *lines] if lines else [])
 
 
 def _frame(window: ReviewWindow) -> dict[str, Any]:
@@ -65,7 +60,7 @@ def _shown(kind: str, name: str, label: str, **start: Any) -> Row:
 
 
 CAPTURE = (
-    text(lambda window: lacks_text(window.review)),
+    text(_lacks),
     Row("slider", "frame", _frame, lambda window, value: window.choose(frame=int(value) - 1),
         {"min": 1, "max": 2, "step": 1, "initial_value": 1, "hint": "Or click one in the strip"}),
     text(_frame_facts),

@@ -30,7 +30,7 @@ class Warned:
 
 
 def targets(texts: Sequence[tuple[str, str]], names: Sequence[str], spheres: Sequence[Sphere]) -> list[Warned]:
-    """Return warnings with what they name.
+    """Return warnings, each with its step, and what they name.
 
     names: The frames'. spheres: In the order in which `spheres.json` has them, which is that of "ball 2" in a text.
     """
@@ -39,37 +39,25 @@ def targets(texts: Sequence[tuple[str, str]], names: Sequence[str], spheres: Seq
 
 def _frames(text: str, names: Sequence[str]) -> tuple[int, ...]:
     """Return the frames whose names stand in a text as whole words."""
-    found = []
-    for index, name in enumerate(names):
-        # flash_1 is not named by flash_12, nor by flash_1.5; flash_1.dng names it.
-        match = re.search(rf"(?<![\w.-]){re.escape(name)}(?!\w|-\w|\.\d)", text)
-        if match:
-            found.append((match.start(), index))
-    return tuple(index for _, index in sorted(found))
+    # flash_1 is not named by flash_12, nor by flash_1.5; flash_1.dng names it.
+    found = [re.search(rf"(?<![\w.-]){re.escape(name)}(?!\w|-\w|\.\d)", text) for name in names]
+    return tuple(index for _, index in sorted((match.start(), index) for index, match in enumerate(found) if match))
 
 
 def _ball(text: str, spheres: Sequence[Sphere]) -> int | None:
-    """Return the ball that a text names by its number, its place, or as the only one of its kind."""
-    named = re.search(r"\b(chrome|white) ball (\d+)\b", text)
-    if named:
-        # Numbers count the balls of one kind.
-        return _of_kind(spheres, named[1], int(named[2]) - 1)
-    placed = re.search(r"\b(chrome|white) ball at \((-?\d+), (-?\d+)\) px", text)
-    if placed and spheres:
-        place = [float(placed[2]), float(placed[3])]
-        away = [float(abs(sphere.center_px - place).max()) for sphere in spheres]
-        nearest = min(range(len(away)), key=away.__getitem__)
-        return nearest if away[nearest] < spheres[nearest].radius_px else None
-    alone = re.search(r"\bthe (chrome|white) ball\b|\bone (chrome) ball\b", text)
-    if alone:
-        kind = alone[1] or alone[2]
-        return _of_kind(spheres, kind, 0) if sum(sphere.kind == kind for sphere in spheres) == 1 else None
-    return None
-
-
-def _of_kind(spheres: Sequence[Sphere], kind: str, number: int) -> int | None:
-    places = [index for index, sphere in enumerate(spheres) if sphere.kind == kind]
-    return places[number] if 0 <= number < len(places) else None
+    """Return the ball that a text names by its number or its place among its kind, or as the only one of it."""
+    numbered = re.search(r"\b(chrome|white) ball (?:(\d+)|at \((-?\d+), (-?\d+)\) px)", text)
+    named = numbered or re.search(r"\b(?:the|one) (chrome|white) ball\b()()()", text)
+    if named is None:
+        return None
+    kind, number, u, v = named.groups()
+    own = [index for index, sphere in enumerate(spheres) if sphere.kind == kind]
+    if u:
+        place = [float(u), float(v)]
+        return next((i for i in own if abs(spheres[i].center_px - place).max() < spheres[i].radius_px), None)
+    # Numbers count the balls of one kind.
+    at = int(number) - 1 if number else 0
+    return own[at] if 0 <= at < len(own) and (number or len(own) == 1) else None
 
 
 def warnings_of(review: "Review", tab: str) -> list[Warned]:
