@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from scene.current import file_digest
+from scene.errors import SceneError
 from scene.files import move
 from scene.output_folder import open_record
 from scene.record import PLACE
@@ -32,6 +33,8 @@ def put_own(folder: Path, write: Callable[[Path], Made]) -> Made:
             names = [path.relative_to(staging) for path in staging.rglob("*") if path.is_file()]
             new = [name for name in names if file_digest(staging / name) != file_digest(record.folder / name)]
             for name in new:
+                if not (record.folder / name).resolve().is_relative_to(record.folder):
+                    raise SceneError(f"{folder / name}: a link leads out of {folder}. Remove it, or take another name.")
                 record.check_free(record.folder / name)
             # What names the others comes last: it lies above them.
             for name in sorted(new, key=lambda name: (len(name.parts) == 1, name)):

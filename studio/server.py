@@ -25,11 +25,10 @@ from studio.new_session.photographs_view import PhotographsView
 from studio.opening import OpenPanel, OpenWindow
 from studio.review.photograph_view import PhotographView
 from studio.review.review_window import ReviewWindow
-from studio.review.run_panel import RunPanel, WarningsPanel
+from studio.review.run_panel import RunPanel, WarningsPanel, marks_of
 from studio.review.shoot_panel import ShootPanel
 from studio.review.spatial_view import SpatialView
 from studio.review.step_panels import SESSION_TABS
-from studio.review.warned import marks_of
 from studio.served_page import LOOPBACK, ServedPage
 from studio.tabs import Header, TabbedPanels
 from studio.workspace import Workspace

@@ -78,7 +78,7 @@ class FilesPanel:
         from twin.engines.mitsuba_files import write_mitsuba
 
         path = self._save()
-        out, scene = path.parent / "export", self._window.scene
+        out, scene = self._window.workspace.path(path.parent / "export"), self._window.scene
         paths, notes = put_own(out, lambda place: write_mitsuba(scene, place))
         first = self._window.scene.lights.names[0]
         command = f"mitsuba -m llvm_ad_rgb -D light={first} -o {first}.exr scene.xml"

@@ -58,7 +58,7 @@ class Review:
         self.session, self.session_path, self.why_no_session = _session(store, session_path)
         self.material = Material.load(store, {})
         self._balls: tuple[Sphere, ...] = tuple(_readable(store.load_spheres) or ())
-        self.spheres = tuple(sphere for sphere in self._balls if not sphere.apart)
+        self.spheres: tuple[Sphere, ...] = tuple(sphere for sphere in self._balls if not sphere.apart)
         lights: Lights | None = _readable(store.load_lights)
         self.lights = None if lights is None or lights.is_unknown else lights
         self.truth = _readable(lambda: np.load(store.path("normals", "truth.npy"), mmap_mode="r"))

@@ -109,7 +109,8 @@ class ReviewWindow(PhotographWindow):
         self.ball = self.ball if name == "Balls" else None
         self.on_photograph = self.on_scan = None
         self.is_scan_asked = False
-        overlay = "scan, shaded" if name == "Scan" and "scan" not in self.review.missing else "nothing"
+        is_whole = not {"frames", "camera", "lights", "scan"} & self.review.missing.keys()
+        overlay = "scan, shaded" if name == "Scan" and is_whole else "nothing"
         self.shown = replace(self.shown, overlay=overlay)
         super().open_tab(name)
 

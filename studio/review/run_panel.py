@@ -7,9 +7,9 @@ from typing import Any
 
 from lab.settings import Settings
 from scene.output_folder import read_record
-from studio.review.folder import is_kept
+from studio.review.folder import Review, is_kept
 from studio.review.review_window import ReviewWindow
-from studio.review.warned import STEPS, Warned, warnings_of
+from studio.review.warned import STEPS, Warned
 from studio.widgets import Layers, code, plain
 from studio.work_buttons import WorkButtons
 
@@ -101,3 +101,17 @@ class WarningsPanel:
     def _show_frame(self, frame: int) -> None:
         self._window.frame = frame
         self._window.open_tab("Capture")
+
+
+def warnings_of(review: Review, tab: str) -> list[Warned]:
+    """Return the warnings that stand on a tab: each on the first one of its step; all of them under Verdict."""
+    first = {step: name for name, step in reversed(STEPS.items())}
+    return [one for one in review.warnings if tab in ("Verdict", first.get(one.step))]
+
+
+def marks_of(review: Review) -> dict[str, str]:
+    """Return what stands behind the names of the tabs: a tick where the step is done, and how many warnings it has."""
+    counts = {tab: 0 if tab == "Verdict" else len(warnings_of(review, tab)) for tab in STEPS}
+    return {
+        tab: f"⚠{counts[tab]}" if counts[tab] else "✓" if step in review.done else "" for tab, step in STEPS.items()
+    }

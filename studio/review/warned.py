@@ -3,12 +3,8 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from scene.spheres import Sphere
-
-if TYPE_CHECKING:
-    from studio.review.folder import Review
 
 STEPS = {"Capture": "check", "Balls": "calibrate", "Lights": "calibrate", "Scan": "align", "Solve": "solve",
          "Twin": "twin", "Verdict": "compare"}  # fmt: skip
@@ -58,17 +54,3 @@ def _ball(text: str, spheres: Sequence[Sphere]) -> int | None:
     # Numbers count the balls of one kind.
     at = int(number) - 1 if number else 0
     return own[at] if 0 <= at < len(own) and (number or len(own) == 1) else None
-
-
-def warnings_of(review: "Review", tab: str) -> list[Warned]:
-    """Return the warnings that stand on a tab: each on the first one of its step; all of them under Verdict."""
-    first = {step: name for name, step in reversed(STEPS.items())}
-    return [one for one in review.warnings if tab in ("Verdict", first.get(one.step))]
-
-
-def marks_of(review: "Review") -> dict[str, str]:
-    """Return what stands behind the names of the tabs: a tick where the step is done, and how many warnings it has."""
-    counts = {tab: 0 if tab == "Verdict" else len(warnings_of(review, tab)) for tab in STEPS}
-    return {
-        tab: f"⚠{counts[tab]}" if counts[tab] else "✓" if step in review.done else "" for tab, step in STEPS.items()
-    }
