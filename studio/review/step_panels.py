@@ -7,7 +7,6 @@ import numpy as np
 
 from compare.report.facts import read_optional
 from studio.photograph.outline_inputs import OutlineInputs
-from studio.review.ball_marks import magnification, residuals_px, rms_px
 from studio.review.corrections import outlines_of
 from studio.review.folder import is_kept
 from studio.review.light_sigmas import FACTORS, fitting_factor
@@ -95,26 +94,11 @@ def ball_facts(window: ReviewWindow) -> str:
     if index < len(review.spheres) and len(window.outlines) == len(review.spheres):
         sphere = review.spheres[index]
         lines[0] += f"; fitted: centre ± {sphere.sigma_px:.2f} px, outline seen {sphere.score:.0%}"
-        lines += _highlight_facts(window, index)
+        if sphere.kind == "chrome" and (seen := review.highlights_px) is not None:
+            count = int(np.isfinite(seen[index, :, 0]).sum())
+            lines.append(f"highlight (yellow; of this frame: blue) in {count} of {seen.shape[1]} frames")
     lines += [f"diameter {ball.diameter_mm:g} mm"] if ball.diameter_mm else []
     return "\n".join(f"- {line}" for line in lines)
-
-
-def _highlight_facts(window: ReviewWindow, index: int) -> list[str]:
-    review, sphere = window.review, window.review.spheres[index]
-    seen, lights, camera = review.highlights_px, review.lights, review.material.camera
-    if seen is None or lights is None or camera is None or sphere.kind != "chrome":
-        return []
-    misses = residuals_px(camera, sphere, lights, seen[index])
-    count, rms, here = int(np.isfinite(misses[:, 0]).sum()), rms_px(misses), misses[window.frame]
-    if not count:
-        return ["no highlight was seen or believed on it"]
-    now = f"{here[0]:+.2f} px right, {here[1]:+.2f} px down" if np.isfinite(here).all() else "not seen, or not believed"
-    return [
-        f"highlight (yellow) in {count} of {len(misses)} frames, {rms:.2f} px rms beside where the lights put it",
-        f"misses are drawn {magnification(rms, sphere.radius_px):g} times as long (pink)",
-        f"in this frame: {now}",
-    ]
 
 
 def _factor(window: ReviewWindow) -> str:

@@ -6,13 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from fixtures.lit_surfaces import flashes_at
-from scene.camera import Camera
 from scene.errors import SceneError
 from scene.lights import Lights
 from scene.output_folder import open_record
-from scene.spheres import Sphere
-from studio.review.ball_marks import mirrored_px, residuals_px, rms_px
 from studio.review.folder import Review
 from studio.review.light_sigmas import covariance_mm2, ellipsoid_of, fitting_factor
 from studio.review.photograph_picture import CLIPPED_COLOUR, Look, photograph, twin_beside
@@ -20,10 +16,6 @@ from studio.review.photograph_view import CLIPPED, WARNED, frame_strip
 from studio.review.review_window import turned_deg
 from studio.review.warned import targets
 from twin.description.light_groups import direction
-
-CAMERA = Camera(640, 480, 900.0, 910.0, 330.7, 228.1, (0.02, -0.01, 1e-3, -5e-4, 0.0))
-ORTHOGRAPHIC = Camera(640, 480, 1.0, 1.0, 320.0, 240.0, projection="orthographic")
-BALL = Sphere("chrome", np.array([150.0, 330.0]), 45.0, 100.0)
 
 
 @pytest.fixture
@@ -174,35 +166,9 @@ def test_what_changed_is_told_in_degrees(made):
     assert turned_deg(made.lights, made.lights) is None
 
 
-def lights(near=True, count=7):
-    generator = np.random.default_rng(10_003)
-    reference = np.array([10.0, -20.0, -950.0])
-    positions = reference + generator.uniform([-900, -900, 200], [900, 900, 1200], (count, 3))
-    return flashes_at(positions, reference, near=near, digits=1, direction_sigma_deg=np.full(count, 0.3))
-
-
-@pytest.mark.parametrize(("camera", "near"), [(CAMERA, True), (CAMERA, False), (ORTHOGRAPHIC, False)])
-def test_the_ray_of_the_pixel_is_mirrored_to_the_light(camera, near):
-    """By the mirror's law on the ray through the pixel that was found: every light is met."""
-    shining = lights(near)
-    pixels = mirrored_px(camera, BALL, shining)
-    normals, points = BALL.normals(camera, pixels)
-    view = np.broadcast_to([0.0, 0.0, 1.0], points.shape) if camera.is_orthographic else -points
-    view = view / np.linalg.norm(view, axis=1, keepdims=True)
-    out = 2 * np.sum(normals * view, 1, keepdims=True) * normals - view
-    wanted = shining.positions_mm - points if near else shining.directions
-    wanted = wanted / np.linalg.norm(wanted, axis=1, keepdims=True)
-    np.testing.assert_allclose(out, wanted, atol=2e-6)
-    seen = pixels + [1.5, 2.0]
-    seen[2] = np.nan
-    misses = residuals_px(camera, BALL, shining, seen)
-    np.testing.assert_allclose(np.delete(misses, 2, 0), np.tile([1.5, 2.0], (6, 1)), atol=1e-9)
-    assert rms_px(misses) == pytest.approx(2.5), "what is not seen misses nothing"
-
-
-def test_sigmas_are_drawn_so_large_that_they_are_seen():
+def test_sigmas_are_drawn_so_large_that_they_are_seen(made):
     for sigma, factor in ((0.11, 30), (5.0, 1), (np.nan, 1)):
-        assert fitting_factor(replace(lights(), direction_sigma_deg=np.full(7, sigma))) == factor
+        assert fitting_factor(replace(made.lights, direction_sigma_deg=np.full(5, sigma))) == factor
 
 
 def test_an_ellipsoid_is_its_covariance_and_a_distant_lights_is_flat():
