@@ -1,7 +1,5 @@
-"""What every browser has: a thread that does what it says in order, panels, and words for what went wrong."""
+"""What each area's window has: a thread that does what the browser says in order, panels, and words for faults."""
 
-import ctypes
-import sys
 import traceback
 from collections import deque
 from collections.abc import Callable
@@ -20,15 +18,13 @@ from studio.workspace import Workspace
 Array = NDArray[np.float64]
 KINDS = {"main": "blue", "other": "gray", "danger": "red"}
 """Colours of buttons: the one that a tab is for, others, and those that destroy; `page/studio.css` makes them plain."""
-MOST_WAITING = 1000
-"""Things that a browser has said and that are not done yet. A person cannot be that far ahead."""
 
 
 class BrowserWindow:
-    """A browser's window, whatever is worked on there. Nothing of it is shared with another's.
+    """An area of the studio as the browser shows it.
 
     What the browser says is done in the window's one thread, in the order in which it was said. A rendering, a run of
-    the steps and a calibration have threads or processes of their own, which come back by `post`.
+    the steps and a look for balls have threads or processes of their own, which come back by `post`.
     """
 
     area: Area = "Open"
@@ -41,17 +37,16 @@ class BrowserWindow:
         self.client, self.workspace, self.preview = client, workspace, preview
         self.desk = desk or Desk()
         self.turn: Callable[[], Any] = lambda: None
-        """Shows the desk's area in this browser, in another window."""
+        """Shows the desk's area, in another window."""
         self.panels: list[Any] = []
         """What is shown: each has a `refresh`."""
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"window {client.client_id}")
-        self._closers: list[Callable[[], None]] = []
-        self._waiting: deque[Callable[[], Any]] = deque()
         self._inputs: deque[Any] = deque()
+        """Those that a person has changed, and nothing has been done yet about it."""
         self._input: Any = None
-        self._is_behind = self._is_full = False
+        self._is_behind = False
         self.is_gone = False
-        """The browser went away: nothing more is done for it."""
+        """Another window has taken its place: nothing more is done for it."""
 
     def refresh(self) -> None:
         """Show everything as it is now; while more input waits, after that.
@@ -105,7 +100,7 @@ class BrowserWindow:
             self.restore(self.history.redone())
 
     def attempt(self, work: Callable[[], Any]) -> bool:
-        """Do something, unless the browser is gone; tell what was at fault, if anything was, and live on."""
+        """Do something, unless the window is gone; tell what was at fault, if anything was, and live on."""
         if self.is_gone:
             return False
         try:
@@ -115,10 +110,9 @@ class BrowserWindow:
         except ValidationError as error:
             self.show_fault("; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()))
         except Exception as error:
-            if self.is_gone:
-                return False  # There is nobody to show it to: viser warns of every message.
-            traceback.print_exc()
-            self.show_fault(f"a fault of the studio, not of the input: {type(error).__name__}: {error}")
+            if not self.is_gone:  # Else there is nobody to show it to.
+                traceback.print_exc()
+                self.show_fault(f"a fault of the studio, not of the input: {type(error).__name__}: {error}")
         else:
             return True
         return False
@@ -131,26 +125,10 @@ class BrowserWindow:
         """Show what was done, for a while."""
         self.client.add_notification(title, text, color="green", auto_close_seconds=8.0)
 
-    def post(self, work: Callable[[], Any], *, droppable: bool = False) -> bool:
-        """Do something in the window's thread, after what it is at; return whether it will be done.
-
-        droppable: What the browser says: where too much waits it is dropped, and that is told once.
-        """
-        if len(self._waiting) >= MOST_WAITING and droppable:
-            if not self._is_full:
-                self._is_full = True
-                self.show_fault("the studio is far behind; what was said last is dropped. Wait until it has caught up.")
-            return False
-        self._is_full = False
-        try:
-            self._waiting.append(work)
-            self._thread.submit(self._next)
-        except RuntimeError:
-            return False  # The browser is gone.
-        return True
-
-    def _next(self) -> None:
-        self.attempt(self._waiting.popleft())
+    def post(self, work: Callable[[], Any]) -> None:
+        """Do something in the window's thread, after what it is at."""
+        if not self.is_gone:
+            self._thread.submit(self.attempt, work)
 
     def on_input(self, handle: Any, use: Callable[[Any], Any]) -> Any:
         """Call `use` with the value of an input as a person has changed it. Return the handle.
@@ -163,8 +141,7 @@ class BrowserWindow:
             if event.client is not None:
                 value = event.target.value
                 self._inputs.append(handle)
-                if not self.post(lambda: self._take(use, value), droppable=True):
-                    self._inputs.pop()
+                self.post(lambda: self._take(use, value))
 
         handle.on_update(_)
         return handle
@@ -189,13 +166,13 @@ class BrowserWindow:
         async def _(event: Any) -> None:
             if event.client is not None:
                 values = said(event)
-                self.post(lambda: use(*values), droppable=True)
+                self.post(lambda: use(*values))
 
         listen(_)
 
     def button(self, label: str, use: Callable[[], Any], kind: str = "other", **look: Any) -> Any:
         """Add a button that calls `use`; kind: a key of `KINDS`. Return the handle."""
-        handle = self.client.gui.add_button(label, color=KINDS[kind], **look)
+        handle = self.client.gui.add_button(label, **{"color": KINDS[kind], **look})
         self.on(handle.on_click, use)
         return handle
 
@@ -214,39 +191,13 @@ class BrowserWindow:
         tangent = np.tan(camera.fov / 2)
         self.look(middle, [0.0, 0.0, 0.54 * max(high / tangent, wide / (tangent * max(camera.aspect, 0.3)))])
 
-    def on_close(self, work: Callable[[], None]) -> None:
-        """Do something, in the window's thread, when the browser goes away."""
-        self._closers.append(work)
-
     def close(self) -> None:
-        """End what runs for a browser that went away: what waits is dropped, and what is at work is let come to an end.
-
-        Whatever that has begun is ended after it.
-        """
-        if self.is_gone:
-            return
-        self.is_gone = True
-        self._thread.submit(self._leave)
-        self._thread.shutdown(wait=False)
+        """Do nothing more: what waits is dropped, and what is at work is let come to an end."""
+        if not self.is_gone:
+            self.is_gone = True
+            self._thread.submit(self.preview.forget, self.client.client_id)
+            self._thread.shutdown(wait=False)
 
     def wait(self) -> None:
         """Return when everything has ended, after `close`."""
         self._thread.shutdown(wait=True)
-
-    def _leave(self) -> None:
-        self.preview.forget(self.client.client_id)
-        for work in self._closers:
-            try:
-                work()
-            except Exception:
-                traceback.print_exc()
-        _give_back()
-
-
-def _give_back() -> None:
-    """Return to the system what was freed: the renderer keeps it, and glibc for the thread that had it."""
-    if "drjit" in sys.modules:
-        sys.modules["drjit"].flush_malloc_cache()
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-    if trim is not None:
-        trim(0)

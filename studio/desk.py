@@ -1,11 +1,10 @@
-"""What a browser works on, over all areas, and its past: it outlives a reload of the page and a change of the area."""
+"""The state of the session of work, over all areas, with its past: it outlives a reload and a change of the area."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar, get_args
 
-from studio.background_process import Works
-from studio.new_session.found_capture import Looking
+from studio.background_process import Work
 
 State = TypeVar("State")
 LONGEST = 200
@@ -61,18 +60,16 @@ class Sitting:
     """What is corrected in a session.
 
     found: As it was found when the folder was read. kept: What of it is in the folder's files.
-    seen: Digest of these files as this desk knows them.
     """
 
     history: History[Any]
     found: Any
     kept: Any
-    seen: str
 
 
 @dataclass(eq=False)
 class Desk:
-    """What lies before a person.
+    """What is worked on; there is one for a studio.
 
     area: The one that is shown.
     tabs: The open tab of each area.
@@ -83,25 +80,19 @@ class Desk:
     review: Output folder and session that is looked at; None for the second: the one that the folder names.
     sittings: By output folder, what was corrected there.
     to_run: The step up to which a session that is opened next is run at once; empty: it is not.
-    works: What is at work in the studio, for all of its desks.
+    work: What is at work in the background, or was last.
     """
 
     area: Area = "Open"
     tabs: dict[Area, str] = field(default_factory=dict)
     folder: Path | None = None
     scene: History[Any] | None = None
-    looking: Looking | None = None
+    looking: Any = None
     captures: dict[Path, History[Any]] = field(default_factory=dict)
     review: tuple[Path, Path | None] | None = None
     sittings: dict[Path, Sitting] = field(default_factory=dict)
     to_run: str = ""
-    works: Works = field(default_factory=Works)
-
-    @property
-    def has_work(self) -> bool:
-        """Whether something was changed here."""
-        histories = [self.scene, *self.captures.values(), *(one.history for one in self.sittings.values())]
-        return any(one is not None and (one.past or one.future) for one in histories)
+    work: Work | None = None
 
     def show_session(self, out: Path, session: Path | None, *, tab: str = "Capture", run: str = "") -> None:
         """Go to a session."""

@@ -41,7 +41,8 @@ def clustered(mesh: ObjectMesh, most_faces: int) -> ObjectMesh:
     cells = int(np.sqrt(most_faces / 2))
     while True:
         grid = ((vertices - low) * (cells / extent)).astype(np.int32)
-        cell, count = _numbered((grid[:, 0] * (cells + 1) + grid[:, 1]) * (cells + 1) + grid[:, 2], (cells + 1) ** 3)
+        keys = (grid[:, 0] * (cells + 1) + grid[:, 1]) * (cells + 1) + grid[:, 2]
+        _, cell, count = np.unique(keys, return_inverse=True, return_counts=True)
         merged = cell[faces]
         a, b, c = merged.T
         merged = merged[(a != b) & (b != c) & (c != a)].astype(np.int64)
@@ -59,12 +60,3 @@ def clustered(mesh: ObjectMesh, most_faces: int) -> ObjectMesh:
     places = means(vertices)
     assert places is not None
     return smooth(places, merged, means(mesh.texcoords), means(mesh.colours))
-
-
-def _numbered(keys: NDArray[np.int32], limit: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Number the keys that there are, below a limit: return the number of each key, and how often each stands there."""
-    counts = np.bincount(keys, minlength=limit)
-    there = np.flatnonzero(counts)
-    numbers = np.empty(limit, np.int32)
-    numbers[there] = np.arange(len(there), dtype=np.int32)
-    return numbers[keys], counts[there]

@@ -1,4 +1,4 @@
-"""What a path is, how it is laid on a desk, and the area in which one is chosen.
+"""What a path is, how it becomes what is worked on, and the area in which one is chosen.
 
 A path is a folder of photographs, a session, an output folder or a scene.
 """
@@ -11,19 +11,20 @@ from typing import Any, Literal
 
 from capture.session.session import load_session
 from capture.survey.folder_files import survey
-from lab.session_place import MANIFEST, default_out, is_output, is_session, origin_of
-from scene.errors import SceneError
+from lab.session_place import MANIFEST, SESSION, default_out, is_output, is_session, origin_of, session_and_out
+from scene.errors import SceneError, SessionError
 from studio.browser_window import BrowserWindow
 from studio.desk import Desk
 from studio.editor.editor_window import FILE, begun
 from studio.new_session.found_capture import Looking
-from studio.review.folder import found_at
-from studio.widgets import Layers, code
+from studio.widgets import Layers, Panel, Row, code, text
 from studio.workspace import Workspace
 
 Kind = Literal["results", "session", "scene", "folder"]
 MOST = 200
 """Entries of a folder that are listed."""
+HERE = {"folder": "New session here", "session": "Open this session", "results": "Open these results"}
+"""What is done with the folder itself, by what it is."""
 
 
 def kind_of(path: Path) -> Kind | None:
@@ -43,8 +44,27 @@ def entries(folder: Path) -> Iterator[tuple[Path, Kind]]:
             yield path, kind
 
 
+def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
+    """Return the output folder, and the session's place or None, that a command line means.
+
+    out: The output folder of a session; None: out/NAME. An output folder can be looked at without its session.
+    """
+    if not is_output(source) and not is_session(source):
+        raise SceneError(
+            f"{source}: neither a session (session.toml) nor an output folder of rgbn ({SESSION}). Give one of these, "
+            "or a scene description, .toml."
+        )
+    try:
+        session, folder = session_and_out(source, out)
+    except SessionError:
+        if not is_output(source):
+            raise
+        session, folder = None, source
+    return folder.resolve(), session
+
+
 def lay(desk: Desk, workspace: Workspace, source: Path, out: Path | None = None) -> None:
-    """Lay on a desk what a path is.
+    """Make a path, whatever it is, what is worked on.
 
     out: Output folder of a session. Raises SceneError: it cannot be read, or lies outside of the workspace.
     """
@@ -65,21 +85,17 @@ def lay(desk: Desk, workspace: Workspace, source: Path, out: Path | None = None)
             found = load_session(source)
             place = default_out(origin_of(found, source), found.name, workspace.root / "out")
         desk.show_session(workspace.path(place), session)
-    elif kind == "scene" or source.suffix == ".toml":
-        path = workspace.description(str(source.resolve()))
+    elif source.suffix == ".toml":
+        path = workspace.path(source.resolve())
         desk.area = "Scene"
-        found = begun(workspace, read_scene(path), path.parent if path.name == FILE else None)
+        scene = begun(workspace, read_scene(path), path.parent if path.name == FILE else None)
         # What was made before can be taken back to.
-        desk.scene = desk.scene.did(f"open {path.stem}", found.state, 0.0) if desk.scene else found
+        desk.scene = desk.scene.did(f"open {path.stem}", scene.state, 0.0) if desk.scene else scene
     else:
         raise SceneError(
             f"{source}: neither a folder nor a scene description, .toml. Give photographs, a session or its output "
             "folder."
         )
-
-
-HERE = {"folder": "New session here", "session": "Open this session", "results": "Open these results"}
-"""What is done with the folder itself, by what it is."""
 
 
 class OpenWindow(BrowserWindow):
@@ -103,30 +119,32 @@ class OpenWindow(BrowserWindow):
         self.turn()
 
 
-class OpenPanel:
-    """The folders and scenes in a folder; what is to be done with the folder itself."""
+ROWS = (
+    text(lambda window: f"{code(str(window.folder))}\n\nChoose a folder of photographs, a session, its output folder, "
+         "or a scene."),
+    Row("button", "One folder up", lambda window: {"visible": window.folder != window.workspace.root},
+        lambda window: window.look_into(window.folder.parent)),
+    Row("button", HERE["folder"], lambda window: {"label": HERE[kind_of(window.folder) or "folder"]},
+        lambda window: window.open(window.folder), {"kind": "main"}),
+    Row("button", "New scene", use=lambda window: window.go("Scene")),
+)  # fmt: skip
+
+
+class OpenPanel(Panel):
+    """What is to be done with the folder itself, and the folders and scenes in it."""
 
     def __init__(self, window: OpenWindow) -> None:
-        self._window, gui = window, window.client.gui
-        self._layers = Layers()
-        self._where = gui.add_markdown("")
-        self._up = window.button("One folder up", lambda: window.look_into(window.folder.parent), visible=False)
-        self._begin = window.button(HERE["folder"], lambda: window.open(window.folder), kind="main")
-        self._list = gui.add_folder("In this folder")
-        window.button("New scene", lambda: window.go("Scene"))
+        super().__init__(window, ROWS)
+        self._layers, self._list = Layers(), window.client.gui.add_folder("In this folder")
 
     def refresh(self) -> None:
         """List the folder as it is now."""
-        window, folder = self._window, self._window.folder
-        self._where.content = (
-            f"{code(str(folder))}\n\nChoose a folder of photographs, a session, its output folder, or a scene."
-        )
-        self._up.visible = folder != window.workspace.root
-        self._begin.label = HERE[kind_of(folder) or "folder"]
+        super().refresh()
+        folder = self._window.folder
         found = tuple(entries(folder))
-        self._layers.draw("entries", (folder, found), lambda: self._add(found))
+        self._layers.draw("entries", (folder, found), lambda: self._list_entries(found))
 
-    def _add(self, found: tuple[tuple[Path, Kind], ...]) -> list[Any]:
+    def _list_entries(self, found: tuple[tuple[Path, Kind], ...]) -> list[Any]:
         window = self._window
         with self._list:
             if not found:

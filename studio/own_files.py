@@ -2,19 +2,18 @@
 
 import os
 import shutil
-import threading
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import TypeVar
 
 from scene.current import file_digest
+from scene.errors import SceneError
 from scene.files import move
 from scene.output_folder import open_record
 from scene.record import PLACE
 
 Made = TypeVar("Made")
-_ONE_AT_A_TIME = threading.Lock()
 
 
 def put_own(folder: Path, write: Callable[[Path], Made]) -> Made:
@@ -26,7 +25,7 @@ def put_own(folder: Path, write: Callable[[Path], Made]) -> Made:
     """
     is_new = not folder.exists()
     try:
-        with _ONE_AT_A_TIME, open_record(folder, among_others=True) as record:
+        with open_record(folder, among_others=True) as record:
             staging = record.scratch("staging")
             shutil.rmtree(staging, ignore_errors=True)
             staging.mkdir()
@@ -34,6 +33,8 @@ def put_own(folder: Path, write: Callable[[Path], Made]) -> Made:
             names = [path.relative_to(staging) for path in staging.rglob("*") if path.is_file()]
             new = [name for name in names if file_digest(staging / name) != file_digest(record.folder / name)]
             for name in new:
+                if not (record.folder / name).resolve().is_relative_to(record.folder):
+                    raise SceneError(f"{folder / name}: a link leads out of {folder}. Remove it, or take another name.")
                 record.check_free(record.folder / name)
             # What names the others comes last: it lies above them.
             for name in sorted(new, key=lambda name: (len(name.parts) == 1, name)):
@@ -52,7 +53,7 @@ def remove_own(folder: Path, names: Iterable[str]) -> None:
     Raises SceneError: one is not rgbn's own; then none is removed.
     """
     paths = [folder.resolve() / name for name in names]
-    with _ONE_AT_A_TIME, open_record(folder, among_others=True) as record:
+    with open_record(folder, among_others=True) as record:
         for path in paths:
             record.check_free(path)
         for path in paths:

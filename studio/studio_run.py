@@ -9,9 +9,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from lab import progress
 from lab.progress import say
 
 RENDER = "render"
+EVERY_S = 1.0
+"""A page is told of the work under way more often than a log."""
 
 
 @contextmanager
@@ -26,6 +29,7 @@ def main() -> int:
     from lab.run import run_session
     from scene.errors import SceneError
 
+    progress.EVERY_S = EVERY_S
     step, (source, out) = sys.argv[1], map(Path, sys.argv[2:])
     try:
         if step == RENDER:

@@ -1,16 +1,80 @@
-"""What panels and views are made of: inputs by name, layers that are drawn again on change, texts as Markdown."""
+"""What panels and views are made of: rows of widgets, inputs by name, layers drawn again on change, Markdown."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 UNITS_PER_MM = 0.01
 """The browser's view has clipping planes and gizmos for things a few units large."""
 NO_SHADOW = {"cast_shadow": False, "receive_shadow": False}
 """Shadows of the view's own lamps would be taken for the flashes'."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One widget of a panel, or with `rows` a folder of them.
+
+    kind: Of viser's `add_<kind>`; "button" of the window's own; "more": what `use` adds, given the window.
+    start: What viser is given for it in the beginning.
+    show: Given the window, the value or the text that it shows now; or several of its properties by their names.
+    use: Given the window and, unless it is a button, what a person has said.
+    """
+
+    kind: str
+    label: str = ""
+    show: Callable[[Any], Any] = lambda window: {}
+    use: Callable[..., Any] | None = None
+    start: dict[str, Any] | None = None
+    rows: "tuple[Row, ...]" = ()
+
+
+def text(show: Callable[[Any], Any]) -> Row:
+    """Return a row of Markdown."""
+    return Row("markdown", show=show)
+
+
+class Panel:
+    """Widgets that are made from rows, and follow the window."""
+
+    def __init__(self, window: Any, rows: Sequence[Row]) -> None:
+        self._window = window
+        self._made: list[tuple[Any, Row]] = []
+        self._add(rows)
+
+    def _add(self, rows: Sequence[Row]) -> None:
+        window, gui = self._window, self._window.client.gui
+        for row in rows:
+            if row.kind == "folder":
+                with gui.add_folder(row.label):
+                    self._add(row.rows)
+                continue
+            if row.kind == "more":
+                assert row.use is not None
+                row.use(window)
+                continue
+            if row.kind == "button":
+                assert row.use is not None
+                handle = window.button(row.label, partial(row.use, window), **row.start or {})
+            else:
+                words = "" if row.kind in ("markdown", "html") else row.label
+                handle = getattr(gui, f"add_{row.kind}")(words, **row.start or {})
+                if row.use is not None:
+                    window.on_input(handle, partial(row.use, window))
+            self._made.append((handle, row))
+
+    def refresh(self) -> None:
+        """Show what is now; only what changed is sent."""
+        for handle, row in self._made:
+            found = row.show(self._window)
+            name = "content" if row.kind in ("markdown", "html") else "value"
+            for key, value in (found if isinstance(found, dict) else {name: found}).items():
+                if getattr(handle, key) != value:
+                    setattr(handle, key, value)
 
 
 class Inputs(dict[str, Any]):
@@ -92,6 +156,12 @@ def add_light_arrow(view: Any, name: str, ends_mm: ArrayLike, spread_mm: float, 
     )
 
 
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return rows of Markdown as a table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) if rows else ""
+
+
 def plain(text: str) -> str:
     """Return a text for Markdown: every sign that it, its links or HTML could take for its own is escaped."""
     return re.sub(r"([\\`*_{}\[\]()<>#+\-.!|~&:/@=$^])", r"\\\1", " ".join(text.split()))
@@ -113,11 +183,3 @@ def fenced(text: str, kind: str) -> str:
 def _fence(text: str) -> str:
     """Return more backticks than a text holds in a row."""
     return "`" * (1 + max(map(len, re.findall("`+", text)), default=0))
-
-
-def met_in_plane(origin: ArrayLike, direction: ArrayLike) -> NDArray[np.float64] | None:
-    """Return (x, y), where a ray meets the plane z = 0; None where it runs along or away from it."""
-    origin, direction = np.asarray(origin, np.float64), np.asarray(direction, np.float64)
-    if abs(direction[2]) < 1e-12 or -origin[2] / direction[2] <= 0:
-        return None
-    return (origin - origin[2] / direction[2] * direction)[:2]

@@ -129,8 +129,7 @@ class EditorWindow(BrowserWindow):
                 self.show_fault(f"{name}: the last file is just being read. Send it again after that.")
             else:
                 self._is_keeping = True
-                if not self.post(lambda: use(self._kept(name, content)), droppable=True):
-                    self._is_keeping = False
+                self.post(lambda: use(self._kept(name, content)))
 
         handle.on_upload(_)
         return handle

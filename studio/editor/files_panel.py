@@ -65,7 +65,7 @@ class FilesPanel:
             )
         scene = replace(window.scene, name=window.scene.name if folder == window.workspace.root else folder.name)
         check_scene(scene)
-        put_own(window.workspace.closed(folder), lambda place: write_scene(scene, place))
+        put_own(folder, lambda place: write_scene(scene, place))
         document.name, document.folder, document.digest = name, folder, file_digest(folder / FILE)
         self._look()
         return folder / FILE
@@ -78,7 +78,7 @@ class FilesPanel:
         from twin.engines.mitsuba_files import write_mitsuba
 
         path = self._save()
-        out, scene = path.parent / "export", self._window.scene
+        out, scene = self._window.workspace.path(path.parent / "export"), self._window.scene
         paths, notes = put_own(out, lambda place: write_mitsuba(scene, place))
         first = self._window.scene.lights.names[0]
         command = f"mitsuba -m llvm_ad_rgb -D light={first} -o {first}.exr scene.xml"
@@ -99,6 +99,6 @@ class FilesPanel:
     def _to_session(self) -> None:
         """Go to the dataset as a session, and begin the steps."""
         window, dataset = self._window, self._dataset
-        out = window.workspace.closed(window.workspace.path(dataset.parent / "results"))
+        out = window.workspace.path(dataset.parent / "results")
         window.desk.show_session(out, dataset, tab="Verdict", run="compare")
         window.turn()

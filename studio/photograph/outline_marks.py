@@ -16,6 +16,9 @@ from studio.photograph.photograph_window import PhotographWindow
 from studio.photograph.plane import ROOT, Plane, add_lines, add_picture
 from studio.widgets import NO_SHADOW, Layers
 
+Array = NDArray[np.float64]
+Colour = tuple[int, int, int]
+KNOB = (255, 150, 0)
 WIDTH_PX = 500
 
 
@@ -42,11 +45,6 @@ def add_crop(
     return add_picture(window, f"{ROOT}/crop", image, (box.width * per_px, box.height * per_px), place)
 
 
-Array = NDArray[np.float64]
-Colour = tuple[int, int, int]
-KNOB = (255, 150, 0)
-
-
 class OutlineMarks:
     """What is drawn of the window's outlines. colour: Given an outline, that of its line; None: it is not drawn."""
 
@@ -67,18 +65,17 @@ class OutlineMarks:
 
     def _add_outlines(self, plane: Plane, camera: Camera | None) -> list[Any]:
         window, handles = self._window, []
-        if camera is None:
-            return handles
         for index, ball in enumerate(window.outlines):
-            is_chosen, colour = window.ball == index, self._colour(ball)
-            if colour is None or (ball.apart and not is_chosen):
+            colour = self._colour(ball)
+            if colour is None or camera is None:
                 continue
-            width_px = 3.0 if is_chosen else 2.0
             line = closed(plane.place(ball.sphere.outline(camera, 180), lift=0.002))
-            handles.append(add_lines(self._view, f"outline_{index}", line, colour, width_px))
-            corner = plane.place(np.add(ball.center_px, [0, -1.15 * ball.radius_px]), lift=0.002)
-            label = f"{ball.kind} ball {index + 1}"
-            handles.append(self._view.add_label(f"{ROOT}/name_{index}", label, position=tuple(corner)))
+            handles.append(
+                add_lines(self._view, f"outline_{index}", line, colour, 3.0 if window.ball == index else 2.0)
+            )
+            corner = tuple(plane.place(np.add(ball.center_px, [0, -1.15 * ball.radius_px]), lift=0.002))
+            name = f"{ball.kind} ball {index + 1}"
+            handles.append(self._view.add_label(f"{ROOT}/name_{index}", name, position=corner))
         return handles
 
     def _knob_places(self, plane: Plane, index: int) -> Array:

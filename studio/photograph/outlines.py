@@ -14,7 +14,7 @@ SMALLEST_PX = 4.0
 
 @dataclass(frozen=True)
 class Outline:
-    """A ball as it is to be calibrated with, moved by hand or not, and photographed apart or not.
+    """A ball as it is to be calibrated with, moved by hand or not.
 
     center_px: Projection of its centre, pixels of the frames.
     """
@@ -24,12 +24,11 @@ class Outline:
     radius_px: float
     diameter_mm: float | None = None
     is_moved: bool = False
-    apart: bool = False
 
     @property
     def sphere(self) -> Sphere:
         """The same as the fit's type, to be drawn."""
-        return Sphere(self.kind, np.array(self.center_px), self.radius_px, self.diameter_mm, apart=self.apart)
+        return Sphere(self.kind, np.array(self.center_px), self.radius_px, self.diameter_mm)
 
 
 Outlines = tuple[Outline, ...]
@@ -48,7 +47,7 @@ def resized(balls: Outlines, index: int, radius_px: float, plane: Plane) -> Outl
 
 def added(balls: Outlines, kind: Kind, center_px: tuple[float, float], plane: Plane) -> Outlines:
     """Return the balls and one more, as large as most of them."""
-    seen = [ball.radius_px for ball in balls if not ball.apart]
+    seen = [ball.radius_px for ball in balls]
     radius = float(np.median(seen)) if seen else max(plane.width / 20, SMALLEST_PX)
     return (*balls, Outline(kind, _inside(center_px, plane), radius, None, True))
 
@@ -58,14 +57,14 @@ def removed(balls: Outlines, index: int) -> Outlines:
     return (*balls[:index], *balls[index + 1 :])
 
 
-def of_kind(balls: Outlines, index: int, kind: Kind) -> Outlines:
+def of_kind(balls: Outlines, index: int, kind: Kind, plane: Plane | None = None) -> Outlines:
     """Return the balls, one of them of this kind."""
     return balls if balls[index].kind == kind else _with(balls, index, kind=kind)
 
 
 def under(balls: Outlines, pixel: tuple[float, float]) -> int | None:
     """Return the ball that a pixel lies on; of several the one whose middle is nearest, in radii."""
-    away = [np.inf if ball.apart else np.hypot(*np.subtract(ball.center_px, pixel)) / ball.radius_px for ball in balls]
+    away = [np.hypot(*np.subtract(ball.center_px, pixel)) / ball.radius_px for ball in balls]
     return int(np.argmin(away)) if away and min(away) < 1 else None
 
 

@@ -7,11 +7,9 @@ from typing import Any
 
 from scene.camera import Camera
 from studio.browser_window import BrowserWindow
-from studio.desk import Desk, History
-from studio.editor.preview import Preview
+from studio.desk import History
 from studio.photograph.outlines import Outlines, under
 from studio.photograph.plane import Plane
-from studio.workspace import Workspace
 
 
 class PhotographWindow(BrowserWindow):
@@ -20,8 +18,8 @@ class PhotographWindow(BrowserWindow):
     What is corrected is a state, with a past, that lies on the desk; it has `outlines`.
     """
 
-    def __init__(self, client: Any, workspace: Workspace, preview: Preview, desk: Desk | None = None) -> None:
-        super().__init__(client, workspace, preview, desk)
+    def __init__(self, *place: Any) -> None:
+        super().__init__(*place)
         self.reading = 0
         """How often what is shown was read again: whatever is drawn of it is older than that, or as old."""
         self.looks = 0

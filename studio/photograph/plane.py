@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from studio.widgets import NO_SHADOW, met_in_plane
+from studio.widgets import NO_SHADOW
 
 Array = NDArray[np.float64]
 ROOT = "/photograph"
@@ -52,6 +52,14 @@ class Plane:
         u, v = met / [self.per_px, -self.per_px] + [(self.width - 1) / 2, (self.height - 1) / 2]
         inside = -0.5 <= u <= self.width - 0.5 and -0.5 <= v <= self.height - 0.5
         return (float(u), float(v)) if inside else None
+
+
+def met_in_plane(origin: ArrayLike, direction: ArrayLike) -> Array | None:
+    """Return (x, y), where a ray meets the plane z = 0; None where it runs along or away from it."""
+    origin, direction = np.asarray(origin, np.float64), np.asarray(direction, np.float64)
+    if abs(direction[2]) < 1e-12 or -origin[2] / direction[2] <= 0:
+        return None
+    return (origin - origin[2] / direction[2] * direction)[:2]
 
 
 def add_picture(

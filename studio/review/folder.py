@@ -1,9 +1,7 @@
 """What the output folder of a session holds to be reviewed, and why the rest is not there."""
 
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,15 +11,18 @@ from numpy.typing import NDArray
 
 from capture.session.session import load_session
 from capture.session.session_types import Session
+from capture.survey.small_pictures import read_small
 from compare.report.facts import Material, all_warnings, read_optional
-from lab.session_place import SESSION, is_output, is_session, session_and_out, session_of
-from scene.errors import SceneError, SessionError
-from scene.frames import Frames
+from compare.report.pictures import Exposure, Image
+from lab.session_place import session_of
+from scene.errors import SceneError
+from scene.frames import Frames, decode
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.output_folder import read_record
 from scene.spheres import Sphere
 from scene.store import Store
+from studio.review.warned import Warned, targets
 from twin.description.object_mesh import ObjectMesh
 
 if TYPE_CHECKING:
@@ -31,87 +32,69 @@ Array = NDArray[np.float64]
 KEPT = "review"
 """Folder below the output folder: the session with what was corrected."""
 HEADLINE = "# Written by rgbn studio: the session as its own session.toml has it, and what was corrected."
-"""First line of its session.toml: what may be written over."""
+"""First line of its session.toml."""
 OWN = "# Its own: "
 """Begins the second line, which names the session that was corrected."""
-UNREADABLE = (OSError, ValueError, KeyError, TypeError, SceneError)
+UNREADABLE = (OSError, ValueError, KeyError, TypeError, AssertionError, SceneError)
 """What a part that is missing, or that a killed run left half-made, raises when it is read."""
 
 
-@dataclass(frozen=True)
-class Warned:
-    """A warning of a step.
-
-    frames: That it names, in the order in which it names them.
-    ball: That it names first.
-    """
-
-    step: str
-    text: str
-    frames: tuple[int, ...] = ()
-    ball: int | None = None
-
-
-@dataclass(frozen=True)
 class Review:
-    """An output folder as it was when it was read; a part that is not there is None.
+    """An output folder to be reviewed; each part is read once, and one that is not there is None.
 
-    session_path: The session's folder, or its .toml file.
-    why_no_session: Empty where there is one.
-    material: Frames, camera, mask, and what the report shows of balls and lights.
-    highlights_px (S, F, 2): Where each ball mirrors each flash, NaN where nothing was seen or believed.
-    position_covariance_mm2 (F, 3, 3): Of near lights; None of distant ones, and where the folder does not say.
+    session, session_path: What it was made of, and its folder or .toml file. why_no_session: Empty where there is one.
+    material: Frames, camera, mask, and the methods that have run.
+    spheres: Balls in the session's own photographs; those that were shot apart are not shown.
     truth (H, W, 3): Normals of the registered scan, NaN where unknown.
     twin: The rendered frames.
     done: The steps that ended.
-    clipped_share (F,): Of each frame's pixels, as the audit counted them.
     """
 
-    store: Store
-    session_path: Path | None
-    session: Session | None
-    why_no_session: str
-    material: Material
-    lights: Lights | None
-    spheres: tuple[Sphere, ...]
-    highlights_px: Array | None
-    position_covariance_mm2: Array | None
-    truth: NDArray[np.float32] | None
-    twin: Frames | None
-    warnings: tuple[Warned, ...]
-    done: frozenset[str]
-    clipped_share: Array | None
-
-    @classmethod
-    def read(cls, folder: Path, session_path: Path | None = None) -> "Review":
-        """Read an output folder, and the session, None: its own."""
-        store = Store(folder)
+    def __init__(self, folder: Path, session_path: Path | None = None) -> None:
+        self.store = store = Store(folder)
         record = read_record(folder)
-        steps = {} if record is None else record.done
-        material = Material.load(store, {})
-        spheres = tuple(_readable(store.load_spheres) or ())
-        calibration = read_optional(store, "calibration.json") or {}
-        session, path, why = _session(store, session_path)
-        names = () if material.frames is None else material.frames.names
-        warned = {step: entry.get("warnings") or () for step, entry in steps.items() if isinstance(entry, dict)}
-        rows = [{"step": step, "text": str(text)} for step, texts in warned.items() for text in texts]
-        texts = all_warnings({"warnings": rows})
-        return cls(
-            store,
-            path,
-            session,
-            why,
-            material,
-            _readable(lambda: _known_lights(store)),
-            spheres,
-            _array(calibration.get("highlights_px"), (len(spheres), len(names), 2)),
-            _array(calibration.get("position_covariance_mm2"), (len(names), 3, 3)),
-            _readable(lambda: np.load(store.path("normals", "truth.npy"), mmap_mode="r")),
-            _readable(Store(store.path("twin")).load_frames),
-            tuple(targets(texts, names, spheres)),
-            frozenset(steps),
-            _array(_clipped(steps), (len(names),)),
-        )
+        self._steps = {} if record is None else record.done
+        self.done = frozenset(self._steps)
+        self.session, self.session_path, self.why_no_session = _session(store, session_path)
+        self.material = Material.load(store, {})
+        self._balls: tuple[Sphere, ...] = tuple(_readable(store.load_spheres) or ())
+        self.spheres: tuple[Sphere, ...] = tuple(sphere for sphere in self._balls if not sphere.apart)
+        lights: Lights | None = _readable(store.load_lights)
+        self.lights = None if lights is None or lights.is_unknown else lights
+        self.truth = _readable(lambda: np.load(store.path("normals", "truth.npy"), mmap_mode="r"))
+        self.twin: Frames | None = _readable(Store(store.path("twin")).load_frames)
+        self._calibration = read_optional(store, "calibration.json") or {}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the frames."""
+        return () if self.material.frames is None else self.material.frames.names
+
+    @cached_property
+    def highlights_px(self) -> Array | None:
+        """(S, F, 2), where each ball mirrors each flash, NaN where nothing was seen or believed."""
+        found = _array(self._calibration.get("highlights_px"), (len(self._balls), len(self.names), 2))
+        return None if found is None else found[[not sphere.apart for sphere in self._balls]]
+
+    @cached_property
+    def position_covariance_mm2(self) -> Array | None:
+        """(F, 3, 3), of near lights; None of distant ones, and where the folder does not say."""
+        return _array(self._calibration.get("position_covariance_mm2"), (len(self.names), 3, 3))
+
+    @cached_property
+    def clipped_share(self) -> Array | None:
+        """(F,), of each frame's pixels, as the audit counted them."""
+        with suppress(KeyError, TypeError):
+            rows = self._steps["check"]["result"]["frames_table"]
+            return _array([row.get("saturated_share") for row in rows], (len(self.names),))
+        return None
+
+    @cached_property
+    def warnings(self) -> list[Warned]:
+        """Of all steps, with what each is about."""
+        told = {step: entry.get("warnings") or () for step, entry in self._steps.items() if isinstance(entry, dict)}
+        rows = [{"step": step, "text": str(text)} for step, texts in told.items() for text in texts]
+        return targets(all_warnings({"warnings": rows}), self.names, self.spheres)
 
     @cached_property
     def _parts(self) -> dict[str, tuple[Any, str, str]]:
@@ -131,18 +114,26 @@ class Review:
         }
 
     @cached_property
-    def unfinished(self) -> dict[str, str]:
-        """What is not there because its step has not ended: the step by its name."""
-        return {name: step for name, (part, step, _) in self._parts.items() if part is None and step not in self.done}
-
-    @cached_property
     def missing(self) -> dict[str, str]:
         """What is not there, and why: a sentence for each of frames, camera, lights, balls, mask, scan, twin."""
+        gone = "the step `{}` ended, but its files are not there or cannot be read. Run it again."
         return {
-            name: why if step in self.done and why else self._unfinished(step)
+            name: (why or gone.format(step)) if step in self.done else f"the step `{step}` has not ended here."
             for name, (part, step, why) in self._parts.items()
             if part is None
         }
+
+    @property
+    def lacks(self) -> list[str]:
+        """What a folder lacks and why, as lines of Markdown."""
+        waits = {name: self._parts[name][1] for name in self.missing if self._parts[name][1] not in self.done}
+        lines = [f"- **no {name}**: {why}" for name, why in self.missing.items() if name not in waits]
+        if waits:
+            steps = ", ".join(f"`{step}`" for step in dict.fromkeys(waits.values()))
+            lines.append(
+                f"- **{', '.join(waits)}**: not made yet ({steps}). **Run** makes them, or says what stops it."
+            )
+        return lines
 
     def need(self, *names: str) -> list[Any]:
         """Return parts by their names in `missing`, or the `session`. Raises SceneError: why one is not there."""
@@ -152,6 +143,16 @@ class Review:
             if name in self.missing:
                 raise SceneError(f"{name}: {self.missing[name]}")
         return [self.session if name == "session" else self._parts[name][0] for name in names]
+
+    @cached_property
+    def first_look(self) -> Image | None:
+        """The session's first photograph, small, for as long as none is decoded here; None: it cannot be read."""
+        with suppress(*UNREADABLE):
+            assert self.session is not None
+            (small,), _ = read_small(self.session.flash[:1], self.session.encoding)
+            linear = decode(small.codes)
+            return Exposure.for_picture(linear).develop(linear)
+        return None
 
     @cached_property
     def scan_mesh(self) -> Mesh:
@@ -175,40 +176,11 @@ class Review:
 
         return rays.RayCaster(self.scan_mesh)
 
-    def _unfinished(self, step: str) -> str:
-        if step in self.done:
-            return f"the step `{step}` ended, but its files are not there or cannot be read. Run it again."
-        return f"the step `{step}` has not ended here. **Run the steps** says what stops it."
-
 
 def _readable(read: Callable[[], Any]) -> Any:
     """Return what can be read, else None."""
     with suppress(*UNREADABLE):
         return read()
-
-
-def _known_lights(store: Store) -> Lights | None:
-    lights = store.load_lights()
-    return None if lights.is_unknown else lights
-
-
-def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
-    """Return the output folder, and the session's place or None, that a command line means.
-
-    out: The output folder of a session; None: out/NAME. An output folder can be looked at without its session.
-    """
-    if not is_output(source) and not is_session(source):
-        raise SceneError(
-            f"{source}: neither a session (session.toml) nor an output folder of rgbn ({SESSION}). Give one of these, "
-            "or a scene description, .toml."
-        )
-    try:
-        session, folder = session_and_out(source, out)
-    except SessionError:
-        if not is_output(source):
-            raise
-        session, folder = None, source
-    return folder.resolve(), session
 
 
 def is_kept(store: Store) -> bool:
@@ -217,30 +189,20 @@ def is_kept(store: Store) -> bool:
     return path.is_file() and path.read_text("utf-8-sig", "replace").startswith(HEADLINE)
 
 
-def _own(store: Store, path: Path) -> Path:
-    """Return the session that a session is the correction of, where it is one and that is there; else itself."""
-    if path.resolve() != store.path(KEPT).resolve() or not is_kept(store):
-        return path
-    second = (path / "session.toml").read_text("utf-8-sig", "replace").splitlines()[1]
-    own = Path(second.removeprefix(OWN))
-    is_there = own.is_file() or (own / "session.toml").is_file()
-    return own if second.startswith(OWN) and is_there else path
-
-
 def _session(store: Store, given: Path | None) -> tuple[Session | None, Path | None, str]:
     """Return the session, where it lies, and why there is none."""
-    remedy = f"Open the review with `rgbn studio SESSION --out {store.folder.name}` to correct and run again."
     try:
-        path = _own(store, given or session_of(store.folder))
+        path = given or session_of(store.folder)
+        if path.resolve() == store.path(KEPT).resolve() and is_kept(store):
+            # The session that it is the correction of, if that is there.
+            second = (path / "session.toml").read_text("utf-8-sig", "replace").splitlines()[1]
+            own = Path(second.removeprefix(OWN))
+            if second.startswith(OWN) and (own.is_file() or (own / "session.toml").is_file()):
+                path = own
         return load_session(path), path.resolve(), ""
     except SceneError as error:
+        remedy = f"Open the review with `rgbn studio SESSION --out {store.folder.name}` to correct and run again."
         return None, None, f"The session cannot be read: {error} {remedy}"
-
-
-def _clipped(steps: dict[str, Any]) -> list[Any]:
-    with suppress(KeyError, TypeError):
-        return [row.get("saturated_share") for row in steps["check"]["result"]["frames_table"]]
-    return []
 
 
 def _array(rows: Any, shape: tuple[int, ...]) -> Array | None:
@@ -249,46 +211,3 @@ def _array(rows: Any, shape: tuple[int, ...]) -> Array | None:
         found = np.array(rows, np.float64)
         return found if found.shape == shape else None
     return None
-
-
-def targets(texts: Sequence[tuple[str, str]], names: Sequence[str], spheres: Sequence[Sphere]) -> list[Warned]:
-    """Return warnings with what they name.
-
-    names: The frames'. spheres: In the order in which `spheres.json` has them, which is that of "ball 2" in a text.
-    """
-    return [Warned(step, text, _frames(text, names), _ball(text, spheres)) for step, text in texts]
-
-
-def _frames(text: str, names: Sequence[str]) -> tuple[int, ...]:
-    """Return the frames whose names stand in a text as whole words."""
-    found = []
-    for index, name in enumerate(names):
-        # flash_1 is not named by flash_12, nor by flash_1.5; flash_1.dng names it.
-        match = re.search(rf"(?<![\w.-]){re.escape(name)}(?!\w|-\w|\.\d)", text)
-        if match:
-            found.append((match.start(), index))
-    return tuple(index for _, index in sorted(found))
-
-
-def _ball(text: str, spheres: Sequence[Sphere]) -> int | None:
-    """Return the ball that a text names by its number, its place, or as the only one of its kind."""
-    named = re.search(r"\b(chrome|white) ball (\d+)\b", text)
-    if named:
-        # Numbers count the balls of one kind.
-        return _of_kind(spheres, named[1], int(named[2]) - 1)
-    placed = re.search(r"\b(chrome|white) ball at \((-?\d+), (-?\d+)\) px", text)
-    if placed and spheres:
-        place = [float(placed[2]), float(placed[3])]
-        away = [float(abs(sphere.center_px - place).max()) for sphere in spheres]
-        nearest = min(range(len(away)), key=away.__getitem__)
-        return nearest if away[nearest] < spheres[nearest].radius_px else None
-    alone = re.search(r"\bthe (chrome|white) ball\b|\bone (chrome) ball\b", text)
-    if alone:
-        kind = alone[1] or alone[2]
-        return _of_kind(spheres, kind, 0) if sum(sphere.kind == kind for sphere in spheres) == 1 else None
-    return None
-
-
-def _of_kind(spheres: Sequence[Sphere], kind: str, number: int) -> int | None:
-    places = [index for index, sphere in enumerate(spheres) if sphere.kind == kind]
-    return places[number] if 0 <= number < len(places) else None

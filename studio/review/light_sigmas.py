@@ -1,11 +1,9 @@
-"""The lights' directions and how well they are known: their numbers, and ellipsoids in space."""
+"""How well the lights are known, as ellipsoids in space."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
-from studio.review.review_window import ReviewWindow
-from studio.widgets import plain
 
 Array = NDArray[np.float64]
 FACTORS = (1, 3, 10, 30, 100)
@@ -50,50 +48,3 @@ def ellipsoid_of(covariance_mm2: Array) -> tuple[Array, Array] | None:
         return None
     values, axes = np.linalg.eigh(covariance_mm2)
     return np.sqrt(np.maximum(values, 0)), axes * [1.0, 1.0, np.sign(np.linalg.det(axes))]
-
-
-class LightSigmas:
-    """The light of the frame that is chosen, and by how much the ellipsoids of all are drawn larger."""
-
-    def __init__(self, window: ReviewWindow) -> None:
-        self._window, gui = window, window.client.gui
-        gui.add_markdown("The flashes around the object, each with the ellipsoid of its sigma. A click chooses one.")
-        self._factor = gui.add_dropdown("sigma drawn", tuple(f"{factor} times" for factor in FACTORS))
-        self._facts = gui.add_markdown("")
-        window.on_input(self._factor, lambda value: window.choose(factor=int(value.split()[0])))
-
-    def refresh(self) -> None:
-        """Follow the window."""
-        window = self._window
-        lights = window.review.lights
-        if window.factor == 0:
-            window.factor = fitting_factor(lights) if lights is not None else 1
-        self._factor.value = f"{window.factor} times"
-        missing = window.review.missing.get("lights", "")
-        self._facts.content = f"**No lights**: {missing}" if lights is None else self._text()
-
-    def _text(self) -> str:
-        review, index = self._window.review, self._window.frame
-        lights = review.lights
-        assert lights is not None
-        facts, sigma = lights.facts()["frames"][index], lights.direction_sigma_deg[index]
-        lines = [
-            f"**{index + 1} {plain(lights.names[index])}**, {lights.model}",
-            f"- {facts['zenith_deg']:.1f}° from the camera's axis, azimuth {facts['azimuth_deg']:.1f}° (0° right, "
-            "90° up)",
-            f"- sigma {sigma:.2f}°" if np.isfinite(sigma) else "- sigma: not known, the lights were given",
-            f"- intensity {facts['intensity_mean']:.3f}" + _percent(lights.intensity_sigma[index]),
-        ]
-        if lights.positions_mm is not None:
-            covariance = self._window.review.position_covariance_mm2
-            told = "; how uncertain its place is, is not in this folder: calibrate again to have its ellipsoid"
-            if covariance is not None and np.isfinite(covariance[index]).all():
-                along = lights.directions[index]
-                told = f" ± {np.sqrt(along @ covariance[index] @ along):.1f} mm"
-            lines.append(f"- {facts['distance_mm']:.0f} mm from the object{told}")
-        lines += [f"- **{plain(flag)}**" for flag in lights.flags[index]]
-        return "\n".join(lines)
-
-
-def _percent(sigma: float) -> str:
-    return f" ± {sigma:.1%}" if np.isfinite(sigma) else ""

@@ -1,4 +1,4 @@
-"""A photograph as it is shown large: clipped pixels marked, the mask or the registered scan laid over it."""
+"""A photograph as it is shown large, with what is laid over it; and the normals or the twin beside it."""
 
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
@@ -6,7 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report.pictures import Box, Image, contours, normal_picture
+from compare.report.pictures import Box, Image, contours, normal_picture, thumbnail
 from compare.report.registration_pictures import WIDTH, shown_pixels, views
 from scene.camera import Camera
 from scene.errors import SceneError
@@ -35,25 +35,33 @@ class Look:
     marks_clipped: bool = True
 
 
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """A picture that stands beside the photograph: of the same view, with a caption."""
+
+    image: Image
+    caption: str
+
+
 def photograph(review: Review, index: int, look: Look) -> Image:
     """Return a whole frame with what is laid over it, at most `WIDTH` pixels wide.
 
-    Raises SceneError: there are no frames, or what is to lie over them is not in the folder.
+    While none is decoded it is the session's first one. Raises SceneError: there is none, or what is to lie over it is
+    not in the folder.
     """
+    if review.material.frames is None and review.first_look is not None:
+        return review.first_look
     (frames,), exposure = review.need("frames"), review.material.exposure
     assert exposure is not None
     exposure = replace(exposure, white=exposure.white / look.brightness)
-    box = Box(0, 0, frames.width, frames.height)
-    picture = exposure.develop(_small(frames, index))
+    picture = exposure.develop(thumbnail(frames, index, WIDTH))
     if look.marks_clipped:
         picture = np.where(_clipped(frames, index, picture.shape)[..., None], CLIPPED_COLOUR, picture).astype(np.uint8)
+    box = Box(0, 0, frames.width, frames.height)
     if look.overlay == "mask":
         return _with_mask(review, picture, box, look.opacity)
     if look.overlay == "nothing":
         return picture
-    why = [review.missing[part] for part in ("scan", "lights", "camera") if part in review.missing]
-    if why:
-        raise SceneError(f"scan: {why[0]}")
     truth, lights, camera = review.need("scan", "lights", "camera")
     normals = _sampled(truth, shown_pixels(box, picture.shape))
     if look.overlay == "scan, normals":
@@ -79,33 +87,50 @@ def shading(truth: NDArray, camera: Camera, lights: Lights, index: int, pixels: 
     return np.maximum(np.sum(normals * vectors, -1), 0).astype(np.float32)
 
 
-def _small(frames: Frames, index: int) -> NDArray[np.float32]:
-    """Return a frame (h, w, 3), linear, at most `WIDTH` wide, each pixel the mean of those that it covers.
+def normals_beside(review: Review, method: str) -> Beside | None:
+    """Return the normals of a method; None: there are none."""
+    normals = review.material.map_of("normals", method) if method else None
+    if normals is None:
+        return None
+    # A map of 24 megapixels is shown by a part of its pixels.
+    step = max(1, normals.shape[1] // (2 * WIDTH))
+    picture = normal_picture(normals[::step, ::step], min(WIDTH, normals.shape[1]))
+    return Beside(picture, f"normals of {method}: red right, green up, blue toward you")
 
-    The mean of the codes is the code of the mean: what is held is small, and shown at once.
+
+def twin_beside(review: Review, index: int, look: Look) -> Beside:
+    """Return the twin's frame in the photograph's tones, and how far the two differ on the object.
+
+    The difference is the median over the mask's pixels of abs(photograph - twin), in units of the photograph's median
+    there. Raises SceneError: there is no twin, or it has no such frame.
     """
-    import cv2
-
-    wide = min(WIDTH, frames.width)
-    size = (wide, max(1, round(frames.height * wide / frames.width)))
-
-    def area(image: NDArray) -> NDArray:
-        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
-
-    if frames.codes.dtype != np.uint16:
-        return area(frames.frame(index))
-    ambient = None if frames.ambient is None else area(frames.ambient)
-    one = replace(
-        frames, names=("",), codes=area(frames.codes[index])[None], gain=frames.gain[[index]], ambient=ambient
-    )
-    return one.read()[0]
+    (twin, frames), exposure, mask = review.need("twin", "frames"), review.material.exposure, review.material.mask
+    assert exposure is not None
+    name, told = frames.names[index], ""
+    if name not in twin.names or (twin.width, twin.height) != (frames.width, frames.height):
+        raise SceneError(
+            f"twin: it has {len(twin)} frames of {twin.width} x {twin.height} px and none that is {name}; the "
+            f"session's have {frames.width} x {frames.height} px. Run the step `twin` again."
+        )
+    place = twin.names.index(name)
+    if mask is not None and mask.any():
+        v, u = np.nonzero(mask)
+        some = slice(None, None, max(1, len(v) // 100_000))
+        real, clipped = frames.read_pixels(index, v[some], u[some])
+        made, _ = twin.read_pixels(place, v[some], u[some])
+        usual = float(np.median(real[~clipped])) if (~clipped).any() else 0.0
+        if usual > 0:
+            difference = float(np.median(np.abs(real - made)[~clipped]) / usual)
+            told = f"; differs by {difference:.1%} of the object's brightness (median)"
+    exposure = replace(exposure, white=exposure.white / look.brightness)
+    picture = exposure.develop(thumbnail(twin, place, WIDTH))
+    return Beside(picture, f"twin, the rendered frame of the same flash{told}")
 
 
 def _sampled(truth: NDArray, pixels: NDArray) -> NDArray[np.float32]:
     """Return the map's values at the nearest pixels."""
-    u = np.clip(np.rint(pixels[..., 0]), 0, truth.shape[1] - 1).astype(int)
-    v = np.clip(np.rint(pixels[..., 1]), 0, truth.shape[0] - 1).astype(int)
-    return np.asarray(truth[v, u], np.float32)
+    u, v = np.rint(pixels).astype(int).reshape(-1, 2).T.clip(0, [[truth.shape[1] - 1], [truth.shape[0] - 1]])
+    return np.asarray(truth[v, u], np.float32).reshape(*pixels.shape[:2], 3)
 
 
 def _clipped(frames: Frames, index: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
@@ -141,6 +166,4 @@ def _blend(under: Image, over: NDArray, where: NDArray[np.bool_], opacity: float
 def _fitted(image: NDArray, shape: tuple[int, ...]) -> NDArray[np.uint8]:
     import cv2
 
-    if image.shape[:2] == shape[:2]:
-        return image
     return np.asarray(cv2.resize(image, (shape[1], shape[0]), interpolation=cv2.INTER_NEAREST), np.uint8)

@@ -20,23 +20,19 @@ CLIPPED, WARNED = (255, 60, 90), (255, 160, 0)
 
 def frame_strip(review: Review) -> PictureStrip | None:
     """Return all frames small, one tone curve for all, each with number, name and what is clipped; None without any."""
-    frames, exposure = review.material.frames, review.material.exposure
+    frames, exposure, shares = review.material.frames, review.material.exposure, review.clipped_share
     if frames is None or exposure is None or not len(frames):
         return None
     warned = {frame for one in review.warnings for frame in one.frames}
-    if review.lights is not None:
-        warned |= {index for index, flags in enumerate(review.lights.flags) if flags}
+    warned |= {index for index, flags in enumerate(review.lights.flags if review.lights else ()) if flags}
+
+    def label(index: int, name: str) -> Label:
+        if shares is not None and shares[index] >= MUCH_CLIPPED:
+            return f"{index + 1}  clipped {shares[index]:.1%}", CLIPPED
+        return (f"{index + 1} {name}  (!)", WARNED) if index in warned else (f"{index + 1} {name}", INK)
+
     pictures = [exposure.develop(thumbnail(frames, index, CELL_PX)) for index in range(len(frames))]
-    labels: list[Label] = []
-    for index, name in enumerate(frames.names):
-        share = None if review.clipped_share is None else review.clipped_share[index]
-        if share is not None and share >= MUCH_CLIPPED:
-            labels.append((f"{index + 1}  clipped {share:.1%}", CLIPPED))
-        elif index in warned:
-            labels.append((f"{index + 1} {name}  (!)", WARNED))
-        else:
-            labels.append((f"{index + 1} {name}", INK))
-    return PictureStrip.of(pictures, labels)
+    return PictureStrip.of(pictures, [label(index, name) for index, name in enumerate(frames.names)])
 
 
 class PhotographView:
@@ -59,7 +55,8 @@ class PhotographView:
         draw("picture", (reading, window.frame, window.shown), lambda: self._add_picture(plane))
         draw("small pictures", reading, self._make_strip)
         draw("strip", (reading, window.frame), lambda: self._add_strip(plane))
-        key = (window.view, window.ball, reading, window.beside is None, window.looks)
+        # A reading anew while the steps run leaves the look as it is.
+        key = (window.view, window.ball, plane, self._strip is None, window.beside is None, window.looks)
         draw("face", key, lambda: self._face(plane))
         draw("beside", window.beside, lambda: self._add_beside(plane))
         self._marks.refresh(plane)
@@ -85,7 +82,8 @@ class PhotographView:
         beside, x = self._window.beside, WIDE + GAP
         if beside is None:
             return []
-        label = self._view.add_label(f"{ROOT}/caption", beside.caption, position=(x, plane.high / 2 + 0.1, 0.0))
+        above = (x, plane.high / 2 + 0.1, 0.0)
+        label = self._view.add_label(f"{ROOT}/caption", beside.caption, position=above, anchor="bottom-center")
         return [add_picture(self._window, f"{ROOT}/beside", beside.image, (WIDE, plane.high), (x, 0.0, 0.0)), label]
 
     def _make_strip(self) -> None:

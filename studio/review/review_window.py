@@ -1,51 +1,27 @@
-"""One browser's window for a session: its steps, which frame and ball it looks at, and what is corrected."""
+"""The window of a session: its steps, which frame and ball is looked at, and what is corrected."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report.pictures import Image
 from scene.camera import Camera
-from scene.current import file_digest
-from scene.errors import SceneError
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from studio.desk import Desk, History, Sitting
 from studio.editor.preview import Preview
-from studio.photograph.outlines import Outlines
 from studio.photograph.photograph_window import PhotographWindow
 from studio.photograph.plane import Plane
-from studio.review.corrected_session import PICKS, forget_kept, outlines_of, specs_of, write_amended
-from studio.review.folder import KEPT, Review, is_kept
-from studio.review.photograph_picture import Look
-from studio.review.scan_picks import Picks, write_picks
+from studio.review.corrections import Corrections, Picks, forget_kept, outlines_of, specs_of, write_amended
+from studio.review.folder import Review, is_kept
+from studio.review.photograph_picture import Beside, Look, normals_beside, twin_beside
 from studio.workspace import Workspace
 
 Array = NDArray[np.float64]
 View = Literal["Photograph", "Lights in 3-D", "Scan"]
-STEPS = {"Capture": "check", "Balls": "calibrate", "Lights": "calibrate", "Scan": "align", "Solve": "solve",
-         "Twin": "twin", "Verdict": "compare"}  # fmt: skip
-"""The tabs of a session, each with the step of `lab.plan` up to which its button runs."""
-
-
-@dataclass(frozen=True, eq=False)
-class Beside:
-    """A picture that stands beside the photograph: of the same view, with a caption."""
-
-    image: Image
-    caption: str
-
-
-@dataclass(frozen=True)
-class Corrections:
-    """What a hand has put right."""
-
-    outlines: Outlines = ()
-    picks: Picks = field(default_factory=Picks)
 
 
 class ReviewWindow(PhotographWindow):
@@ -64,19 +40,23 @@ class ReviewWindow(PhotographWindow):
     ) -> None:  # fmt: skip
         super().__init__(client, workspace, preview, desk)
         self.folder, self.session_path = folder, session_path
-        self.frame, self.shown = 0, Look()
-        self.view: View = "Photograph"
-        self.beside: Beside | None = None
-        self.factor = 0
-        """By how much the lights' sigmas are drawn larger; 0: so that they are seen."""
+        self.frame, self.shown, self.factor, self.method = 0, Look(), 0, ""
+        """`factor`: By how much the lights' sigmas are drawn larger; 0: so that they are seen. `method`: Whose normals
+        are shown; empty: the first."""
         self.on_scan: Callable[[Array], None] | None = None
         """Who wants the points that are clicked on the scan, mm."""
+        self.is_scan_asked = False
+        """The scan is shown alone, for a point of it to be clicked."""
+        self.beside: Beside | None = None
+        self._beside_of: Any = None
+        self.picked_pose: Any = None
+        """That the picks give, once it was asked for."""
         self.address_of: Callable[[Path], str] = lambda folder: ""
         """Where the server gives out an output folder's report."""
 
     @property
     def sitting(self) -> Sitting | None:
-        """What is corrected here; it lies on the desk."""
+        """What is corrected here."""
         return self.desk.sittings.get(self.folder)
 
     @property
@@ -85,7 +65,7 @@ class ReviewWindow(PhotographWindow):
         return self.sitting.history if self.sitting else None
 
     def keep(self, history: History[Any]) -> None:
-        """Lay corrections on the desk."""
+        """Take corrections."""
         assert self.sitting is not None
         self.sitting.history = history
 
@@ -93,6 +73,13 @@ class ReviewWindow(PhotographWindow):
     def picks(self) -> Picks:
         """Pairs of a pixel and a point of the scan."""
         return self.history.state.picks if self.history else Picks()
+
+    @property
+    def view(self) -> View:
+        """What is looked at: it follows the tab."""
+        if self.tab == "Lights" and self.review.lights is not None:
+            return "Lights in 3-D"
+        return "Scan" if self.is_scan_asked else "Photograph"
 
     @property
     def is_flat(self) -> bool:
@@ -106,46 +93,62 @@ class ReviewWindow(PhotographWindow):
 
     @property
     def plane(self) -> Plane | None:
-        """Where the photograph stands in the view; None without frames."""
-        frames = self.review.material.frames
-        return None if frames is None else Plane(frames.width, frames.height)
+        """Where the photograph stands in the view; None without one."""
+        frames, first = self.review.material.frames, self.review.first_look
+        if frames is None:
+            return None if first is None else Plane(first.shape[1], first.shape[0])
+        return Plane(frames.width, frames.height)
 
     @property
     def camera(self) -> Camera | None:
         """By which the outlines are drawn."""
-        return self.review.material.camera
+        return None if self.review.material.frames is None else self.review.material.camera
 
     def open_tab(self, name: str) -> None:
         """Turn to a step, and look at what it is about."""
-        self.beside, self.ball = None, self.ball if name == "Balls" else None
+        self.ball = self.ball if name == "Balls" else None
         self.on_photograph = self.on_scan = None
-        self.view = "Lights in 3-D" if name == "Lights" and self.review.lights is not None else "Photograph"
-        overlay = "scan, shaded" if name == "Scan" and "scan" not in self.review.missing else "nothing"
+        self.is_scan_asked = False
+        is_whole = not {"frames", "camera", "lights", "scan"} & self.review.missing.keys()
+        overlay = "scan, shaded" if name == "Scan" and is_whole else "nothing"
         self.shown = replace(self.shown, overlay=overlay)
         super().open_tab(name)
 
     def read(self) -> None:
         """Read the folder. Corrections stay, unless they are kept and the balls were found anew with them."""
         before = vars(self).get("review")
-        self.review = Review.read(self.folder, self.session_path)
+        self.review = Review(self.folder, self.session_path)
         if before is not None and (turned := turned_deg(before.lights, self.review.lights)) is not None:
             self.notify("The lights have turned", f"by {np.median(turned):.3f}° (median), {turned.max():.3f}° at most")
         found, sitting = Corrections(outlines_of(self.review)), self.sitting
         if sitting is None or (self.is_kept_so and found != sitting.found):
-            self.desk.sittings[self.folder] = Sitting(History(found), found, found, self._digest())
-        else:
-            sitting.seen = self._digest()
+            self.desk.sittings[self.folder] = Sitting(History(found), found, found)
 
     def _refresh_panels(self) -> None:
         frames = self.review.material.frames
         self.frame = min(self.frame, len(frames) - 1) if frames is not None else 0
+        self.attempt(self._look_beside)
         super()._refresh_panels()
+
+    def _look_beside(self) -> None:
+        """Have the picture that the tab shows beside the photograph."""
+        review, tab = self.review, self.tab
+        methods = review.material.methods
+        self.method = self.method if self.method in methods else next(iter(methods), "")
+        now = (tab, self.reading, self.method) if tab == "Solve" else (tab, self.reading, self.frame, self.shown)
+        if now != self._beside_of:
+            # Kept first: what fails once would fail again at each refresh.
+            self._beside_of, self.beside = now, None
+            if tab == "Solve":
+                self.beside = normals_beside(review, self.method)
+            elif tab == "Twin" and not {"twin", "frames"} & review.missing.keys():
+                self.beside = twin_beside(review, self.frame, self.shown)
 
     def choose_ball(self, ball: int | None) -> None:
         """Look at a ball on the photograph."""
         if self.tab != "Balls" and ball is not None:
             self.open_tab("Balls")
-        self.choose(ball=ball, view="Photograph")
+        self.choose(ball=ball)
 
     def show(self, **changes: Any) -> None:
         """Show the photograph in another way; see `Look`."""
@@ -154,38 +157,23 @@ class ReviewWindow(PhotographWindow):
     def read_again(self) -> None:
         """Read the folder again."""
         self.read()
-        self.choose(reading=self.reading + 1, beside=None)
+        self.choose(reading=self.reading + 1)
 
     @property
     def is_kept_so(self) -> bool:
         """Whether nothing is corrected that is not in the folder's files."""
         return self.sitting is None or self.sitting.history.state == self.sitting.kept
 
-    def _digest(self) -> str:
-        """Return a digest of the files of what is kept: another window may write them."""
-        return " ".join(str(file_digest(self.folder / KEPT / name)) for name in ("session.toml", PICKS))
-
     def write_kept(self) -> Path:
-        """Keep what was corrected, for `rgbn process` and the next run; return the folder of the corrected session.
-
-        Raises SceneError: another window has kept something since this one has read the folder.
-        """
+        """Keep what was corrected, for `rgbn process` and the next run; return the folder of the corrected session."""
         sitting, review = self.sitting, self.review
         assert sitting is not None
-        if sitting.seen != self._digest():
-            sitting.seen = self._digest()
-            raise SceneError(
-                f"{KEPT}/session.toml: corrections were kept elsewhere, by another window, since this one read the "
-                "folder. Keep again to put these in their place; or read the folder again, under Verdict."
-            )
-        state, spheres, picks = sitting.history.state, None, None
+        state, spheres = sitting.history.state, None
         if state.outlines != sitting.kept.outlines or not state.picks.pairs:
             session, camera = review.need("session", "camera")
             spheres = specs_of(session, state.outlines, camera)
-        if state.picks.pairs:
-            picks = write_picks(review, state.picks)
-        folder = write_amended(review, spheres=spheres, picks=picks)
-        sitting.kept, sitting.seen = state, self._digest()
+        folder = write_amended(review, spheres=spheres, picks=state.picks if state.picks.pairs else None)
+        sitting.kept = state
         self.notify("Kept", f"{self.workspace.name(folder)}/session.toml; your own session.toml is as it was.")
         self.refresh()
         return folder

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from studio.display_mesh import display_mesh
 from studio.editor.placement import quaternion
 from studio.photograph.plane import add_numbered
+from studio.review.corrections import met
 from studio.review.light_sigmas import covariance_mm2, ellipsoid_of, fitting_factor, light_places
 from studio.review.review_window import ReviewWindow
-from studio.review.scan_picks import met
 from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow
 
 Array = NDArray[np.float64]
@@ -41,8 +41,8 @@ class SpatialView:
             draw("lights", (reading, window.frame, window.factor), self._add_lights)
         elif window.view == "Scan":
             draw("scan", reading, self._add_scan)
-        draw("look", (window.view, reading, window.looks), self._look)
-        draw("marks", window.picks.points, self._add_marks)
+            draw("marks", window.picks.points, self._add_marks)
+        draw("look", (window.view, window.looks), self._look)
 
     def _look(self) -> None:
         """Look at the whole of what is shown."""
@@ -58,27 +58,22 @@ class SpatialView:
         review = self._window.review
         if review.session is None or review.session.scan is None or not review.store.path("pose.json").exists():
             return []
-        scale = review.store.load_scan_scale()
         shown = display_mesh(review.scan_shape)
-        placed = (review.store.load_pose().apply(scale * shown.vertices) * UNITS_PER_MM).astype(np.float32)
-        return [self._view.add_mesh_simple(f"{LIGHTS}/object", placed, shown.faces, color=CLAY, **NO_SHADOW)]
+        placed = review.store.load_pose().apply(review.store.load_scan_scale() * shown.vertices)
+        return [self._add_mesh(f"{LIGHTS}/object", placed * UNITS_PER_MM, shown.faces)]
+
+    def _add_mesh(self, name: str, places: Array, faces: Any) -> Any:
+        return self._view.add_mesh_simple(name, places.astype(np.float32), faces, color=CLAY, **NO_SHADOW)
 
     def _add_balls(self) -> list[Any]:
-        review = self._window.review
+        review, handles = self._window.review, []
         camera = review.material.camera
-        if camera is None or camera.is_orthographic:
-            return []
-        return [
-            self._view.add_icosphere(
-                f"{LIGHTS}/ball_{index}",
-                radius=sphere.radius_mm * UNITS_PER_MM,
-                color=STEEL if sphere.kind == "chrome" else CHALK,
-                position=tuple(sphere.center_mm(camera) * UNITS_PER_MM),
-                **NO_SHADOW,
-            )
-            for index, sphere in enumerate(review.spheres)
-            if sphere.diameter_mm and not sphere.apart
-        ]
+        for index, sphere in enumerate(review.spheres):
+            if camera is not None and not camera.is_orthographic and sphere.diameter_mm:
+                at, radius = sphere.center_mm(camera) * UNITS_PER_MM, sphere.radius_mm * UNITS_PER_MM
+                look = {"color": STEEL if sphere.kind == "chrome" else CHALK, "position": tuple(at), **NO_SHADOW}
+                handles.append(self._view.add_icosphere(f"{LIGHTS}/ball_{index}", radius=radius, **look))
+        return handles
 
     def _add_lights(self) -> list[Any]:
         window, lights, view, handles = self._window, self._window.review.lights, self._view, []
@@ -91,8 +86,7 @@ class SpatialView:
         # Of a near light its direction alone says nothing of how far away it is.
         is_told = lights.positions_mm is None or known is not None
         for index, (place, spread) in enumerate(zip(places, covariance_mm2(lights, known), strict=True)):
-            colour = CHOSEN if index == window.frame else PLAIN
-            at = tuple(place * UNITS_PER_MM)
+            colour, at = CHOSEN if index == window.frame else PLAIN, tuple(place * UNITS_PER_MM)
             look = {"subdivisions": 2, "color": colour, "position": at, **NO_SHADOW}
             handles.append(add_light_arrow(view, f"{LIGHTS}/arrow_{index}", (place, reference), reach, colour))
             bodies = [view.add_icosphere(f"{LIGHTS}/light_{index}", radius=0.012 * reach * UNITS_PER_MM, **look)]
@@ -106,28 +100,25 @@ class SpatialView:
             handles += bodies
         return handles
 
+    def _on_scan(self, points_mm: Array) -> Array:
+        """Return where points (..., 3) of the scan stand in the view."""
+        mesh = self._window.review.scan_mesh
+        return (points_mm - mesh.center_mm) * SCAN_SIZE / (2 * mesh.radius_mm)
+
     def _add_scan(self) -> list[Any]:
-        mesh, shown = self._window.review.scan_mesh, display_mesh(self._window.review.scan_shape)
-        scale = SCAN_SIZE / (2 * mesh.radius_mm)
-        places = ((shown.vertices - mesh.center_mm) * scale).astype(np.float32)
-        handle = self._view.add_mesh_simple(f"{SCAN}/mesh", places, shown.faces, color=CLAY, **NO_SHADOW)
+        window, review = self._window, self._window.review
+        mesh, shown = review.scan_mesh, display_mesh(review.scan_shape)
+        handle = self._add_mesh(f"{SCAN}/mesh", self._on_scan(shown.vertices), shown.faces)
 
         def clicked(origin: Array, direction: Array) -> None:
-            use, review = self._window.on_scan, self._window.review
-            if use is None:
-                return
-            point = met(review.scan_rays, origin / scale + mesh.center_mm, direction)
-            if point is not None:
-                use(point)
+            point = met(review.scan_rays, origin * 2 * mesh.radius_mm / SCAN_SIZE + mesh.center_mm, direction)
+            if point is not None and window.on_scan is not None:
+                window.on_scan(point)
 
-        self._window.on_ray(handle, clicked)
+        window.on_ray(handle, clicked)
         return [handle]
 
     def _add_marks(self) -> list[Any]:
         """Show the points of the scan that were picked, numbered."""
-        review, points = self._window.review, self._window.picks.points
-        if "scan_mesh" not in vars(review):
-            return []
-        mesh = review.scan_mesh
-        places = [tuple((np.array(point) - mesh.center_mm) * SCAN_SIZE / (2 * mesh.radius_mm)) for point in points]
+        places = [tuple(self._on_scan(np.array(point))) for point in self._window.picks.points]
         return add_numbered(self._view, f"{SCAN}/mark", places, 0.05, CHOSEN)

@@ -101,7 +101,7 @@ def test_python_and_the_studio_open_it(dome, processed):
     assert opened.methods == UNCALIBRATED
     assert np.isfinite(opened.normals("ldr")).any()
     assert "unknown" in repr(opened.lights)
-    review = Review.read(Path(processed[0]))
+    review = Review(Path(processed[0]))
     assert review.lights is None
     assert "they are unknown" in review.missing["lights"]
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import re
 import threading
 from pathlib import Path
 from types import SimpleNamespace
@@ -43,8 +44,9 @@ def viser_server():
 
 def at_once(answer):
     """Do what a coroutine does; it may wait for nothing. Playwright's own loop may be running in this thread."""
-    with pytest.raises(StopIteration):
-        answer.send(None)
+    if answer is not None:
+        with pytest.raises(StopIteration):
+            answer.send(None)
 
 
 class Nobody:
@@ -147,7 +149,6 @@ class Visitor:
 
     def __init__(self, chromium, studio, ready):
         self.asked, self.interactions, self._studio = [], 0, studio
-        known = {window.client.client_id for window in studio.windows}
         self.page = chromium.new_page(viewport=VIEW)
         self.page.add_init_script(FEWER_FRAMES + HEARD)
         self.page.set_default_timeout(1000 * PATIENCE_S)
@@ -155,22 +156,18 @@ class Visitor:
         self.page.on("websocket", lambda socket: self.asked.append(socket.url))
         self.page.goto(studio.address)
         self.button(ready).wait_for()
-        self._came(known)
-
-    def _came(self, known):
-        (self._client,) = {window.client.client_id for window in self._studio.windows} - known
 
     @property
     def window(self):
         """The window of the area that is shown."""
-        return next(one for one in self._studio.windows if one.client.client_id == self._client)
+        return self._studio.window
 
     def reload(self, ready):
         """Load the page again."""
-        known = {window.client.client_id for window in self._studio.windows}
+        before = self.window
         self.page.reload()
+        self.until(lambda: self.window not in (None, before), "a new window")
         self.button(ready).wait_for()
-        self._came(known)
         self.settle()
 
     def settle(self):
@@ -220,11 +217,11 @@ class Visitor:
     def tab(self, name):
         """Turn to a tab. Pressed again where the page was still being laid out under the first press."""
         self.interactions += 1
-        tab = self.page.get_by_role("tab", name=name, exact=True)
+        tab = self.page.get_by_role("button", name=re.compile(rf"^{name}( .*)?$")).last
         for _ in range(PATIENCE_S):
             tab.click(force=True)
             for _ in range(20):
-                if tab.get_attribute("aria-selected") == "true":
+                if self.window.tab == name:
                     return
                 self.page.wait_for_timeout(50)
         pytest.fail(f"{name}: the tab does not open")
@@ -265,9 +262,7 @@ class Visitor:
             if condition():
                 return
             self.page.wait_for_timeout(50)
-        windows = [one.client.client_id for one in self._studio.windows]
-        told = f"pressed: {self.page.evaluate('heard')}; window {self._client} of {windows}"
-        pytest.fail(f"{what}: not within {PATIENCE_S} s; {told}")
+        pytest.fail(f"{what}: not within {PATIENCE_S} s; pressed: {self.page.evaluate('heard')}")
 
     def on_screen(self, point):
         """Return where on the page a point (3,) of the 3-D view is seen, px."""

@@ -1,4 +1,4 @@
-"""A dataset rendered in its own process: told how far it is, stopped, gone on with, and its faults."""
+"""Work in its own process: told how far it is, stopped, gone on with, and its faults."""
 
 import threading
 from dataclasses import replace
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from studio import background_process
-from studio.background_process import BackgroundProcess
+from studio.background_process import Work
 from studio.editor import edits
 from twin.description.description import Sampling
 from twin.description.description_tables import RingTable
@@ -23,8 +23,8 @@ def small_scene(folder, samples):
     return write_scene(replace(scene, sampling=Sampling("mitsuba", samples)), folder)
 
 
-def start_rendering(scene, out, tell, ended):
-    return BackgroundProcess(["-m", "studio.studio_run", "render", scene, out], tell, ended)
+def render(scene, out, told=lambda line: None):
+    return Work("Render", out, ["-m", "studio.studio_run", "render", scene, out], told)
 
 
 def pieces(told):
@@ -36,58 +36,72 @@ def pieces(told):
 def test_a_rendering_is_stopped_and_goes_on(tmp_path):
     """What was rendered when it was stopped is kept, and the whole is as if it had never been stopped."""
     scene = small_scene(tmp_path / "scene", samples=1600)
-    told, ended, first = [], [], threading.Event()
+    told, first = [], threading.Event()
 
     def tell(line):
         told.append(line)
         if max(pieces(told), default=0) >= 1:
             first.set()
 
-    stopped = start_rendering(scene, tmp_path / "a", tell, ended.append)
+    stopped = render(scene, tmp_path / "a", tell)
     assert first.wait(240), told
     stopped.stop()
-    assert not ended, "a stop is no end"
+    assert (stopped.is_over, stopped.is_stopped, stopped.fault) == (True, True, "")
     assert not (tmp_path / "a" / "session.toml").exists()
     assert (tmp_path / "a" / ".rgbn" / "unfinished").is_dir()
 
     told.clear()
-    start_rendering(scene, tmp_path / "a", tell, ended.append).wait()
-    assert ended == [""]
+    again = render(scene, tmp_path / "a", tell)
+    again.wait()
+    assert (again.fault, again.share) == ("", 1.0)
     counts = pieces(told)
     assert counts[0] >= 1, "it goes on from what was done"
     assert counts == sorted(counts)
     assert counts[-1] == 6
-    start_rendering(scene, tmp_path / "b", tell, ended.append).wait()
+    render(scene, tmp_path / "b").wait()
     a, b = (np.load(tmp_path / name / "frames" / "codes.npy") for name in "ab")
     # Threads add to a pixel in the order in which they come: the last bit of a float, one code at most.
     assert np.abs(a.astype(int) - b.astype(int)).max() <= 1
 
 
 @pytest.mark.parametrize(
-    ("said", "code", "fault"),
+    ("said", "code", "fault", "shown"),
     [
-        (["hello", "twin: 1 of 2", "[1, 2]"], 0, ""),
-        ([], 3, "the process ended with code 3."),
-        (["at work", "rgbn: no scan.", "Add one."], 2, "no scan.\nAdd one."),
+        (["hello", "twin: 1 of 2", "[1, 2]", "twin: 2 of 2, about 3 s left"], 0, "", ["hello", "[1, 2]", 3]),
+        ([], 3, "the process ended with code 3.", []),
+        (["at work", "rgbn: no scan.", "Add one."], 2, "no scan.\nAdd one.", [0, 1, 2]),
     ],
 )
-def test_whatever_is_printed_the_end_is_told(tmp_path, monkeypatch, said, code, fault):
-    """A library may print between the lines, more than a pipe holds too: it is shown, and nothing waits for ever."""
+def test_whatever_is_printed_the_end_is_told(tmp_path, monkeypatch, said, code, fault, shown):
+    """A library may print between the lines, more than a pipe holds too; how far it is takes the place of how far."""
     program = tmp_path / "renderer"
     program.write_text("\n".join(["#!/bin/sh", "seq 100000", *(f"echo '{line}' >&2" for line in said), f"exit {code}"]))
     program.chmod(0o755)
     monkeypatch.setattr(background_process, "sys", SimpleNamespace(executable=str(program)))
-    told, ended = [], []
-    start_rendering(tmp_path / "scene.toml", tmp_path / "out", told.append, ended.append).wait()
-    assert told == said
-    assert ended == [fault]
+    told = []
+    work = render(tmp_path / "scene.toml", tmp_path / "out", told.append)
+    work.wait()
+    assert told == [*said, ""]
+    assert (work.fault, work.is_over) == (fault, True)
+    assert work.said == [said[one] if isinstance(one, int) else one for one in shown]
 
 
 def test_a_fault_is_told(tmp_path):
+    """Of a scene, and of photographs that are no pictures: the line that says so, and no more."""
     scene = small_scene(tmp_path, samples=4)
     scene.write_text(scene.read_text().replace('kind = "distant"', 'kind = "distand"', 1))
-    ended = []
-    start_rendering(scene, tmp_path / "out", lambda line: None, ended.append).wait()
-    assert len(ended) == 1
-    assert "distand" in ended[0]
+    work = render(scene, tmp_path / "out")
+    work.wait()
+    assert "distand" in work.fault
     assert not (tmp_path / "out").exists()
+    session = tmp_path / "session"
+    session.mkdir()
+    for number in range(3):
+        (session / f"flash_{number}.png").write_bytes(b"")
+    (session / "session.toml").write_text('[frames]\nflash = "flash_*.png"\nlinear = true\n')
+    told = []
+    work = Work("Run", session, ["-m", "studio.studio_run", "check", str(session), str(tmp_path / "o")], told.append)
+    work.wait()
+    assert "flash_0.png" in work.fault
+    assert not work.fault.startswith("rgbn")
+    assert "Traceback" not in "".join(told)

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from calibrate.lights.directions import mirrored_at
 from fixtures.lit_surfaces import flashes_at
 from lab.run import run_session
 from scene.camera import Camera
@@ -16,7 +17,6 @@ from scene.output_folder import open_record
 from scene.pose import Pose, rotation_from_vector
 from scene.spheres import Sphere
 from scene.store import Store
-from studio.review.ball_marks import mirrored_px
 from twin.description.mesh_files import write_mesh
 from twin.description.object_mesh import ObjectMesh, built_in
 
@@ -82,7 +82,7 @@ def made(tmp_path):
         Store(store.path("twin")).save_frames(Frames.from_linear(lights.names, 0.9 * linear))
         factors = generator.normal(0, 6, (5, 3, 3))
         covariance = factors @ factors.transpose(0, 2, 1)
-        highlights = np.array([mirrored_px(CAMERA, ball, lights) for ball in balls()]) + [0.3, -0.4]
+        highlights = np.array([mirrored_at(CAMERA, ball, lambda points: lights.directions) for ball in balls()])
         highlights[0, 3] = highlights[2] = np.nan
         write_json(
             store.path("calibration.json"),

@@ -1,0 +1,254 @@
+"""Balls corrected by hand and points picked on the scan, and the session with them, as the command line reads it.
+
+What is written lies in the output folder; the user's own session.toml is read and never written.
+"""
+
+import glob
+import tomllib
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.session.session_types import Session, SphereSpec
+from formats.toml_text import toml_text
+from scene.camera import Camera
+from scene.errors import SceneError
+from scene.files import write_text
+from scene.length_units import UNITS_MM
+from scene.mesh import Mesh
+from scene.reading import reading, text_of
+from scene.spheres import Sphere
+from studio.own_files import put_own, remove_own
+from studio.photograph.outlines import Outline, Outlines
+from studio.review.folder import HEADLINE, KEPT, OWN, Review
+
+if TYPE_CHECKING:
+    from scene.rays import RayCaster
+
+Array = NDArray[np.float64]
+PICKS = "picks.csv"
+"""Beside the session with what was corrected."""
+GLOBS = {"flash", "ambient", "dark", "flat", "charuco", "frames"}
+FILES = {"mask", "scan", "normals", "picks", "file"}
+"""Keys of a session that name files, by patterns or one each."""
+
+
+@dataclass(frozen=True)
+class Picks:
+    """Pixels and points as they were clicked; the first pixel belongs to the first point.
+
+    pixels: Of the frames.
+    points: Of the scan, in millimetres, or in its own unit where that is unknown.
+    """
+
+    pixels: tuple[tuple[float, float], ...] = ()
+    points: tuple[tuple[float, float, float], ...] = ()
+
+    @property
+    def pairs(self) -> int:
+        """How many are whole."""
+        return min(len(self.pixels), len(self.points))
+
+    def with_pixel(self, pixel: tuple[float, float]) -> "Picks":
+        """Return them with one more pixel; it replaces a last one that has no point yet."""
+        return replace(self, pixels=(*self.pixels[: len(self.points)], pixel))
+
+    def with_point(self, point: Array) -> "Picks":
+        """Return them with one more point; it replaces a last one that has no pixel yet."""
+        x, y, z = (float(value) for value in point)
+        return replace(self, points=(*self.points[: len(self.pixels)], (x, y, z)))
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """What a hand has put right."""
+
+    outlines: Outlines = ()
+    picks: Picks = field(default_factory=Picks)
+
+
+def outlines_of(review: Review) -> Outlines:
+    """Return the balls as they were found; where none were, as the session gives them."""
+    camera, session = review.material.camera, review.session
+    if review.spheres:
+        return tuple(
+            Outline(s.kind, (float(s.center_px[0]), float(s.center_px[1])), float(s.radius_px), _stated_mm(session, s))
+            for s in review.spheres
+        )
+    if camera is None or session is None:
+        return ()
+    scale, found = _scale(session, camera), []
+    specs = [spec for spec in session.spheres if not spec.frames]
+    for i, spec in enumerate(specs):
+        # Those that the session names without a place wait in the middle of the picture to be put in place.
+        place = (camera.width * (i + 0.5) / len(specs), camera.height / 2)
+        if spec.center_px is not None:
+            place = (spec.center_px[0] + 0.5) / scale - 0.5, (spec.center_px[1] + 0.5) / scale - 0.5
+        radius = (spec.radius_px or 0) / scale or camera.width / 20
+        found.append(Outline(spec.kind, place, radius, spec.diameter_mm))
+    return tuple(found)
+
+
+def specs_of(session: Session, balls: Outlines, camera: Camera) -> tuple[SphereSpec, ...]:
+    """Return `[[spheres]]` entries that say these outlines, in the pixels that the session counts in.
+
+    Balls that were shot apart stay as the session has them. Raises SceneError: its balls cannot be said by circles:
+    their lights are given, or a ball has a mask.
+    """
+    apart, fault = [spec for spec in session.spheres if spec.frames], ""
+    if session.lights_file is not None:
+        fault = (
+            f"lights.file: this session's lights are from {session.lights_file.name}, not from balls. Take the table "
+            "[lights] out of session.toml to calibrate with balls."
+        )
+    elif any(spec.mask for spec in session.spheres):
+        fault = (
+            "spheres.mask: this session gives its balls by masks. Correct the masks, or replace them by center_px and "
+            "radius_px in session.toml."
+        )
+    elif not balls and not apart:
+        fault = "spheres: there is no ball to calibrate with. Add one."
+    if fault:
+        raise SceneError(fault)
+    scale, specs = _scale(session, camera), []
+    for ball in balls:
+        center = (ball.center_px[0] + 0.5) * scale - 0.5, (ball.center_px[1] + 0.5) * scale - 0.5
+        specs.append(SphereSpec(ball.kind, ball.diameter_mm, center, ball.radius_px * scale, None, ()))
+    return (*specs, *apart)
+
+
+def _stated_mm(session: Session | None, sphere: Sphere) -> float | None:
+    """Return a found ball's diameter where the session states it; a white ball's may have been guessed."""
+    if session is None or sphere.diameter_mm is None:
+        return sphere.diameter_mm
+    stated = [spec.diameter_mm for spec in session.spheres if spec.kind == sphere.kind and spec.diameter_mm]
+    # Calibration leaves a stated diameter as it is.
+    return sphere.diameter_mm if any(abs(one - sphere.diameter_mm) < 1e-6 * one for one in stated) else None
+
+
+def _scale(session: Session, camera: Camera) -> int:
+    from capture.session.requests import hint_scale
+
+    return hint_scale(session, camera.width)
+
+
+def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = None, picks: Picks | None = None) -> Path:
+    """Write OUT/review/session.toml, and return its folder: a session for `rgbn process OUT/review --out OUT`.
+
+    spheres: Instead of the session's `[[spheres]]`; picks: for `object.picks`, beside it. None: those of an earlier
+    correction, else the session's. Its relative paths are written out in full. Raises SceneError: there is none to
+    correct, or a file that is not the studio's is in the way.
+    """
+    path, source = review.store.path(KEPT, "session.toml"), _source(review)
+    before = _read(path) if path.exists() and path != source else {}
+    data = _in_full(_read(source), source.parent)
+    if review.session is not None:
+        data["name"] = review.session.name
+    if spheres is not None:
+        data["spheres"] = [_sphere_table(spec) for spec in spheres]
+    elif "spheres" in before:
+        data["spheres"] = before["spheres"]
+    rows = None if picks is None else _table(review, picks)
+    marked = before.get("object", {}).get("picks") if rows is None else str(path.with_name(PICKS).resolve())
+    if marked is not None:
+        data["object"] = {**data.get("object", {}), "picks": marked}
+    own = [] if path == source else [f"{OWN}{review.session_path}"]
+    text = "\n".join([HEADLINE, *own, toml_text(data)])
+
+    def write(place: Path) -> None:
+        write_text(place / KEPT / path.name, text)
+        if rows is not None:
+            write_text(place / KEPT / PICKS, rows)
+
+    put_own(review.store.folder, write)
+    return path.parent
+
+
+def forget_kept(review: Review) -> None:
+    """Remove what was kept in OUT/review, unless somebody else changed it or the session's own file is not known."""
+    path = review.store.path(KEPT)
+    if review.session_path is None or review.session_path == path.resolve():
+        raise SceneError(
+            f"{path / 'session.toml'}: the session that it was made of is not known here, or is gone. Open the review "
+            "by that session, `rgbn studio SESSION --out OUT`, to forget what was kept."
+        )
+    remove_own(review.store.folder, [f"{KEPT}/{name}" for name in ("session.toml", PICKS)])
+
+
+def _read(path: Path) -> dict[str, Any]:
+    with reading(path, "cannot be read as TOML", do="Correct it, or remove it."):
+        return tomllib.loads(text_of(path))
+
+
+def _source(review: Review) -> Path:
+    (session,), path = review.need("session"), review.session_path
+    if session.layout != "toml":
+        raise SceneError(
+            f"{session.folder}: is in the DiLiGenT layout, which has no place for balls or picks. Write a "
+            "session.toml to correct it."
+        )
+    assert path is not None
+    return path if path.is_file() else path / "session.toml"
+
+
+def _in_full(value: Any, folder: Path, key: str = "") -> Any:
+    """Return a manifest, or the value of a key of it, with its paths absolute."""
+    if isinstance(value, dict):
+        return {name: _in_full(part, folder, name) for name, part in value.items()}
+    if key in GLOBS:
+        # Signs in the folder's own name are no wildcards.
+        root = Path(glob.escape(str(folder.resolve())))
+        return [str(root / pattern) for pattern in ([value] if isinstance(value, str) else value)]
+    if key in FILES:
+        return str(folder.resolve() / value)
+    return [_in_full(part, folder) for part in value] if isinstance(value, list) else value
+
+
+def _sphere_table(spec: SphereSpec) -> dict[str, Any]:
+    said = {
+        "kind": spec.kind,
+        "diameter_mm": spec.diameter_mm and float(spec.diameter_mm),
+        "center_px": spec.center_px and list(map(float, spec.center_px)),
+        "radius_px": spec.radius_px and float(spec.radius_px),
+        "frames": [glob.escape(str(path)) for path in spec.frames] or None,
+    }
+    return {key: value for key, value in said.items() if value is not None}
+
+
+def _table(review: Review, picks: Picks) -> str:
+    """Return picks as `object.picks` is read."""
+    session, camera = review.need("session", "camera")
+    scale, unit = _scale(session, camera), UNITS_MM[session.scan_unit]
+    rows = ["u,v,x,y,z"]
+    for (u, v), point in list(zip(picks.pixels, picks.points, strict=False))[: picks.pairs]:
+        x, y, z = (value / unit for value in point)
+        rows.append(f"{(u + 0.5) * scale - 0.5:.3f},{(v + 0.5) * scale - 0.5:.3f},{x:.9g},{y:.9g},{z:.9g}")
+    return "\n".join(rows) + "\n"
+
+
+def pose_of(review: Review, picks: Picks, mesh: Mesh) -> Any:
+    """Return `align.pose.picks.Picked`, the pose that the picks give. What was kept stays as it is.
+
+    Raises SceneError: too few picks, on one line, or contradicting each other.
+    """
+    from align.pose.picks import read_picks
+
+    (session, camera), text = review.need("session", "camera"), _table(review, picks)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / PICKS
+        path.write_text(text)
+        try:
+            return read_picks(path, camera, mesh, unit=session.scan_unit, half=_scale(session, camera) == 2)
+        except SceneError as error:
+            raise SceneError(str(error).replace(str(path), "The picks")) from None
+
+
+def met(caster: "RayCaster", origin: Array, direction: Array) -> Array | None:
+    """Return the point (3,) at which a ray first meets a mesh, None where it misses."""
+    direction = np.asarray(direction, np.float64) / np.linalg.norm(direction)
+    hits = caster.cast(np.asarray(origin, np.float64)[None], direction[None])
+    return np.asarray(origin) + hits.distance[0] * direction if hits.hit[0] else None
