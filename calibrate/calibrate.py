@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.calibration import Aim, Calibration, Notes
+from calibrate.calibration import Calibration, Notes
 from calibrate.detection.balls import Ball, NoProbeError, find_balls
 from calibrate.detection.coarse import Progress
 from calibrate.detection.detect import Rejected
@@ -23,7 +23,7 @@ from calibrate.photometry.matte_shading import (
     read_surface,
     shading_directions,
 )
-from calibrate.photometry.patches import Meter
+from calibrate.photometry.photometer import covariance_of
 from calibrate.without_balls.from_object import strengths_from_object
 from scene.camera import Camera
 from scene.frames import Frames
@@ -97,57 +97,39 @@ def lights_of_balls(
     spheres = _placed([ball.sphere for ball in balls], notes)
     reference = _reference(camera, spheres)
     white = [i for i, sphere in enumerate(spheres) if sphere.kind == "white"]
+    chrome = [i for i, sphere in enumerate(spheres) if sphere.kind == "chrome"]
     surfaces = [read_surface(balls[i].frames, camera, spheres[i]) for i in white]
-    for ball in balls:
-        contradiction = contradicts_kind(ball.frames, camera, ball.sphere)
-        notes.warnings.extend([contradiction] if contradiction else [])
+    notes.warnings.extend(told for ball in balls if (told := contradicts_kind(ball.frames, camera, ball.sphere)))
     shading = _shading(camera, [(balls[i], spheres[i]) for i in white], surfaces, len(frames))
     shown = np.full((len(balls), len(frames), 2), np.nan)
-    if any(sphere.kind == "chrome" for sphere in spheres):
-        aim, shown = _aim_from_chrome(frames, camera, balls, spheres, shading, reference, notes)
+    if chrome:
+        fit, chosen = lights_from_chrome(frames.names, camera, [balls[i] for i in chrome], shading, reference, notes)
+        for row, i in enumerate(chrome):
+            spheres[i] = fit.spheres[row]
+            shown[i] = np.where(fit.used[row][:, None], chosen[row], np.nan)
+        adjusted, lights, covariance = fit.camera, fit.lights(frames.names), fit.position_covariance_mm2
     else:
-        aim = _aim_from_shading(camera, [spheres[i] for i in white], shading, reference, notes)
-    doubt = unknown_view_deg(aim.camera, [sphere for sphere in spheres if sphere.kind == "chrome"] or spheres)
+        adjusted, covariance = camera, None
+        lights = _from_shading(frames.names, camera, [spheres[i] for i in white], shading, reference, notes)
+    doubt = unknown_view_deg(adjusted, [spheres[i] for i in chrome] or spheres)
     if doubt:
-        aim = replace(aim, sigma_deg=np.hypot(aim.sigma_deg, doubt))
+        lights = replace(lights, direction_sigma_deg=np.hypot(lights.direction_sigma_deg, doubt))
         notes.evidence.append(f"nothing is known of the camera: directions to {doubt:.1f} degrees at best, all alike")
-    if aim.camera != camera:
-        surfaces = [read_surface(balls[i].frames, aim.camera, spheres[i]) for i in white]
-    _say_scale(aim, spheres, notes)
-    if aim.positions_mm is not None:
+    if adjusted != camera:
+        surfaces = [read_surface(balls[i].frames, adjusted, spheres[i]) for i in white]
+    _say_scale(adjusted, lights, spheres, notes)
+    if lights.positions_mm is not None:
         notes.evidence.append(
             "everything scales with diameter_mm: 1 % too large there, and every distance is, and no photograph differs"
         )
-    intensities, sigma, ambient = _intensities(frames, spheres, surfaces, shading, aim, notes)
-    _flag_same(frames.names, aim, notes)
-    white_value = np.ones(3) if surfaces else None
+    lights = _with_intensities(frames, adjusted, spheres, surfaces, shading, lights, covariance, notes)
+    _flag_same(lights, notes)
     flags = tuple(tuple(flag) for flag in notes.flags)
     notes.warnings.extend(flag_warnings(frames.names, flags))
-    where = (aim.positions_mm, aim.reference_mm, aim.sigma_deg)
-    lights = Lights(frames.names, aim.directions, intensities, *where, sigma, ambient, white_value, flags).normalised()
+    lights = replace(lights, flags=flags).normalised()
     lights.check()
     said = tuple(notes.evidence), tuple(notes.warnings)
-    return Calibration(spheres, lights, shown, rejected, *said, aim.position_covariance_mm2, aim.camera)
-
-
-def _aim_from_chrome(
-    frames: Frames,
-    camera: Camera,
-    balls: Sequence[Ball],
-    spheres: list[Sphere],
-    shading: Shading,
-    reference: Array,
-    notes: Notes,
-) -> tuple[Aim, Array]:
-    """Fit the lights to the highlights, and return these (S, F, 2); put the adjusted balls into `spheres`."""
-    shown = np.full((len(balls), len(frames), 2), np.nan)
-    chrome = [i for i, sphere in enumerate(spheres) if sphere.kind == "chrome"]
-    fit, chosen = lights_from_chrome(frames.names, camera, [balls[i] for i in chrome], shading, reference, notes)
-    for row, i in enumerate(chrome):
-        spheres[i] = fit.spheres[row]
-        shown[i] = np.where(fit.used[row][:, None], chosen[row], np.nan)
-    lights = fit.directions, fit.direction_sigma_deg, fit.positions_mm, fit.range_sigma, fit.position_covariance_mm2
-    return Aim(fit.camera, fit.reference, *lights), shown
+    return Calibration(spheres, lights, shown, rejected, *said, covariance, adjusted)
 
 
 def _shading(camera: Camera, white: list[tuple[Ball, Sphere]], surfaces: list[Surface], frames: int) -> Shading:
@@ -163,14 +145,15 @@ def _shading(camera: Camera, white: list[tuple[Ball, Sphere]], surfaces: list[Su
     return Shading(directions, sigma, np.stack(centers))
 
 
-def _aim_from_shading(camera: Camera, white: list[Sphere], shading: Shading, reference: Array, notes: Notes) -> Aim:
+def _from_shading(
+    names: tuple[str, ...], camera: Camera, white: list[Sphere], shading: Shading, reference: Array, notes: Notes
+) -> Lights:
     """Return the directions by the first white ball's shading."""
     if not white or not np.isfinite(shading.directions[0]).all():
         raise NoProbeError(
             "spheres: the white ball shows too little lit, unclipped skin to tell the lights from. Add a chrome ball, "
             "or expose so that the white ball stays below white."
         )
-    directions, sigma = shading.directions[0], shading.stated_deg[0]
     notes.evidence.append("distant lights, from the white ball's shading: no chrome ball")
     if not camera.is_orthographic and not any(sphere.apart for sphere in white):
         notes.warnings.append(
@@ -178,36 +161,40 @@ def _aim_from_shading(camera: Camera, white: list[Sphere], shading: Shading, ref
             "it, under flashes a metre away, sees them 6 degrees elsewhere. Put chrome balls on two sides of the "
             "object, and state diameter_mm."
         )
-    return Aim(camera, reference, directions, sigma, None, np.full(len(directions), np.nan))
+    equal = np.ones((len(names), 3))
+    return Lights(names, shading.directions[0], equal, None, reference, shading.stated_deg[0])
 
 
-def _intensities(
+def _with_intensities(
     frames: Frames,
+    camera: Camera,
     spheres: list[Sphere],
     surfaces: list[Surface],
     shading: Shading,
-    aim: Aim,
+    lights: Lights,
+    covariance: Array | None,
     notes: Notes,
-) -> tuple[Array, Array, Array | None]:
-    """Return intensities (F, 3), their relative sigma (F,) and the ambient light (3,), where white balls show it."""
+) -> Lights:
+    """Return the lights with intensities, their sigma, and the ambient light, where white balls show it."""
     if not surfaces:
-        equal = np.ones((len(frames), 3))
-        bare = Lights(frames.names, aim.directions, equal, aim.positions_mm, aim.reference_mm, aim.sigma_deg)
-        read = strengths_from_object(frames, aim.camera, spheres, bare, notes)
-        if read is not None:
-            return *read, None
-        notes.warnings.append(EQUALLY_BRIGHT)
-        return np.ones((len(frames), 3)), np.full(len(frames), np.nan), None
-    apart, meter = 0.0, aim.meter
+        read = strengths_from_object(frames, camera, spheres, lights, notes)
+        if read is None:
+            notes.warnings.append(EQUALLY_BRIGHT)
+            return lights
+        return replace(lights, intensities=read[0], intensity_sigma=read[1])
+    apart, there = 0.0, lights
     if any(sphere.kind == "chrome" for sphere in spheres):
         white = next(sphere for sphere in spheres if sphere.kind == "white")
-        apart = compare_with_chrome(frames.names, aim, white, shading.directions[0], notes)
-        if apart > APART_DEG and aim.positions_mm is None:
+        apart = compare_with_chrome(camera, lights, white, shading.directions[0], notes)
+        if apart > APART_DEG and lights.positions_mm is None:
             # Near lights without ranges: at the white ball its own shading knows the direction better.
-            meter = Meter(shading.directions[0], None, aim.reference_mm)
-            meter = meter.with_sigmas(shading.sigma_deg[0], aim.range_sigma)
+            own = {"directions": shading.directions[0], "direction_sigma_deg": shading.sigma_deg[0]}
+            there = replace(lights, **own)
             notes.evidence.append("intensities are read with the white ball's own directions")
-    return intensities_from_white(frames, surfaces, meter, notes, apart_deg=apart)
+    if covariance is None:
+        covariance = covariance_of(there, np.full(len(there), np.nan))
+    read = intensities_from_white(frames, surfaces, there, covariance, notes, apart_deg=apart)
+    return replace(lights, intensities=read[0], intensity_sigma=read[1], ambient=read[2], white_value=np.ones(3))
 
 
 def _placed(spheres: list[Sphere], notes: Notes) -> list[Sphere]:
@@ -227,16 +214,18 @@ def _placed(spheres: list[Sphere], notes: Notes) -> list[Sphere]:
     return out
 
 
-def _say_scale(aim: Aim, spheres: list[Sphere], notes: Notes) -> None:
+def _say_scale(camera: Camera, lights: Lights, spheres: list[Sphere], notes: Notes) -> None:
     """Say how far balls and flashes are by the diameters given, and doubt what no lab has."""
-    placed = [] if aim.camera.is_orthographic else [s for s in spheres if s.diameter_mm and not s.apart]
+    placed = [] if camera.is_orthographic else [s for s in spheres if s.diameter_mm and not s.apart]
     if not placed:
         return
-    centers = np.stack([s.center_mm(aim.camera) for s in placed])
+    centers = np.stack([s.center_mm(camera) for s in placed])
     far = np.linalg.norm(centers, axis=1) / 1000
     text = f"balls {_span(far)} m from the camera"
-    if aim.positions_mm is not None:
-        text += f", flashes {_span(np.linalg.norm(aim.positions_mm - centers.mean(0), axis=1) / 1000)} m from the balls"
+    if lights.positions_mm is not None:
+        text += (
+            f", flashes {_span(np.linalg.norm(lights.positions_mm - centers.mean(0), axis=1) / 1000)} m from the balls"
+        )
     notes.evidence.append(text)
     if not LAB_M[0] < np.median(far) < LAB_M[1]:
         listed = ", ".join(f"{d:g}" for d in sorted({s.diameter_mm for s in placed if s.diameter_mm}))
@@ -257,14 +246,14 @@ def _reference(camera: Camera, spheres: list[Sphere]) -> Array:
     return np.mean(known, axis=0) if known else np.zeros(3)
 
 
-def _flag_same(names: tuple[str, ...], aim: Aim, notes: Notes) -> None:
+def _flag_same(lights: Lights, notes: Notes) -> None:
     """Flag frames whose light is that of an earlier one: they add no information, and often the flash was not moved."""
-    directions, positions = aim.directions, aim.positions_mm
-    for i in range(len(names)):
+    directions, positions = lights.directions, lights.positions_mm
+    for i in range(len(lights)):
         for j in range(i):
             same = angular_error_deg(directions[i], directions[j]) < SAME_DEG
             if same and positions is not None:
                 same = np.linalg.norm(positions[i] - positions[j]) < SAME_PLACE * np.linalg.norm(positions[i])
             if same:
-                notes.flags[i].append(f"same light as {names[j]}")
+                notes.flags[i].append(f"same light as {lights.names[j]}")
                 break

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.detection.detect import Rejected
-from calibrate.photometry.patches import Meter
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.spheres import Sphere
@@ -60,24 +59,3 @@ class Notes:
     evidence: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     flags: list[list[str]] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class Aim:
-    """Where every frame's light is."""
-
-    camera: Camera  # adjusted, where its focal length or principal point was uncertain and the balls know better
-    reference_mm: Array  # (3,) where the directions hold
-    directions: Array  # (F, 3)
-    sigma_deg: Array  # (F,) one tangent axis
-    positions_mm: Array | None  # (F, 3)
-    range_sigma: Array  # (F,) relative; NaN for distant lights
-    position_covariance_mm2: Array | None = None  # (F, 3, 3)
-
-    @property
-    def meter(self) -> Meter:
-        """The lights as a white ball is to read them."""
-        meter = Meter(self.directions, self.positions_mm, self.reference_mm, self.position_covariance_mm2)
-        if self.positions_mm is None or meter.covariance is None:
-            return meter.with_sigmas(self.sigma_deg, self.range_sigma)
-        return meter

@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from calibrate.detection.circles import gradient, rank
 from calibrate.detection.coarse import Coarse
 from calibrate.detection.evidence import Points
-from calibrate.silhouette.mirrored_surroundings import Surroundings
+from calibrate.silhouette.mirrored_surroundings import Surroundings, TablePlane
 from calibrate.silhouette.mirrored_table import SURE, MirroredTable, fit_mirrored_table, share_explained
 from calibrate.silhouette.outline import circles_apart, sampled, share_in_picture
-from calibrate.silhouette.table_plane import TablePlane
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Sphere

@@ -6,58 +6,54 @@ frames only if each frame has its own light. Lights in other axes fit as well (b
 balls, or by `solve.axes`.
 """
 
-from collections.abc import Iterator
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.known_lights.read_known import lacks_intensities
-from calibrate.without_balls.from_object import varied
-from calibrate.without_balls.probe import Probe, read_probe
+from calibrate.without_balls.from_object import CANDIDATES, varied
+from calibrate.without_balls.probe import read_probe
+from calibrate.without_balls.semicalibrated_start import LIT
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 
 Array = NDArray[np.float64]
+Order = NDArray[np.intp]
 SUSPICIOUS_DEG = 20.0
 """Median angle between known and seen directions that nothing honest explains: flashes a metre away, taken as distant,
 are 10 to 15 degrees elsewhere for a ball that is 200 mm beside the object."""
 BETTER_DEG, BETTER_SHARE = 18.0, 0.5  # median angle, and share of it, that another order or other axes may leave
 TURNS = {
-    "with y flipped: is the file y-down?": np.diag([1.0, -1.0, 1.0]),
-    "with y and z flipped: is the file in OpenCV's frame?": np.diag([1.0, -1.0, -1.0]),
-    "with z flipped: is the file z-away?": np.diag([1.0, 1.0, -1.0]),
-    "with x flipped: are the photographs mirrored?": np.diag([-1.0, 1.0, 1.0]),
-    "with x and y flipped: are the photographs upside down, or the vectors away from the lights?": np.diag(
-        [-1.0, -1.0, 1.0]
-    ),
-    "with every sign flipped: do the vectors point away from the lights?": -np.eye(3),
-    "with x and y exchanged": np.eye(3)[[1, 0, 2]],
-    "with y and z exchanged: is the file y-up?": np.eye(3)[[0, 2, 1]],
-    "turned by 90 degrees to the left: were the photographs turned?": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
-    "turned by 90 degrees to the right: were the photographs turned?": np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]),
+    "with y flipped: is the file y-down?": ("x-yz", (0, 1, 2)),
+    "with y and z flipped: is the file in OpenCV's frame?": ("x-y-z", (0, 1, 2)),
+    "with z flipped: is the file z-away?": ("xy-z", (0, 1, 2)),
+    "with x flipped: are the photographs mirrored?": ("-xyz", (0, 1, 2)),
+    "with x and y flipped: are the photographs upside down, or the vectors away from the lights?": ("-x-yz", (0, 1, 2)),
+    "with every sign flipped: do the vectors point away from the lights?": ("-x-y-z", (0, 1, 2)),
+    "with x and y exchanged": ("xyz", (1, 0, 2)),
+    "with y and z exchanged: is the file y-up?": ("xyz", (0, 2, 1)),
+    "turned by 90 degrees to the left: were the photographs turned?": ("-xyz", (1, 0, 2)),
+    "turned by 90 degrees to the right: were the photographs turned?": ("x-yz", (1, 0, 2)),
 }
-PIXELS, FEWEST_PIXELS = 12000, 200
-FEWEST_FRAMES = 6  # below, three unknowns a pixel fit any order
+"""In words, the signs and the places of a file's axes."""
+FEWEST_PIXELS, FEWEST_FRAMES = 200, 6  # to be asked; three unknowns a pixel fit any order of fewer frames
 PAIRS_UP_TO = 40  # frames of which any two are tried exchanged
-LIT = 0.15  # share of a pixel's brightest samples under which it is taken to be in shadow
-SUSPICIOUS = 0.06  # relative misfit under which nothing is looked for
-BETTER = 0.7  # share of the misfit that another order must leave at most
-UNEQUAL, MUCH_BETTER = 0.1, 0.25
-"""Misfit above which other strengths are tried, and its share that they must leave at most: gamma and ambient light are
-explained by them in part."""
+SUSPICIOUS, BETTER = 0.06, 0.7  # relative misfit from which another order is sought, and its share that one may leave
+MUCH_BETTER = 0.25  # the same of other strengths: gamma and ambient light are explained by them in part
 CHANCE, SHUFFLES = 0.55, 20
 """Share of the median misfit of so many orders at random from which the file says nothing of these photographs."""
 STRENGTH_ROUNDS, STRENGTHS = 4, (0.1, 10)  # turns in which unknown strengths are read, and their bounds, mean 1
+USED = "it is used as it stands."
 
 
-def _orders(count: int) -> Iterator[tuple[str, NDArray[np.intp]]]:
-    """Yield orders in which a file of lights may be, in words, but for exchanged pairs."""
+def _orders(count: int) -> list[tuple[str, Order]]:
+    """Return orders in which a file of lights may be, in words, but for exchanged pairs."""
     here = np.arange(count)
-    yield from ((f"{k} frame{'s' * (k > 1)} later", np.roll(here, k)) for k in range(1, count))
-    yield "in reverse order", here[::-1]
+    rolled = [(f"{k} frame{'s' * (k > 1)} later", np.roll(here, k)) for k in range(1, count)]
+    return [*rolled, ("in reverse order", here[::-1])]
 
 
 def contradiction(witness: str, names: tuple[str, ...], seen: Array, known: Array) -> str | None:
@@ -73,32 +69,31 @@ def contradiction(witness: str, names: tuple[str, ...], seen: Array, known: Arra
     off = float(np.median(each[use]))
     if off < SUSPICIOUS_DEG:
         return _odd_frames(witness, names, seen, known, np.flatnonzero(use & (each > off + SUSPICIOUS_DEG)))
+    trials = []
+    for words, (axes, places) in TURNS.items():
+        signs = np.array([-1 if f"-{axis}" in axes else 1 for axis in "xyz"])
+        trials.append((words, known[:, places] * signs))
+    trials += [
+        (f"{words}: are they of these photographs, and sorted alike?", known[o]) for words, o in _orders(len(known))
+    ]
+    left = [float(np.nanmedian(angular_error_deg(seen[use], trial[use]))) for _, trial in trials]
+    best = int(np.argmin(left))
     start = f"lights.file: {witness} sees its lights {off:.0f} degrees off (median)"
-    asked = {"in reverse order": ": is the file sorted otherwise?"}
-    trials = [(words, known @ turn.T) for words, turn in TURNS.items()]
-    for words, order in _orders(len(known)):
-        trials.append((words + asked.get(words, ": are they of these photographs?"), known[order]))
-    words, better = min(
-        ((words, float(np.nanmedian(angular_error_deg(seen[use], trial[use])))) for words, trial in trials),
-        key=lambda item: item[1],
-    )
-    if better < min(BETTER_SHARE * off, BETTER_DEG):
-        return f"{start}, but only {better:.1f} degrees {words} Correct lights.file; it is used as it stands."
+    if left[best] < min(BETTER_SHARE * off, BETTER_DEG):
+        return f"{start}, but only {left[best]:.1f} degrees {trials[best][0]} Correct lights.file; {USED}"
     return (
         f"{start}, and no flip or roll explains it: the lights do not belong to these photographs, or their order is "
-        "lost. Correct lights.file; it is used as it stands."
+        f"lost. Correct lights.file; {USED}"
     )
 
 
-def _odd_frames(witness: str, names: tuple[str, ...], seen: Array, known: Array, odd: NDArray[np.intp]) -> str | None:
+def _odd_frames(witness: str, names: tuple[str, ...], seen: Array, known: Array, odd: Order) -> str | None:
     """Name the few frames whose lights are another's."""
     if not len(odd):
         return None
     listed = ", ".join(names[f] for f in odd)
-    exchanged = known.copy()
-    exchanged[odd] = known[odd[::-1]]
     start = f"lights.file: {witness} sees the light of {listed} elsewhere (more than {SUSPICIOUS_DEG:.0f} degrees off)"
-    if len(odd) == 2 and angular_error_deg(seen[odd], exchanged[odd]).max() < SUSPICIOUS_DEG:
+    if len(odd) == 2 and angular_error_deg(seen[odd], known[odd[::-1]]).max() < SUSPICIOUS_DEG:
         return (
             f"{start}, and each where the other's should be: exchanged. Correct lights.file, or the photographs' names."
         )
@@ -111,7 +106,7 @@ def wrong_order(frames: Frames, camera: Camera, lights: Lights, region: NDArray[
     `region` (H, W): the pixels to be asked, the object, or all that is no mirror.
     """
     count = len(lights)
-    probe = read_probe(frames, region, most=PIXELS)
+    probe = read_probe(frames, region, most=CANDIDATES)
     if count < FEWEST_FRAMES or not len(probe.pixels):
         return None
     depth = float(lights.reference_point_mm[2])
@@ -123,19 +118,18 @@ def wrong_order(frames: Frames, camera: Camera, lights: Lights, region: NDArray[
     probe = probe.take(varied(probe, toward_of(probe.pixels)))
     if len(probe.pixels) < FEWEST_PIXELS:
         return None
-    values, weight = _samples(probe)
+    values = probe.values.mean(-1, dtype=np.float64).T
+    lit = ~probe.clipped.T & (values > LIT * np.quantile(values, 0.9, axis=1, keepdims=True))
+    values = values * lit
     toward = np.moveaxis(toward_of(probe.pixels) * lights.intensities.mean(1)[:, None, None], 0, 1)
-
     # The strengths that the file does not have are read from the photographs, in each order anew.
-    known = not lacks_intensities(lights)
+    usual = STRENGTH_ROUNDS if lacks_intensities(lights) else 1
 
-    def misfit(order: NDArray[np.intp], rounds: int = 1 if known else STRENGTH_ROUNDS) -> float:
-        light, strength = toward[:, order] * weight[..., None], np.ones(count)
+    def misfit(order: Order, rounds: int = usual) -> float:
+        light, strength, rest = toward[:, order] * lit[..., None], np.ones(count), values
         matrix = np.linalg.inv(np.swapaxes(light, 1, 2) @ light + 1e-9 * np.eye(3))
-        rest = values
         for turn in range(rounds):
-            right = np.swapaxes(light, 1, 2) @ (values / strength)[..., None]
-            shade = (light @ (matrix @ right))[..., 0]
+            shade = (light @ (matrix @ (np.swapaxes(light, 1, 2) @ (values / strength)[..., None])))[..., 0]
             if turn < rounds - 1:
                 strength = np.sum(shade * values, 0) / np.maximum(np.sum(shade**2, 0), 1e-12)
                 strength = np.clip(strength / strength.mean(), *STRENGTHS)
@@ -146,40 +140,29 @@ def wrong_order(frames: Frames, camera: Camera, lights: Lights, region: NDArray[
     given = misfit(here)
     if given < SUSPICIOUS:
         return None
-    trials = list(_orders(count))
-    if count <= PAIRS_UP_TO:
-        for i, j in combinations(range(count), 2):
-            order = here.copy()
-            order[[i, j]] = j, i
-            trials.append((f"with {frames.names[i]} and {frames.names[j]} exchanged", order))
+    trials = _orders(count)
+    for i, j in combinations(range(count), 2) if count <= PAIRS_UP_TO else ():
+        order = here.copy()
+        order[[i, j]] = j, i
+        trials.append((f"with {frames.names[i]} and {frames.names[j]} exchanged", order))
     words, best = min(((words, misfit(order)) for words, order in trials), key=lambda trial: trial[1])
+    start = f"lights.file: the photographs miss Lambert's law by {given:.0%} under these lights"
     if best < BETTER * given:
         return (
-            f"lights.file: the photographs miss Lambert's law by {given:.0%} under these lights, but only by "
-            f"{best:.0%} {words}: the lights are in another order than the photographs. Correct lights.file; it is "
-            "used as it stands."
+            f"{start}, but only by {best:.0%} {words}: the lights are in another order than the photographs. Correct "
+            f"lights.file; {USED}"
         )
-    if known and given > UNEQUAL and (free := misfit(here, STRENGTH_ROUNDS)) < MUCH_BETTER * given:
+    if usual == 1 and (free := misfit(here, STRENGTH_ROUNDS)) < MUCH_BETTER * given:
         return (
-            f"lights.file: the photographs miss Lambert's law by {given:.0%} under these lights, but only by "
-            f"{free:.0%} if the flashes' strengths are others than the file's: correct its intensities, or leave them "
-            "out; or the photographs' exposures differ, which EXIF should tell. They are used as they stand."
+            f"{start}, but only by {free:.0%} if the flashes' strengths are others than the file's: correct its "
+            f"intensities, or leave them out; or the photographs' exposures differ, which EXIF should tell; {USED}"
         )
     rng = np.random.default_rng(0)
     chance = float(np.median([misfit(rng.permutation(count)) for _ in range(SHUFFLES)]))
     if given > CHANCE * chance:
         return (
-            f"lights.file: the photographs miss Lambert's law by {given:.0%} under these lights, and by "
-            f"{chance:.0%} under the same in any order: the lights do not belong to these photographs, or their order "
-            "is lost; or the photographs were turned, or are coded otherwise than frames says. Correct lights.file or "
-            "the photographs; they are used as they stand."
+            f"{start}, and by {chance:.0%} under the same in any order: the lights do not belong to these photographs, "
+            "or their order is lost; or the photographs were turned, or are coded otherwise than frames says. Correct "
+            f"lights.file or the photographs; {USED}"
         )
     return None
-
-
-def _samples(probe: Probe) -> tuple[Array, Array]:
-    """Return the lit, unclipped values (P, F), zero elsewhere, and which they are, 1 or 0."""
-    values = probe.values.mean(-1, dtype=np.float64).T
-    bright = np.quantile(values, 0.9, axis=1, keepdims=True)
-    weight = (~probe.clipped.T & (values > LIT * bright)).astype(np.float64)
-    return values * weight, weight

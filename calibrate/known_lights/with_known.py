@@ -16,7 +16,7 @@ from calibrate.lights.directions import mirrored_rays
 from calibrate.lights.highlight import find_spots
 from calibrate.photometry.from_white import intensities_from_white
 from calibrate.photometry.matte_shading import brightness_beside, read_surface, shading_directions
-from calibrate.photometry.patches import Meter
+from calibrate.photometry.photometer import covariance_of
 from calibrate.without_balls.from_object import strengths_from_object
 from scene.camera import Camera
 from scene.errors import CalibrationError
@@ -97,9 +97,8 @@ def _with_intensities(frames: Frames, camera: Camera, balls: list[Ball], lights:
     """Read on the white balls, else on the object, the intensities that the lights' file does not have."""
     surfaces = [read_surface(ball.frames, camera, ball.sphere) for ball in balls if ball.sphere.kind == "white"]
     if surfaces:
-        meter = Meter(lights.directions, lights.positions_mm, lights.reference_point_mm)
-        meter = meter.with_sigmas(lights.direction_sigma_deg, np.full(len(lights), np.nan))
-        intensities, sigma, ambient = intensities_from_white(frames, surfaces, meter, notes)
+        covariance = covariance_of(lights, np.full(len(lights), np.nan))
+        intensities, sigma, ambient = intensities_from_white(frames, surfaces, lights, covariance, notes)
         notes.evidence.append("intensities from the white ball, read with the known directions: the file has none")
         lights = replace(lights, ambient=ambient, white_value=np.ones(3))
     else:

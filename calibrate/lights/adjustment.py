@@ -6,7 +6,6 @@ within what is known of them.
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,14 +41,6 @@ class Observed:
     reference: Array  # (3,) where the directions hold, mm
     diameter_sigma: Array | None = None  # (S,) relative, of the diameters; 0 or None: exact
     shading: Shading | None = None
-
-
-class _Mirrored(NamedTuple):
-    """One ball's highlights and what mirrors them."""
-
-    arm: Array  # (F, 3) from the mirroring points to the reference, mm
-    seen: Array  # (F, 3) mirrored directions
-    inverted: Array  # (F, 2, 3) pixels by direction: the inverse of d(direction) / d(pixel)
 
 
 class Adjustment:
@@ -170,6 +161,10 @@ class Adjustment:
             return directions, np.zeros(self.lights)
         return directions, np.exp(np.clip(lights[:, 2], *LOG_INVERSE_RANGE))
 
+    def columns_of(self, light: int) -> slice:
+        """Return the places of a light's own unknowns."""
+        return slice(self.first_light + self.per_light * light, self.first_light + self.per_light * (light + 1))
+
     def positions_at(self, x: Array) -> Array:
         """Return the positions (F, 3) of near lights, mm."""
         directions, inverse = self.lights_at(x)
@@ -177,27 +172,21 @@ class Adjustment:
 
     def residual_pixels(self, x: Array) -> Array:
         """Return (S, F, 2) px; NaN where unseen."""
-        return np.stack([self._miss(x, s, self._mirrored(x, s)) for s in range(self.balls)])
-
-    def _mirrored(self, x: Array, ball: int) -> _Mirrored:
-        """Return what of a ball's residuals does not hang on the lights."""
-        camera, sphere = self.camera_at(x), self.ball_at(x, ball)
-        # The highlights' pixels, and beside them, at once: of so few numbers each call costs more than what it does.
-        points, rays = mirrored_rays(camera, sphere, self.seen.highlights[ball] + BESIDE_PX[:, None])
-        seen, (a, b) = rays[0], (rays[1:] - rays[0]) / PIXEL_STEP
-        aa, ab, bb = np.sum(a * a, 1), np.sum(a * b, 1), np.sum(b * b, 1)
-        inverted = np.stack([bb[:, None] * a - ab[:, None] * b, aa[:, None] * b - ab[:, None] * a], 1)
-        inverted /= (aa * bb - ab * ab)[:, None, None]
-        return _Mirrored(self.reference_at(camera) - points[0], seen, inverted)
-
-    def _miss(self, x: Array, ball: int, mirrored: _Mirrored) -> Array:
-        """Return one ball's residuals (F, 2), px."""
-        directions, inverse = self.lights_at(x)
-        # d + w (ref - x) points from the ball to the light.
-        target = unit(directions + inverse[:, None] * mirrored.arm)
-        # Stereographic: the residual grows all the way to the opposite direction, where that of the sine is 0 again.
-        half = np.maximum(1 + np.sum(mirrored.seen * target, 1), 1e-6)[:, None] / 2
-        return np.einsum("fki,fi->fk", mirrored.inverted, mirrored.seen - target) / half
+        camera, (directions, inverse) = self.camera_at(x), self.lights_at(x)
+        reference, out = self.reference_at(camera), []
+        for ball, highlights in enumerate(self.seen.highlights):
+            # The highlights' pixels, and beside them, at once: each call costs more than what it does.
+            points, rays = mirrored_rays(camera, self.ball_at(x, ball), highlights + BESIDE_PX[:, None])
+            seen, (a, b) = rays[0], (rays[1:] - rays[0]) / PIXEL_STEP
+            aa, ab, bb = np.sum(a * a, 1), np.sum(a * b, 1), np.sum(b * b, 1)
+            inverted = np.stack([bb[:, None] * a - ab[:, None] * b, aa[:, None] * b - ab[:, None] * a], 1)
+            inverted /= (aa * bb - ab * ab)[:, None, None]
+            # d + w (ref - x) points from the ball to the light.
+            target = unit(directions + inverse[:, None] * (reference - points[0]))
+            # Stereographic: it grows all the way to the opposite direction, where that of the sine is 0 again.
+            half = np.maximum(1 + np.sum(seen * target, 1), 1e-6)[:, None] / 2
+            out.append(np.einsum("fki,fi->fk", inverted, seen - target) / half)
+        return np.stack(out)
 
     def shading_misses(self, x: Array) -> Array:
         """Return (W, F, 2) sigmas; NaN where a white ball shows too little."""
@@ -210,43 +199,51 @@ class Adjustment:
         shaded = self.shading_misses(x)[self.shaded]
         return np.concatenate([pixels[self.used].ravel(), shaded.ravel(), self.prior @ (x - self.middle)])
 
-    def slopes_of_lights(self, x: Array, ball: int, mirrored: _Mirrored | None = None) -> Array:
-        """Return the derivatives (F, 2, k) of a ball's `residual_pixels` by each light's own unknowns.
+    def pixel_slopes(self, x: Array) -> tuple[Array, Array]:
+        """Return the derivatives (S, F, 2, n) of `residual_pixels` and (W, F, 2, n) of `shading_misses`.
 
-        All lights are moved at once: none moves another's highlight.
+        By differences; all balls, and all lights, are moved at once: none moves another's highlight.
         """
-        mirrored = mirrored or self._mirrored(x, ball)
-        miss, slopes = self._miss(x, ball, mirrored), []
-        for k in range(self.first_light, self.first_light + self.per_light):
+        pixels, shades = self.residual_pixels(x), self.shading_misses(x)
+        by_pixels, by_shades = (np.zeros((*here.shape, len(x))) for here in (pixels, shades))
+        balls, every = np.arange(self.balls), np.arange(self.lights)
+
+        def moved(columns: Array | list[int]) -> tuple[Array, Array]:
             beside = x.copy()
-            beside[k :: self.per_light] += STEP
-            slopes.append((self._miss(beside, ball, mirrored) - miss) / STEP)
-        return np.stack(slopes, -1)
+            beside[columns] += STEP
+            return (self.residual_pixels(beside) - pixels) / STEP, (self.shading_misses(beside) - shades) / STEP
+
+        for column in range(self.first_ball):
+            by_pixels[..., column] = moved([column])[0]
+        own = [(balls, self.first_ball + 3 * balls + k) for k in range(3)]
+        for some, columns in [*own, (self.free_diameters, self.first_diameter + np.arange(len(self.free_diameters)))]:
+            if len(some):
+                by_pixels[some, ..., columns] = moved(columns)[0][some]
+        for k in range(self.per_light):
+            columns = self.first_light + self.per_light * every + k
+            by_pixel, by_shade = moved(columns)
+            by_pixels[:, every, :, columns] = by_pixel.swapaxes(0, 1)
+            by_shades[:, every, :, columns] = by_shade.swapaxes(0, 1)
+        return by_pixels, by_shades
 
     def slopes(self, x: Array) -> Array:
-        """Return the derivatives (R, n) of `residuals`, by differences.
+        """Return the derivatives (R, n) of `residuals`."""
+        by_pixels, by_shades = self.pixel_slopes(x)
+        pixels = np.nan_to_num((by_pixels / self.sigma[..., None, None])[self.used]).reshape(-1, len(x))
+        return np.concatenate([pixels, by_shades[self.shaded].reshape(-1, len(x)), self.prior])
 
-        The camera and a ball's own unknowns move its highlights, another ball's do not.
-        """
-        out = np.zeros((self.balls, self.lights, 2, len(x)))
-        every, light = np.arange(self.lights), self.first_light + np.arange(self.per_light)
-        for s in range(self.balls):
-            here = self._mirrored(x, s)
-            miss = self._miss(x, s, here)
-            own = self.first_ball + 3 * s + np.arange(3)
-            diameter = self.first_diameter + np.flatnonzero(self.free_diameters == s)
-            for i in [*range(self.first_ball), *own, *diameter]:
-                beside = x.copy()
-                beside[i] += STEP
-                out[s, ..., i] = (self._miss(beside, s, self._mirrored(beside, s)) - miss) / STEP
-            at = light + self.per_light * every[:, None]
-            out[s, every[:, None], :, at] = self.slopes_of_lights(x, s, here).swapaxes(1, 2)
-        by_pixels = np.nan_to_num((out / self.sigma[..., None, None])[self.used]).reshape(-1, len(x))
-        shaded = np.zeros((*self.shaded.shape, 2, len(x)))
-        misses = self.shading_misses(x)
-        for k in light:
-            beside = x.copy()
-            beside[k :: self.per_light] += STEP
-            moved = (self.shading_misses(beside) - misses) / STEP
-            shaded[:, every, :, k + self.per_light * every] = moved.swapaxes(0, 1)
-        return np.concatenate([by_pixels, shaded[self.shaded].reshape(-1, len(x)), self.prior])
+    def position_slopes(self, x: Array) -> Array:
+        """Return the derivatives (F, 3, n) of the positions by all unknowns; a light's by the other lights' are 0."""
+        slopes, every = np.zeros((self.lights, 3, len(x))), np.arange(self.lights)
+
+        def difference(columns: Array | list[int]) -> Array:
+            step = np.zeros(len(x))
+            step[columns] = STEP
+            return (self.positions_at(x + step) - self.positions_at(x - step)) / (2 * STEP)
+
+        for column in range(self.first_ball):
+            slopes[..., column] = difference([column])
+        for k in range(3):
+            columns = self.first_light + 3 * every + k
+            slopes[every, :, columns] = difference(columns)
+        return slopes

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from calibrate.lights.adjustment import STEP, Adjustment, Observed
+from calibrate.lights.adjustment import Adjustment, Observed
 from calibrate.silhouette.outline import difference
 from scene.camera import Camera
+from scene.lights import Lights
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
@@ -49,6 +50,11 @@ class LightFit:
     unknowns: int
     observations: int
 
+    def lights(self, names: tuple[str, ...]) -> Lights:
+        """Return the lights, all of one intensity."""
+        equal = np.ones_like(self.directions)
+        return Lights(names, self.directions, equal, self.positions_mm, self.reference, self.direction_sigma_deg)
+
     @property
     def freedom(self) -> int:
         """Degrees of freedom: observations without the loose priors of the ranges, less unknowns; 1 at least."""
@@ -87,10 +93,10 @@ def fit_lights(seen: Observed, *, near: bool) -> LightFit:
         good = size < np.maximum(INLIER_SIGMAS * max(1.0, float(np.sqrt(square))) * seen.sigma_px, least)
         contradicted = np.flatnonzero((shown & ~good).any(0))
         if len(contradicted):
-            misses = problem.residual_pixels(x)
-            slopes = np.stack([problem.slopes_of_lights(x, s) for s in range(problem.balls)])
+            misses, slopes = problem.residual_pixels(x), problem.pixel_slopes(x)[0]
         for f in contradicted:
-            good[:, f] = _agreeing(misses[:, f], slopes[:, f], seen.sigma_px[:, f], np.flatnonzero(shown[:, f]))
+            own = slopes[:, f][..., problem.columns_of(f)]
+            good[:, f] = _agreeing(misses[:, f], own, seen.sigma_px[:, f], np.flatnonzero(shown[:, f]))
         problem.used = good & shown
         problem.shaded = _agreeing_shading(problem, x)
         problem.scale = _scale(problem, x)
@@ -164,6 +170,7 @@ def _conclude(problem: Adjustment, x: Array) -> LightFit:
     spheres = [problem.ball_at(x, ball) for ball in range(problem.balls)]
     beside_outline = [difference(*pair) for pair in zip(spheres, seen.spheres, strict=True)]
     outlines = zip(beside_outline, seen.covariances, strict=True)
+    moves = problem.position_slopes(x) if problem.near else np.zeros(0)
     return LightFit(
         camera=replace(camera, focal_sigma=float(sigmas[0]), center_sigma_px=center),
         spheres=[
@@ -175,7 +182,7 @@ def _conclude(problem: Adjustment, x: Array) -> LightFit:
         positions_mm=problem.positions_at(x) if problem.near else None,
         direction_sigma_deg=np.rad2deg(np.sqrt((own[:, 0] + own[:, 1]) / 2)),
         range_sigma=np.sqrt(own[:, 2]) if problem.near else np.full(problem.lights, np.nan),
-        position_covariance_mm2=_of_positions(problem, x, covariance) if problem.near else None,
+        position_covariance_mm2=moves @ covariance @ moves.swapaxes(1, 2) if problem.near else None,
         residual_px=np.where(problem.used, size, np.nan),
         used=problem.used.copy(),
         shaded=problem.shaded.copy(),
@@ -186,17 +193,3 @@ def _conclude(problem: Adjustment, x: Array) -> LightFit:
         unknowns=len(x),
         observations=len(residual),
     )
-
-
-def _of_positions(problem: Adjustment, x: Array, covariance: Array) -> Array:
-    """Return the covariances (F, 3, 3) of the positions, mm^2: of the light's own unknowns and the camera's."""
-    cameras, lights = np.arange(problem.first_ball), np.arange(problem.lights)[:, None]
-    columns = np.concatenate(
-        [np.broadcast_to(cameras, (problem.lights, len(cameras))), problem.first_light + 3 * lights + np.arange(3)], 1
-    )
-    slopes = np.empty((problem.lights, 3, columns.shape[1]))
-    for i, column in enumerate(columns.T):
-        step = np.zeros(len(x))
-        step[column] = STEP
-        slopes[..., i] = (problem.positions_at(x + step) - problem.positions_at(x - step)) / (2 * STEP)
-    return slopes @ covariance[columns[:, :, None], columns[:, None]] @ slopes.swapaxes(1, 2)

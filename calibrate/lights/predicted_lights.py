@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.lights.adjustment import STEP, Adjustment, Observed
+from calibrate.lights.adjustment import Adjustment, Observed
 from calibrate.lights.directions import mirrored_at, two_across
 from calibrate.lights.from_chrome import ROUND
 from calibrate.lights.reflected_disc import FLOOR_PX
@@ -112,8 +112,7 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
     covariance = np.linalg.inv(slopes.T @ slopes)
     columns = problem.first_light + np.arange(3 * len(positions))
     own = np.sqrt(np.diag(covariance)[columns].reshape(-1, 3))
-    moved = _position_slopes(problem, x)
-    flat = moved.reshape(-1, len(x))
+    flat = problem.position_slopes(x).reshape(-1, len(x))
     joint = (flat @ covariance @ flat.T).reshape(len(positions), 3, len(positions), 3)
     intensity = INTENSITY_SIGMA if any(sphere.kind == "white" for sphere in spheres) else UNKNOWN_INTENSITY
     turn = np.degrees(np.sqrt((own[:, 0] ** 2 + own[:, 1] ** 2) / 2))
@@ -136,20 +135,3 @@ def known_alike(lights: Lights, positions: Array, reference: Array) -> Predicted
     joint = np.zeros((len(positions), 3, len(positions), 3))
     joint[every, :, every] = across * ((np.radians(turn) * distance) ** 2)[:, None, None]
     return PredictedLights(np.full(len(positions), turn), np.zeros(len(positions)), joint, intensity)
-
-
-def _position_slopes(problem: Adjustment, x: Array) -> Array:
-    """Return the derivatives (F, 3, n) of the positions by all unknowns; a light's by the other lights' are zero."""
-    slopes = np.zeros((problem.lights, 3, len(x)))
-    every = np.arange(problem.lights)
-
-    def difference(step: Array) -> Array:
-        return (problem.positions_at(x + step) - problem.positions_at(x - step)) / (2 * STEP)
-
-    for column in range(problem.first_ball):
-        slopes[..., column] = difference(STEP * np.eye(len(x))[column])
-    for k in range(3):
-        step = np.zeros(len(x))
-        step[problem.first_light + k :: 3] = STEP
-        slopes[every, :, problem.first_light + 3 * every + k] = difference(step)
-    return slopes

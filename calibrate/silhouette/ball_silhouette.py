@@ -19,6 +19,7 @@ from calibrate.silhouette.cone_fit import (
     fit_cone,
 )
 from calibrate.silhouette.metal_reflectance import LAWS, Law
+from calibrate.silhouette.mirrored_surroundings import TablePlane
 from calibrate.silhouette.mirrored_table import MirroredTable, fit_mirrored_table
 from calibrate.silhouette.outline import (
     difference,
@@ -29,7 +30,6 @@ from calibrate.silhouette.outline import (
     read_strips,
 )
 from calibrate.silhouette.static_circle import KERNEL_REACH, agree, find_edges
-from calibrate.silhouette.table_plane import TablePlane
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere
@@ -68,6 +68,7 @@ class OutlineFit:
     residual_px: float  # robust spread of the edges about the outline
     blur_px: float = np.nan  # standard deviation of the blur; NaN where only the steepest places were fitted
     by_table: bool = False  # the table that a chrome ball mirrors was found and fits
+    rival: Sphere | None = None  # another circle that stands about as still, and may be a mirror's outline instead
 
     @property
     def clearness(self) -> float:

@@ -20,12 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.silhouette.cone_fit import SHARPEST_PX
-from calibrate.silhouette.explained_profiles import REFLECTS, Explained, explain
+from calibrate.silhouette.explained_profiles import REFLECTS, Explained, coefficients, explain, outside, without
 from calibrate.silhouette.metal_reflectance import LAWS, Law, fresnel, schlick
-from calibrate.silhouette.mirrored_surroundings import Samples, Shown, Surroundings, samples
+from calibrate.silhouette.mirrored_surroundings import ANY_PLANE, Samples, Shown, Surroundings, TablePlane, samples
 from calibrate.silhouette.outline import SECTOR, moved
-from calibrate.silhouette.outside_profile import coefficients, outside, without
-from calibrate.silhouette.table_plane import ANY_PLANE, TablePlane
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.robust import cluster_sums

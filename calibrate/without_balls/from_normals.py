@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.photometry.sectors import FEWEST_PIXELS, sectors
-from calibrate.without_balls.probe import Probe, read_probe
+from calibrate.without_balls.probe import FEWEST_PIXELS, by_channel, read_probe, sectors
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
@@ -85,7 +84,7 @@ def lights_from_normals(
     lights = Lights(
         frames.names,
         directions,
-        _by_channel(probe, strength, directions @ n.T, weight),
+        by_channel(probe.values, strength, directions @ n.T, weight),
         None,
         np.zeros(3),
         sigma_deg,
@@ -165,18 +164,3 @@ def _sigma(n: Array, directions: Array, weight: Array, shown: Array) -> tuple[Ar
     degrees = np.rad2deg(np.sqrt(np.mean(np.sum(across**2, -1), 0) / 2))
     relative = along - along.mean(1, keepdims=True)
     return degrees, np.sqrt(np.mean(relative**2, 0))
-
-
-def _by_channel(probe: Probe, strength: Array, cosine: Array, weight: Array) -> Array:
-    """Return intensities (F, 3): each channel has albedos and strengths of its own, the directions are shared."""
-    out = np.empty((len(strength), 3))
-    for c in range(3):
-        channel, e = probe.values[..., c].astype(np.float64), strength.copy()
-        for _ in range(20):
-            shape = cosine * e[:, None]
-            albedo = np.sum(weight * shape * channel, 0) / np.maximum(np.sum(weight * shape**2, 0), 1e-12)
-            part = albedo * cosine
-            relative = weight / np.maximum(albedo, 1e-6) ** 2
-            e = np.sum(relative * part * channel, 1) / np.sum(relative * part**2, 1)
-        out[:, c] = e
-    return out

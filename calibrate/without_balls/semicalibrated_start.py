@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.lights.directions import two_across
-from calibrate.photometry.sectors import FEWEST_PIXELS, sectors
-from calibrate.without_balls.probe import Probe
+from calibrate.without_balls.probe import FEWEST_PIXELS, Probe, by_channel, sectors
 from scene.intensities import Eliminated
 from scene.normals import unit
 from scene.robust import spread
@@ -121,8 +120,10 @@ def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> Ob
     facing = pixels.b / length
     covariance = _between_sectors(pixels, facing, part, residual)
     covariance += _of_directions(light.mean(0), sigma_deg, pixels, facing, part, inverse)
-    each = _by_channel(colours, energy, shading, weight)
-    return ObjectPhotometry(each, np.sqrt(np.diag(covariance)), scale, int(np.count_nonzero(weight.any(1))))
+    each = by_channel(colours, energy, shading.T, weight.T)
+    return ObjectPhotometry(
+        each / each.mean(0), np.sqrt(np.diag(covariance)), scale, int(np.count_nonzero(weight.any(1)))
+    )
 
 
 def _between_sectors(pixels: Eliminated, facing: Array, part: Array, residual: Array) -> Array:
@@ -146,18 +147,4 @@ def _of_directions(
         turned: Array = facing @ (tangent * turn[:, None]).T
         moved = inverse @ pixels.left_over(part, turned)
         out += moved @ moved.T
-    return out
-
-
-def _by_channel(colours: Array, energy: Array, shading: Array, weight: Array) -> Array:
-    """Return intensities (F, 3): the shape is the gray's, each channel has an albedo and a strength of its own."""
-    out = np.empty((len(energy), 3))
-    for c in range(3):
-        channel, e = colours[..., c].T, energy.copy()
-        for _ in range(20):
-            shape = shading * e
-            albedo = np.sum(weight * shape * channel, 1) / np.maximum(np.sum(weight * shape**2, 1), 1e-12)
-            part = albedo[:, None] * shading
-            e = np.sum(weight * part * channel, 0) / np.maximum(np.sum(weight * part**2, 0), 1e-12)
-        out[:, c] = e / e.mean()
     return out

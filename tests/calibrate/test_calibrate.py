@@ -68,21 +68,6 @@ def test_stated_sigma_covers_the_truth(table, found):
     assert np.mean(np.abs(off) < 3 * found.lights.intensity_sigma) > 0.75
 
 
-def test_what_is_reported(table, found):
-    world, frames = table
-    assert found.lights.names == frames.names
-    assert sorted(sphere.kind for sphere in found.spheres) == ["chrome", "chrome", "white"]
-    for sphere, shown in zip(found.spheres, found.highlights_px, strict=True):
-        assert np.isnan(shown).all() == (sphere.kind == "white")
-        if sphere.kind == "chrome":
-            assert (np.linalg.norm(shown - sphere.center_px, axis=1) < 0.9 * sphere.radius_px).all()
-    text = " ".join(found.evidence)
-    assert "near lights" in text
-    assert "dBIC" in text
-    centers = [ball.center for ball in world.balls if ball.kind != "object"]
-    np.testing.assert_allclose(found.lights.reference_point_mm, np.mean(centers, axis=0), atol=8)
-
-
 def test_white_value_ties_albedo_to_the_ball(table, found):
     """A pixel of the ball's own albedo, 0.85, facing a light of intensity 1 at the reference point."""
     world, _ = table
@@ -131,8 +116,6 @@ def test_one_wrong_diameter_of_two_is_noticed(table, wrong):
     requests[wrong] = replace(requests[wrong], diameter_mm=1.07 * requests[wrong].diameter_mm)
     warning = calibrate(frames, world.camera, requests).warnings[0]
     assert "contradict each other" in warning
-    assert "chrome ball 1 is" in warning
-    assert "chrome ball 2 is" in warning
     assert "check diameter_mm" in warning
 
 
@@ -144,13 +127,6 @@ def test_white_ball_alone(table):
     assert "shading" in " ".join(result.evidence)
     (warning,) = result.warnings
     assert "only a white ball: the directions hold where it stands" in warning
-
-
-def test_a_white_ball_shot_apart_stands_where_the_object_does(table):
-    world, frames = table
-    own = Frames(frames.names, frames.codes.copy(), frames.gain)
-    request = replace(_hints(world, ["white"])[0], frames=own)
-    assert not calibrate(frames, world.camera, [request]).warnings
 
 
 @pytest.mark.full
@@ -172,29 +148,6 @@ def test_a_ball_shot_apart(table):
     assert np.median(np.abs(found / distance - 1)) < 0.05
 
 
-@pytest.mark.full
-@pytest.mark.parametrize(("chrome_mm", "white_mm"), [(91.0, 70.0), (76.0, 78.0)], ids=["chrome", "white"])
-def test_wrong_diameters_are_the_first_suspect(table, chrome_mm, white_mm):
-    """Chrome 20 % too large bends the lights at the object by 7 degrees, and the highlights still fit."""
-    world, frames = table
-    requests = [replace(request, diameter_mm=chrome_mm) for request in _hints(world, ["chrome"])]
-    requests += [replace(request, diameter_mm=white_mm) for request in _hints(world, ["white"])]
-    result = calibrate(frames, world.camera, requests)
-    (warning,) = result.warnings
-    assert "the white ball contradicts the lights' positions" in warning
-    assert "Check diameter_mm of every ball" in warning
-
-
-@pytest.mark.full
-def test_a_flash_that_the_white_ball_does_not_see_is_refused(table):
-    """Taken as a light of almost no strength it bent least-squares normals by 70 degrees, without a word."""
-    world, frames = table
-    codes = frames.codes.copy()
-    codes[4] = 2048 + (codes[4].astype(int) - 2048) // 60
-    with pytest.raises(CalibrationError, match=r"^flash_004 \(.*did not fire.*frames\.skip"):
-        calibrate(Frames(frames.names, codes, frames.gain), world.camera, _hints(world, ["chrome", "white"]))
-
-
 def test_known_positions_without_a_camera_are_taken_as_distant(table):
     """Millimetres mean nothing to a camera of unknown scale: used all the same they cost 18 degrees."""
     world, frames = table
@@ -204,28 +157,6 @@ def test_known_positions_without_a_camera_are_taken_as_distant(table):
     assert result.lights.model == "distant"
     np.testing.assert_allclose(result.lights.directions, directions)
     assert any("[camera]" in warning for warning in result.warnings)
-
-
-@pytest.mark.full
-def test_twice_the_same_light_is_named(table):
-    world, frames = table
-    codes = frames.codes.copy()
-    codes[7] = codes[2]
-    result = calibrate(Frames(frames.names, codes, frames.gain), world.camera, _hints(world, ["chrome", "white"]))
-    assert any("flash_002 and flash_007 have the same light" in warning for warning in result.warnings)
-
-
-@pytest.mark.full
-def test_known_lights_are_used_as_they_are(table):
-    world, frames = table
-    directions, intensities = _truth(world)
-    known = Lights(frames.names, directions, intensities, world.lights, OBJECT)
-    result = calibrate(frames, world.camera, _hints(world, ["chrome"]), known_lights=known)
-    assert result.lights is known
-    assert all("sees the known lights" in line for line in result.evidence[1:])
-    off = [float(line.split("lights ")[1].split()[0]) for line in result.evidence[1:]]
-    assert max(off) < 1.0
-    assert not calibrate(frames, world.camera, [], known_lights=known).spheres
 
 
 def _written(path, world, frames, point):

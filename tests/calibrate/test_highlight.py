@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from calibrate.detection.coarse import Box, shrink
+from calibrate.detection.coarse import shrink
 from calibrate.lights.highlight import _sites, find_spots
 from calibrate.lights.reflected_disc import _image
 from scene.camera import Camera
@@ -95,32 +95,6 @@ def test_the_mosaic_shows_in_its_pixels(left, top):
     assert _sites(_frames(PLACES, 3.0, 0.8).frame(0)[40:100, 40:100], xs, ys) is None
 
 
-def test_an_undersampled_spot_of_a_mosaic():
-    """A spot that no lens blurred before the sensor: with green alone 0.104 px, with all colours 0.077."""
-    places = np.random.default_rng(10000).uniform(62, 98, (20, 2))
-    images = [gaussian_filter(30 * _disc(u, v, 1.5, blur=0.0), 0.6) for u, v in places]
-    raw = np.round(np.clip(images, 0, 1) * (WHITE - PEDESTAL) + PEDESTAL).astype(np.uint16)
-    codes = np.stack([cv2.demosaicing(one, cv2.COLOR_BayerRGGB2RGB) for one in raw])
-    error, _ = _errors(Frames(tuple(map(str, range(20))), codes, np.ones(20), is_mosaic=True), places)
-    assert np.sqrt(np.mean(error**2)) < 0.09
-
-
-def test_the_edge_of_something_mirrored_beside_the_flash():
-    """A table's edge two pixels beside a faint spot pulled a centroid by half a pixel."""
-    v, u = np.mgrid[:SIZE, :SIZE]
-    edge = 0.06 * gaussian_filter((u + 0.3 * v > 88).astype(float), 0.7)
-    error, sigma = _errors(_frames(PLACES, 1.5, 0.8, extra=edge))
-    assert np.abs(error).max() < 0.15
-    assert (np.abs(error) < 4 * sigma[:, None]).all()
-
-
-def test_what_stands_still_is_no_highlight():
-    """A mirrored window is brighter than the flash, but it is there in every frame."""
-    window = 0.9 * _disc(75.0, 55.0, 8.0)
-    error, _ = _errors(_frames(PLACES, 2.0, 0.6, extra=window))
-    assert np.abs(error).max() < 0.1
-
-
 def test_a_frame_without_flash_has_no_highlight():
     dark = _frames([*PLACES, PLACES[0]], 2.0, 0.6)
     dark.codes[5] = _frames(PLACES[:1], 2.0, 0.0).codes[0]
@@ -141,20 +115,6 @@ def test_derivatives_of_the_model():
         ends = [_image(y, offset, bend, colours)[0] for y in (x + step, x - step)]
         difference = (ends[0] - ends[1]) / 2e-6
         np.testing.assert_allclose(slopes[:, i], difference, atol=2e-7, rtol=1e-5)
-
-
-def test_a_window_of_all_frames_is_cut_from_the_shrunken_stack():
-    codes = np.random.default_rng(8).integers(0, 65536, (23, 60, 2405, 3), np.uint16)
-    frames = Frames(tuple(map(str, range(23))), codes, np.linspace(1, 2, 23), ambient=codes[0] // 8)
-    coarse = shrink(frames, Camera.orthographic(2405, 60))
-    window = coarse.window(frames, Box(slice(4, 15), slice(100, 131)))
-    every = (codes.astype(float) - 2048) / 60000 * frames.gain[:, None, None, None]
-    every -= (codes[0] // 8 - 2048.0) / 60000
-    truth = every[:, :60, :2403].reshape(23, 20, 3, 801, 3, 3).mean((2, 4, 5))
-    # Averaged codes are rounded to codes.
-    np.testing.assert_allclose(window, truth[:, 4:15, 100:131], atol=3e-5)
-    assert len(window) > len(coarse.images) == 20
-    assert all(np.abs(truth - image).max((1, 2)).min() < 3e-5 for image in coarse.images)
 
 
 def test_a_streak_of_glare_does_not_draw_a_clipped_flash_along():

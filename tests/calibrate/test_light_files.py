@@ -9,10 +9,10 @@ import scipy.io
 
 from calibrate.known_lights.read_known import lacks_intensities, read_lights
 from formats.light_files.light_formats import FORMATS, export_lights
-from formats.light_files.light_frames import matlab_matrix
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
+from scene.store import Store
 
 NAMES = ("right", "above", "front")
 # To the right of the camera, above it, beside its axis: each fails for one wrong sign and for swapped axes.
@@ -92,15 +92,6 @@ def test_a_dome_is_about_what_the_middle_of_the_picture_shows(tmp_path):
         assert any("not used" in flag for flag in distant.flags[0])
 
 
-def test_a_dome_of_leds_on_a_sphere(tmp_path):
-    path = dome(
-        tmp_path / "l.dome", lightConfiguration="spherical", imageWidth=400, domeDiameter=1000, verticalOffset=-50,
-        directions=xyz(DIRECTIONS),
-    )  # fmt: skip
-    lights = read_lights(path, NAMES, camera=CAMERA)
-    np.testing.assert_allclose(lights.positions_mm - lights.reference_point_mm, 500 * DIRECTIONS - [0, 0, 50])
-
-
 def test_a_dome_adjusts_the_pixels_not_the_lamps(tmp_path):
     """A lamp twice as strong as the others wants its pixels halved."""
     adjust = [{"r": 1, "g": 1, "b": 1}, {"r": 0.5, "g": 0.5, "b": 0.5}, {"r": 1, "g": 1, "b": 1}]
@@ -123,14 +114,6 @@ def test_near_ps_is_opencvs_frame_in_mm(tmp_path):
     lights = read_lights(tmp_path / "light.mat", NAMES)
     assert lacks_intensities(lights)
     assert any("mu up to 1.5" in flag for flag in lights.flags[2])
-
-
-def test_matlab_counts_pixels_from_one():
-    """near_ps computes (u - x0) / fx over u = 1, 2, ...: the ray of our pixel 0 must be that of its pixel 1."""
-    matrix = matlab_matrix(CAMERA)
-    x, y = (1 - matrix[0, 2]) / matrix[0, 0], (1 - matrix[1, 2]) / matrix[1, 1]
-    _, ray = CAMERA.rays([0.0, 0.0])
-    np.testing.assert_allclose(ray / -ray[2], [x, -y, -1])
 
 
 def random_lights(rng, near):
@@ -199,18 +182,6 @@ def test_alicevision_with_its_view_ids(tmp_path):
         export_lights(tmp_path, "alicevision", lights, CAMERA, files=lights.names, sfm=sfm)
 
 
-def test_relightlab_finds_every_key_it_reads(tmp_path):
-    (path,), _ = export_lights(
-        tmp_path, "dome", random_lights(np.random.default_rng(4), True), CAMERA, files=("x",) * 7
-    )
-    data = json.loads(path.read_text())
-    assert {"label", "notes", "imageWidth", "domeDiameter", "verticalOffset", "lightConfiguration"} <= set(data)
-    lengths = {key: len(data[key]) for key in ("directions", "positionsSphere", "positions3d", "ledAdjust")}
-    assert set(lengths.values()) == {7}
-    assert set(data["positions3d"][0]) == {"x", "y", "z"}
-    assert set(data["ledAdjust"][0]) == {"r", "g", "b"}
-
-
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
@@ -246,6 +217,84 @@ def test_refusals_of_mat_files(tmp_path):
         read_lights(path, NAMES)
 
 
-def test_an_unknown_format(tmp_path):
-    with pytest.raises(CalibrationError, match="--format xml: unknown; there are alicevision"):
-        export_lights(tmp_path, "xml", random_lights(np.random.default_rng(0), False), CAMERA, files=())
+KNOWN = ("flash_000", "flash_001", "flash_002")
+TOWARD = np.array([[0.6, 0.0, 0.8], [0.0, -0.6, 0.8], [-0.36, 0.48, 0.8]])
+
+
+def test_rows_without_names_are_in_order_even_where_frames_are_named_by_number(tmp_path):
+    np.savetxt(tmp_path / "light_directions.txt", TOWARD)
+    np.testing.assert_allclose(read_lights(tmp_path / "light_directions.txt", ("1", "2", "3")).directions, TOWARD)
+    two = read_lights(tmp_path / "light_directions.txt", ("1", "2"), skipped=(2,))
+    np.testing.assert_allclose(two.directions, TOWARD[:2])
+
+
+@pytest.mark.parametrize("skipped", [(0,), (1,), (2,)])
+def test_a_file_without_names_counts_the_skipped_frames(tmp_path, skipped):
+    np.savetxt(tmp_path / "light_directions.txt", TOWARD)
+    names = tuple(name for i, name in enumerate(KNOWN) if i not in skipped)
+    lights = read_lights(tmp_path / "light_directions.txt", names, skipped=skipped)
+    np.testing.assert_allclose(lights.directions, np.delete(TOWARD, skipped, 0))
+    with pytest.raises(CalibrationError, match="3 lights for 2"):
+        read_lights(tmp_path / "light_directions.txt", names)
+
+
+def test_diligent_reads_intensities_beside(tmp_path):
+    np.savetxt(tmp_path / "light_directions.txt", TOWARD)
+    np.savetxt(tmp_path / "light_intensities.txt", [[2, 2, 2], [4, 3, 2], [6, 4, 2]])
+    (tmp_path / "filenames.txt").write_text("flash_002.png\nflash_000.png\nflash_001.png\n")
+    lights = read_lights(tmp_path / "light_directions.txt", KNOWN)
+    np.testing.assert_allclose(lights.directions, TOWARD[[1, 2, 0]])
+    np.testing.assert_allclose(lights.intensities, np.array([[4, 3, 2], [6, 4, 2], [2, 2, 2]]) / [4, 3, 2])
+    assert not any(lights.flags)
+    (tmp_path / "light_intensities.txt").unlink()
+    assert lacks_intensities(read_lights(tmp_path / "light_directions.txt", KNOWN))
+
+
+@pytest.mark.parametrize("near", [False, True])
+def test_own_json_comes_back_whole(tmp_path, near):
+    rng = np.random.default_rng(0)
+    lights = Lights(
+        KNOWN,
+        TOWARD,
+        rng.uniform(0.5, 1.5, (3, 3)),
+        1000 * TOWARD if near else None,
+        np.array([1.0, 2.0, -900.0]) if near else np.zeros(3),
+        np.array([0.1, 0.2, np.nan]),
+        white_value=np.ones(3),
+        flags=(("odd",), (), ()),
+    ).normalised()
+    Store(tmp_path).save_lights(lights)
+    back = read_lights(tmp_path / "lights.json", KNOWN)
+    np.testing.assert_allclose(back.directions, lights.directions)
+    np.testing.assert_allclose(back.intensities, lights.intensities)
+    np.testing.assert_allclose(back.white_value, lights.white_value)
+    np.testing.assert_array_equal(back.direction_sigma_deg, lights.direction_sigma_deg)
+    assert back.model == lights.model
+    assert back.flags == lights.flags
+    if near:
+        np.testing.assert_allclose(back.positions_mm, lights.positions_mm)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("l.lp", "2\na 0 0 1\nb 0 1 1\n", "2 lights for 3 flash frames"),
+        ("l.lp", "4\na 0 0 1\n", "line 1 says 4 lights, but 1 follow"),
+        ("l.lp", "flash_000 0 0 1\n", "number of lights"),
+        ("l.lp", "3\na 0 0 0\nb 0 1 1\nc 1 0 1\n", "no direction"),
+        ("l.lp", "3\na 0 x 1\nb 0 1 1\nc 1 0 1\n", "float: 'x'"),
+        ("l.lp", "3\na 0 nan 1\nb 0 1 1\nc 1 0 1\n", "not a finite number"),
+        ("l.lp", "3\nflash_000 0 0 1\nflash_001 0 1 1\nother 1 0 1\n", "no light for the frame 'flash_002'"),
+        ("l.txt", "0 0 1\n0 1\n1 0 1\n", "line 2 is '0 1'"),
+        ("l.txt", "", "empty"),
+        ("l.json", json.dumps({"lights": []}), "holds no lights"),
+        ("l.json", "{", "not JSON"),
+        ("l.json", "[1]", "holds a list"),
+        ("l.json", "{}", r"its keys are none\)\. Expected frames"),
+        ("l.xyz", "", "not known"),
+    ],
+)
+def test_refusals_of_text_name_the_fault(tmp_path, name, text, message):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(CalibrationError, match=message):
+        read_lights(tmp_path / name, KNOWN)

@@ -60,11 +60,6 @@ def test_names_that_differ_by_their_case_alone(tmp_path):
         read(lp(tmp_path / "l.lp", ["Img_1", "Img_1", "a", "b", "c"]), frames)
 
 
-def test_two_lights_for_one_frame(tmp_path):
-    with pytest.raises(CalibrationError, match="2 lights for the frame 'c0', no light for the frame 'c1': 5 lights"):
-        read(lp(tmp_path / "l.lp", ["c0.jpg", "C0.tif", "c2", "c3", "c4"]), [f"c{i}" for i in range(COUNT)])
-
-
 @pytest.mark.parametrize("encoding", ["cp1252", "mac_roman", "cp850", "utf-8-sig", "utf-16"])
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_a_list_of_another_time_is_read(tmp_path, encoding, end):
@@ -93,14 +88,6 @@ def test_foreign_names_in_another_order_by_number(tmp_path):
         read(lp(tmp_path / "l.lp", foreign, reversed(range(COUNT))), frames)
     with pytest.raises(CalibrationError, match="another order"):
         read_lights(lp(tmp_path / "l.lp", foreign, [1, 0, 2, 3, 4]), tuple(frames[:4]), skipped=(4,))
-
-
-def test_a_count_that_is_a_light(tmp_path):
-    """A first line that is a photograph of the name "4" and its light is no count."""
-    rows = "".join(f"{name} 0 0 1\n" for name in "4abcd")
-    (tmp_path / "l.lp").write_text(rows)
-    with pytest.raises(CalibrationError, match="line 1 must be the number of lights, found '4 0 0 1'"):
-        read(tmp_path / "l.lp", "4abcd")
 
 
 def table(path, values, count=None):

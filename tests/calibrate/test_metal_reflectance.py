@@ -25,16 +25,6 @@ def test_the_law_of_metals_is_fresnels(facing):
     assert fresnel(cosine, facing) == pytest.approx((there - there[-1]) / (1 - there[-1]), abs=1e-4)
 
 
-def test_what_reflects_less_than_any_metal_is_one_that_absorbs_nothing():
-    assert index_of(0.05) == 3.0
-
-
-def test_the_law_of_renderers_is_above_it():
-    """So which of the two is true decides by how much an outline moves."""
-    cosine = np.linspace(0.1, 0.9, 50)
-    assert np.all(schlick(cosine, 0.6) > fresnel(cosine, 0.6))
-
-
 def test_all_balls_of_a_session_are_of_one_metal():
     assert law_of([0.5, -0.1, 0.0]) is fresnel
     assert law_of([0.05, -0.9]) is fresnel, "a metal's, unless the other explains more beyond doubt"

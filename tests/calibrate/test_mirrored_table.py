@@ -4,14 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.special import ndtr
 
-from calibrate.detection.balls import find_balls
 from calibrate.lights.directions import mirrored_rays
 from calibrate.silhouette.ball_silhouette import fit_outline
 from calibrate.silhouette.mirrored_surroundings import mirrored_pixels, sized
 from calibrate.silhouette.mirrored_table import fit_mirrored_table
-from calibrate.silhouette.static_circle import find_edges
 from fixtures.ball_scene import World, flashes, photograph
 from scene.camera import Camera
 from scene.normals import unit
@@ -98,52 +95,3 @@ def test_an_outline_is_found_from_three_hundredths_of_its_radius_away_and_its_si
         assert np.abs(off).max() < 0.06
         chi.append(off @ np.linalg.solve(fit.covariance, off))
     assert max(chi) < 20
-
-
-@pytest.mark.full
-def test_a_table_that_the_mirror_does_not_show_is_not_believed() -> None:
-    world = table_world(20004)
-    true, frames = world.spheres()[0], seen(world, 20004)
-    codes = frames.codes.copy()
-    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
-    inside = true.mask(CAMERA)
-    # Another room in the mirror: the ball's inside, turned by a right angle about its centre.
-    du, dv = u - true.center_px[0], v - true.center_px[1]
-    from_u = np.clip(np.round(true.center_px[0] - dv), 0, CAMERA.width - 1).astype(int)
-    from_v = np.clip(np.round(true.center_px[1] + du), 0, CAMERA.height - 1).astype(int)
-    codes[:, inside] = frames.codes[:, from_v[inside], from_u[inside]]
-    fit = fit_outline(replace(frames, codes=codes), CAMERA, true, search_px=2.0)
-    assert fit is not None
-    assert not fit.by_table
-
-
-def test_an_edge_has_no_echo_beside_it() -> None:
-    offsets = np.arange(-8, 8.01, 0.5)
-    strips = np.tile(0.2 + 0.6 * ndtr(offsets / 0.6), (6, 120, 1)).astype(np.float32)
-    strips += np.random.default_rng(20005).normal(0, 1e-3, strips.shape).astype(np.float32)
-    edges = find_edges(strips, offsets, 1.0, softness=1, search_px=6.0)
-    assert edges is not None
-    assert len(np.unique(edges.point)) == 120
-    assert np.abs(edges.offset).max() < 0.3
-
-
-@pytest.mark.full
-@pytest.mark.slow
-def test_sigma_of_small_mirrors_is_that_of_their_outlines():
-    """What a ball of 15 px mirrors is squeezed into less than the blur: half of its radius's error was once stated."""
-    camera = Camera(480, 320, 768.0, 768.0, 239.5, 159.5)
-    table = {"table_point": np.array([0.0, 0, -1000]), "table_normal": np.array([0.0, 0, 1]), "table_albedo": 0.08}
-    misses = []
-    for seed in (200, 203):
-        rng = np.random.default_rng(seed)
-        world = World(camera, [], flashes(10, seed=seed), np.full((10, 3), 0.55), table_texture="noise", **table)
-        for x, y in ((-220, -130), (220, 130), (-220, 130), (220, -130)):
-            world.stand("chrome", x + rng.normal(0, 10), y + rng.normal(0, 10), 19.5)
-        world.put("dome", 0, 0, [70, 60, 50], albedo=0.5)
-        frames = photograph(world, Sensor(iso=200, blur_px=0.6), rng)
-        found, _, _ = find_balls(frames, camera, world.requests(hints=True))
-        misses += [
-            (ball.sphere.radius_px - true.radius_px) / np.sqrt(ball.covariance[2, 2])
-            for ball, true in zip(found, world.spheres(), strict=True)
-        ]
-    assert 0.5 < np.sqrt(np.mean(np.square(misses))) < 1.6, misses

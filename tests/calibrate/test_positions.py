@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from calibrate.calibration import Notes
 from calibrate.lights.adjustment import Adjustment, Observed
-from calibrate.lights.directions import mirrored_rays, ray_meeting
+from calibrate.lights.directions import mirrored_rays
 from calibrate.lights.light_model import choose_model
 from calibrate.lights.positions import fit_lights
 from calibrate.lights.shading import SURROUNDINGS_DEG, Shading
@@ -60,24 +60,6 @@ REFERENCE = CENTERS.mean(0)
 
 def _fit(*observed, near):
     return fit_lights(Observed(*observed), near=near)
-
-
-def test_exact_highlights_give_exact_lights(scene):
-    lights, highlights = scene
-    fit = _fit(CAMERA, _spheres(3), [0.05**2 * np.eye(3)] * 3, highlights, np.full((3, 8), 0.1), REFERENCE, near=True)
-    np.testing.assert_allclose(fit.positions_mm, lights, atol=0.5)
-    assert np.nanmax(fit.residual_px) < 1e-3
-
-
-def test_highlights_that_all_contradict_each_other_end_soon(monkeypatch):
-    rng, looked, residuals = np.random.default_rng(0), [], Adjustment.residuals
-    spheres = _spheres(2)
-    spots = np.stack([ball.center_px + ball.radius_px * rng.uniform(-0.65, 0.65, (60, 2)) for ball in spheres])
-    camera = replace(CAMERA, focal_sigma=0.02, center_sigma_px=10.0)
-    monkeypatch.setattr(Adjustment, "residuals", lambda self, x: looked.append(0) or residuals(self, x))
-    seen = Observed(camera, spheres, [0.1**2 * np.eye(3)] * 2, spots, np.full((2, 60), 0.15), REFERENCE)
-    assert fit_lights(seen, near=False).misfit > 10
-    assert len(looked) < 500
 
 
 @pytest.mark.full
@@ -198,24 +180,6 @@ def test_shading_that_is_no_lights_is_left_out(scene):
     assert angular_error_deg(fit.directions, lights - REFERENCE).max() < 0.3
 
 
-@pytest.mark.parametrize("count", [1, 2])
-def test_a_flash_that_only_a_white_ball_shows_needs_no_diameter(scene, count):
-    """Nothing says where the balls stand: the shading tells that light alone, and is not held against the others."""
-    lights, highlights = scene
-    shown = highlights[:count].copy()
-    shown[:, 3] = np.nan
-    shading = replace(_shading(lights, np.random.default_rng(9), 1.0), centers_mm=np.full((2, 3), np.nan))
-    spheres = [replace(sphere, diameter_mm=None) for sphere in _spheres(count)]
-    sigma, covariances = np.full((count, 8), 0.02), [0.02**2 * np.eye(3)] * count
-    fit = choose_model(Observed(CAMERA, spheres, covariances, shown, sigma, np.zeros(3), shading=shading), Notes())
-    assert fit.positions_mm is None
-    error = angular_error_deg(fit.directions, unit(lights - CENTERS[:count].mean(0)))
-    assert np.delete(error, 3).max() < (3 if count == 1 else 0.5)
-    # By balls 0.5 m away, under lights a metre away.
-    assert error[3] < 30
-    assert fit.direction_sigma_deg[3] > 1
-
-
 @pytest.mark.parametrize("near", [True, False])
 @pytest.mark.parametrize("exact", [True, False])
 def test_derivatives(scene, near, exact):
@@ -267,42 +231,22 @@ def _chosen(highlights, spheres, camera=CAMERA, outline_px=0.03):
     return choose_model(Observed(camera, spheres, outlines, noisy, sigma, REFERENCE), notes), notes
 
 
-@pytest.mark.full
 @pytest.mark.parametrize("wrong", EACH_OF_THREE)
-def test_three_balls_name_the_wrong_diameter_and_the_lights_are_right_all_the_same(scene, wrong):
+@pytest.mark.parametrize(
+    ("diameter", "rim_px", "outline_px"), [(1.05, 0.0, 0.03), (1.0, 3.0, 0.03), (1.0, 6.0, 0.5)],
+    ids=["diameter", "a mirrored rim for the outline", "one that hides among good highlights"],
+)  # fmt: skip
+def test_balls_that_contradict_each_other_are_named_and_sigma_knows(scene, wrong, diameter, rim_px, outline_px):
     lights, highlights = scene
     spheres = _spheres(3)
-    spheres[wrong] = replace(spheres[wrong], diameter_mm=1.05 * spheres[wrong].diameter_mm)
-    fit, notes = _chosen(highlights, spheres)
+    odd = spheres[wrong]
+    spheres[wrong] = replace(odd, diameter_mm=diameter * odd.diameter_mm, radius_px=odd.radius_px - rim_px)
+    fit, notes = _chosen(highlights, spheres, outline_px=outline_px)
     (warning,) = notes.warnings
-    assert f"unless chrome ball {wrong + 1} is 7" in warning
-    assert "not 79.8" in warning
-    np.testing.assert_allclose(fit.positions_mm, lights, atol=12)
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("wrong", EACH_OF_THREE)
-def test_three_balls_name_the_outline_that_is_a_mirrored_rim(scene, wrong):
-    lights, highlights = scene
-    spheres = _spheres(3)
-    spheres[wrong] = replace(spheres[wrong], radius_px=spheres[wrong].radius_px - 3.0)
-    fit, notes = _chosen(highlights, spheres)
-    (warning,) = notes.warnings
-    assert f"chrome ball {wrong + 1}'s outline is" in warning
-    np.testing.assert_allclose(fit.positions_mm, lights, atol=12)
-
-
-@pytest.mark.parametrize("wrong", EACH_OF_THREE)
-def test_an_outline_that_hides_among_good_highlights_is_named(scene, wrong):
-    """Small balls, whose outlines are known to a hundredth: all misses together are what is expected of so many."""
-    lights, highlights = scene
-    spheres = _spheres(3)
-    spheres[wrong] = replace(spheres[wrong], radius_px=spheres[wrong].radius_px - 6.0)
-    fit, notes = _chosen(highlights, spheres, outline_px=0.5)
-    (warning,) = notes.warnings
-    assert f"chrome ball {wrong + 1}'s outline is" in warning
-    assert float(warning.split("miss by ")[1].split()[0]) > 2.5, "a number that contradicts the words"
-    assert angular_error_deg(fit.directions, unit(lights - fit.reference)).max() < 0.5
+    assert "contradict each other" in warning
+    assert "check diameter_mm of every ball" in warning
+    off = angular_error_deg(fit.directions, unit(lights - fit.reference))
+    assert (off < 3 * fit.direction_sigma_deg).all()
 
 
 def test_healthy_balls_accuse_nobody(scene):
@@ -325,16 +269,6 @@ def test_a_diameter_that_nobody_stated_is_found(scene):
     np.testing.assert_allclose(fit.positions_mm, lights, atol=12)
 
 
-def test_one_wrong_highlight_is_left_out(scene):
-    lights, highlights = scene
-    spoiled = highlights.copy()
-    spoiled[1, 4] += [9.0, -6.0]
-    fit = _fit(CAMERA, _spheres(3), [0.05**2 * np.eye(3)] * 3, spoiled, np.full((3, 8), 0.1), REFERENCE, near=True)
-    assert not fit.used[1, 4]
-    assert fit.used.sum() == 23
-    np.testing.assert_allclose(fit.positions_mm, lights, rtol=0.02, atol=3)
-
-
 def test_distant_lights_need_no_ranges(scene):
     rng = np.random.default_rng(0)
     directions = np.array([[0.3, 0.2, 0.9], [-0.4, 0.3, 0.8], [0.1, -0.5, 0.8], [0.0, 0.1, 1.0]])
@@ -346,11 +280,3 @@ def test_distant_lights_need_no_ranges(scene):
     assert angular_error_deg(distant.directions, directions).max() < 0.6
     # The smaller model must win by BIC.
     assert distant.chi2_all - near.chi2_all < (near.unknowns - distant.unknowns) * np.log(near.observations) + 10
-
-
-def test_rays_meet():
-    target = np.array([100.0, -50.0, 200.0])
-    points = np.array([[0.0, 0, 0], [50, 0, 0], [0, 80, 10]])
-    directions = (target - points) / np.linalg.norm(target - points, axis=1, keepdims=True)
-    np.testing.assert_allclose(ray_meeting(points, directions), target, atol=1e-9)
-    assert np.isnan(ray_meeting(points[:2], directions[[0, 0]])).all()

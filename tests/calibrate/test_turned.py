@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from calibrate.calibrate import calibrate
 from calibrate.known_lights.contradictions import contradiction
-from scene.lights import Lights
-from scene.spheres import SphereRequest
 
 
 def directions(count=12, seed=0):
@@ -72,22 +69,3 @@ def test_coarse_but_right_is_no_mistake(seed):
     seen[::4] = np.nan
     assert contradiction("x", names(true), seen, true) is None
     assert contradiction("x", names(true), np.full_like(true, np.nan), -true) is None
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("kind", ["chrome", "white"])
-def test_a_ball_beside_the_object_tells(table, kind):
-    """From the frames on: known directions with y down are contradicted by the ball that is asked for."""
-    world, frames = table
-    centre = np.mean([ball.center for ball in world.balls], axis=0)
-    offset = world.lights - centre
-    known = offset / np.linalg.norm(offset, axis=1, keepdims=True)
-    right = Lights(frames.names, known, np.ones_like(known))
-    flipped = Lights(frames.names, known * [1, -1, 1], np.ones_like(known))
-    requests = [SphereRequest(kind)]
-
-    def told(lights):
-        return " ".join(calibrate(frames, world.camera, requests, known_lights=lights).warnings)
-
-    assert f"{kind} ball 1 sees" not in told(right)
-    assert "y flipped" in told(flipped)

@@ -46,10 +46,3 @@ def test_balls_that_do_not_tell_leave_the_camera_orthographic():
     assert found.camera.is_orthographic
     assert [camera.is_orthographic for camera in asked] == [False, True]
     assert "5 to 15 degrees" in found.warnings[0]
-
-
-def test_balls_that_tell_another_each_time_leave_the_camera_orthographic():
-    run, asked = answering(lambda focal: 1.5 * focal, sigma=0.001)
-    found = with_unknown_focal(run, GUESS)
-    assert found.camera.is_orthographic
-    assert len(asked) == ROUNDS + 1

@@ -85,22 +85,6 @@ def test_matte_and_unshadowed_it_is_exact():
     assert np.abs(_relative(lights, powers)).max() < 0.002
 
 
-def test_turning_normals_and_order_turns_and_orders_the_lights():
-    directions, powers = _truth()
-    frames, normals, mask = _photograph(directions, powers)
-    lights, _, _ = lights_from_normals(frames, CAMERA, normals, mask)
-    order = np.random.default_rng(10002).permutation(COUNT)
-    mixed = Frames.from_linear(tuple(frames.names[i] for i in order), frames.read()[order])
-    again, _, _ = lights_from_normals(mixed, CAMERA, normals, mask)
-    np.testing.assert_allclose(again.directions, lights.directions[order], atol=1e-6)
-    # By a quarter turn of the camera: what was up is then left.
-    turned = Frames.from_linear(frames.names, np.rot90(frames.read(), axes=(1, 2)))
-    turn = np.array([[0, -1.0, 0], [1, 0, 0], [0, 0, 1]])
-    camera = Camera.orthographic(HEIGHT, WIDTH)
-    third, _, _ = lights_from_normals(turned, camera, np.rot90(normals) @ turn.T, np.rot90(mask))
-    assert angular_error_deg(third.directions, lights.directions @ turn.T).max() < 0.2
-
-
 def test_normals_beside_their_pixels_are_noticed():
     directions, powers = _truth()
     frames, normals, mask = _photograph(directions, powers)
@@ -138,20 +122,6 @@ def test_unknown_normals_still_tell_the_strengths():
     assert np.sqrt(np.mean(relative**2)) < 0.02
     assert np.sqrt(np.mean(flat**2)) > 0.2
     assert np.mean(np.abs(relative.mean(1)) < 1.96 * found.sigma) >= 0.9
-
-
-def test_strengths_are_exact_on_a_matte_object_and_scale_with_the_flash():
-    directions, powers = _truth()
-    frames, _, mask = _photograph(directions, powers, gloss=0, shadow=False)
-    probe = read_probe(frames, mask)
-    found = intensities_from_object(probe, _toward(directions, probe), np.full(COUNT, np.nan))
-    assert np.abs(_relative(found, powers)).max() < 0.004
-    linear = frames.read()
-    linear[3] *= 0.5
-    probe = read_probe(Frames.from_linear(frames.names, linear), mask)
-    half = intensities_from_object(probe, _toward(directions, probe), np.full(COUNT, np.nan))
-    ratio = half.intensities / found.intensities
-    np.testing.assert_allclose(ratio[3] / np.delete(ratio, 3, 0).mean(0), 0.5, rtol=0.004)
 
 
 def test_wrong_directions_widen_sigma():
@@ -201,17 +171,6 @@ def _lit_scene(powers, *, distant=False):
     return world, render(world, seed=10004), lights, world.truth(center)[1]
 
 
-def test_the_object_is_found_and_tells_distant_flashes():
-    world, frames, lights, strength = _lit_scene(_truth()[1], distant=True)
-    notes = Notes()
-    found, sigma = strengths_from_object(frames, world.camera, world.spheres(), lights, notes)
-    relative = _relative(found, strength)
-    assert np.sqrt(np.mean(relative**2)) < 0.01
-    assert np.mean(np.abs(relative.mean(1)) < 1.96 * sigma) >= 0.9
-    assert "of the object itself" in notes.evidence[0]
-    assert "no white ball" in notes.warnings[0]
-
-
 def test_near_flashes_are_told_as_well_as_is_said():
     world, frames, lights, strength = _lit_scene(_truth()[1])
     found, sigma = strengths_from_object(frames, world.camera, world.spheres(), lights, Notes())
@@ -227,21 +186,6 @@ def test_one_flash_carried_around_keeps_its_power():
     found, _ = strengths_from_object(frames, world.camera, world.spheres(), lights, Notes())
     fall = distance**-2.0
     np.testing.assert_allclose(found.mean(1), fall / fall.mean(), rtol=0.03)
-
-
-def test_where_nothing_matte_is_seen_near_flashes_are_taken_by_their_distance():
-    frames = Frames.from_linear(tuple(f"f{i}" for i in range(COUNT)), np.full((COUNT, 60, 80, 3), 0.001))
-    camera = Camera(80, 60, 100.0, 100.0, 40.0, 30.0)
-    directions, _ = _truth()
-    distance = np.linspace(800, 1100, COUNT)[:, None]
-    center = np.array([0.0, 0.0, -1000.0])
-    lights = Lights(frames.names, directions, np.ones((COUNT, 3)), center + directions * distance, center)
-    notes = Notes()
-    found, sigma = strengths_from_object(frames, camera, [], lights, notes)
-    np.testing.assert_allclose(found[:, 0], (distance**-2.0 / (distance**-2.0).mean())[:, 0])
-    assert np.isnan(sigma).all()
-    assert "equally powerful" in notes.warnings[0]
-    assert strengths_from_object(frames, camera, [], Lights(frames.names, directions, found), Notes()) is None
 
 
 @pytest.mark.full
@@ -269,21 +213,3 @@ def test_diligent_with_its_lights_withheld(name, angle_deg, strength):
     found = intensities_from_object(probe, toward, np.full(len(files), np.nan))
     assert np.sqrt(np.mean(_relative(found, powers) ** 2)) < strength
     assert np.mean(np.abs(_relative(found, powers).mean(1)) < 1.96 * found.sigma) > 0.85
-
-
-def test_a_ball_that_is_black_all_over_tells_no_direction():
-    """Nothing is divided by its shading of none."""
-    from calibrate.photometry.matte_shading import Surface, shading_directions
-
-    rng = np.random.default_rng(5)
-    normals = rng.normal(size=(900, 3))
-    normals = np.abs(normals / np.linalg.norm(normals, axis=1, keepdims=True))
-    values = np.zeros((2, 900, 3), np.float32)
-    values[1] = np.maximum(normals @ [0.6, 0.0, 0.8], 0)[:, None]
-    empty = np.zeros((900, 3), np.float32)
-    blocks = np.arange(900) // 30
-    surface = Surface(normals, normals, values, np.zeros((2, 900), bool), blocks, np.zeros(3), 1.0, empty)
-    directions, sigma = shading_directions(surface)
-    assert np.isnan(directions[0]).all()
-    assert np.isnan(sigma[0])
-    np.testing.assert_allclose(directions[1], [0.6, 0, 0.8], atol=1e-3)
