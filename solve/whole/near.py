@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from scene.intensities import Eliminated
 from scene.lights import Lights
@@ -34,9 +35,9 @@ FARTHEST = 70.0
 """Object sizes: lights beyond are distant. What they would tell, other reflection than Lambert's tells as well."""
 FEWEST = 5
 """Lights whose distances can be told."""
-FINER = 1.4
-"""Ratio of the mean distances that are tried then, each with its own relief."""
-TRIALS = 7
+RANGE = 2.5
+"""Ratio to the first of the mean distances that are tried then, each with its own relief."""
+TRIALS = 8
 STEPS = 5
 """Of the single distances, for each of these."""
 LOOSE = 1e-3
@@ -85,31 +86,19 @@ def find_positions(problem: Problem) -> Problem:
 
 def _by_trials(small: "_Small", lights: Lights, center: Array, size: float, start: float) -> tuple[float, Array] | None:
     """Return the least spread over the mean nearness and each light's nearness (F,) there; None: they are distant."""
+    tried: dict[float, tuple[float, Array]] = {}
 
-    def trial(exponent: float) -> tuple[float, Array]:
-        nearness = np.full(len(lights), start * FINER**exponent)
+    def trial(log_nearness: float) -> float:
+        nearness = np.full(len(lights), np.exp(log_nearness))
         small.follow(_placed(lights, center, size / nearness))
         for _ in range(STEPS):
             nearness = small.nearer(_placed(lights, center, size / nearness), nearness, size)
-        return small.spread(_placed(lights, center, size / nearness)), nearness
+        tried[log_nearness] = small.spread(_placed(lights, center, size / nearness)), nearness
+        return tried[log_nearness][0]
 
-    tried: dict[int, tuple[float, Array]] = {}
-    middle = 0
-    while len(tried) < TRIALS:
-        missing = [exponent for exponent in (middle, middle - 1, middle + 1) if exponent not in tried]
-        if not missing:
-            break
-        tried[missing[0]] = trial(missing[0])
-        middle = min(tried, key=lambda exponent: tried[exponent][0])
-        if start * FINER**middle < 1 / FARTHEST:
-            return None
-    best = tried[middle]
-    if middle - 1 in tried and middle + 1 in tried:
-        low, least, high = (tried[middle + step][0] for step in (-1, 0, 1))
-        # The vertex of the parabola through the three.
-        best = min(
-            best, trial(middle + (low - high) / max(2 * (low + high - 2 * least), 1e-12)), key=lambda pair: pair[0]
-        )
+    bounds = np.log(start) + np.array([-1, 1]) * np.log(RANGE)
+    minimize_scalar(trial, bounds=bounds, method="bounded", options={"maxiter": TRIALS})
+    best = min(tried.values(), key=lambda pair: pair[0])
     return None if np.median(1 / best[1]) > FARTHEST else best
 
 
