@@ -22,7 +22,7 @@ from scene.normals import angular_error_deg, unit
 from solve.methods import UNCALIBRATED
 from solve.problem import Problem
 from solve.solve import solve
-from solve.whole.light_distance import find_positions
+from solve.whole.near import find_positions
 
 THEIRS = tuple(name for name in ("DiLiGenT cat", "DiLiGenT ball", "bunny") if SESSIONS[name].is_dir())
 DRAWN = ("blob", "relief", "brick", "knot", "mug", "gear")

@@ -70,14 +70,8 @@ class Store:
         """Write what goes with `frames/codes.npy`; its presence says that decoding ended well."""
         if frames.ambient is not None:
             write_npy(self.path("frames", "ambient.npy"), frames.ambient)
-        header = {
-            "names": frames.names,
-            "gain": frames.gain,
-            "saturation": frames.saturation if np.isfinite(frames.saturation) else None,
-            "is_mosaic": frames.is_mosaic,
-            "has_ambient": frames.ambient is not None,
-        }
-        write_json(self.path("frames", "frames.json"), header)
+        told = {name: getattr(frames, name) for name in ("names", "gain", "saturation", "is_mosaic")}
+        write_json(self.path("frames", "frames.json"), {**told, "has_ambient": frames.ambient is not None})
 
     def load_frames(self) -> Frames:
         header, codes = self.read_json("frames/frames.json"), self.read_array("frames", "codes.npy")
@@ -88,14 +82,8 @@ class Store:
             ambient = self.read_array("frames", "ambient.npy") if header["has_ambient"] else None
             if ambient is not None and (ambient.shape != codes.shape[1:] or ambient.dtype != codes.dtype):
                 raise ValueError(f"ambient.npy beside it holds {ambient.dtype} {ambient.shape}, not one frame")
-            return Frames(
-                names,
-                codes,
-                numbers(header["gain"], len(codes), what="gain"),
-                ambient,
-                np.inf if saturation is None else float(saturation),
-                bool(header["is_mosaic"]),
-            )
+            saturation, gain = np.inf if saturation is None else float(saturation), numbers(header["gain"], len(codes))
+            return Frames(names, codes, gain, ambient, saturation, bool(header["is_mosaic"]))
 
     def save_camera(self, camera: Camera) -> None:
         write_json(self.path("camera.json"), asdict(camera))
@@ -109,38 +97,20 @@ class Store:
             return camera
 
     def save_spheres(self, spheres: list[Sphere], camera: Camera) -> None:
-        rows = [
-            {
-                "kind": sphere.kind,
-                "center_px": sphere.center_px,
-                "radius_px": sphere.radius_px,
-                "center_mm": sphere.center_mm(camera) if sphere.diameter_mm and not camera.is_orthographic else None,
-                "diameter_mm": sphere.diameter_mm,
-                "sigma_px": sphere.sigma_px,
-                "score": sphere.score,
-                "apart": sphere.apart,
-                "diameter_sigma": sphere.diameter_sigma,
-            }
-            for sphere in spheres
-        ]
+        tells = [bool(sphere.diameter_mm) and not camera.is_orthographic for sphere in spheres]
+        centers = [one.center_mm(camera) if told else None for one, told in zip(spheres, tells, strict=True)]
+        rows = [asdict(one) | {"center_mm": center} for one, center in zip(spheres, centers, strict=True)]
         write_json(self.path("spheres.json"), rows)
 
     def load_spheres(self) -> list[Sphere]:
         rows = self.read_json("spheres.json")
         with self._door("spheres.json"):
-            return [
-                Sphere(
-                    _KINDS[row["kind"]],
-                    numbers(row["center_px"], 2, what="center_px"),
-                    positive(row["radius_px"]),
-                    None if row["diameter_mm"] is None else positive(row["diameter_mm"]),
-                    float(row["sigma_px"]),
-                    float(row["score"]),
-                    bool(row["apart"]),
-                    float(row.get("diameter_sigma", 0.0)),
-                )
-                for row in rows
-            ]
+            read = {
+                "kind": _KINDS.__getitem__, "center_px": lambda place: numbers(place, 2, what="center_px"),
+                "radius_px": positive, "diameter_mm": lambda size: None if size is None else positive(size),
+                "sigma_px": float, "score": float, "apart": bool, "diameter_sigma": float,
+            }  # fmt: skip
+            return [Sphere(**{name: of(row[name]) for name, of in read.items()}) for row in rows]
 
     def save_lights(self, lights: Lights, *, files: tuple[str, ...] | None = None) -> None:
         """Write lights.json, and the same as DiLiGenT text and .lp, which cannot hold lights of unknown direction.
@@ -174,15 +144,9 @@ class Store:
     def save_pose(
         self, pose: Pose, *, residual_px: float, sigma_mm: float, sigma_deg: float, mm_per_unit: float | None = None
     ) -> None:
-        data: dict[str, object] = {
-            "camera_from_scan": pose.matrix,
-            "residual_px": residual_px,
-            "sigma_mm": sigma_mm,
-            "sigma_deg": sigma_deg,
-        }
-        if mm_per_unit is not None:
-            data["mm_per_unit"] = mm_per_unit
-        write_json(self.path("pose.json"), data)
+        sigmas = {"residual_px": residual_px, "sigma_mm": sigma_mm, "sigma_deg": sigma_deg}
+        scale = {} if mm_per_unit is None else {"mm_per_unit": mm_per_unit}
+        write_json(self.path("pose.json"), {"camera_from_scan": pose.matrix, **sigmas, **scale})
 
     def load_pose(self) -> Pose:
         data = self.read_json("pose.json")

@@ -18,7 +18,6 @@ from scene.normals import unit
 from solve.plausible_axes import plausible_axes
 from solve.problem import Problem
 from solve.samples import Samples, all_samples
-from solve.thinning import step_for, thinned
 
 Array = NDArray[np.float64]
 
@@ -172,7 +171,7 @@ def relief_cautions(
         return ()
     thin = np.zeros(mask.shape, bool)
     thin.flat[some_pixels(known.ravel())] = True
-    lit = _Lit(all_samples(Problem(frames, lights, camera, thin, slice(0, len(mask)))))
+    lit = _Lit(all_samples(Problem.of(frames, lights, camera, thin)))
     there = normals[thin].astype(np.float64)
     given, other = (lit.misfits(each) for each in (there, there @ INVERTED))
     if not np.isfinite(given).any():
@@ -222,8 +221,7 @@ def lights_in_other_axes(frames: Frames, lights: Lights, camera: Camera, mask: N
     Lambert's law fits lights in any axes: the normals follow. But turned normals are no surface's slope, or point into
     it at its rim; the latter are a hollow's too. Nothing is said where Lambert's law does not fit.
     """
-    whole = Problem(frames, lights, camera, mask, slice(0, len(mask)))
-    small = thinned(whole, step_for(whole, 2 * _PIXELS))
+    small = Problem.of(frames, lights, camera, mask).thinned(2 * _PIXELS)
     lit = _Lit(all_samples(small))
     fitted = lit.least_squares()
     if lit.misfit(fitted) > _LAMBERT:

@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 
 from scene.normals import unit
 from solve.problem import Problem
-from solve.samples import Samples, band_of, samples_of
+from solve.samples import Samples, all_samples
 
 _PIXELS = 1_200
-_ROWS = 40
-"""That the pixels are taken from: a row is read at once."""
 _LEAST = 500
 """Fits: of a small object each pixel has several."""
 _COMMON = 4.0
@@ -79,16 +77,8 @@ def _scatter(samples: Samples, toward: NDArray, b: NDArray, used: NDArray) -> tu
 
 def _some(problem: Problem) -> Samples:
     """Return what is seen of pixels evenly spread over the mask, each several times where they are few."""
-    rows = np.flatnonzero(problem.mask.any(1))
-    rows = rows[np.unique(np.linspace(0, len(rows) - 1, _ROWS).astype(int))]
-    step = -(-int(problem.mask[rows].sum()) // _PIXELS)
-    found = []
-    for row in rows:
-        part = problem.part(slice(int(row), int(row) + 1))
-        kept = np.zeros_like(part.mask)
-        kept[:, np.flatnonzero(part.mask)[::step]] = True
-        part = replace(part, mask=kept)
-        found.append(samples_of(band_of(part), part))
-    times = -(-_LEAST // sum(len(some.gray) for some in found))
-    gray, valid, points, lights = zip(*found, strict=True)
-    return Samples(*(np.concatenate(values * times) for values in (gray, valid, points)), lights=lights[0])
+    places = np.flatnonzero(problem.mask)
+    thin = np.zeros(problem.mask.shape, bool)
+    thin.flat[places[np.linspace(0, len(places) - 1, min(_PIXELS, len(places))).astype(int)]] = True
+    samples = all_samples(replace(problem, mask=thin))
+    return samples.some(np.tile(np.arange(len(samples.gray)), -(-_LEAST // len(samples.gray))))

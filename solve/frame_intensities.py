@@ -46,7 +46,7 @@ def corrected(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.b
     """
     if len(lights) < 4 + _FREE or not mask.any() or not np.isfinite(lights.directions).all():
         return lights, []
-    found, parts, _ = told_by_object(Problem(frames, lights, camera, mask, slice(0, len(mask))), _HOW)
+    found, parts, _ = told_by_object(Problem.of(frames, lights, camera, mask), _HOW)
     solved = [solve_intensities(part, with_sigma=True) for part in parts]
     sigma = np.sqrt(np.mean([part.sigma**2 for part in solved], axis=0))
     if min(part.contrast for part in solved) < CONTRAST:

@@ -16,11 +16,10 @@ from scene.frames import Frames
 from scene.lights import Lights
 from solve.axes import AXES, Axes, find_axes, relief_cautions, some_pixels
 from solve.external import External, normals_by
-from solve.medians import row_medians
 from solve.methods import Method, Whole
 from solve.plausible_axes import plausible_axes
 from solve.problem import Problem
-from solve.samples import Geometry, Samples
+from solve.samples import Geometry, Samples, row_medians
 from solve.solve import solve
 
 _FACING = 0.1

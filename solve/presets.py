@@ -1,10 +1,10 @@
 """Learned methods that others publish, ready to run: where each reads its photographs and leaves its normals.
 
-The programs, their weights and their Python are no part of this project. What stands here is what their own readers
-expect, as of 2025: all of them are universal, none asks for lights.
+The programs, their weights and their Python are no part of this project.
 """
 
 import shutil
+import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,18 +20,11 @@ PYTHONS = (".venv/bin/python", "venv/bin/python", "env/bin/python")
 """Where, in a program's folder, its own Python is looked for."""
 LARGE_PX = 1024
 """Side of a picture from which SDM-UniPS is told to work in tiles, as its authors advise."""
-LINO_RUN = """import sys, cv2, numpy as np, torch; from pathlib import Path
-program, data, out = map(Path, sys.argv[1:])
-pictures = [(cv2.imread(str(path), -1)[..., ::-1].copy(), None) for path in sorted(data.glob("L*.png"))]
-weights = next(map(str, program.rglob("lino.pth")), None)
-model = torch.hub.load(str(program), "LINO", source="local", local_file_path=weights)
-np.save(out / "normals.npy", np.asarray(model.predict(pictures, cv2.imread(str(data / "mask.png"))), np.float32))"""
-"""LINO-UniPS has no command of its own: what its torch.hub entry LINO wants, and its normals as they are."""
 
 
 @dataclass(frozen=True)
 class Preset:
-    """A published program.
+    """A published program, as `presets.toml` lists it.
 
     Parameters
     ----------
@@ -39,8 +32,8 @@ class Preset:
         Where its authors publish it.
     entry : str
         A file in its folder by which it is known.
-    command : tuple of str
-        Its Python's words; {program}: its folder.
+    command, large, gpu : tuple of str
+        Its Python's words, {program}: its folder; with large pictures; where there is a GPU.
     folder, picture, result : str
         The object's folder below {data}, a photograph's name there by its number from 1, its normals below {out}.
     most : int
@@ -59,6 +52,8 @@ class Preset:
     result: str
     most: int = 16
     weights: str = ""
+    large: tuple[str, ...] = ()
+    gpu: tuple[str, ...] = ()
     program: Path = Path()
     python: Path = Path()
 
@@ -76,36 +71,16 @@ class Preset:
 
     def words(self, data: Path, out: Path, side_px: int) -> list[str]:
         """Return the command; `side_px`: the longer side of the pictures."""
-        places = {"program": self.program, "data": data / self.folder, "out": out}
-        words = [str(self.python), *(word.format(**places) for word in self.command)]
-        if "--test_dir" in words and side_px > LARGE_PX:
-            words.append("--scalable")
-        if "--path_obj" in words and shutil.which("nvidia-smi"):
-            words.append("--cuda")
-        return words
+        places = {"{program}": self.program, "{data}": data / self.folder, "{out}": out}
+        words = [str(self.python), *self.command, *(self.large if side_px > LARGE_PX else ())]
+        for name, place in places.items():
+            words = [word.replace(name, str(place)) for word in words]
+        return words + [*(self.gpu if shutil.which("nvidia-smi") else ())]
 
 
-PRESETS = {
-    "lino-unips": Preset(
-        "https://github.com/houyuanchen111/LINO_UniPS", "hubconf.py", ("-c", LINO_RUN, "{program}", "{data}", "{out}"),
-        "object", "L{:04d}.png", "normals.npy",
-    ),
-    "sdm-unips": Preset(
-        "https://github.com/satoshi-ikehata/SDM-UniPS-CVPR2023", "sdm_unips/main.py",
-        (
-            "{program}/sdm_unips/main.py", "--session_name", "{out}", "--test_dir", "{data}/..", "--test_ext", ".data",
-            "--test_prefix", "L*", "--checkpoint", "{program}/checkpoint", "--target", "normal",
-            "--max_image_num", "16",
-        ),
-        "object.data", "L{:04d}.png", "results/object.data/normal.png", weights="checkpoint/normal/*.pytmodel",
-    ),
-    "uni-ms-ps": Preset(
-        "https://github.com/Clement-Hardy/Uni-MS-PS", "inference_file.py",
-        ("{program}/inference_file.py", "--path_obj", "{data}", "--folder_save", "{out}"),
-        "object", "{:03d}.png", "object.mat", most=32, weights="weights/model_uncalibrated.pth",
-    ),
-}  # fmt: skip
-"""By the word that stands before the program's folder on the command line, as in lino-unips:FOLDER."""
+PRESETS = {name: Preset(**table) for name, table in tomllib.loads(
+    Path(__file__).with_suffix(".toml").read_text()
+).items()}  # fmt: skip
 
 
 def find_program(words: list[str], where: str) -> Preset:

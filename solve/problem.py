@@ -43,6 +43,11 @@ class Problem:
     intensity_covariance: NDArray[np.float64] | None = None
     cautions: tuple[str, ...] = ()
 
+    @classmethod
+    def of(cls, frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]) -> "Problem":
+        """Return the problem of whole frames."""
+        return cls(frames, lights, camera, mask, slice(0, len(mask)))
+
     def part(self, rows: slice) -> "Problem":
         """Return some rows of a problem that covers the whole frames."""
         return replace(self, mask=self.mask[rows], rows=rows, z_mm=None if self.z_mm is None else self.z_mm[rows])
@@ -51,6 +56,18 @@ class Problem:
         """Return the unit vectors (P, 3) from the mask's pixels to the camera."""
         row, column = np.nonzero(self.mask)
         return -self.camera.rays(np.stack([column, row + self.rows.start], -1))[1]
+
+    def thinned(self, pixels: float) -> "Problem":
+        """Return every n-th pixel of a whole problem, about so many of its mask: pixel u becomes u / n."""
+        step = self.step_to(pixels)
+        mask = np.ascontiguousarray(self.mask[::step, ::step])
+        depth = None if self.z_mm is None else np.ascontiguousarray(self.z_mm[::step, ::step])
+        frames, camera = self.frames.every(step), self.camera.every(step)
+        return replace(self, frames=frames, camera=camera, mask=mask, rows=slice(0, len(mask)), z_mm=depth)
+
+    def step_to(self, pixels: float) -> int:
+        """Return n such that every n-th pixel leaves about so many of the mask."""
+        return max(1, round(np.sqrt(np.count_nonzero(self.mask) / pixels)))
 
     def under(self, lights: Lights) -> "Problem":
         """Return the problem under the lights that the method has found."""

@@ -17,7 +17,6 @@ from scene.errors import SceneError
 from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
-from solve.cautions import cautions_of
 from solve.methods import METHODS, UNCALIBRATED, Method, Settings, Whole, as_dict, method_of
 from solve.problem import Problem
 
@@ -27,6 +26,8 @@ if TYPE_CHECKING:
 __all__ = ["METHODS", "UNCALIBRATED", "method_of", "solve"]
 
 Call = tuple[Callable, tuple]
+ILL_CONDITIONED = 20.0
+"""Condition number of a pixel's light vectors from which noise across their plane comes twentyfold."""
 
 
 def solve(
@@ -80,7 +81,7 @@ def solve(
     settings = what.settings(profile)
     if what.is_calibrated:
         lights.check()
-    problem = Problem(frames, lights, camera, mask, slice(0, len(mask)))
+    problem = Problem.of(frames, lights, camera, mask)
     if what.fit:
         _compile(what, settings, problem)
     start = now()
@@ -115,7 +116,7 @@ def solve(
         shared = shared_sigma_deg(normals, problem.lights.directions, problem.intensity_covariance)
         sigma_deg = np.hypot(sigma_deg, shared)
     spent = since(start)
-    cautions = (*problem.cautions, *cautions_of(mask, normals, samples, condition, dark))
+    cautions = (*problem.cautions, *_cautions_of(mask, normals, samples, condition, dark))
     if not what.is_calibrated:
         from solve.axes import relief_cautions
 
@@ -232,3 +233,28 @@ def _own_lights(lights: Lights, found: NDArray[np.float64]) -> Lights:
     strength = np.linalg.norm(found, axis=1, keepdims=True)
     directions = np.divide(found, strength, out=np.full_like(found, np.nan), where=strength > 0)
     return Lights(lights.names, directions, lights.intensities * strength).normalised()
+
+
+def _cautions_of(
+    mask: NDArray[np.bool_], normals: NDArray, samples: NDArray, condition: NDArray, dark: int
+) -> tuple[str, ...]:
+    """Return what is suspicious about the maps (H, W[, 3]) of an estimate, said before its error is known.
+
+    `dark` is how many pixels were solved with fewer than three lit samples; for the maps see `scene.estimate.Estimate`.
+    """
+    shares = (
+        (~np.isfinite(normals[..., 0]), 0.01, "pixels have no normal: their lit lights do not span space."),
+        (dark, 0.01, "pixels have fewer than three lit samples: not to be believed."),
+        (samples == 3, 0.05, "pixels rest on three samples: nothing there checks the fit."),
+        (
+            condition > ILL_CONDITIONED, 0.05,
+            f"pixels are lit from nearly one plane (condition number above {ILL_CONDITIONED:.0f}): noise is amplified "
+            "there. Lights from more sides would help.",
+        ),
+        (
+            normals[..., 2] < 0, 0.02,
+            "normals point away from the camera: light directions, mask or linearity are in doubt.",
+        ),
+    )  # fmt: skip
+    told = [(np.sum(which & mask if np.ndim(which) else which) / mask.sum(), bar, text) for which, bar, text in shares]
+    return tuple(f"{share:.0%} of the object's {text}" for share, bar, text in told if share > bar)

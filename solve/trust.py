@@ -13,11 +13,10 @@ from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from solve.medians import row_medians
 from solve.method_names import METHODS
 from solve.problem import Problem
+from solve.samples import row_medians
 from solve.solve import solve
-from solve.thinning import step_for, thinned
 from solve.whole import reflectance
 from solve.whole.reflectance_kernels import DIFFERENCE, GRAZING, HALF, INCIDENCE, SIZE, TABLE
 
@@ -103,9 +102,8 @@ def trust(
         raise SceneError("trust: our methods are judged by calibrated lights; found none. Give lights or balls.")
     if len(frames) < FEWEST:
         raise SceneError(f"trust: found {len(frames)} frames; methods are judged from {FEWEST} on: three fit anything.")
-    whole = Problem(frames, lights, camera, mask, slice(0, len(mask)))
-    step = step_for(whole, PIXELS)
-    given = thinned(whole, step)
+    whole = Problem.of(frames, lights, camera, mask)
+    step, given = whole.step_to(PIXELS), whole.thinned(PIXELS)
     photographs = _Photographs(given)
     left_out = [np.arange(len(frames)) % FOLDS == fold for fold in range(FOLDS)]
     folds = np.zeros((len(names), FOLDS))

@@ -1,10 +1,28 @@
-"""What the camera wrote beside the picture: exposure, lens, clock. Absent EXIF is normal."""
+"""What the camera wrote beside the picture: exposure, lens, clock. Absent EXIF is normal.
 
+Tags are read by EXIF's names, whatever the file, by tifffile. Most RAW files are TIFF. Others hold blocks of TIFF: JPEG
+and .raf behind "Exif", .cr3 in the boxes CMT1 and CMT2, .mrw in TTW, PNG in the chunk eXIf.
+"""
+
+import io
+import logging
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
+# What it would print of damaged blocks is no news: they hold no tags.
+logging.getLogger("tifffile").addHandler(logging.NullHandler())
+
+HEAD = 1 << 20
+"""Bytes at a file's beginning and at its end in which its blocks begin."""
+MOST = 500
+"""Of blocks, and of a tag's values: a damaged file can promise any number."""
+TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+BLOCK = re.compile(rb"(?:Exif\0\0|CMT[12]|\0TTW....|eXIf)(?=II\*\0|MM\0\*)", re.DOTALL)
+PANASONIC_ISO = {"55": "ISOSpeedRatings", "23": "ISOSpeedRatings"}
+"""Tags 0x37 and 0x17 of .rw2, which have no name elsewhere."""
 MOST_ISO = 65535
 """Stands where the sensitivity has more than 16 bits; then another tag has it."""
 
@@ -46,10 +64,8 @@ class Exif:
 
 def read_exif(path: Path) -> Exif:
     """Return the EXIF of a photograph, all None where there is none. Never raises for what it cannot read."""
-    from capture.camera.exif_tags import tags_in
-
     try:
-        return _exif_of_tags(tags_in(path))
+        return _exif_of_tags(_tags_in(path))
     except Exception:
         # The picture is what counts.
         return Exif()
@@ -110,3 +126,34 @@ def _time(tags: Mapping[str, Any]) -> str | None:
             digits = _text(tags, fraction)
             return stamp[:10].replace(":", "-") + stamp[10:19] + (f".{digits}" if digits.isdigit() else "")
     return None
+
+
+def _tags_in(path: Path) -> dict[str, Any]:
+    """Return {EXIF's name: value}: a number, a text, (numerator, denominator), or a tuple of numbers."""
+    with open(path, "rb") as file:
+        data = file.read(HEAD)
+        blocks: list[BinaryIO] = [file] if data[:2] in (b"II", b"MM") else []
+        if data[:4] not in TIFF:
+            file.seek(max(HEAD, path.stat().st_size - HEAD))
+            data += file.read()
+            ends = [found.end() for found in BLOCK.finditer(data)][:MOST]
+            blocks += [io.BytesIO(data[end:][:HEAD]) for end in ends]
+        found: dict[str, Any] = {}
+        for block in reversed(blocks):
+            block.seek(0)
+            found |= _tags_of_tiff(block)
+        return found
+
+
+def _tags_of_tiff(block: BinaryIO) -> dict[str, Any]:
+    import tifffile
+
+    try:
+        with tifffile.TiffFile(block) as file:
+            tags = file.pages.first.tags
+            plain = {PANASONIC_ISO.get(tag.name, tag.name): tag.value for tag in tags if tag.count < MOST}
+            exif = tags.valueof("ExifTag", {})
+            return plain | dict(exif if isinstance(exif, Mapping) else {})
+    except Exception:
+        # A maker's malformed block breaks parsers in many ways; the others still count.
+        return {}

@@ -3,13 +3,16 @@
 Lenses are not what is engraved on them, and focusing changes them.
 """
 
+import re
+import tomllib
 from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from capture.camera.exif import Exif
-from capture.camera.sensors import sensor_width_mm
 from capture.session.session_types import Lens
 from scene.camera import Camera
 from scene.errors import SessionError
@@ -189,7 +192,7 @@ def _sensor_of(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> tup
             scaled = 1.0 if 0.9 < scaled < 1.1 else scaled
             return (e.pixels_per_mm[0] * scaled, e.pixels_per_mm[1] * scaled), "focal-plane resolution"
         model = lens.model or next((e.camera for e in exif if e.camera), None)
-        sensor_mm = sensor_width_mm(model) if model else None
+        sensor_mm = _sensor_width_mm(model) if model else None
         if sensor_mm is None:
             return None
         per_mm, how = longer / sensor_mm, f"{model}: a sensor of {sensor_mm:g} mm"
@@ -206,3 +209,33 @@ def _breathing(focal_mm: float, subject_mm: float | None) -> tuple[float, float]
     distance = subject_mm or USUAL_DISTANCE_MM
     magnification = min(focal_mm / max(distance - focal_mm, 1e-9), 1.0) if distance > focal_mm else 1.0
     return (1 + magnification / 2, magnification / 2) if subject_mm else (1.0, magnification)
+
+
+def _sensor_width_mm(camera: str) -> float | None:
+    """Return the longer side of a camera's sensor, mm; None for one that sensors.toml does not list.
+
+    Parameters
+    ----------
+    camera : str
+        Maker and model in any case, as EXIF has them: "NIKON CORPORATION NIKON D850".
+    """
+    text = _words(camera)
+    found = {model: width for (maker, model), width in _widths().items() if f" {maker} " in text and model in text}
+    # "EOS R5 Mark II" names "EOS R5" too.
+    return found[max(found, key=len)] if found else None
+
+
+def _words(text: str) -> str:
+    """Return the words of a text, small, each between two blanks."""
+    return f" {' '.join(re.findall(r'[a-z0-9]+', text.lower()))} "
+
+
+@cache
+def _widths() -> dict[tuple[str, str], float]:
+    tables = tomllib.loads(Path(__file__).with_name("sensors.toml").read_text())
+    return {
+        (maker, _words(model)): float(width)
+        for maker, widths in tables.items()
+        for width, models in widths.items()
+        for model in models
+    }

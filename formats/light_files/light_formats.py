@@ -1,19 +1,64 @@
 """The formats of lights: name, suffix, reader, writer; lights read from any of them, written for other programs."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from formats.light_files.light_dome import read_dome, write_dome
-from formats.light_files.light_frames import Photographs
+from formats.light_files.light_frames import Photographs, nameless
 from formats.light_files.light_json import read_json, write_alicevision
 from formats.light_files.light_mat import read_mat, write_mat
-from formats.light_files.light_tables import read_diligent, read_lp, write_lp, write_tables
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.files import write_json, write_text, write_whole
+from scene.light_text import FILENAMES, light_tables, lp_file, names_in, table_in
 from scene.lights import Lights
-from scene.reading import reading
+from scene.reading import reading, shortened, text_of
+
+
+def _read_lp(path: Path, camera: Camera | None = None) -> Lights:
+    """Read `.lp`: first line the count, then `name x y z`; the name may hold spaces. It has no intensities."""
+    text = text_of(path, error=CalibrationError, names=True)
+    first, *rows = [line.strip() for line in text.splitlines() if line.strip()] or [""]
+    if not re.fullmatch(r"\d{1,9}", first):
+        raise ValueError(f"line 1 must be the number of lights, found {shortened(first, 40)!r}")
+    if len(rows) != int(first):
+        raise ValueError(f"line 1 says {int(first)} lights, but {len(rows)} follow")
+    parts = [row.rsplit(None, 3) for row in rows]
+    bad = next((i for i, part in enumerate(parts) if len(part) < 4), None)
+    if bad is not None:
+        raise ValueError(f"light {bad + 1} is {shortened(rows[bad])!r}, not: name x y z, with blanks between")
+    directions = np.array([part[1:] for part in parts], np.float64).reshape(-1, 3)
+    return Lights(tuple(part[0] for part in parts), directions, np.full_like(directions, np.nan))
+
+
+def _write_lp(lights: Lights, shot: Photographs) -> tuple[dict[str, str], list[str]]:
+    """Return lights.lp."""
+    blank = next((file for file in shot.files if " " in file), None)
+    notes = [f"lp: RelightLab and AliceVision cannot read names with blanks ({blank})."] if blank else []
+    return lp_file(shot.files, lights), ["lp has no intensities.", *notes]
+
+
+def _read_diligent(path: Path, camera: Camera | None = None) -> Lights:
+    """Read DiLiGenT's directions, one a line, with light_intensities.txt and filenames.txt beside them if there."""
+    directions, note = table_in(path, CalibrationError)
+    intensities = np.full_like(directions, np.nan)
+    beside = path.with_name(path.name.replace("directions", "intensities"))
+    if beside != path and beside.is_file():
+        intensities, _ = table_in(beside, CalibrationError, note)
+        if len(intensities) != len(directions):
+            raise CalibrationError(
+                f"{beside}: {len(intensities)} intensities, but {path.name} has {len(directions)} lights."
+            )
+    listed = path.with_name(FILENAMES)
+    names = tuple(names_in(listed, CalibrationError)) if listed.is_file() else ()
+    flags = ((f"{path.name} {note}",),) * len(directions) if note else ()
+    return Lights(
+        names if len(names) == len(directions) else nameless(len(directions)), directions, intensities, flags=flags
+    )
 
 
 class LightFormat(NamedTuple):
@@ -28,7 +73,7 @@ class LightFormat(NamedTuple):
 
 FORMATS = {
     "lp": LightFormat(
-        ".lp", "the number of lights, then a line each: name x y z, with a point for decimals", read_lp, write_lp
+        ".lp", "the number of lights, then a line each: name x y z, with a point for decimals", _read_lp, _write_lp
     ),
     "alicevision": LightFormat(
         ".json",
@@ -37,7 +82,12 @@ FORMATS = {
         read_json,
         write_alicevision,
     ),
-    "diligent": LightFormat(".txt", "three numbers a line, one line a photograph", read_diligent, write_tables),
+    "diligent": LightFormat(
+        ".txt",
+        "three numbers a line, one line a photograph",
+        _read_diligent,
+        lambda lights, shot: (light_tables(shot.files, lights), []),
+    ),
     "dome": LightFormat(
         ".dome",
         "lightConfiguration and directions[], positionsSphere[] or positions3d[] of {x, y, z}",

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.meshes.numbers_in_text import places, table, whole
+from formats.meshes.polygons import places, table, whole
 from scene.errors import AlignError
 from scene.reading import shortened
 

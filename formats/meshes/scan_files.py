@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.meshes.numbers_in_text import lines_of, places, read_text, table, whole
 from formats.meshes.ply import read_ply
-from formats.meshes.polygons import check_corners, strips, triangles
+from formats.meshes.polygons import check_corners, lines_of, places, read_text, strips, table, triangles, whole
 from scene.errors import AlignError
 from scene.reading import reading
 from scene.same_rows import first_of_same

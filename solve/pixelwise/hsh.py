@@ -2,16 +2,17 @@
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from solve.assess import condition_and_inverse
 from solve.methods import Method
-from solve.pixelwise.kernels import light_vectors
 from solve.problem import Problem
+from solve.samples import Samples
 
 _SINGULAR = 1e3
 """Condition number from which the three equations for b are not solved."""
+_CHUNK = 1024
+"""Pixels whose own matrices are made at once."""
 _VIRTUAL = np.array([[np.cos(a), np.sin(a), 1.0] for a in np.radians([30.0, 150.0, 270.0])]) / np.sqrt(2.0)
 
 
@@ -41,7 +42,7 @@ viewers do. The benchmark names neither the order nor how normals are had."""
 def cautions_of(directions, settings: Settings) -> tuple[str, ...]:
     """Say whether the harmonics can be had from lights (F, 3) at all."""
     order = settings.order
-    values = np.linalg.svd(harmonics(np.ascontiguousarray(directions), order), compute_uv=False)
+    values = np.linalg.svd(harmonics(directions, order), compute_uv=False)
     terms = (order + 1) ** 2
     rank = int(np.count_nonzero(values > 1e-3 * values[0]))
     if rank == terms:
@@ -59,58 +60,40 @@ def _warned(problem: Problem, settings: Settings) -> Problem:
     return problem.warned(*cautions_of(problem.lights.directions, settings))
 
 
-@numba.njit(nogil=True, cache=True)
-def harmonics(directions, order):  # pragma: no cover
-    """Return the hemispherical harmonics (F, (order + 1)^2) at unit vectors (F, 3); below the horizon, those on it."""
-    out = np.empty((len(directions), (order + 1) ** 2))
-    for i in range(len(directions)):
-        phi = np.arctan2(directions[i, 1], directions[i, 0])
-        x = 2.0 * min(max(directions[i, 2], 0.0), 1.0) - 1.0
-        first = 1.0
-        for m in range(order + 1):
-            # Associated Legendre functions, upward in l from P_m^m.
-            if m:
-                first *= -(2.0 * m - 1.0) * np.sqrt(max(1.0 - x * x, 0.0))
-            before, now = 0.0, first
-            for degree in range(m, order + 1):
-                if degree > m:
-                    before, now = now, ((2.0 * degree - 1.0) * x * now - (degree + m - 1.0) * before) / (degree - m)
-                ratio = 1.0
-                for k in range(degree - m + 1, degree + m + 1):
-                    ratio *= k
-                factor = np.sqrt((2.0 * degree + 1.0) / (2.0 * np.pi * ratio)) * now
-                middle = degree * degree + degree
-                if m == 0:
-                    out[i, middle] = factor
-                else:
-                    out[i, middle + m] = np.sqrt(2.0) * factor * np.cos(m * phi)
-                    out[i, middle - m] = np.sqrt(2.0) * factor * np.sin(m * phi)
-    return out
+def harmonics(directions: NDArray, order: int) -> NDArray[np.float64]:
+    """Return the hemispherical harmonics (..., (order + 1)^2) at unit vectors (..., 3), those below z = 0 as on it."""
+    from scipy.special import sph_harm_y
+
+    polar = np.arccos(2 * np.clip(directions[..., 2], 0, 1) - 1)
+    azimuth = np.arctan2(directions[..., 1], directions[..., 0])
+    found = []
+    for degree in range(order + 1):
+        # Those of the whole sphere, twice as dense; by their real and imaginary parts.
+        whole = [np.sqrt(2.0) * sph_harm_y(degree, m, polar, azimuth) for m in range(degree + 1)]
+        found += [np.sqrt(2.0) * one.imag for one in whole[:0:-1]] + [whole[0].real]
+        found += [np.sqrt(2.0) * one.real for one in whole[1:]]
+    return np.stack(found, -1)
 
 
-@numba.njit(nogil=True, cache=True)
-def _matrix(directions, settings):  # pragma: no cover
-    """Return the (3, F) matrix that makes b of samples; zeros where it cannot be had."""
-    basis = harmonics(directions, settings.order)
-    values, vectors = np.linalg.eigh(np.dot(basis.T, basis))
-    inverse = np.zeros_like(values)
-    for k in range(len(values)):
-        if abs(values[k]) > settings.cutoff * settings.cutoff * values[-1]:
-            inverse[k] = 1.0 / values[k]
-    pseudo = np.dot(np.ascontiguousarray(vectors * inverse), np.dot(np.ascontiguousarray(vectors.T), basis.T))
+def _matrices(directions: NDArray, valid: NDArray, settings: Settings) -> NDArray[np.float64]:
+    """Return the (..., 3, F) that make b of the valid samples (..., F); zeros where they cannot be had."""
+    basis = harmonics(directions, settings.order) * valid[..., None]
+    values, vectors = np.linalg.eigh(np.swapaxes(basis, -1, -2) @ basis)
+    kept = np.abs(values) > settings.cutoff**2 * values[..., -1:]
+    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=kept)
+    pseudo = (vectors * inverse[..., None, :]) @ np.swapaxes(vectors, -1, -2) @ np.swapaxes(basis, -1, -2)
     if settings.three_lights:
-        virtual = _VIRTUAL.copy()
-        return np.dot(np.linalg.inv(virtual), np.dot(harmonics(virtual, settings.order), pseudo))
-    smooth = np.dot(np.ascontiguousarray(directions.T), np.dot(basis, pseudo))
-    n = np.dot(smooth, directions)
-    condition, (a, b, c, d, e, f) = condition_and_inverse(n[0, 0], n[0, 1], n[0, 2], n[1, 1], n[1, 2], n[2, 2])
-    if not condition < _SINGULAR:
-        return np.zeros_like(smooth)
-    return np.dot(np.array([[a, b, c], [b, d, e], [c, e, f]]), smooth)
+        return np.linalg.inv(_VIRTUAL) @ harmonics(_VIRTUAL, settings.order) @ pseudo
+    toward = directions * valid[..., None]
+    smooth = np.swapaxes(toward, -1, -2) @ basis @ pseudo
+    normal = smooth @ toward
+    # Its eigenvalues are the squares of what the lights' own would be.
+    solvable = np.linalg.cond(normal) < _SINGULAR**2
+    normal = np.where(solvable[..., None, None], normal, np.eye(3))
+    return np.linalg.solve(normal, smooth) * solvable[..., None, None]
 
 
-@numba.njit(nogil=True, cache=True)
-def fit(samples, scale, settings):  # pragma: no cover
+def fit(samples: Samples, scale: float, settings: Settings):
     """Fit b = albedo x normal to the harmonics of each pixel's samples; see `solve.methods.Method`.
 
     Used are all samples that are not clipped: there is no defence against shadows and gloss but smoothness.
@@ -128,36 +111,23 @@ def fit(samples, scale, settings):  # pragma: no cover
       misfit to a cosine costs a tenth of a degree, a shadow at one of the three ten: the floor on any object.
 
     Both are linear in m: one 3 x F matrix for all pixels that are not clipped. Clipped samples or near lights need a
-    matrix for each pixel, some 50 microseconds.
+    matrix for each pixel.
 
     Do not believe it on a ring of lights of one height (rank 5 of 9), nor on a narrow set: then A is singular, and
     what the fit says 45 degrees up is invented. `cautions_of` tells.
     """
-    gray, valid, points, geometry = samples
-    pixels, lights = gray.shape
-    b = np.zeros((pixels, 3))
-    used = np.zeros((pixels, lights), np.bool_)
-    vectors = np.empty((lights, 3))
-    common = _matrix(geometry.directions, settings)
-    for i in range(pixels):
-        count = np.sum(valid[i])
-        if count == lights and not geometry.is_near:
-            for k in range(lights):
-                for axis in range(3):
-                    b[i, axis] += common[axis, k] * gray[i, k]
-            used[i] = True
-        elif count >= 3:
-            light_vectors(points[i], geometry, vectors)
-            toward, values = np.empty((count, 3)), np.empty(count)
-            size = 0
-            for k in range(lights):
-                if valid[i, k]:
-                    length = np.sqrt(np.sum(vectors[k] * vectors[k]))
-                    toward[size] = vectors[k] / length
-                    values[size] = gray[i, k] / length
-                    size += 1
-            b[i] = np.dot(_matrix(toward, settings), values)
-            used[i] = valid[i]
+    gray, valid = samples.gray.astype(np.float64), samples.valid
+    b, used = np.zeros((len(gray), 3)), valid & (valid.sum(1, keepdims=True) >= 3)
+    own = np.ones(len(gray), bool)
+    if not samples.lights.is_near:
+        own = ~valid.all(1)
+        b[~own] = gray[~own] @ _matrices(samples.lights.directions, np.ones(gray.shape[1]), settings).T
+    own = np.flatnonzero(own & used.any(1))
+    for some in np.split(own, range(_CHUNK, len(own), _CHUNK)):
+        toward, known = samples.some(some).toward(), valid[some]
+        length = np.linalg.norm(toward, axis=-1)
+        matrices = _matrices(toward / length[..., None], known, settings)
+        b[some] = np.einsum("pif,pf->pi", matrices, np.where(known, gray[some] / length, 0))
     return b, used
 
 

@@ -7,15 +7,17 @@ import numpy as np
 
 from solve.methods import Method
 from solve.pixelwise.kernels import (
+    NO_KEY,
     SINGULAR,
     agreeing,
     light_vector,
     lit_samples,
+    median,
     residuals_of,
+    smallest_key,
     solve_sums,
     weighted_sums,
 )
-from solve.pixelwise.selection import NO_KEY, median, smallest_key
 
 
 class Settings(NamedTuple):
@@ -102,6 +104,11 @@ def fit(samples, scale, settings):  # pragma: no cover
         for k in range(lights):
             used[i, k] = now[k] > 0.0
     return b, used
+
+
+def fit_inner(samples, scale, settings):
+    """Fit for a method that has the settings of `iterative` within its own, as `pixelwise`."""
+    return fit(samples, scale, settings.pixelwise)
 
 
 METHOD = Method("iterative", {"default": Settings(), "seed": SEED}, fit=fit)

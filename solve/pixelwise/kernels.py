@@ -1,18 +1,85 @@
-"""Compiled kernels of one pixel: which samples are lit, normal equations, which samples agree.
+"""Compiled kernels of one pixel: the k-th smallest sample, which are lit, normal equations, which samples agree.
 
 float64 accumulation and a 3 x 3 closed form: no Python and no allocation per pixel. Where the light comes from is a
 `solve.samples.Geometry`.
+
+float32 numbers are ordered as their bits are, read as integers, once the negative ones are turned round. A search by
+halves over these keys counts how many are no larger, until one is left: each count is a handful of vector instructions,
+where sorting or partitioning waits for mispredicted branches.
 """
 
 import numba
 import numpy as np
 
-from solve.pixelwise.selection import NO_KEY, keys_of, smallest_key, value_of
-
+NO_KEY = np.int32(2**31 - 1)
+"""Larger than the key of any number: for what is left out."""
 SINGULAR = 1e-6
 """det / (trace / 3)^3 of the 3 x 3 normal matrix under which a pixel's lit lights lie in a plane."""
 SINGULAR_WEIGHTED = 1e-12
 """The same where a few samples may outweigh the rest a thousandfold: what float64 still solves."""
+
+
+@numba.njit(nogil=True, cache=True)
+def keys_of(values, keys):  # pragma: no cover
+    """Write the keys of float32 `values` (n,) to `keys` (n,) int32: ordered as the values are."""
+    bits = values.view(np.int32)
+    for i in range(len(bits)):
+        keys[i] = bits[i] ^ ((bits[i] >> np.int32(31)) & NO_KEY)
+
+
+@numba.njit(nogil=True, cache=True)
+def value_of(key, room):  # pragma: no cover
+    """Return the float32 of a key; `room` (1,) float32 is to work in."""
+    key = np.int32(key)
+    room.view(np.int32)[0] = key ^ ((key >> np.int32(31)) & NO_KEY)
+    return room[0]
+
+
+@numba.njit(nogil=True, cache=True)
+def _at_most(keys, limit):  # pragma: no cover
+    count = np.int32(0)
+    for i in range(len(keys)):
+        count = np.int32(count + np.int32(keys[i] <= limit))
+    return count
+
+
+@numba.njit(nogil=True, cache=True)
+def _largest_until(keys, limit):  # pragma: no cover
+    largest = np.int32(-(2**31))
+    for i in range(len(keys)):
+        largest = max(largest, keys[i] if keys[i] <= limit else np.int32(-(2**31)))
+    return largest
+
+
+@numba.njit(nogil=True, cache=True)
+def smallest_key(keys, k):  # pragma: no cover
+    """Return the k-th smallest key, k from 0; keys that are `NO_KEY` come last."""
+    low = high = keys[0]
+    for i in range(len(keys)):
+        low, high = min(low, keys[i]), max(high, keys[i])
+    low, high = np.int64(low), np.int64(high)
+    below, within = np.int64(0), np.int64(len(keys))
+    while low < high and within > 1:
+        middle = (low + high) >> 1
+        count = np.int64(_at_most(keys, np.int32(middle)))
+        if count > k:
+            high, within = middle, count - below
+        else:
+            low, within, below = middle + 1, within + below - count, count
+    return _largest_until(keys, np.int32(high))
+
+
+@numba.njit(nogil=True, cache=True)
+def median(keys, count, room):  # pragma: no cover
+    """Return the median of the `count` values whose keys are not `NO_KEY`; the mean of the two in the middle."""
+    lower = smallest_key(keys, (count - 1) // 2)
+    low = np.float64(value_of(lower, room))
+    if count % 2 or _at_most(keys, lower) > count // 2:
+        return low
+    upper = NO_KEY
+    for i in range(len(keys)):
+        upper = min(upper, keys[i] if keys[i] > lower else NO_KEY)
+    return 0.5 * (low + np.float64(value_of(upper, room)))
 
 
 @numba.njit(nogil=True, cache=True, inline="always")
@@ -37,25 +104,34 @@ def light_vectors(point, lights, out):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def normal_equations(vectors, values, used):  # pragma: no cover
-    """Solve min_b sum over used of (v . b - m)^2; vectors (F, 3) float64, values (F,) float32, used (F,) bool.
+def least_squares(samples, used, spare):  # pragma: no cover
+    """Return b (P, 3) of min_b sum over `used` (P, F) of (v . b - m)^2; zeros where the lights do not span space.
 
-    Returns x, y, z of b, zeros where singular, and whether the lights in use span space.
+    Where those in use do not, `spare` (P, F) takes their place in `used`.
     """
-    a = b = c = d = e = f = p = q = r = 0.0
-    for i in range(len(values)):
-        if used[i]:
-            x, y, z, m = vectors[i, 0], vectors[i, 1], vectors[i, 2], values[i]
-            a += x * x
-            b += x * y
-            c += x * z
-            d += y * y
-            e += y * z
-            f += z * z
-            p += x * m
-            q += y * m
-            r += z * m
-    return solve_sums((a, b, c, d, e, f, p, q, r), SINGULAR)
+    gray, _, points, geometry = samples
+    b = np.zeros((len(gray), 3))
+    for i in range(len(gray)):
+        for attempt in range(2):
+            a00 = a01 = a02 = a11 = a12 = a22 = p = q = r = 0.0
+            for k in range(gray.shape[1]):
+                if used[i, k]:
+                    x, y, z = light_vector(k, points[i], geometry)
+                    m = gray[i, k]
+                    a00 += x * x
+                    a01 += x * y
+                    a02 += x * z
+                    a11 += y * y
+                    a12 += y * z
+                    a22 += z * z
+                    p += x * m
+                    q += y * m
+                    r += z * m
+            b[i, 0], b[i, 1], b[i, 2], well = solve_sums((a00, a01, a02, a11, a12, a22, p, q, r), SINGULAR)
+            if well or attempt:
+                break
+            used[i] = spare[i]
+    return b
 
 
 @numba.njit(nogil=True, cache=True)
@@ -115,7 +191,7 @@ def adjugate(a, b, c, d, e, f):  # pragma: no cover
 
 @numba.njit(nogil=True, cache=True)
 def solve_sums(sums, singular):  # pragma: no cover
-    """Solve [[a b c] [b d e] [c e f]] (x, y, z) = (p, q, r) by the adjugate; return as `normal_equations`.
+    """Solve [[a b c] [b d e] [c e f]] (x, y, z) = (p, q, r) by the adjugate; return b, and whether it is told.
 
     `singular` is `SINGULAR` where weights are alike, `SINGULAR_WEIGHTED` where they span decades.
     """

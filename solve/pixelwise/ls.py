@@ -2,11 +2,11 @@
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from solve.methods import Method
-from solve.pixelwise.kernels import light_vector, normal_equations
+from solve.pixelwise.kernels import least_squares
+from solve.samples import Samples
 
 
 class Settings(NamedTuple):
@@ -28,9 +28,10 @@ class Settings(NamedTuple):
     ceiling: float = np.inf
 
 
-@numba.njit(nogil=True, cache=True)
-def fit(samples, scale, settings):  # pragma: no cover
+def fit(samples: Samples, scale: float, settings: Settings):
     """Fit b = albedo x normal to each pixel by linear least squares; see `solve.methods.Method`.
+
+    Where too few samples are lit, the shadowed ones still bound the normal; the clipped ones do not.
 
     Notes
     -----
@@ -38,25 +39,11 @@ def fit(samples, scale, settings):  # pragma: no cover
     `iterative` where there is gloss or cast shadow: least squares has no defence against either
     but the threshold.
     """
-    gray, valid, points, geometry = samples
-    threshold, ceiling = settings.shadow_threshold * scale, np.float32(settings.ceiling)
-    pixels, lights = gray.shape
-    b = np.zeros((pixels, 3))
-    used = np.zeros((pixels, lights), np.bool_)
-    vectors, values = np.empty((lights, 3)), np.empty(lights, np.float32)
-    for i in range(pixels):
-        for k in range(lights):
-            vectors[k] = light_vector(k, points[i], geometry)
-            values[k] = min(gray[i, k], ceiling)
-            used[i, k] = (valid[i, k] or settings.keep_clipped) and values[k] > threshold
-        x, y, z, well = normal_equations(vectors, values, used[i])
-        if not well:
-            # Too few lit samples: the shadowed ones still bound the normal, the clipped ones do not.
-            for k in range(lights):
-                used[i, k] = valid[i, k] or settings.keep_clipped
-            x, y, z, well = normal_equations(vectors, values, used[i])
-        b[i, 0], b[i, 1], b[i, 2] = x, y, z
-    return b, used
+    if np.isfinite(settings.ceiling):
+        samples = samples._replace(gray=np.minimum(samples.gray, np.float32(settings.ceiling)))
+    known = np.ones_like(samples.valid) if settings.keep_clipped else samples.valid
+    used = known & (samples.gray > settings.shadow_threshold * scale)
+    return least_squares(samples, used, known), used
 
 
 METHOD = Method(

@@ -2,12 +2,11 @@
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from solve.methods import Method
-from solve.pixelwise.kernels import light_vectors, lit_samples, normal_equations
-from solve.pixelwise.selection import NO_KEY, smallest_key
+from solve.pixelwise.kernels import least_squares
+from solve.samples import Samples
 
 
 class Settings(NamedTuple):
@@ -27,8 +26,7 @@ class Settings(NamedTuple):
     high: float = 0.8
 
 
-@numba.njit(nogil=True, cache=True)
-def fit(samples, scale, settings):  # pragma: no cover
+def fit(samples: Samples, scale: float, settings: Settings):
     """Fit b = albedo x normal to the samples whose rank lies in a band; see `solve.methods.Method`.
 
     Notes
@@ -42,31 +40,17 @@ def fit(samples, scale, settings):  # pragma: no cover
     remains lies on a belt around the normal, which is worse conditioned than the whole. `iterative` keeps what
     agrees.
     """
-    gray, valid, points, geometry = samples
-    pixels, lights = gray.shape
-    b = np.zeros((pixels, 3))
-    used = np.zeros((pixels, lights), np.bool_)
-    vectors = np.empty((lights, 3))
-    lit = np.empty(lights, np.float32)
-    keys, room = np.empty(lights, np.int32), np.empty(1, np.float32)
-    for i in range(pixels):
-        values = gray[i]
-        light_vectors(points[i], geometry, vectors)
-        count = lit_samples(values, valid[i], settings.shadow_threshold, keys, room, lit)
-        if count == 0:
-            continue
-        for k in range(lights):
-            keys[k] = keys[k] if lit[k] > 0 else NO_KEY
-        first = smallest_key(keys, int(np.floor(settings.low * count)))
-        last = smallest_key(keys, max(int(np.ceil(settings.high * count)) - 1, 0))
-        for k in range(lights):
-            used[i, k] = first <= keys[k] <= last
-        x, y, z, well = normal_equations(vectors, values, used[i])
-        if not well:
-            used[i] = lit > 0
-            x, y, z, well = normal_equations(vectors, values, used[i])
-        b[i, 0], b[i, 1], b[i, 2] = x, y, z
-    return b, used
+    gray, count = samples.gray, samples.gray.shape[1]
+    place = int(0.75 * (count - 1))
+    level = np.partition(gray, place, axis=1)[:, place : place + 1]
+    limit = settings.shadow_threshold * level if settings.shadow_threshold > -np.inf else -np.inf
+    lit = samples.valid & (gray > limit)
+    lit = np.where(lit.sum(1, keepdims=True) < 4, samples.valid, lit)
+    ranked, size = np.sort(np.where(lit, gray, np.inf), axis=1), lit.sum(1, keepdims=True)
+    first, last = np.floor(settings.low * size), np.maximum(np.ceil(settings.high * size) - 1, 0)
+    first, last = (np.take_along_axis(ranked, np.minimum(at, count - 1).astype(int), 1) for at in (first, last))
+    used = lit & (first <= gray) & (gray <= last)
+    return least_squares(samples, used, lit), used
 
 
 # The plain reading: every sample that is not clipped has a rank. (The seed has no such method.)

@@ -16,8 +16,7 @@ Array = NDArray[np.float64]
 _COARSEST = 250
 """Unknowns that are solved for directly."""
 _WEIGHTS = (0.562, 1.390)
-"""Of Jacobi's steps: one over the roots of Chebyshev's polynomial on the rough part, 0.5 to 2, of the spectrum. What
-row-by-row sweeps would need one of takes two, but no pixel waits for its neighbour: seven times faster."""
+"""Of Jacobi's steps: one over the roots of Chebyshev's polynomial on the rough part, 0.5 to 2, of the spectrum."""
 
 
 class _Level(NamedTuple):
@@ -46,31 +45,26 @@ def solve_grid(
     row is 0); `shift` is above 0 on every pixel that is solved for, 0 elsewhere; all (H, W). The tolerance is that of
     the residual's length, as a share of the right side's. Returns x, and whether the tolerance was reached.
     """
-    grids = _grids(right, down, shift)
-    goal = tolerance * _length(rhs)
-    change, left = _conjugate(grids, 0, rhs - _apply(grids.levels[0], start), goal, iterations)
-    return start + change, _length(left) <= goal
-
-
-def _grids(right: Array, down: Array, shift: Array) -> _Grids:
     levels = [_level(right, down, shift)]
-    while np.prod(levels[-1].shift.shape) > _COARSEST:
-        levels.append(_level(*_coarser(levels[-1].right, levels[-1].down, levels[-1].shift)))
+    while levels[-1].shift.size > _COARSEST:
+        levels.append(_coarser(levels[-1]))
     last = levels[-1]
-    matrix = np.diag(np.where(last.diagonal > 0, last.diagonal, 1.0).ravel())
-    at = np.arange(last.shift.size).reshape(last.shift.shape)
-    for weight, a, b in ((last.right, at[:, :-1], at[:, 1:]), (last.down, at[:-1], at[1:])):
-        matrix[a, b] = matrix[b, a] = -weight[: a.shape[0], : a.shape[1]]
+    every = np.eye(last.shift.size).reshape(-1, *last.shift.shape)
+    matrix = -np.stack([_left(last, 0 * one, one).ravel() for one in every])
+    matrix += np.diag(last.diagonal.ravel() == 0)
     # Its least eigenvalue is the shift's, tiny beside the largest: what is below is rounding.
     least = max(float(last.shift.sum()) / max(int((last.shift > 0).sum()), 1), 1e-15 * float(last.diagonal.max()))
-    return _Grids(levels, _inverse(matrix, least))
+    grids = _Grids(levels, _inverse(matrix, least))
+    goal = tolerance * _length(rhs)
+    change, left = _conjugate(grids, 0, _left(levels[0], rhs, start), goal, iterations)
+    return start + change, _length(left) <= goal
 
 
 def _conjugate(grids: _Grids, depth: int, rhs: Array, goal: float, iterations: int) -> tuple[Array, Array]:
     """Return x of a level and what it leaves of the right side: conjugate gradients, preconditioned by a cycle."""
     if depth == len(grids.levels) - 1:
         return np.einsum("ij,j", grids.inverse, rhs.ravel()).reshape(rhs.shape), np.zeros_like(rhs)
-    x, residual = np.zeros_like(rhs), rhs
+    x, residual, nothing = np.zeros_like(rhs), rhs, np.zeros_like(rhs)
     step, before, slope = x, residual, 1.0
     for count in range(iterations):
         if _length(residual) <= goal:
@@ -79,7 +73,7 @@ def _conjugate(grids: _Grids, depth: int, rhs: Array, goal: float, iterations: i
         # Flexible conjugate gradients: a cycle is not the same linear map twice.
         step = z + (_dot(z, residual - before) / slope) * step if count else z
         slope = _dot(z, residual)
-        image = _apply(grids.levels[depth], step)
+        image = -_left(grids.levels[depth], nothing, step)
         bend = _dot(step, image)
         if not bend > 0.0:
             break
@@ -92,18 +86,78 @@ def _conjugate(grids: _Grids, depth: int, rhs: Array, goal: float, iterations: i
 def _cycle(grids: _Grids, depth: int, rhs: Array) -> Array:
     """Return an approximate solution: smooth, correct by two steps on the coarser grid [Notay2008], smooth."""
     level = grids.levels[depth]
-    # Two steps of Jacobi's method from zero; the first needs no product.
-    x = _jacobi(level, rhs, (_WEIGHTS[0] * rhs) * level.reciprocal, _WEIGHTS[1])
-    coarse = np.zeros_like(grids.levels[depth + 1].shift)
-    _restrict(level, rhs, x, coarse)
+    # The first step is from zero, and needs no product.
+    x = _smoothed(level, rhs, _WEIGHTS[0] * level.reciprocal * rhs, _WEIGHTS[1])
+    solved = level.reciprocal > 0
+    coarse = _merged(_left(level, rhs, x) * solved)
     found, _ = _conjugate(grids, depth + 1, coarse, 0.25 * _length(coarse), 2)
-    _prolong(found, level.diagonal, x)
+    x += solved * found.repeat(2, 0).repeat(2, 1)[: x.shape[0], : x.shape[1]]
     for weight in _WEIGHTS:
-        x = _jacobi(level, rhs, x, weight)
+        x = _smoothed(level, rhs, x, weight)
     return x
 
 
-# Not the linear algebra library's, here and in `_dot`: waking its threads costs more than the work.
+def _dot(a: Array, b: Array) -> float:
+    # Not the linear algebra library's, here and below: waking its threads costs more than the work.
+    return float(np.einsum("ij,ij", a, b))
+
+
+def _length(a: Array) -> float:
+    return float(np.sqrt(_dot(a, a)))
+
+
+def _level(right: Array, down: Array, shift: Array) -> _Level:
+    diagonal = shift + right + down
+    diagonal[:, 1:] += right[:, :-1]
+    diagonal[1:] += down[:-1]
+    reciprocal = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
+    return _Level(right, down, shift, diagonal, reciprocal)
+
+
+def _coarser(level: _Level) -> _Level:
+    """Merge 2 x 2 pixels: weights between two of them add up, those inside one fall away."""
+    across, along = level.right.copy(), level.down.copy()
+    across[:, 0::2], along[0::2] = 0, 0
+    return _level(_merged(across), _merged(along), _merged(level.shift))
+
+
+def _merged(values: Array) -> Array:
+    """Return the sums over 2 x 2 pixels."""
+    height, width = values.shape
+    values = np.pad(values, ((0, height % 2), (0, width % 2)))
+    return values[0::2, 0::2] + values[0::2, 1::2] + values[1::2, 0::2] + values[1::2, 1::2]
+
+
+def _smoothed(level: _Level, rhs: Array, x: Array, weight: float) -> Array:
+    """Return x after a step of Jacobi's method: no pixel waits for its neighbour."""
+    left = _left(level, rhs, x)
+    left *= level.reciprocal
+    left *= weight
+    left += x
+    return left
+
+
+@numba.njit(nogil=True, cache=True)
+def _left(level, rhs, x):  # pragma: no cover
+    """Return rhs - A x; several times faster than by a sparse matrix."""
+    right, down, diagonal = level.right, level.down, level.diagonal
+    height, width = x.shape
+    out = np.empty_like(x)
+    for i in range(height):
+        for j in range(width):
+            total = rhs[i, j] - diagonal[i, j] * x[i, j]
+            if j + 1 < width:
+                total += right[i, j] * x[i, j + 1]
+            if j > 0:
+                total += right[i, j - 1] * x[i, j - 1]
+            if i + 1 < height:
+                total += down[i, j] * x[i + 1, j]
+            if i > 0:
+                total += down[i - 1, j] * x[i - 1, j]
+            out[i, j] = total
+    return out
+
+
 @numba.njit(nogil=True, cache=True)
 def _inverse(matrix, least):  # pragma: no cover
     """Return the inverse of a symmetric matrix by Gauss and Jordan's steps, no pivot below `least`."""
@@ -119,95 +173,3 @@ def _inverse(matrix, least):  # pragma: no cover
                 for j in range(len(out)):
                     out[i, j] -= factor * out[k, j]
     return out
-
-
-@numba.njit(nogil=True, cache=True)
-def _dot(a, b):  # pragma: no cover
-    total = 0.0
-    for row in range(len(a)):
-        some = 0.0
-        for column in range(a.shape[1]):
-            some += a[row, column] * b[row, column]
-        total += some
-    return total
-
-
-def _length(a: Array) -> float:
-    return float(np.sqrt(_dot(a, a)))
-
-
-def _level(right: Array, down: Array, shift: Array) -> _Level:
-    diagonal = shift + right + down
-    diagonal[:, 1:] += right[:, :-1]
-    diagonal[1:] += down[:-1]
-    reciprocal = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
-    return _Level(right, down, shift, diagonal, reciprocal)
-
-
-def _coarser(right: Array, down: Array, shift: Array) -> tuple[Array, Array, Array]:
-    """Merge 2 x 2 pixels: weights between two of them add up, those inside one fall away."""
-    across, along = right.copy(), down.copy()
-    across[:, 0::2], along[0::2] = 0, 0
-    return _merged(across), _merged(along), _merged(shift)
-
-
-def _merged(values: Array) -> Array:
-    """Return the sums over 2 x 2 pixels."""
-    height, width = values.shape
-    values = np.pad(values, ((0, height % 2), (0, width % 2)))
-    return values[0::2, 0::2] + values[0::2, 1::2] + values[1::2, 0::2] + values[1::2, 1::2]
-
-
-@numba.njit(nogil=True, cache=True, inline="always")
-def _neighbours(level, x, i, j):  # pragma: no cover
-    """Return the weighted sum of a pixel's neighbours."""
-    right, down = level.right, level.down
-    height, width = x.shape
-    total = 0.0
-    if j + 1 < width:
-        total += right[i, j] * x[i, j + 1]
-    if j > 0:
-        total += right[i, j - 1] * x[i, j - 1]
-    if i + 1 < height:
-        total += down[i, j] * x[i + 1, j]
-    if i > 0:
-        total += down[i - 1, j] * x[i - 1, j]
-    return total
-
-
-@numba.njit(nogil=True, cache=True)
-def _apply(level, x):  # pragma: no cover
-    out = np.zeros_like(x)
-    for i in range(x.shape[0]):
-        for j in range(x.shape[1]):
-            out[i, j] = level.diagonal[i, j] * x[i, j] - _neighbours(level, x, i, j)
-    return out
-
-
-@numba.njit(nogil=True, cache=True)
-def _jacobi(level, rhs, x, weight):  # pragma: no cover
-    """Return x + weight (rhs - A x) / diagonal."""
-    out = np.zeros_like(x)
-    for i in range(x.shape[0]):
-        for j in range(x.shape[1]):
-            gap = rhs[i, j] - level.diagonal[i, j] * x[i, j] + _neighbours(level, x, i, j)
-            out[i, j] = x[i, j] + weight * level.reciprocal[i, j] * gap
-    return out
-
-
-@numba.njit(nogil=True, cache=True)
-def _restrict(level, rhs, x, coarse):  # pragma: no cover
-    for i in range(x.shape[0]):
-        for j in range(x.shape[1]):
-            if level.diagonal[i, j] > 0.0:
-                gap = rhs[i, j] - level.diagonal[i, j] * x[i, j] + _neighbours(level, x, i, j)
-                coarse[i // 2, j // 2] += gap
-
-
-@numba.njit(nogil=True, cache=True)
-def _prolong(coarse, diagonal, x):  # pragma: no cover
-    height, width = x.shape
-    for i in range(height):
-        for j in range(width):
-            if diagonal[i, j] > 0.0:
-                x[i, j] += coarse[i // 2, j // 2]

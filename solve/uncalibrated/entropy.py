@@ -1,23 +1,23 @@
-"""Uncalibrated normals by the plainest albedo: few colours on the object make a peaked histogram.
-
-Memory: 9 bytes a sample beside the samples themselves.
-"""
+"""Uncalibrated normals by the plainest albedo: few colours on the object make a peaked histogram."""
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
+from scipy.ndimage import generate_binary_structure, minimum_filter
+from scipy.optimize import minimize
 
 from solve.methods import Method, Whole
 from solve.problem import Problem
 from solve.samples import Samples
-from solve.uncalibrated.front_end import PLAIN, FrontEnd, family
-from solve.uncalibrated.normals_and_lights import finish
+from solve.uncalibrated.front_end import PLAIN, FrontEnd, family, finish
 
 TILT = np.linspace(-4, 4, 17)
 LOG_DEPTH = np.linspace(-np.log(8), np.log(8), 21)
 """Of mu and nu the published range [Alldrin2007], of lambda twice the published 1/4 to 4: a low relief needs 6."""
 _BINS = 1024
+STEPS = (0.25, 0.25, 0.1)
+"""Of mu, nu and log lambda: where a search around a minimum begins."""
+MINIMA = 8
 DOUBLE = 0.05
 FLAT = 0.15
 
@@ -45,7 +45,7 @@ def fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
     Notes
     -----
     (mu, nu, lambda) = argmin of the entropy of the histogram of |b G| / mean |b G| [Alldrin2007], over a grid, then
-    around its lowest minima with steps that shrink. Each albedo is shared by two bins, so that the entropy is
+    around its lowest minima by a simplex that shrinks. Each albedo is shared by two bins, so that the entropy is
     continuous.
 
     Do not believe it on texture, where every albedo is as likely as another, nor on shadows that were not cleaned
@@ -56,8 +56,9 @@ def fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
     b = np.ascontiguousarray(found.b[::step])
     bins_per_mean = settings.bins_per_mean
     grid = [[[_entropy(b, mu, nu, each, bins_per_mean) for each in LOG_DEPTH] for nu in TILT] for mu in TILT]
-    minima = _lowest(np.array(grid))
-    refined = [_refine(b, np.array([TILT[i], TILT[j], LOG_DEPTH[k]]), bins_per_mean) for i, j, k in minima]
+    refined = [
+        _refine(b, np.array([TILT[i], TILT[j], LOG_DEPTH[k]]), bins_per_mean) for i, j, k in _lowest(np.array(grid))
+    ]
     refined.sort(key=lambda each: each[0])
     (entropy, best), others = refined[0], refined[1:]
     cautions = []
@@ -69,7 +70,7 @@ def fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
         )
     depth = np.exp(best[2])
     around = [best + np.array(d) * [depth, depth, 1] * 0.15 for d in np.concatenate([np.eye(3), -np.eye(3)])]
-    rise = min(_at(b, each, bins_per_mean) for each in around) - entropy
+    rise = min(_entropy(b, each[0], each[1], each[2], bins_per_mean) for each in around) - entropy
     if rise < FLAT:
         cautions.append(
             f"the entropy's minimum is flat (it rises by {rise:.3f} for a relief that differs by 15 %, expected "
@@ -79,11 +80,6 @@ def fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
         cautions.append("the entropy is least at the edge of the range that is searched.")
     relief = float(best[0]), float(best[1]), float(depth)
     return finish(found, relief, problem.mask, settings.front_end, *cautions)
-
-
-def _at(b, place, bins):
-    """Return the entropy at mu, nu, log lambda (3,)."""
-    return _entropy(b, place[0], place[1], place[2], bins)
 
 
 def plainest_depth(b, mu, nu):
@@ -100,65 +96,37 @@ def _apart(one, other):
     return float(np.max(np.abs((one - other) / [depth, depth, 1])))
 
 
-def _lowest(surface, count=8):
+def _lowest(surface):
     """Return the indices of the lowest local minima of a grid (A, B, C), lowest first."""
-    padded = np.pad(surface, 1, constant_values=np.inf)
-    least = np.ones(surface.shape, bool)
-    for axis in range(3):
-        for move in (-1, 1):
-            least &= surface <= np.roll(padded, move, axis)[1:-1, 1:-1, 1:-1]
-    place = np.argwhere(least)
-    return place[np.argsort(surface[tuple(place.T)], kind="stable")][:count]
+    beside = minimum_filter(surface, footprint=generate_binary_structure(3, 1), mode="nearest")
+    place = np.argwhere(surface <= beside)
+    return place[np.argsort(surface[tuple(place.T)], kind="stable")][:MINIMA]
 
 
 def _refine(b, start, bins):
-    """Return the entropy and place of the minimum near a grid point: the best of 27 neighbours, steps shrinking."""
-    place, step = start.copy(), np.array([0.25, 0.25, 0.1])
-    value = _at(b, place, bins)
-    moves = [np.array(m) for m in np.ndindex(3, 3, 3)]
-    for _ in range(40):
-        trial = [place + (m - 1) * step for m in moves]
-        values = [_at(b, t, bins) for t in trial]
-        best = int(np.argmin(values))
-        if values[best] < value - 1e-12:
-            value, place = values[best], trial[best]
-        else:
-            step = step / 1.7
-            if step[0] < 0.002:
-                break
-    place = np.clip(place, [TILT[0], TILT[0], LOG_DEPTH[0]], [TILT[-1], TILT[-1], LOG_DEPTH[-1]])
-    return _at(b, place, bins), place
+    """Return the entropy and place of the minimum near a grid point."""
+    bounds = [(TILT[0], TILT[-1]), (TILT[0], TILT[-1]), (LOG_DEPTH[0], LOG_DEPTH[-1])]
+    # Inward from the edge of the range: a simplex needs its corners apart.
+    inward = np.where(start > np.mean(bounds, 1), -1, 1) * STEPS
+    simplex = np.concatenate([start[None], start + np.diag(inward)])
+    how = {"initial_simplex": simplex, "xatol": 5e-4, "fatol": 1e-7, "maxfev": 500}
+    found = minimize(
+        lambda at: _entropy(b, at[0], at[1], at[2], bins), start, method="Nelder-Mead", bounds=bounds, options=how
+    )
+    return float(found.fun), found.x
 
 
-@numba.njit(nogil=True, cache=True)
-def _entropy(b, mu, nu, log_depth, bins):  # pragma: no cover
+def _entropy(b, mu, nu, log_depth, bins):
     """Return the entropy, nats, of the histogram of |b G| / mean."""
-    count = len(b)
-    length = np.empty(count)
-    depth = np.exp(log_depth)
-    total = 0.0
-    for i in range(count):
-        x, y, z = b[i, 0] + mu * b[i, 2], b[i, 1] + nu * b[i, 2], depth * b[i, 2]
-        length[i] = np.sqrt(x * x + y * y + z * z)
-        total += length[i]
-    if total <= 0.0:
+    length = np.sqrt((b[:, 0] + mu * b[:, 2]) ** 2 + (b[:, 1] + nu * b[:, 2]) ** 2 + (np.exp(log_depth) * b[:, 2]) ** 2)
+    if not length.any():
         return np.inf
-    histogram = np.zeros(_BINS + 1)
-    factor = bins * count / total
-    for i in range(count):
-        place = length[i] * factor
-        first = int(place)
-        if first >= _BINS:
-            histogram[_BINS] += 1.0
-        else:
-            share = place - first
-            histogram[first] += 1.0 - share
-            histogram[first + 1] += share
-    out = 0.0
-    for k in range(_BINS + 1):
-        if histogram[k] > 0.0:
-            out -= histogram[k] * np.log(histogram[k] / count)
-    return out / count
+    place = np.minimum(length * (bins / length.mean()), _BINS)
+    first = place.astype(np.int64)
+    share = place - first
+    histogram = np.bincount(first, 1 - share, _BINS + 2) + np.bincount(first + 1, share, _BINS + 2)
+    filled = histogram[histogram > 0] / len(b)
+    return -float(np.sum(filled * np.log(filled)))
 
 
 METHOD = Method("entropy", {"default": Settings(), "seed": Settings(PLAIN)}, fit_whole=fit_whole, is_calibrated=False)

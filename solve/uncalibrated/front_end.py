@@ -1,20 +1,23 @@
-"""What all uncalibrated methods begin with: pseudo-normals and pseudo-lights that leave three numbers open.
+"""What all uncalibrated methods begin and end with: pseudo-normals and pseudo-lights that leave three numbers open.
 
 M = B S' by a robust rank-3 factorisation, B then made integrable: what remains is the generalised bas-relief family
-[Belhumeur1999]. Memory: 8 bytes a sample beside the samples themselves.
+[Belhumeur1999]. A method chooses its member, here it becomes normals and lights: convex or concave, and the scale.
+Memory: 9 bytes a sample beside the samples themselves.
 """
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from scene.errors import CalibrationError
 from scene.fan_out import fan_out
+from solve.methods import Whole
 from solve.pixelwise import iterative
 from solve.samples import Geometry, Samples
-from solve.uncalibrated.integrability import integrable
 
 Array = NDArray[np.float64]
 
@@ -23,6 +26,12 @@ FEWEST_FRAMES = 4
 _CHUNK = 2048
 RANK_GAP = 2.0
 EIGEN_GAP = 0.1
+INTEGRABLE_ROUNDS = 15
+"""Rounds of reweighting of the integrability's equations."""
+RIM_PX = (1.5, 6.5)
+"""Distance from the outline of the pixels that vote: the outermost are mixed with the background."""
+CLEAR_VOTE = 0.75
+STEEP = 0.4
 
 
 @dataclass(frozen=True)
@@ -166,3 +175,113 @@ def _lights(gray: NDArray, used: NDArray[np.bool_], b: Array) -> Array:
     ridge = (1e-9 * trace + 1e-30)[:, None, None] * np.eye(3)
     solution: Array = np.linalg.solve(normal + ridge, right[..., None])[..., 0]
     return solution
+
+
+def integrable(pseudo: Array, mask: NDArray[np.bool_], smooth_px: float) -> tuple[Array, float]:
+    """Return (3, 3) T, with b = pseudo @ T integrable, and how well T is determined.
+
+    `pseudo` (P, 3) is any linear image of albedo x normal of the mask's pixels, `smooth_px` the standard deviation of
+    the Gaussian under the derivatives, within the mask. The third column of T is a convention: b G is as integrable for
+    every bas-relief transform G. How well: the smallest eigenvalue as a share of the next; near 1, other surfaces
+    explain the pictures as well.
+
+    Notes
+    -----
+    d/dy (b1 / b3) = d/dx (b2 / b3), with b_i = p_i . e, is linear in the six numbers c = p3 x p2, d = p3 x p1:
+    c . (e x e_x) - d . (e x e_y) = 0 [Yuille1999], whatever factor each e has. Weights 1 / |residual| make it a
+    least-absolute fit: at occluding edges and shadows' borders it does not hold. Then T is the transposed
+    inverse of [-c, d, g], g = c x d of their mean length.
+    """
+    # Whitened, so that no component counts more than another, and without the albedo, whose edges are no shape.
+    moments = pseudo.T @ pseudo / len(pseudo)
+    root = np.linalg.cholesky(moments + (1e-12 * np.trace(moments) + 1e-300) * np.eye(3))
+    white = np.linalg.solve(root, pseudo.T).T
+    length = np.linalg.norm(white, axis=1, keepdims=True)
+    e, e_x, e_y = _derivatives(white / np.maximum(length, 1e-12), mask, smooth_px)
+    rows = np.concatenate([np.cross(e, e_x), -np.cross(e, e_y)], 1)
+    weights = np.ones(len(rows))
+    values, vectors = np.ones(6), np.eye(6)
+    for _ in range(INTEGRABLE_ROUNDS):
+        values, vectors = np.linalg.eigh((rows * weights[:, None]).T @ rows)
+        residual = np.abs(rows @ vectors[:, 0])
+        weights = 1 / np.maximum(residual, 0.5 * np.median(residual) + 1e-12)
+    solution = vectors[:, 0] * np.sign(vectors[np.argmax(np.abs(vectors[:, 0])), 0])
+    c, d = solution[:3], solution[3:]
+    across = np.cross(c, d)
+    across *= np.sqrt(np.linalg.norm(c) * np.linalg.norm(d)) / max(float(np.linalg.norm(across)), 1e-300)
+    inverse = np.stack([-c, d, across], 1)
+    matrix = np.linalg.inv(root).T @ np.linalg.inv(inverse).T
+    return matrix, float(values[0] / max(values[1], 1e-300))
+
+
+def _derivatives(e: Array, mask: NDArray[np.bool_], smooth_px: float) -> tuple[Array, Array, Array]:
+    """Return e, smoothed, and its derivatives along x (right) and y (up) where all four neighbours are in the mask."""
+    field = np.zeros((*mask.shape, 3), np.float32)
+    field[mask] = e
+    share = mask.astype(np.float32)
+    if smooth_px > 0:
+        field, share = (
+            cv2.GaussianBlur(one, (0, 0), smooth_px, borderType=cv2.BORDER_CONSTANT) for one in (field, share)
+        )
+    field = field.astype(np.float64) / np.maximum(share, 1e-6)[..., None]
+    middle = mask[1:-1, 1:-1] & mask[:-2, 1:-1] & mask[2:, 1:-1] & mask[1:-1, :-2] & mask[1:-1, 2:]
+    e_x = (field[1:-1, 2:] - field[1:-1, :-2])[middle] / 2
+    e_y = (field[:-2, 1:-1] - field[2:, 1:-1])[middle] / 2
+    return field[1:-1, 1:-1][middle], e_x, e_y
+
+
+def finish(
+    found: Family, relief: tuple[float, float, float], mask: NDArray[np.bool_], settings: FrontEnd, *cautions: str
+) -> Whole:
+    """Return normals and lights for mu, nu and depth > 0 of the bas-relief transform; see `Family.relief`.
+
+    Lights are relative to their mean length, which b takes. The cautions are added to the family's.
+    """
+    b, lights = found.relief(*relief)
+    said = [*found.cautions, *cautions]
+    if settings.sign == "outline":
+        vote, steepness = outward_vote(b, mask)
+        if np.isnan(vote):
+            said.append("convex or concave is not known: the object's outline is not in the picture.")
+        else:
+            if vote < 0.5:
+                b, lights = b * [-1, -1, 1], lights * [-1, -1, 1]
+            if max(vote, 1 - vote) < CLEAR_VOTE:
+                said.append(
+                    f"convex or concave is uncertain: {max(vote, 1 - vote):.0%} of the outline votes for it, expected "
+                    f"{CLEAR_VOTE:.0%} or more."
+                )
+            elif steepness < STEEP:
+                said.append(
+                    f"convex or concave is uncertain: normals at the outline face the camera (sine {steepness:.2f}, "
+                    f"expected {STEEP} or more), so that it is no limb of the object."
+                )
+    behind = float(np.mean(lights[:, 2] <= 0))
+    if behind > 0.1:
+        said.append(f"{behind:.0%} of the lights would stand behind the object.")
+    size = float(np.mean(np.linalg.norm(lights, axis=1)))
+    return Whole(b * size, found.used, tuple(said), lights / size)
+
+
+def outward_vote(b: Array, mask: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return which share of the outline says that b (P, 3) points out of the mask (H, W), and how steep it is.
+
+    NaN without an outline: where the mask runs into the picture's edge the object goes on. Steepness: the median
+    of the sine between the normals there and the line of sight.
+    """
+    padded = np.pad(mask, 1, mode="edge")
+    inside = np.asarray(ndimage.distance_transform_edt(padded))[1:-1, 1:-1]
+    smooth = ndimage.gaussian_filter(np.pad(mask, 8, mode="edge").astype(np.float32), 3.0)
+    down, right = np.gradient(smooth)
+    outward = np.stack([-right, down], -1)[8:-8, 8:-8][mask]
+    rim = ((inside > RIM_PX[0]) & (inside < RIM_PX[1]))[mask]
+    rim &= np.linalg.norm(outward, axis=1) > 1e-3
+    if np.count_nonzero(rim) < 20:
+        return np.nan, 0.0
+    # Steep pixels say more than those that face the camera.
+    pull = np.sum(b[rim, :2] * outward[rim], 1) / np.maximum(
+        np.linalg.norm(b[rim], axis=1) * np.linalg.norm(outward[rim], axis=1), 1e-300
+    )
+    share = float(np.sum(np.maximum(pull, 0)) / max(float(np.sum(np.abs(pull))), 1e-300))
+    sine = np.linalg.norm(b[rim, :2], axis=1) / np.maximum(np.linalg.norm(b[rim], axis=1), 1e-300)
+    return share, float(np.median(sine))

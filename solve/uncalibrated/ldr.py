@@ -1,19 +1,14 @@
-"""Uncalibrated normals from diffuse maxima: where an image of a matte surface peaks, the normal faces the light.
-
-Memory: 9 bytes a sample beside the samples themselves.
-"""
+"""Uncalibrated normals from diffuse maxima: where an image of a matte surface peaks, the normal faces the light."""
 
 from typing import NamedTuple
 
 import cv2
-import numba
 import numpy as np
 
 from solve.methods import Method, Whole
 from solve.problem import Problem
 from solve.samples import Samples
-from solve.uncalibrated.front_end import PLAIN, FrontEnd, family
-from solve.uncalibrated.normals_and_lights import finish
+from solve.uncalibrated.front_end import PLAIN, FrontEnd, family, finish
 
 FEWEST_CROSSINGS = 3
 CONCENTRATED = 0.5
@@ -133,33 +128,20 @@ def crossings(normals, lights, agreement):
     Each maximum has a pseudo-normal and a pseudo-light, (M, 3) float64.
     """
     usable = np.abs(normals[:, 2]) > 1e-9
-    return _crossings(normals[usable], lights[usable], agreement)
-
-
-@numba.njit(nogil=True, cache=True)
-def _crossings(normals, lights, agreement):  # pragma: no cover
-    count = len(normals)
-    start = -normals[:, :2] / normals[:, 2:]
-    along = lights[:, :2]
-    reach = np.sum(normals * lights, 1) / normals[:, 2]
-    square = np.sum(along * along, 1)
-    out = np.empty((count * (count - 1) // 2, 3))
-    size = 0
-    for i in range(count):
-        for j in range(i):
-            area = along[i, 0] * along[j, 1] - along[i, 1] * along[j, 0]
-            if area == 0.0:
-                continue
-            x, y = start[j, 0] - start[i, 0], start[j, 1] - start[i, 1]
-            t = (x * along[j, 1] - y * along[j, 0]) / area
-            u = (x * along[i, 1] - y * along[i, 0]) / area
-            first, second = t * (reach[i] - square[i] * t), u * (reach[j] - square[j] * u)
-            if first > 0.0 and second > 0.0 and abs(np.log(first / second)) <= 2.0 * agreement:
-                out[size, 0] = start[i, 0] + t * along[i, 0]
-                out[size, 1] = start[i, 1] + t * along[i, 1]
-                out[size, 2] = 0.25 * np.log(first * second)
-                size += 1
-    return out[:size]
+    normals, lights = normals[usable], lights[usable]
+    start, along = -normals[:, :2] / normals[:, 2:], lights[:, :2]
+    reach, square = np.sum(normals * lights, 1) / normals[:, 2], np.sum(along * along, 1)
+    found = [np.empty((0, 3))]
+    for i in range(1, len(start)):
+        (x, y), (right, up) = (start[:i] - start[i]).T, along[:i].T
+        area = along[i, 0] * up - along[i, 1] * right
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t, u = (x * up - y * right) / area, (x * along[i, 1] - y * along[i, 0]) / area
+            first, second = t * (reach[i] - square[i] * t), u * (reach[:i] - square[:i] * u)
+            agree = (area != 0) & (first > 0) & (second > 0) & (np.abs(np.log(first / second)) <= 2 * agreement)
+        t, both = t[agree], first[agree] * second[agree]
+        found.append(np.column_stack([start[i] + t[:, None] * along[i], 0.25 * np.log(both)]))
+    return np.concatenate(found)
 
 
 METHOD = Method("ldr", {"default": Settings(), "seed": SEED}, fit_whole=fit_whole, is_calibrated=False)

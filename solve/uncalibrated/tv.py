@@ -1,7 +1,4 @@
-"""Uncalibrated normals by the least total variation of the depth.
-
-Memory: 9 bytes a sample beside the samples themselves.
-"""
+"""Uncalibrated normals by the least total variation of the depth."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +7,7 @@ from solve.methods import Method, Whole
 from solve.problem import Problem
 from solve.samples import Samples
 from solve.uncalibrated.entropy import plainest_depth
-from solve.uncalibrated.front_end import PLAIN, FrontEnd, family
-from solve.uncalibrated.normals_and_lights import finish
+from solve.uncalibrated.front_end import PLAIN, FrontEnd, family, finish
 
 Array = NDArray[np.float64]
 UNEQUAL = 0.15

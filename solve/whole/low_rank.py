@@ -18,23 +18,22 @@ _SINGLE_THREAD = 1 << 18
 
 @dataclass(frozen=True)
 class LowRank:
-    """The low-rank part A (P, F), the gaps filled in; its right singular vectors (F, rank), orthonormal; the
-    rounds that it took; and |D - A - E| / |D|, both over the samples that are there.
+    """The low-rank part A (P, F), the gaps filled in; its rank; the rounds that it took; and |D - A - E| / |D|, both
+    over the samples that are there.
     """
 
     low: Array
-    right: Array
+    rank: int
     rounds: int
     residual: float
 
 
 def low_rank(
-    data: NDArray, there: NDArray[np.bool_], weight: float, *, rank: int = 0, tolerance: float = 1e-6, rounds: int = 100
+    data: NDArray, there: NDArray[np.bool_], weight: float, *, tolerance: float = 1e-6, rounds: int = 100
 ) -> LowRank:
     """Split data (P, F), P >= F, known where `there` (P, F), into A of low rank and E of few entries.
 
-    `weight` is lambda. `rank` 0: the nuclear norm of A is small; above: A has this rank, and its singular values are
-    not shrunk. It stops at |D - A - E| <= tolerance |D|.
+    `weight` is lambda. The nuclear norm of A is small. It stops at |D - A - E| <= tolerance |D|.
 
     Notes
     -----
@@ -52,7 +51,7 @@ def low_rank(
     gram = state.T @ state
     length = float(np.sqrt(np.trace(gram)))
     if length == 0:
-        return LowRank(state, np.zeros((frames, 0)), 0, 0.0)
+        return LowRank(state, 0, 0, 0.0)
     largest = float(np.sqrt(np.linalg.eigvalsh(gram)[-1]))
     strength = 1.25 / largest
     limit = strength * 1e7
@@ -70,7 +69,7 @@ def low_rank(
             first, second = _factors(right, factor)
             levels = before / strength, weight / strength
             grams, squares = zip(*pool.map(each, chunks), strict=True)
-            right, factor = _threshold(np.sum(grams, axis=0), strength, rank)
+            right, factor = _threshold(np.sum(grams, axis=0), strength)
             residual = float(np.sqrt(np.sum(squares))) / length
             if residual < tolerance:
                 break
@@ -81,15 +80,13 @@ def low_rank(
             _project(state[part], first, second)
 
         list(pool.map(finish, chunks))
-    return LowRank(state, right, turn, residual)
+    return LowRank(state, right.shape[1], turn, residual)
 
 
-def _threshold(gram: Array, strength: float, rank: int) -> tuple[Array, Array]:
+def _threshold(gram: Array, strength: float) -> tuple[Array, Array]:
     """Return the right singular vectors (F, k) that are kept of X, X' X being given, and their factors (k,)."""
     square, vectors = np.linalg.eigh(gram)
     singular = np.sqrt(np.maximum(square, 0))
-    if rank:
-        return vectors[:, -rank:], np.ones(rank)
     kept = singular * strength > 1
     return vectors[:, kept], 1 - 1 / (singular[kept] * strength)
 

@@ -18,7 +18,7 @@ from solve.problem import Problem
 from solve.samples import GRAY, Samples, all_samples
 from solve.whole import near_depth
 from solve.whole.interreflection import Relief, Thrown
-from solve.whole.light_distance import find_positions
+from solve.whole.near import find_positions
 from solve.whole.reflectance_equations import accumulate, back_substitute, refine
 from solve.whole.reflectance_kernels import DIFFERENCE, HALF, SIZE, TABLE, Given, Pixels
 

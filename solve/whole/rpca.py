@@ -5,11 +5,10 @@ Memory: some 20 bytes a sample beside the samples themselves, 1 GB for a megapix
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from solve.methods import Method, Whole
-from solve.pixelwise.kernels import light_vectors, normal_equations
+from solve.pixelwise.kernels import least_squares
 from solve.problem import Problem
 from solve.samples import Samples
 from solve.whole.low_rank import low_rank
@@ -26,9 +25,6 @@ class Settings(NamedTuple):
     sparsity : float or None
         lambda = sparsity / sqrt(P F): how large the entries of U V' may be for D to pass uncorrupted. None:
         the textbook's 1 / sqrt(max(H W, F)).
-    rank : int
-        0: nuclear norm. 3: the rank itself, closer under few lights; where its subspace is not that of the lights,
-        as under mirror highlights that do not saturate the camera, the nuclear norm is used instead.
     outlier_share : float or None
         Corrupted are samples farther from the low-rank part than this share of the pixel's own 75th
         percentile; b is fitted to the others. None: to the low-rank part itself, in all frames.
@@ -39,7 +35,6 @@ class Settings(NamedTuple):
 
     shadow_threshold: float | None = 0.03
     sparsity: float | None = 7.0
-    rank: int = 0
     outlier_share: float | None = 0.04
     tolerance: float = 1e-5
     rounds: int = 100
@@ -49,8 +44,6 @@ SEED = Settings(shadow_threshold=None, sparsity=None, outlier_share=None, tolera
 """The textbook's: nothing is missing, and lambda counts the background's pixels too, which makes it too small. The
 benchmark names neither; an error that no gloss moves, as it has, is what such a lambda does."""
 
-WRONG_SUBSPACE = 0.1
-"""Sine of the angle from the lights' span, above which a fixed rank is not believed."""
 FEWEST_LIGHTS = 10
 COMMON_GLOSS = 0.3
 
@@ -67,8 +60,8 @@ def fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
     Do not believe it where gloss covers a third of the samples, nor under fewer than ten lights: low rank and
     sparse cannot be told apart. With a lambda too small the error has a floor of several degrees.
     """
-    gray, valid, _, lights = samples
-    shadow_threshold, sparsity, rank, outlier_share, tolerance, rounds = settings
+    gray, valid = samples.gray, samples.valid
+    shadow_threshold, sparsity, outlier_share, tolerance, rounds = settings
     scale = samples.scale()
     data = gray / np.float32(scale)
     pixels, frames = data.shape
@@ -76,18 +69,8 @@ def fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
     level = np.partition(np.where(valid, data, 0), place, axis=1)[:, place].astype(np.float64)
     there = np.ones_like(valid) if shadow_threshold is None else valid & (data > shadow_threshold * level[:, None])
     weight = 1 / np.sqrt(max(problem.mask.size, frames)) if sparsity is None else sparsity / np.sqrt(pixels * frames)
-    options = {"tolerance": tolerance, "rounds": rounds}
-    found = low_rank(data, there, weight, rank=rank, **options)
+    found = low_rank(data, there, weight, tolerance=tolerance, rounds=rounds)
     cautions = []
-    if rank and not lights.is_near:
-        basis = np.linalg.qr(lights.directions)[0]
-        away = float(np.linalg.norm(found.right - basis @ (basis.T @ found.right), 2))
-        if away > WRONG_SUBSPACE:
-            cautions.append(
-                f"rank {rank} follows something else than the lights (sine {away:.2f} from their span): "
-                "the nuclear norm was used."
-            )
-            found = low_rank(data, there, weight, rank=0, **options)
     if found.residual > tolerance:
         cautions.append(f"it did not converge in {rounds} rounds: |D - A - E| is {found.residual:.1g} of |D|.")
     b, used = _fit_to_low_rank(samples._replace(gray=data, valid=there), found.low, level, outlier_share)
@@ -104,30 +87,18 @@ def fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
 def _fit_to_low_rank(samples, low, level, outlier_share):
     """Return b (P, 3) and the samples used (P, F); `low` (P, F) is the low-rank part, `level` (P,) a pixel's own."""
     data, there = samples.gray, samples.valid
+    everything = np.ones_like(there)
     if outlier_share is None:
-        values, used = low, np.ones_like(there)
-    else:
-        values, used = data, there & (np.abs(data - low) <= outlier_share * level[:, None])
-        few = used.sum(1) < 4
-        used[few] = there[few]
-    return _fit(samples._replace(gray=values, valid=used), low), used
-
-
-@numba.njit(nogil=True, cache=True)
-def _fit(samples, low):  # pragma: no cover
-    values, used, points, geometry = samples
-    pixels, frames = values.shape
-    b = np.zeros((pixels, 3))
-    vectors = np.empty((frames, 3))
-    for i in range(pixels):
-        light_vectors(points[i], geometry, vectors)
-        x, y, z, well = normal_equations(vectors, values[i], used[i])
-        if not well:
-            # The low rank has filled the gaps in: a bound where the samples themselves say nothing.
-            used[i] = True
-            x, y, z, well = normal_equations(vectors, low[i], used[i])
-        b[i, 0], b[i, 1], b[i, 2] = x, y, z
-    return b
+        return least_squares(samples._replace(gray=low.astype(np.float32)), everything, everything), everything
+    used = there & (np.abs(data - low) <= outlier_share * level[:, None])
+    few = used.sum(1) < 4
+    used[few] = there[few]
+    b = least_squares(samples, used, used)
+    # The low rank has filled the gaps in: a bound where the samples themselves say nothing.
+    lost = np.flatnonzero(~b.any(1))
+    used[lost] = True
+    b[lost] = least_squares(samples._replace(gray=low.astype(np.float32)).some(lost), used[lost], used[lost])
+    return b, used
 
 
 METHOD = Method("rpca", {"default": Settings(), "seed": SEED}, fit_whole=fit_whole)

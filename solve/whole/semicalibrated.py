@@ -13,11 +13,10 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.intensities import Evidence, evidence, solve_intensities
 from scene.lights import Lights
-from solve.medians import row_medians
 from solve.methods import Method
 from solve.pixelwise import iterative
 from solve.problem import Problem
-from solve.samples import GRAY, Geometry, Samples
+from solve.samples import GRAY, Geometry, Samples, row_medians
 
 
 class Settings(NamedTuple):
@@ -47,10 +46,6 @@ _FACING = 0.1
 _STANDS_STILL = 1e-4
 _WORTH_MOVING = 0.02
 """Of a step of depth."""
-
-
-def _fit(samples: Samples, scale: float, settings: Settings):
-    return iterative.fit(samples, scale, settings.pixelwise)
 
 
 def find_lights(problem: Problem, settings: Settings) -> Problem:
@@ -253,4 +248,6 @@ def _lambertian(gray, lit, toward, b, sigmas, floor) -> NDArray[np.bool_]:
 
 
 # The seed has no such method.
-METHOD = Method("semicalibrated", {"default": Settings(), "seed": Settings()}, fit=_fit, prepare=find_lights)
+METHOD = Method(
+    "semicalibrated", {"default": Settings(), "seed": Settings()}, fit=iterative.fit_inner, prepare=find_lights
+)

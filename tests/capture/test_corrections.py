@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from capture.camera.exif import Exif
 from capture.photographs.decode import decode
 from capture.session.session import load_session
 from scene.errors import CaptureError
@@ -60,26 +59,6 @@ def test_a_flat_field_hides_no_clipped_sample(tmp_path, write_dng, mosaic, scene
     lifted = (truth.reshape(6, 48, 2, 64, 2, 3).mean((2, 4)) > 1).any(-1)
     assert (good & lifted).sum() > 20, "as bright as clipped ones, in a dark corner"
     assert frames.saturated()[good].mean() < 0.001
-
-
-def test_the_dark_frame_is_taken_off_before_the_gain(picture_session, scene_pictures, tmp_path, monkeypatch):
-    """Ambient frames of half and a tenth of the exposure hold the sensor's offset in full."""
-    dark = np.full((60, 80, 3), 0.04)
-    ambient = 0.2 + 0.1 * scene_pictures(1, shape=(60, 80), seed=3)[0]
-    flash = scene_pictures(4, shape=(60, 80)) * 0.5
-    folder = picture_session(flash + ambient + dark, table='linear = true\ndark = "dark.png"\nambient = "dusk_*.png"')
-    shares = (0.5, 0.1)
-    for i, share in enumerate(shares):
-        write_png(folder / f"dusk_{i}.png", ((ambient * share + dark) * 65535).round().astype(np.uint16))
-    write_png(folder / "dark.png", (dark * 65535).round().astype(np.uint16))
-    exposure = {f"dusk_{i}.png": share / 100 for i, share in enumerate(shares)}
-    monkeypatch.setattr(
-        "capture.photographs.decode.read_exif",
-        lambda path: Exif(exposure_s=exposure.get(path.name, 0.01), iso=100.0, aperture=8.0),
-    )
-    frames, _ = decode(load_session(folder), Store(tmp_path / "out"))
-    for i in range(4):
-        assert np.abs(frames.frame(i) - flash[i]).max() < 2e-4
 
 
 def test_a_flat_frame_that_cannot_do(picture_session, scene_pictures, tmp_path):

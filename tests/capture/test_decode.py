@@ -1,7 +1,6 @@
 """The whole decode: what lands in the store, and what does not when a photograph is at fault."""
 
 import multiprocessing
-import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 
@@ -11,7 +10,6 @@ import pytest
 from capture.photographs.decode import decode
 from capture.session.session import load_session
 from scene.errors import CaptureError, SessionError
-from scene.fan_out import fan_out
 from scene.frames import PEDESTAL, WHITE
 from scene.store import Store
 
@@ -83,13 +81,6 @@ def test_frames_are_the_scene(raw_session, tmp_path, mosaic):
     assert [row["exposure_s"] for row in report.frames_table] == [0.01] * 6
 
 
-def test_what_is_read_back_is_what_was_returned(raw_session, tmp_path):
-    folder, *_ = raw_session()
-    frames, _ = decode(load_session(folder), Store(tmp_path / "out"))
-    again = Store(tmp_path / "out").load_frames()
-    assert np.array_equal(frames.read(), again.read())
-
-
 def test_exposures_are_brought_together(raw_session, tmp_path):
     """Frames shot at a third and at double time agree to 0.2 % in the mean, and it is said."""
     folder, light, _ = raw_session(exposures=(1, 1 / 3, 1, 2, 1, 1))
@@ -121,18 +112,6 @@ def test_any_executor_gives_the_same_bytes(raw_session, tmp_path, pool):
         decode(session, Store(tmp_path / "two"), executor=executor)
     for name in ("codes.npy", "ambient.npy", "frames.json"):
         assert (tmp_path / "one/frames" / name).read_bytes() == (tmp_path / "two/frames" / name).read_bytes()
-
-
-def test_exr_is_unbounded(tmp_path, write_exr, scene_pictures):
-    truth = scene_pictures(4, shape=(40, 50)).astype(np.float32) * 20
-    for i in range(4):
-        write_exr(tmp_path / f"flash_{i}.exr", truth[i])
-    (tmp_path / "session.toml").write_text('[frames]\nflash = "*.exr"\n')
-    frames, _ = decode(load_session(tmp_path), Store(tmp_path / "out"))
-    assert frames.codes.dtype == np.float16
-    assert not frames.saturated().any()
-    assert np.allclose(frames.read(), truth, rtol=1e-3, atol=1e-4)
-    assert Store(tmp_path / "out").load_frames().saturation == 65504, "the greatest half float"
 
 
 @pytest.mark.parametrize("how", ["corrupt", "other size", "gone", "misfire"])
@@ -188,42 +167,6 @@ def test_an_interrupt_leaves_nothing(raw_session, tmp_path):
     assert files_of(tmp_path / "out") == []
 
 
-@pytest.mark.parametrize("own", [True, False])
-def test_an_interrupt_ends_soon(own):
-    """Units that have not begun are cancelled, those that run are waited for: none is left to write."""
-    begun, ended = [], []
-
-    def unit(job):
-        begun.append(job)
-        time.sleep(0.02)
-        ended.append(job)
-
-    def press():
-        raise KeyboardInterrupt
-
-    with ThreadPoolExecutor(2) as pool:
-        with pytest.raises(KeyboardInterrupt):
-            fan_out(unit, range(200), executor=None if own else pool, done=press)
-        count = len(begun)
-        assert len(ended) == count <= 20
-        time.sleep(0.05)
-        assert len(begun) == count
-
-
-def test_no_more_units_at_a_time_than_memory_allows():
-    """Each holds a photograph: on a machine of many cores memory decides."""
-    running, most = [], []
-
-    def unit(job):
-        running.append(job)
-        most.append(len(running))
-        time.sleep(0.01)
-        running.remove(job)
-
-    fan_out(unit, range(8), threads=1)
-    assert max(most) == 1
-
-
 def test_a_sensor_that_clips_below_its_stated_white(tmp_path, write_dng, mosaic, scene_pictures):
     """The header says 16383, the sensor ends at 15200: 5 % of samples would be believed that are no light."""
     light = np.minimum(scene_pictures(6, shape=(96, 128)) * 3, (15200 - 512) * DN)
@@ -236,15 +179,6 @@ def test_a_sensor_that_clips_below_its_stated_white(tmp_path, write_dng, mosaic,
     assert any("the sensor clips there" in text for text in report.warnings)
     clipped = (light >= ceiling - 1e-9).all(-1)
     assert frames.saturated()[clipped].all()
-
-
-@pytest.mark.full
-def test_the_bunny(shared, tmp_path):
-    """A session of another program: no warning, nothing but its chrome highlights clipped."""
-    frames, report = decode(load_session(shared("sessions/bunny")), Store(tmp_path / "out"))
-    assert frames.codes.shape == (12, 640, 960, 3)
-    assert report.warnings == ()
-    assert 0 < max(row["saturated_share"] for row in report.frames_table) < 1e-3
 
 
 def test_the_diligent_ball_keeps_its_values(shared, tmp_path):

@@ -81,46 +81,6 @@ def rw2(order):
     return own + jpeg(tiff(order, exif=[(33434, 5, (1, 60)), (41989, 3, [75])]))
 
 
-def x3f(order):
-    """A dp: PROP tells the settings, a JPEG the orientation."""
-    words = {
-        "ISO": "200", "APERTURE": "8.00000", "EXPTIME": "8000", "FLENGTH": "50.0", "FLEQ35MM": "75",
-        "TIME": "1795253412", "CAMMANUF": "Maker", "CAMMODEL": "Model 1",
-    }  # fmt: skip
-    text, places = "", []
-    for pair in words.items():
-        for word in pair:
-            places.append(len(text))
-            text += word + "\0"
-    prop = struct.pack("<4s5I", b"SECp", 0x20000, len(words), 0, 0, len(text)) + struct.pack(
-        f"<{len(places)}I", *places
-    )
-    return b"FOVb".ljust(3 << 20, b"\1") + prop + text.encode("utf-16-le") + jpeg(tiff(order, FIRST[2:], ()))
-
-
-def crw(order):
-    """Records within heaps; 1/3 of a stop is written as 12 of 32."""
-
-    def heap(records):
-        body, entries = b"", b""
-        for kind, data in records:
-            if kind & 0x4000:
-                entries += struct.pack(f"{order}H8s", kind, data)
-            else:
-                entries += struct.pack(f"{order}HII", kind, len(data), len(body))
-                body += data
-        return body + struct.pack(f"{order}H", len(records)) + entries + struct.pack(f"{order}I", len(body))
-
-    shot = [0] * 34
-    shot[2], shot[21] = 6 * 32, 6 * 32
-    exposure = struct.pack(f"{order}3f", 0, np.log2(125), 6)
-    inner = heap([(0x102A, struct.pack(f"{order}34h", *shot)), (0x1029, struct.pack(f"{order}4H", 2, 50, 907, 605)),
-                  (0x1818, exposure)])  # fmt: skip
-    camera = heap([(0x080A, b"Maker\0Model 1\0"), (0x580E, struct.pack(f"{order}II", 1795253412, 0))])
-    whole = heap([(0x2005, bytes(99)), (0x300A, heap([(0x2807, camera), (0x300B, inner)]))])
-    return struct.pack(f"{order}2sI8s", b"II" if order == "<" else b"MM", 26, b"HEAPCCDR").ljust(26, b"\0") + whole
-
-
 def chunk(kind, body):
     return struct.pack(">I4s", len(body), kind) + body + struct.pack(">I", zlib.crc32(kind + body))
 
@@ -129,13 +89,6 @@ def png(*chunks, picture=True):
     start = chunk(b"IHDR", struct.pack(">2I5B", 1, 1, 8, 0, 0, 0, 0))
     pixels = [chunk(b"IDAT", zlib.compress(bytes(2)))] * picture
     return b"\x89PNG\r\n\x1a\n" + start + b"".join([*pixels, *chunks]) + chunk(b"IEND", b"")
-
-
-def profile(order, kind=b"exif"):
-    block = b"Exif\0\0" + tiff(order)
-    digits = block.hex()
-    lines = "\n".join(digits[i : i + 72] for i in range(0, len(digits), 72))
-    return b"\n%s\n%8d\n%s\n" % (kind, len(block), lines.encode())
 
 
 FILES = {
@@ -147,38 +100,19 @@ FILES = {
     "a.raf": raf,
     "a.mrw": mrw,
     "a.rw2": rw2,
-    "a.x3f": x3f,
-    "a.crw": crw,
     "eXIf behind the picture.png": lambda order: png(chunk(b"eXIf", tiff(order))),
     "eXIf as in a JPEG.png": lambda order: png(chunk(b"eXIf", b"Exif\0\0" + tiff(order)), picture=False),
-    "zTXt.png": lambda order: png(chunk(b"zTXt", b"Raw profile type exif\0\0" + zlib.compress(profile(order)))),
-    "tEXt.png": lambda order: png(chunk(b"tEXt", b"Raw profile type APP1\0" + profile(order, b"generic"))),
 }
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize("name", FILES)
 def test_every_kind_of_file_tells_its_settings(tmp_path, name, order):
-    if name in ("a.rw2", "a.x3f") and order == ">":
+    if name == "a.rw2" and order == ">":
         pytest.skip("there are none")
     (tmp_path / name).write_bytes(FILES[name](order))
     found = read_exif(tmp_path / name)
-    expected = replace(SHOT, focal_35mm=None, orientation=None) if name == "a.crw" else SHOT
-    assert replace(found, exposure_s=round(found.exposure_s, 7), aperture=round(found.aperture, 6)) == expected
-
-
-def test_an_old_x3f_has_no_jpeg(tmp_path):
-    (tmp_path / "a.x3f").write_bytes(x3f("<").partition(b"\xff\xd8")[0])
-    assert read_exif(tmp_path / "a.x3f") == replace(SHOT, orientation=None)
-
-
-@pytest.mark.parametrize(("written", "stops"), [(12, 1 / 3), (20, 2 / 3), (32 + 16, 1.5), (-20, -2 / 3)])
-def test_a_third_of_a_stop_in_a_crw(tmp_path, written, stops):
-    """As 12 of 32 it would make the exposures of two frames 3 % unlike."""
-    data = crw("<")
-    at = data.index(struct.pack("<34h", *[0, 0, 192], *[0] * 18, 192, 0, *[0] * 11))
-    (tmp_path / "a.crw").write_bytes(data[: at + 44] + struct.pack("<h", written) + data[at + 46 :])
-    assert read_exif(tmp_path / "a.crw").exposure_s == pytest.approx(2**-stops)
+    assert replace(found, exposure_s=round(found.exposure_s, 7), aperture=round(found.aperture, 6)) == SHOT
 
 
 def test_a_damaged_block_does_not_hide_the_other(tmp_path):
@@ -209,16 +143,8 @@ def test_a_small_picture_in_front_is_not_the_photograph(tmp_path):
         assert read_exif(tmp_path / name).width_px == width
 
 
-@pytest.mark.parametrize("aperture", [(0, 1), (0, 0), (1, 0), None])
-def test_a_lens_without_contacts(tmp_path, aperture):
-    exif = [e for e in SETTINGS if e[0] != 33437] + ([(33437, 5, aperture)] if aperture else [])
-    (tmp_path / "a.tif").write_bytes(tiff(exif=exif))
-    found = read_exif(tmp_path / "a.tif")
-    assert (found.exposure_s, found.iso, found.aperture) == (1 / 125, 200, None)
-
-
 def test_damaged_files_say_what_is_left_and_nothing_else(tmp_path, capfd):
-    """Bits turned, bytes cut, counts without end, heaps within themselves: None, in the time of reading."""
+    """Bits turned, bytes cut, counts without end: None, in the time of reading."""
     rng = np.random.default_rng(0)
     for name, write in FILES.items():
         whole = write("<")
@@ -232,8 +158,4 @@ def test_damaged_files_say_what_is_left_and_nothing_else(tmp_path, capfd):
             found = read_exif(tmp_path / name)
             numbers = (found.exposure_s, found.iso, found.aperture, found.focal_mm, found.focal_35mm)
             assert all(number is None or 0 < number < np.inf for number in numbers)
-    loop = struct.pack("<H", 3) + 3 * struct.pack("<HII", 0x300A, 0, 0) + struct.pack("<I", 0)
-    data = struct.pack("<2sI8s", b"II", 26, b"HEAPCCDR").ljust(26, b"\0") + loop
-    (tmp_path / "a.crw").write_bytes(data[:26] + loop.replace(bytes(4), struct.pack("<I", len(loop)), 1))
-    assert read_exif(tmp_path / "a.crw") == Exif()
     assert capfd.readouterr() == ("", "")

@@ -1,7 +1,5 @@
 """Photographs in floating point: where they clip, what stands for 1.0, and that a rendering is taken as it is."""
 
-import itertools
-
 import numpy as np
 import pytest
 import tifffile
@@ -13,7 +11,6 @@ from capture.photographs.images import read_image
 from capture.photographs.kept import Kept
 from capture.photographs.raw import read_raw
 from capture.session.session import load_session
-from capture.survey.small_pictures import by_light, read_small
 from formats.pictures import write_exr
 from scene.frames import decode as linear_of
 from scene.store import Store
@@ -74,14 +71,6 @@ def test_wherever_the_values_end(tmp_path, scene_pictures, ends):
     assert overexposed(report)
 
 
-def test_one_frame_alone_that_is_overexposed(tmp_path, scene_pictures):
-    pictures = scene_pictures(6, shape=(120, 160))
-    pictures[3] = np.minimum(pictures[3] * 4, 1)
-    frames, report = developed(tmp_path / "a", pictures)
-    assert overexposed(report) == ["flash_3"]
-    assert np.array_equal(frames.saturated()[3], (pictures[3] >= 0.98).any(-1))
-
-
 def rendering(*, ground):
     """A ball on a ground, under a ring of distant lights, without noise: every pixel of the ground has one value."""
     v, u = np.mgrid[:120, :160]
@@ -102,26 +91,6 @@ def test_a_rendering_has_no_end(tmp_path, ground):
     assert not frames.saturated().any()
     assert not overexposed(report)
     assert all(row["saturated_share"] == 0 for row in report.frames_table)
-
-
-def test_a_pile_below_what_other_frames_reach_is_no_end(tmp_path, scene_pictures):
-    pictures = scene_pictures(6, shape=(120, 160))
-    pictures[2] = np.minimum(pictures[2], np.quantile(pictures[2], 0.9))
-    pictures[4] *= 3
-    frames, report = developed(tmp_path / "a", pictures)
-    assert not frames.saturated().any()
-    assert not overexposed(report)
-
-
-def test_a_flat_field_hides_no_clipped_float(tmp_path, scene_pictures):
-    v, u = np.mgrid[-1:1:120j, -1:1:160j]
-    vignette = (1 / (1 + 0.6 * (u * u + v * v)))[..., None] * np.ones(3)
-    seen = np.clip(scene_pictures(6, shape=(120, 160)) * 3.5 * vignette, 0, 1)
-    frames, _ = developed(tmp_path / "a", seen, flat=0.7 * vignette)
-    clipped = (seen >= 0.98).any(-1)
-    assert clipped.mean() > 0.05
-    assert frames.saturated()[clipped].all()
-    assert not frames.saturated()[(seen < 0.97).all(-1)].any()
 
 
 @pytest.mark.parametrize("scale", [1e-8, 1e-6, 3e-4, 1e4, 1e9])
@@ -159,32 +128,6 @@ def test_single_pixels_of_any_brightness_change_no_other(tmp_path, scene_picture
         codes.append(photograph.codes)
     assert np.argwhere((codes[0] != codes[1]).any(-1)).tolist() == [[5, 7], [9, 3]]
     assert facts_of(codes[1], white=photograph.white).clipped_share == 2 / 4800
-
-
-def test_values_around_one_stay_as_they_are(tmp_path):
-    """One code for one value, whatever stands beside it in the picture: what sessions compare with is absolute."""
-    for factor in (0.005, 1.0, 100.0):
-        picture = np.random.default_rng(0).uniform(0, factor, (40, 50, 3)).astype("f4")
-        write(tmp_path / "a.tif", picture)
-        photograph = read_image(tmp_path / "a.tif", "linear", sensor_range=None)
-        assert photograph.sensor_range == 1
-        assert np.array_equal(photograph.codes, picture.astype("f2"))
-
-
-def test_a_folder_s_small_pictures_have_one_scale(tmp_path, scene_pictures):
-    """The dim frames of a folder, each read by itself, would all be brought to usual values."""
-    light, room = scene_pictures(5, shape=(80, 96)) * 0.2 + 1e-4, np.full((80, 96, 3), 1e-4)
-    roles = [*(f"flash_{i}" for i in range(5)), "ambient"]
-    for unit in (1.0, 1e-8):
-        files = []
-        for i in np.random.default_rng(1).permutation(6):
-            files.append(tmp_path / f"{len(files)}_{roles[i]}.exr")
-            write_exr(files[-1], [*light, room][i] * unit)
-        small, unread = read_small(files, "linear")
-        assert not unread
-        found = {role: [one.path.stem[2:] for one in some] for role, some in by_light(small).items()}
-        assert len(found.pop("flash")) == 5
-        assert [*found.values()] == [["ambient"]]
 
 
 def float_dng(path, picture, white=1):
@@ -236,13 +179,3 @@ def test_what_a_watch_kept_is_read_again_as_it_is(tmp_path, scene_pictures):
         assert (again.white, again.sensor_range) == (photograph.white, 1.0)
         assert again.white == (np.inf if name == "a" else 1.0)
         assert kept.load(name, sensor_range=2.0**-20) is None
-
-
-def test_facts_of_floats_count_as_those_of_integers():
-    codes = np.linspace(-0.5, 1.5, 40 * 40 * 3).reshape(40, 40, 3).astype("f2")
-    for white, limit in itertools.product((1.0, 0.5), (0.98,)):
-        share = (codes >= np.float16(limit * white)).any(-1).mean()
-        assert facts_of(codes, white=white).clipped_share == share > 0
-    assert facts_of(codes, white=np.inf).clipped_share == 0
-    codes[3, 3] = 65504
-    assert facts_of(codes, white=np.inf).clipped_share == 1 / 1600

@@ -42,10 +42,6 @@ def test_a_missing_number(numbered, numbers, missing):
         assert warnings[0].startswith(f"{missing}: missing from the numbering")
 
 
-def test_a_skipped_number_is_not_missing(numbered):
-    assert gaps_in_numbering(numbered([14, 15, 17, 18], skip=["flash_016"])) == []
-
-
 def test_mixed_settings_are_named(numbered):
     session = numbered([0, 1, 2, 3])
     usual = Exif(exposure_s=0.01, iso=100, aperture=8.0, focal_mm=50, camera="A")
@@ -92,21 +88,3 @@ def test_what_some_frames_do_not_tell_is_taken_from_the_others(numbered):
     assert any(text.startswith("flash_002 (exposure time 0.02 s)") for text in told)
     assert any(text.startswith("flash_004: no exposure in EXIF, unlike the other 4 frames") for text in told)
     assert len(told) == 3
-
-
-def test_settings_that_make_up_for_each_other(numbered):
-    """Half the time at twice the sensitivity: nothing is scaled, and nothing else is said."""
-    frames = [USUAL, replace(USUAL, exposure_s=0.005, iso=200.0), USUAL, USUAL]
-    np.testing.assert_array_equal(exposure_gains(frames)[0], 1)
-    told = mixed_settings(numbered([0, 1, 2, 3]), frames, [])
-    assert len(told) == 2
-    assert all("they were not scaled" in text for text in told)
-
-
-def test_the_order_of_the_frames_does_not_matter():
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        frames = [Exif(*(rng.choice([None, 1.0, 2.0, 4.0]) for _ in SETTINGS)) for _ in range(rng.integers(1, 8))]
-        order = rng.permutation(len(frames))
-        gain, _ = exposure_gains(frames)
-        np.testing.assert_allclose(exposure_gains([frames[i] for i in order])[0], gain[order])

@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scene.camera import FROM_OPENCV, Camera
-from scene.errors import SessionError
 
 PLAIN = Camera(1200, 800, 1666.7, 1650.0, 606.8, 394.9)
 CURVED = Camera(1200, 800, 1666.7, 1650.0, 606.8, 394.9, (-0.12, 0.05, 0.001, -0.002, 0.01))
@@ -41,26 +40,9 @@ def test_axes(camera):
     assert ray[2] == -1
 
 
-def test_a_pixel_behind_the_camera_is_unknown():
-    assert np.isnan(PLAIN.project([0.0, 0, 1000])).all()
-
-
 def test_halved_camera_sees_superpixel_centres():
     """The 2 x 2 block of pixels 10, 11 becomes pixel 5: its centre was at 10.5."""
     _, whole = PLAIN.rays([[10.5, 20.5], [611.0, 7.5]])
     _, half = PLAIN.halved().rays([[5.0, 10.0], [305.25, 3.5]])
     np.testing.assert_allclose(half, whole, atol=1e-12)
     assert (PLAIN.halved().width, PLAIN.halved().height) == (600, 400)
-
-
-def test_grid_is_column_row():
-    grid = PLAIN.grid(slice(3, 5))
-    assert grid.shape == (2, 1200, 2)
-    assert tuple(grid[0, 7]) == (7, 3)
-
-
-def test_nonsense_is_refused():
-    with pytest.raises(SessionError, match="positive"):
-        Camera(100, 100, -5, 5, 50, 50)
-    with pytest.raises(SessionError, match="expected 5"):
-        Camera(100, 100, 5, 5, 50, 50, (0.1,))

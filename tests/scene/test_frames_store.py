@@ -1,7 +1,6 @@
 """Frames and the output folder: what goes in comes out, whole or not at all."""
 
 import errno
-import json
 import os
 import pickle
 from dataclasses import replace
@@ -13,7 +12,7 @@ from scene import files as files_module
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.estimate import Estimate
-from scene.files import create_array, write_json, write_png, write_whole
+from scene.files import create_array, write_json, write_whole
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.pose import Pose
@@ -30,19 +29,6 @@ def test_linear_values_survive_coding_with_noise_below_black(images):
     frames = Frames.from_linear(tuple("abcd"), images)
     np.testing.assert_allclose(frames.read(), images, atol=0.6 / 60000)
     assert frames.read().min() < 0
-
-
-def test_rows_columns_and_frames_are_windows_of_the_whole(images):
-    frames = Frames.from_linear(tuple("abcd"), images, ambient=images[0] * 0.1)
-    part = frames.read(slice(2, 6), [1, 3], columns=slice(4, 9))
-    np.testing.assert_array_equal(part, frames.read()[[1, 3], 2:6, 4:9])
-    np.testing.assert_allclose(frames.frame(2), images[2] - 0.1 * images[0], atol=2e-5)
-    np.testing.assert_allclose(frames.frame(2, subtract_ambient=False), images[2], atol=1e-5)
-
-
-def test_gain_brings_frames_to_one_exposure(images):
-    frames = Frames(tuple("abcd"), Frames.from_linear(tuple("abcd"), images).codes, np.array([1.0, 2, 4, 0.5]))
-    np.testing.assert_allclose(frames.read(), images * np.array([1, 2, 4, 0.5])[:, None, None, None], atol=4e-5)
 
 
 def test_clipped_samples_spread_over_the_reach_of_interpolation(images):
@@ -67,23 +53,6 @@ def test_single_pixels_are_those_of_the_whole(images, is_mosaic):
         np.testing.assert_array_equal(linear, frames.frame(index)[v, u])
         np.testing.assert_array_equal(clipped, frames.saturated()[index][v, u])
         assert 0 < clipped.sum() < 99
-
-
-def test_bands_cover_every_row_once_within_the_budget(images):
-    frames = Frames.from_linear(tuple("abcd"), images)
-    bands = list(frames.bands(4 * 11 * 3 * 4 * 2))
-    assert [row for band in bands for row in range(band.start, band.stop)] == list(range(9))
-    assert max(band.stop - band.start for band in bands) == 2
-
-
-def test_some_frames_are_evenly_spaced_views(images):
-    frames = Frames(tuple(map(str, range(60))), np.repeat(images, 15, 0).astype(np.uint16), np.arange(60.0))
-    some = frames.some(20)
-    assert some.names == frames.names[::3]
-    np.testing.assert_array_equal(some.gain, frames.gain[::3])
-    assert np.shares_memory(some.codes, frames.codes)
-    np.testing.assert_array_equal(some.codes, frames.codes[::3])
-    assert len(frames.some(59)) == len(frames.some(60)) == len(frames.some(1000)) == 60
 
 
 def test_a_memory_mapped_stack_travels_to_a_worker_by_its_path(tmp_path, images):
@@ -146,18 +115,6 @@ def test_everything_comes_back(tmp_path, images):
     normals[..., 2] = 1
     store.save_estimate(Estimate("ls", normals, normals, np.ones((9, 11), np.uint16)))
     np.testing.assert_array_equal(store.load_normals("ls"), normals)
-
-
-def test_pictures_are_rgb(tmp_path):
-    import cv2
-
-    write_png(tmp_path / "red.png", np.array([[[65535, 0, 0]]], np.uint16))
-    assert cv2.imread(str(tmp_path / "red.png"), cv2.IMREAD_UNCHANGED)[0, 0].tolist() == [0, 0, 65535]
-
-
-def test_json_never_holds_nan(tmp_path):
-    write_json(tmp_path / "a.json", {"x": np.nan, "y": [np.float32(1.5), np.inf], "p": tmp_path, "i": np.int64(3)})
-    assert json.loads((tmp_path / "a.json").read_text()) == {"x": None, "y": [1.5, None], "p": str(tmp_path), "i": 3}
 
 
 def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path):

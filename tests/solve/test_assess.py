@@ -43,15 +43,6 @@ def test_condition_and_inverse_are_numpys():
     assert condition_and_inverse(1.0, 0.0, 0.0, 1.0, 0.0, 0.0)[0] == np.inf
 
 
-def test_what_is_left_of_one_light_when_others_are_taken_away_has_no_condition():
-    """Sums that lights were added to and taken from: rounding of either sign stands where nothing should."""
-    for vectors in np.random.default_rng(2).normal(size=(20_000, 3, 3)):
-        m = sum(np.outer(v, v) for v in vectors)
-        m = m - np.outer(vectors[0], vectors[0]) - np.outer(vectors[1], vectors[1])
-        condition = condition_and_inverse(m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2])[0]
-        assert condition == np.inf, vectors
-
-
 @pytest.mark.parametrize("method", ["ls", "iterative", "l1", "sbl", "hsh"])
 @pytest.mark.parametrize("heights", [(0.5, 0.95), (0.9, 0.98)])
 def test_sigma_is_what_noise_does_to_the_normals(method, heights):
@@ -142,15 +133,3 @@ def test_samples_are_what_frames_reads(is_mosaic, coded):
     np.testing.assert_allclose(gray, expected, atol=2e-7)
     np.testing.assert_array_equal(valid, ~frames.saturated(rows)[:, inside].T)
     assert 0.001 < (~valid).mean() < 0.2
-
-
-def test_every_other_frame_and_a_window_are_solved_as_their_copies():
-    """Views that do not lie in one piece."""
-    seen = lights()
-    images, _ = plane(seen)
-    whole = Frames.from_linear(seen.names, images + np.random.default_rng(4).normal(0, 0.01, images.shape))
-    view = whole.some(12)
-    assert not view.codes.flags.c_contiguous
-    few = Lights(seen.names[::2], seen.directions[::2], seen.intensities[::2])
-    copy = Frames(view.names, view.codes.copy(), view.gain)
-    np.testing.assert_array_equal(run("ls", view, few).normals, run("ls", copy, few).normals)

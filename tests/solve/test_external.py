@@ -148,14 +148,6 @@ def test_a_part_that_is_convex_for_concave_is_told_and_left_as_it_is(run, scene)
     assert any("% of the object, about row" in text and "convex for concave" in text for text in estimate.warnings)
 
 
-def test_a_missing_half_is_unknown_and_said(run, scene):
-    mask = scene[3]
-    estimate = run("part")
-    known = np.isfinite(estimate.normals[..., 0])
-    assert 0.3 < known.sum() / mask.sum() < 0.7
-    assert any("no normal" in text for text in estimate.warnings)
-
-
 @pytest.mark.parametrize(
     ("manner", "words"),
     [

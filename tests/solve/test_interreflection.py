@@ -55,11 +55,6 @@ def test_in_a_bowl_the_thrown_light_is_the_same_everywhere(patches):
     assert np.median(found / expected) == pytest.approx(1, abs=0.04)
 
 
-def test_a_dome_throws_nothing_on_itself():
-    mask, normals = bowl(1)
-    assert throw(mask, normals, shaded(normals)).max() < 1e-3
-
-
 def test_what_stands_between_hides():
     mask, normals = bowl(-1)
     column = np.nonzero(mask)[1]

@@ -1,7 +1,5 @@
 """Convex for concave: told where calibrated lights know, of the whole object or a part; never put right in silence."""
 
-import re
-
 import numpy as np
 import pytest
 
@@ -10,9 +8,7 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
-from solve.axes import AXES, INVERTED, find_axes, relief_cautions
-from solve.problem import Problem
-from solve.samples import all_samples
+from solve.axes import INVERTED, relief_cautions
 from solve.solve import solve
 
 SIZE = 110
@@ -58,18 +54,6 @@ def test_an_inverted_relief_is_told_from_the_right_one(gloss, noise):
     assert relief_cautions(normals, frames, mirrored, camera, mask)
 
 
-def test_a_part_that_is_inverted_is_told_with_its_place():
-    normals, mask = bumps()
-    scene = shot(normals, mask, gloss=0.3, noise=0.005)
-    part = normals.copy()
-    part[60:95, 20:55] = part[60:95, 20:55] @ INVERTED
-    (said,) = relief_cautions(part, *scene)
-    share, row, column = map(int, re.findall(r"\d+", said)[:3])
-    assert 4 <= share <= 12
-    assert 60 <= row < 95
-    assert 20 <= column < 55
-
-
 def test_lights_that_are_unknown_and_a_surface_that_is_flat_tell_nothing():
     normals, mask = bumps()
     frames, lights, camera, _ = shot(normals, mask)
@@ -93,15 +77,3 @@ def test_an_uncalibrated_method_that_inverts_says_so_and_keeps_its_own_sign():
     dome = bowl @ INVERTED
     right = solve("ldr", *shot(dome, mask))
     assert not any("convex for concave" in text for text in right.warnings)
-
-
-def test_another_programs_inverted_map_is_found_among_the_axes_put_right_and_told():
-    normals, mask = bumps()
-    frames, lights, camera, _ = shot(normals, mask, gloss=0.2)
-    samples = all_samples(Problem(frames, lights, camera, mask, slice(0, SIZE)))
-    found = find_axes((normals @ INVERTED)[mask], samples, name="x")
-    np.testing.assert_array_equal(found.matrix, INVERTED)
-    assert any("convex for concave" in text for text in found.cautions)
-    right = find_axes(normals[mask], samples, name="x")
-    np.testing.assert_array_equal(right.matrix, AXES[0])
-    assert not right.cautions

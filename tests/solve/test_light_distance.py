@@ -1,18 +1,14 @@
 """Lights whose directions alone are given: how far they are, by the object."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from benchmarks.unknown_lights import photographed
-from scene.camera import Camera
-from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from solve.problem import Problem
 from solve.solve import solve
-from solve.whole.light_distance import find_positions
+from solve.whole.near import find_positions
 
 
 @pytest.fixture(scope="module", params=["blob", pytest.param("potato", marks=pytest.mark.full)])
@@ -63,26 +59,3 @@ def test_known_positions_are_kept(near_session):
     frames, lights, camera, mask, _ = near_session
     problem = problem_of(frames, lights, camera, mask)
     assert find_positions(problem) is problem
-
-
-def test_few_pixels_say_so():
-    codes = np.full((4, 5, 5, 3), 9000, np.uint16)
-    names = tuple("abcd")
-    directions = np.array([[0, 0, 1], [0.6, 0, 0.8], [0, 0.6, 0.8], [-0.6, 0, 0.8]], float)
-    given = Lights(names, directions, np.ones((4, 3)))
-    frames, camera = Frames(names, codes, np.ones(4)), Camera.orthographic(5, 5)
-    found = find_positions(problem_of(frames, given, camera, np.ones((5, 5), bool)))
-    assert found.lights is given
-    assert "too few pixels" in found.cautions[0]
-
-
-@pytest.mark.full
-def test_the_unit_of_length_changes_nothing(near_session):
-    """Orthographic pictures: twice the pixels a millimetre, half the distances; the normals stay."""
-    frames, lights, camera, mask, _ = near_session
-    given = directions_only(lights)
-    plain = Camera.orthographic(camera.width, camera.height)
-    one = find_positions(problem_of(frames, given, plain, mask)).lights
-    two = find_positions(problem_of(frames, given, replace(plain, fx=2.0, fy=2.0), mask)).lights
-    far = [np.linalg.norm(found.positions_mm - found.reference_point_mm, axis=1) for found in (one, two)]
-    assert far[0] == pytest.approx(2 * far[1], rel=1e-3)

@@ -1,7 +1,5 @@
 """Near lights and depth in turn, on balls whose normals and depth the test made."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,6 @@ from scene.lights import Lights
 from scene.normals import angular_error_deg
 from solve.samples import Geometry, Samples
 from solve.solve import solve
-from solve.whole import near
 from solve.whole.depth_evidence import depth_evidence
 
 SIZE = 64
@@ -86,26 +83,6 @@ def test_lights_without_positions_get_them_from_the_object():
     assert any("without positions" in text for text in near.warnings)
     error, before = (np.nanmedian(angular_error_deg(found.normals, normals)[mask]) for found in (near, plain))
     assert error < 0.5 * before
-
-
-def test_lights_that_are_all_but_distant_make_it_no_worse():
-    camera = CAMERAS["perspective"]
-    points, normals, mask = ball(camera)
-    lights = lights_at(60_000.0, [15.0, -10.0, -560.0])
-    frames = photographs(points, normals, mask, lights, noise=0.003)
-    near, plain = (solve(method, frames, lights, camera, mask) for method in ("near", "iterative"))
-    error = [np.median(angular_error_deg(one.normals, normals)[mask]) for one in (near, plain)]
-    assert error[0] < 1.02 * error[1]
-    assert any("tell the object's distance" in text for text in near.warnings)
-
-
-def test_a_depth_that_does_not_come_to_rest_is_said():
-    camera = CAMERAS["perspective"]
-    points, normals, mask = ball(camera)
-    lights = lights_at(600.0, [15.0, -10.0, -560.0])
-    method = replace(near.METHOD, profiles={"default": near.Settings(rounds=0)})
-    estimate = solve(method, photographs(points, normals, mask, lights), lights, camera, mask)
-    assert any("did not come to rest" in text for text in estimate.warnings)
 
 
 def test_the_evidence_is_the_derivative_of_the_fit():

@@ -41,14 +41,6 @@ def test_outside_the_band_any_value_is_as_good_inside_it_is_not():
         assert np.abs(fitted(glossy, directions, settings)[0] - b).max() > 0.1
 
 
-def test_shadows_take_no_rank_by_default_and_do_in_the_plain_reading():
-    """Eight of twenty are dark: the plain band reaches into them."""
-    directions, b, samples = scene(1)
-    np.put_along_axis(samples, np.argsort(samples, 1)[:, :8], 0.001, 1)
-    np.testing.assert_allclose(fitted(samples, directions, DEFAULT)[0], b, atol=1e-6)
-    assert np.abs(fitted(samples, directions, SEED)[0] - b).max() > 0.05
-
-
 def test_a_pixel_whose_samples_are_all_clipped_is_unknown():
     directions, _, samples = scene(2, 1)
     found, used = fitted(samples, directions, DEFAULT, np.zeros(samples.shape, bool))

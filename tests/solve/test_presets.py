@@ -250,9 +250,3 @@ def test_the_python_may_be_named_and_new_weights_are_noticed(programs):
     assert given
     assert given.python == Path(sys.executable)
     assert [path.name for path in external(programs, "sdm-unips").files] == ["main.py", "nml.pytmodel"]
-
-
-def test_large_pictures_are_worked_on_in_tiles(programs):
-    found = external(programs, "sdm-unips")
-    assert "--scalable" in found.words(Path("d"), Path("o"), 2000)
-    assert "--scalable" not in found.words(Path("d"), Path("o"), 600)

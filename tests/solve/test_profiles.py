@@ -57,12 +57,3 @@ def test_the_seeds_least_squares_keeps_what_is_clipped():
     normals, used = fitted("ls", samples, ~clipped, "seed")
     assert used.all()
     assert away_deg(normals)[0] > 1
-
-
-def test_the_published_reading_takes_every_sample_and_ends_gray_at_one():
-    samples = 0.5 * cap()[:, 2][None] - 0.45
-    assert fitted("ls", samples, profile="published")[1].all()
-    bright, ceiled = np.full((1, COUNT), 3.0), np.ones((1, COUNT))
-    np.testing.assert_array_equal(
-        fitted("ls", bright, profile="published")[0], fitted("ls", ceiled, profile="published")[0]
-    )

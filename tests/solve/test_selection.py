@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from solve.pixelwise.selection import NO_KEY, keys_of, median, smallest_key, value_of
+from solve.pixelwise.kernels import NO_KEY, keys_of, median, smallest_key, value_of
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -40,17 +40,6 @@ def test_a_gain_is_what_recomputing_says():
     assert gains(b, before, vectors, noise, np.zeros_like(seen)) == pytest.approx(0)
 
 
-def test_the_order_of_candidates_is_of_no_matter():
-    b, vectors, noise, seen = case(1)
-    order = np.random.default_rng(2).permutation(len(vectors))
-    first = choose_flashes(b, known_before(b), vectors, noise, seen, 6)
-    again = choose_flashes(b, known_before(b), vectors[order], noise[order], seen[order], 6)
-    assert (order[again] == first).all()
-    assert len(set(first)) == 6
-    told = [information(vectors[first[:n]], noise[first[:n]], seen[first[:n]]) for n in range(1, 7)]
-    assert (np.diff([score(b, known_before(b, one)) for one in told]) < 0).all()
-
-
 @pytest.mark.parametrize("count", [3, 4, 6, 12])
 def test_greedy_is_near_the_known_optimum_of_a_flat_patch(count):
     """The two components across the normal share sum (x^2 + y^2) <= n: each has the variance 2 sigma^2 / n at least."""
@@ -82,16 +71,3 @@ def test_an_exchange_never_harms_and_finds_the_best_set_of_all():
     best = min(worth(some) for some in combinations(range(9), 4))
     assert worth(better) <= worth(greedy) + 1e-12
     assert worth(better) == pytest.approx(best, rel=0.02, abs=0.02)
-
-
-def test_the_next_flash_lights_what_lay_in_shadow():
-    """Flashes from the right leave half of the pixels dark: the best of the rest comes from the left."""
-    directions = unit(np.array([[1, 0.5, 1], [1, -0.5, 1], [1, 0, 1.5], [1, 0.2, 1], [-1, 0.3, 1], [0.2, 1, 1]]))
-    pixels = np.array([0, 0, 1, 1])  # 1: behind a wall on its right
-    b = np.tile([0, 0, 0.7], (4, 1))
-    seen = np.where(pixels == 1, directions[:, :1] < 0.5, True)
-    vectors, noise = np.repeat(directions[:, None], 4, 1), np.full((6, 4), NOISE)
-    before = known_before(b, information(vectors[:3], noise[:3], seen[:3]))
-    gain = gains(b, before, vectors[3:], noise[3:], seen[3:])
-    assert gain.argmax() in (1, 2)
-    assert gain[0] < 0.05 * gain.max()

@@ -44,18 +44,6 @@ def test_an_even_ring_at_54_7_degrees_is_the_optimum(count):
     assert min(trace(upper(rng, count)) for _ in range(200)) > 9 * NOISE**2 / count
 
 
-def test_permuted_flashes_turned_scenes_and_units_change_nothing():
-    rng = np.random.default_rng(0)
-    vectors, noise, seen = upper(rng, 9) * np.ones((9, 5, 1)), rng.uniform(1, 2, (9, 5)), rng.random((9, 5)) < 0.8
-    b = unit(rng.normal(size=(5, 3))) * rng.uniform(0.2, 0.9, (5, 1))
-    first = sigma_of_normals(b, inverted(information(vectors, noise * 1e-3, seen)))
-    order, turn = rng.permutation(9), np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    again = inverted(information(vectors[order] @ turn.T, noise[order] * 1e-3, seen[order]))
-    assert sigma_of_normals(b @ turn.T, again) == pytest.approx(first)
-    bright = inverted(information(vectors, noise * 7e-3, seen))
-    assert sigma_of_normals(7 * b, bright) == pytest.approx(first)
-
-
 def test_a_flash_in_shadow_adds_nothing_and_two_flashes_tell_no_normal():
     vectors = ring(4, 50)
     seen = np.array([[1], [1], [1], [0]], bool)

@@ -47,13 +47,3 @@ def test_normals_albedo_and_lights_whatever_the_directions_that_are_given(method
     assert angular_error_deg(found.lights.directions, truth.directions).max() < 1
     np.testing.assert_allclose(found.lights.intensities, truth.intensities, rtol=0.03)
     assert np.nanmedian(found.sigma_deg) < 0.5
-
-
-@pytest.mark.parametrize("method", UNCALIBRATED)
-def test_a_frame_without_any_light_has_no_direction_and_the_others_do_not_suffer(method):
-    frames, mask, truth, normals, _ = ball(dark=(5,))
-    found = solved(method, frames, mask, truth)
-    assert angular_error_deg(found.normals, normals)[mask].mean() < 0.5
-    lit = np.arange(len(truth)) != 5
-    assert angular_error_deg(found.lights.directions, truth.directions)[lit].max() < 1
-    assert np.isnan(found.lights.directions[5]).all()
