@@ -110,13 +110,10 @@ def calibrate(
     /,
     *,
     out: Out = None,
-    self_test: Annotated[
-        bool, Parameter(help="Render the calibrated balls, calibrate the rendering, report the errors.", negative="")
-    ] = False,
     json: Json = False,
 ) -> None:
     """Find the balls, and from them each flash's direction, position and intensity."""
-    _run(json, session, "self_test" if self_test else "calibrate", out=out)
+    _run(json, session, "calibrate", out=out)
 
 
 @app.command(sort_key=5)

@@ -57,22 +57,6 @@ def calibrate_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
     yield from light_tables(job.store, moved="align" in job.done)
 
 
-def self_test_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
-    """Yield how far the calibration of its own rendering is off."""
-    test = summary["self_test"]
-    if not (test and test["calibrated"]):
-        return
-    rows = [("directions", f"{test['direction_error_deg_median']:.2f} deg off (median)")]
-    if (position := test.get("position_error_percent_median")) is not None:
-        rows.append(("positions", f"{position:.1f} % off (median)"))
-    if (intensity := test.get("intensity_error_percent_rms")) is not None:
-        rows.append(("intensities", f"{intensity:.1f} % off (rms)"))
-    for what in ("directions", "positions", "intensities"):
-        if (inside := test.get(f"{what}_inside_95")) is not None:
-            rows.append(("", f"{inside:.0%} of the {what} inside their 95 % region"))
-    yield fact_table("self-test", rows)
-
-
 def align_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
     """Yield the registration, or that there is none."""
     found, session = summary["align"] or {}, job.session
@@ -175,7 +159,6 @@ def compare_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
 TABLES: dict[str, Callable[[Job, dict[str, Any]], Iterator[Any]]] = {
     "check": check_tables,
     "calibrate": calibrate_tables,
-    "self_test": self_test_tables,
     "align": align_tables,
     "solve": solve_tables,
     "trust": trust_tables,

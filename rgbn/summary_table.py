@@ -18,7 +18,6 @@ LOG_COLUMNS = 110
 OWN = {
     "check": ("check",),
     "calibrate": ("calibrate",),
-    "self_test": ("calibrate", "self_test"),
     "align": ("align",),
     "solve": ("solve", "trust"),
     "twin": ("twin",),
@@ -32,7 +31,7 @@ SOUGHT = (
 """What people look for first."""
 TABLED = {"calibrate": ["lights.csv"], "align": ["lights.json", "lights.csv"], "compare": ["statistics.csv"]}
 """What a step's verb writes beside the step's own files."""
-NEXT = {"check": "calibrate", "calibrate": "align", "self_test": "align", "align": "solve", "twin": "compare"}
+NEXT = {"check": "calibrate", "calibrate": "align", "align": "solve", "twin": "compare"}
 
 
 def tell(job: Job, summary: dict[str, Any], *, verb: str, as_json: bool = False, whole: bool = False) -> None:
