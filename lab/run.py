@@ -57,7 +57,7 @@ def open_job(
         Unknown solver or profile, an unreadable session, an output folder that is another's, or in use.
     """
     from capture.session.session import load_session
-    from lab.cluster.connect import executor_of
+    from lab.cluster import executor_of
     from lab.job import Job
     from lab.progress import say
     from lab.run_log import logged
