@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 from weakref import WeakSet
 
-from lab.cluster_unit import AGAIN, pack, refuse, serve
+from lab.cluster_unit import AGAIN, pack
 from lab.progress import say
 from scene.current import blocks_digest, code_fingerprint, libraries
 from scene.errors import ClusterError, SceneError
@@ -31,6 +31,9 @@ TELL_S = 10
 SILENCE_S = 60
 """Seconds that a scheduler may take to answer."""
 LOOK_S = 0.5
+UNIT = "__import__('lab.cluster_unit').cluster_unit"
+"""What a worker evaluates: `eval` is known to a scheduler too that has no rgbn."""
+REFUSE, SERVE = f"{UNIT}.refuse(run)", f"{UNIT}.serve(run, unit)"
 
 
 class WorkerDied(ClusterError):
@@ -82,6 +85,12 @@ def executor_of(address: str | None, folder: Path | None = None, files: Iterable
             yield cluster
         except KilledWorker as error:
             raise WorkerDied(f"--scheduler {address}: {death_of(error)} {AGAIN}") from error
+        except ModuleNotFoundError as error:
+            if not (error.name or "").startswith("lab"):
+                raise
+            raise ClusterError(
+                f"--scheduler {address}: a worker has no rgbn, or an old one ({error}). {AGAIN}"
+            ) from error
         except CancelledError as error:
             raise cluster.fault or cluster.lost() from error
         except OSError as error:
@@ -155,7 +164,7 @@ class Cluster(Executor):
         next(count for count in self._worker_counts() if count)
         try:
             # `callback_timeout` is for the client.
-            found = self._client.run(refuse, self._run, on_error="return", callback_timeout=SILENCE_S)
+            found = self._client.run(eval, REFUSE, {"run": self._run}, on_error="return", callback_timeout=SILENCE_S)
         except TimeoutError as error:
             raise self._told(f"a worker did not answer for {SILENCE_S} s. Start the workers again.") from error
         except OSError as error:
@@ -171,7 +180,7 @@ class Cluster(Executor):
         """Give a unit to the cluster; see `Executor.submit`. One whose worker dies is tried again by another."""
         if self.fault is not None:
             raise self.fault
-        future = self._workers.submit(serve, self._run, pack((fn, args, kwargs), self._shared))
+        future = self._workers.submit(eval, SERVE, {"run": self._run, "unit": pack((fn, args, kwargs), self._shared)})
         self._units.add(future)
         return future
 

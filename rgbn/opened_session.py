@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lab.options import TwinSettings
+from lab.options import Settings, TwinSettings
 from lab.session_place import session_and_out
-from lab.settings import Settings
 from rgbn.session_steps import Method, SessionSteps
 from scene.errors import SceneError
 from scene.store import Store
@@ -282,5 +281,5 @@ def open_session(
 
     session, folder = session_and_out(Path(path), None if out is None else Path(out))
     load_session(session)
-    said = Settings(refine_lights=refine_lights, truth=None if truth is None else Path(truth))
+    said = Settings(refine_lights=refine_lights, truth=None if truth is None else Path(truth).resolve())
     return Session(SessionSteps(session, folder.resolve(), scheduler, said))

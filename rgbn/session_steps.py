@@ -4,10 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from lab.options import AS_GIVEN, Solving, TwinSettings
+from lab.options import Settings, Solving, TwinSettings
 from lab.run import run_session
 from lab.session_place import origin_of
-from lab.settings import Settings
 from scene.output_folder import read_record
 from scene.store import Store
 
@@ -50,9 +49,7 @@ class SessionSteps:
 
     def run(self, wanted: str, solving: Method = None, twin: TwinSettings | None = None) -> None:
         """Run a step with all that it needs, what is not done and current."""
-        said = self._with(solving, twin)
-        how = {"solving": said.solving, "twin": said.twin, "truth": said.truth, "refine_lights": said.refine_lights}
-        run_session(self.path, wanted, out=self.out, scheduler=self._scheduler, **how)
+        run_session(self.path, wanted, out=self.out, scheduler=self._scheduler, said=self._with(solving, twin))
 
     def need(self, wanted: str, solving: Method = None) -> None:
         """Run a step where it is not done and current."""
@@ -72,7 +69,7 @@ class SessionSteps:
 
     def name_of(self, method: str) -> str:
         """Return a method's name as its files have it."""
-        return method.strip() if method.strip() in self._kept.solving.programs() else method.strip().casefold()
+        return method.strip() if method.strip() in self._kept.programs() else method.strip().casefold()
 
     @property
     def _kept(self) -> Settings:
@@ -82,7 +79,7 @@ class SessionSteps:
 
     def _with(self, given: Method, twin: TwinSettings | None = None) -> Settings:
         """Return what is said: methods beside those whose results are there."""
-        kept, rows = self._kept.solving, (self.told.get("solve") or {}).get("methods") or {}
+        kept, rows = self._kept, (self.told.get("solve") or {}).get("methods") or {}
         programs = kept.programs()
         # Another program stays with the session without being asked for again.
         asked = given if isinstance(given, Solving) else Solving(None if given in programs else given)
@@ -92,4 +89,4 @@ class SessionSteps:
         if asked.method is not None:
             there = [name for name in rows if name not in programs and not name[:1].isupper()]
             asked = replace(asked, method=",".join(dict.fromkeys([*there, *asked.methods()])))
-        return self._said.but(Settings(asked, twin or AS_GIVEN))
+        return self._said.but(asked, twin)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from lab.settings import Settings
+from lab.options import Settings
 from scene.output_folder import read_record
 from studio.review.folder import is_kept
 from studio.review.review_window import STEPS, ReviewWindow
@@ -49,4 +49,4 @@ class RunPanel:
 def _programs(folder: Path) -> tuple[str, ...]:
     """Return the command lines of other programs that a run would start: a folder from elsewhere may name any."""
     record = read_record(folder)
-    return () if record is None else Settings.of(record).solving.external or ()
+    return () if record is None else Settings.of(record).external or ()

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from capture.session.session import load_session
-from lab.options import Solving
-from lab.settings import Settings
+from lab.options import Settings
 from scene.output_folder import open_record
 from studio import background_process
 from studio.background_process import BackgroundProcess
@@ -72,7 +71,7 @@ def opened(made, nobody, no_preview, monkeypatch):
 def test_a_run_takes_what_was_corrected_and_the_session_as_it_is_now(opened, made, settle):
     """It says with what other programs: a folder that came from elsewhere may name any."""
     with open_record(made.folder, among_others=True) as record:
-        Settings(Solving(external=("Net=python `net` {data} {out}",))).keep(record)
+        Settings(external=("Net=python `net` {data} {out}",)).keep(record)
     window = opened()
     window.open_tab("Verdict")
     panel, runs = window.panels[-1], opened.runs
