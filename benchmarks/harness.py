@@ -240,7 +240,7 @@ def opened(session: Path, out: Path, solving: Any = None) -> Iterator[Any]:
     from lab.options import BY_DEFAULT
     from lab.run import open_job
 
-    with contextlib.redirect_stderr(io.StringIO()), open_job(session, out=out, solving=solving or BY_DEFAULT) as job:
+    with contextlib.redirect_stderr(io.StringIO()), open_job(session, out=out, said=solving or BY_DEFAULT) as job:
         yield job
 
 

@@ -107,6 +107,7 @@ EXAMPLES = (
 
 def processed(example: Example, outputs: Path) -> Path | None:
     """Return the output folder of an example; None where its data are not there."""
+    from lab.options import Settings
     from lab.run import run_session
 
     place = outputs / "sessions" / example.name
@@ -117,7 +118,7 @@ def processed(example: Example, outputs: Path) -> Path | None:
         print(f"left out: {example.name}, {session.name} is not there")
         return None
     out = outputs / example.name
-    run_session(session, "compare", out=out, truth=session if example.name == "demo" else None)
+    run_session(session, "compare", out=out, said=Settings(truth=session if example.name == "demo" else None))
     return out
 
 

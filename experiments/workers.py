@@ -9,8 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from multiprocessing import get_context, parent_process
 from typing import Any, TypeVar
 
-from lab.cluster.connect import executor_of
-from lab.cluster.executor import WorkerDied
+from lab.cluster import WorkerDied, death_of, executor_of
 
 Unit = TypeVar("Unit")
 Work = Callable[[Any], Any]
@@ -62,9 +61,11 @@ def _run_here(cells: Sequence[Unit], work: Work, processes: int) -> Iterator[tup
 
 def _run_there(cells: Sequence[Unit], work: Work, executor: Executor) -> Iterator[tuple[Unit, Any]]:
     """Run cells on a cluster, which itself gives those of a dead worker to another; see `_run_here`."""
+    from distributed import KilledWorker
+
     for cell, future in _run_through(deque(cells), work, executor, CLUSTER_WINDOW):
-        died = isinstance(error := future.exception(), WorkerDied)
-        yield cell, error if died else future.result()
+        died = isinstance(error := future.exception(), KilledWorker)
+        yield cell, WorkerDied(death_of(error)) if died else future.result()
 
 
 def _run_through(queue: deque[Unit], work: Work, pool: Executor, abreast: int) -> Iterator[tuple[Unit, Future]]:

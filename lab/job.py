@@ -6,10 +6,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from lab.options import DEFAULT_PROFILE, TwinSettings
+from lab.options import DEFAULT_PROFILE, Settings, TwinSettings
 from lab.progress import say
 from lab.run_log import log
-from lab.settings import Settings
 from scene.clock import now, since
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
@@ -70,19 +69,19 @@ class Job:
     @cached_property
     def externals(self) -> dict[str, Any]:
         """Other programs as methods, by name."""
-        return self.settings.solving.programs()
+        return self.settings.programs()
 
     @property
     def profile(self) -> str:
         """Of the methods' settings."""
-        return self.settings.solving.profile or DEFAULT_PROFILE
+        return self.settings.profile or DEFAULT_PROFILE
 
     @property
     def twin(self) -> TwinSettings:
         """How the twin is rendered."""
-        said = self.settings.twin
+        said = self.settings
         held_out = said.held_out is not False
-        return replace(said, layers=bool(said.layers), photograph=bool(said.photograph), held_out=held_out)
+        return TwinSettings(said.engine, said.error, bool(said.layers), bool(said.photograph), held_out)
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -94,12 +93,12 @@ class Job:
             The lights are unknown, and a solver was named that needs them.
         """
         model = self.done.get("calibrate", {}).get("result", {}).get("model")
-        own = self.settings.solving.methods()
+        own = self.settings.methods()
         calibrated = [name for name in own if name not in UNCALIBRATED]
         # With a scan it is `align` that finds them.
         if model != "unknown" or self.session.scan or not calibrated:
             return (*own, *self.externals)
-        if self.settings.solving.method is not None:
+        if self.settings.method is not None:
             raise SceneError(
                 f"--method {','.join(calibrated)}: the lights are unknown (no ball was found, and no file gives them), "
                 f"and {'these need' if len(calibrated) > 1 else 'it needs'} them. Take --method "
@@ -109,7 +108,7 @@ class Job:
 
     def wanted(self, last: str) -> tuple[str, ...]:
         """Return the steps to run, with what they need, for a verb: the last one, and before it what was asked for."""
-        has_truth, trust = self.session.normals or self.session.scan, self.settings.solving.trust
+        has_truth, trust = self.session.normals or self.session.scan, self.settings.trust
         asked = last == "compare" and not has_truth if trust is None else trust
         return ("trust", last) if asked and last in ("solve", "twin", "compare") else (last,)
 

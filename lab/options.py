@@ -1,7 +1,8 @@
-"""What the command line says of the methods and of the twin, as two objects that every verb takes."""
+"""How the steps of an output folder run: what the command line says, and what the folder's record keeps of it."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from cyclopts import Parameter
@@ -10,20 +11,18 @@ from scene.errors import SceneError
 from solve.method_names import METHODS, UNCALIBRATED
 
 if TYPE_CHECKING:
+    from scene.record import Record
     from solve.external import External
     from twin.description.description import Sampling
 
 DEFAULT_METHODS = "ls,iterative"
 DEFAULT_PROFILE = "default"
 TIMEOUT_S = 3600.0
+NOTE = "settings"
+"""Of a record."""
 Engine = Literal["auto", "many", "mitsuba"]
 Staging = Literal["one-factor", "benchmark"]
 """Of the sweeps, see `experiments.stagings`."""
-
-
-def said(values: dict[str, Any]) -> dict[str, Any]:
-    """Return those values that are not None."""
-    return {key: value for key, value in values.items() if value is not None}
 
 
 def named(option: str, text: str, known: Iterable[str]) -> tuple[str, ...]:
@@ -172,7 +171,54 @@ class TwinSettings:
 
     def sampling(self, given: "Sampling") -> "Sampling":
         """Return a scene's sampling with what the command line says of it."""
-        return replace(given, **said({"engine": self.engine, "error": self.error}))
+        known = {"engine": self.engine, "error": self.error}
+        return replace(given, **{name: value for name, value in known.items() if value is not None})
 
 
-BY_DEFAULT, AS_GIVEN = Solving(), TwinSettings()
+SHADED = Parameter(help="Let the registered scan's own shading correct lights that it contradicts.")
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class SessionSolving(Solving):
+    """The same of a session, whose lights may be refined first."""
+
+    refine_lights: Annotated[bool | None, SHADED] = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Settings(TwinSettings, SessionSolving):
+    """All of them. An output folder's record keeps them: what a later run does not say stays as it was.
+
+    `truth`: folder of a known truth (truth.json, truth.npz) to judge the results by.
+    """
+
+    truth: Annotated[Path | None, Parameter(parse=False)] = None
+
+    @classmethod
+    def of(cls, record: "Record") -> "Settings":
+        """Return those by which a folder was made; raise SceneError where its record is damaged."""
+        from scene.reading import reading
+        from scene.record import PLACE
+
+        kept = record.notes.get(NOTE, {})
+        with reading(record.folder / PLACE, "does not say how the folder was made", do="Choose another with --out."):
+            external, truth = kept.get("external"), kept.get("truth")
+            lists = {"external": external and tuple(external), "truth": truth and Path(truth)}
+            return cls(**{**kept, **lists})
+
+    def but(self, *others: Solving | TwinSettings | None) -> "Settings":
+        """Return these with what others say."""
+        said = {field.name: getattr(other, field.name) for other in others if other for field in fields(other)
+                if getattr(other, field.name) is not None}  # fmt: skip
+        return replace(self, **said)
+
+    def keep(self, record: "Record") -> None:
+        """Note them in the record of a folder that is held."""
+        from scene.files import plain
+
+        record.note(NOTE, plain(self))
+
+
+BY_DEFAULT, AS_GIVEN, AS_BEFORE = Solving(), TwinSettings(), Settings()

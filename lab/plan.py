@@ -4,7 +4,6 @@ from typing import Any
 
 from lab import steps
 from lab.job import Job, Step
-from lab.self_test import self_test
 from lab.trust_step import trust
 from lab.twin_step import twin
 from scene.light_text import FILENAMES, INTENSITIES
@@ -55,7 +54,6 @@ STEPS = {
     for step in (
         Step("check", steps.check, (), _frame_inputs),
         Step("calibrate", steps.calibrate, ("check",), _light_inputs, (EXPORTED,)),
-        Step("self_test", self_test, ("calibrate",), lambda job: []),
         Step("align", steps.align, ("calibrate",), _object_inputs, (EXPORTED,)),
         Step("solve", steps.solve, ("align",), _methods),
         Step("trust", trust, ("solve",), lambda job: []),

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lab.options import AS_GIVEN, BY_DEFAULT, Solving, TwinSettings
+from lab.options import AS_BEFORE, Settings, Solving
 from lab.session_place import is_output, note_session, origin_of, session_and_out
 
 if TYPE_CHECKING:
@@ -26,11 +26,8 @@ def open_job(
     session_path: Path,
     *,
     out: Path | None = None,
-    solving: Solving = BY_DEFAULT,
+    said: Solving = AS_BEFORE,
     scheduler: str | None = None,
-    truth: Path | None = None,
-    twin: TwinSettings = AS_GIVEN,
-    refine_lights: bool | None = None,
 ) -> Iterator["Job"]:
     """Hold a session's output folder for a block. What is not said stays as the folder was made before.
 
@@ -40,16 +37,10 @@ def open_job(
         A session's folder, its session.toml, or an output folder, whose session it is then.
     out : Path, optional
         Output folder; out/NAME without.
-    solving : Solving
-        Which methods, and how.
+    said : Solving or Settings
+        How the steps run.
     scheduler : str, optional
         Address of a Dask scheduler.
-    truth : Path, optional
-        Folder of a known truth (truth.json, truth.npz) to judge the results by.
-    twin : TwinSettings
-        How the twin is rendered.
-    refine_lights : bool, optional
-        Let the registered scan's shading correct the lights.
 
     Raises
     ------
@@ -57,17 +48,15 @@ def open_job(
         Unknown solver or profile, an unreadable session, an output folder that is another's, or in use.
     """
     from capture.session.session import load_session
-    from lab.cluster.connect import executor_of
+    from lab.cluster import executor_of
     from lab.job import Job
     from lab.progress import say
     from lab.run_log import logged
-    from lab.settings import Settings
     from scene.current import paths_in
     from scene.output_folder import open_record
 
-    said = Settings(solving, twin, refine_lights, truth and truth.resolve())
     # Before anything is written.
-    _ = solving.methods(), solving.programs()
+    _ = said.methods(), said.programs()
     place, folder = session_and_out(session_path, out)
     session = load_session(place)
     files = tuple(paths_in(session))
@@ -80,7 +69,7 @@ def open_job(
         if is_output(session_path):
             say(f"session: {place}")
         settings = Settings.of(record).but(said)
-        settings.solving.methods()
+        settings.methods()
         settings.keep(record)
         yield Job(session, record, settings, executor)
 
@@ -124,7 +113,7 @@ def run_session(
             "external": {name: program.command for name, program in job.externals.items()},
             "twin": asdict(job.twin),
             "refine_lights": bool(job.settings.refine_lights),
-            "trust": job.settings.solving.trust,
+            "trust": job.settings.trust,
             "truth": job.settings.truth,
         }
         summary = write_summary(job, arguments)

@@ -39,7 +39,6 @@ def write_summary(job: Job, arguments: dict[str, Any]) -> dict[str, Any]:
         "capture": result("check"),
         "camera": job.store.read_json("camera.json") if job.store.path("camera.json").exists() else None,
         "calibrate": result("calibrate"),
-        "self_test": result("self_test") or None,
         "align": result("align").get("truth"),
         "solve": {"methods": methods},
         "trust": result("trust") or None,

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from cyclopts import App, Group, Parameter
 
 from experiments.commands import dataset, sweep
-from lab.options import AS_GIVEN, BY_DEFAULT, Solving, TwinSettings
+from lab.options import AS_BEFORE, SHADED, SessionSolving, Settings
 from lab.progress import say
 from lab.run import is_description, run_session
 from lab.streams import check_words, is_quiet, keep_quiet, log_to, open_streams
@@ -48,9 +48,6 @@ Out = Annotated[
     Path | None, Parameter(alias="-o", help="Output folder. Default: out/NAME here, by the session's name.")
 ]
 Json = Annotated[bool, Parameter(help="Print the summary as JSON on standard output.", negative="")]
-Refine = Annotated[
-    bool | None, Parameter(help="Let the registered scan's own shading correct lights that it contradicts.")
-]
 Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")]
 
 
@@ -80,22 +77,19 @@ def process(
     /,
     *,
     out: Out = None,
-    solving: Solving = BY_DEFAULT,
-    twin: TwinSettings = AS_GIVEN,
+    said: Settings = AS_BEFORE,
     scheduler: Scheduler = None,
-    refine_lights: Refine = None,
     json: Json = False,
 ) -> None:
     """Go the whole way: decode, lights, scan, normals, twin, report."""
-    how = {"out": out, "solving": solving, "twin": twin, "scheduler": scheduler, "refine_lights": refine_lights}
-    _run(json, session, "compare", whole=True, **how)
+    _run(json, session, "compare", whole=True, out=out, said=said, scheduler=scheduler)
 
 
 @app.command(sort_key=2)
 def demo(*, out: Out = None, json: Json = False) -> None:
     """Go the whole way on the small session that comes with rgbn, and judge it by its known truth."""
     folder = fixture_folder()
-    _run(json, folder, "compare", whole=True, out=out or Path("out") / "demo", truth=folder)
+    _run(json, folder, "compare", whole=True, out=out or Path("out") / "demo", said=Settings(truth=folder))
 
 
 @app.command(sort_key=3)
@@ -110,13 +104,10 @@ def calibrate(
     /,
     *,
     out: Out = None,
-    self_test: Annotated[
-        bool, Parameter(help="Render the calibrated balls, calibrate the rendering, report the errors.", negative="")
-    ] = False,
     json: Json = False,
 ) -> None:
     """Find the balls, and from them each flash's direction, position and intensity."""
-    _run(json, session, "self_test" if self_test else "calibrate", out=out)
+    _run(json, session, "calibrate", out=out)
 
 
 @app.command(sort_key=5)
@@ -125,11 +116,11 @@ def align(
     /,
     *,
     out: Out = None,
-    refine_lights: Refine = None,
+    refine_lights: Annotated[bool | None, SHADED] = None,
     json: Json = False,
 ) -> None:
     """Find the object, register its scan, write the ground-truth normals."""
-    _run(json, session, "align", out=out, refine_lights=refine_lights)
+    _run(json, session, "align", out=out, said=Settings(refine_lights=refine_lights))
 
 
 @app.command(sort_key=6)
@@ -138,26 +129,16 @@ def solve(
     /,
     *,
     out: Out = None,
-    solving: Solving = BY_DEFAULT,
+    said: SessionSolving = AS_BEFORE,
     mesh: Annotated[Path | None, Parameter(help="Also write the surface, in mm, as this .ply.")] = None,
     scheduler: Scheduler = None,
-    refine_lights: Refine = None,
     json: Json = False,
 ) -> None:
     """Recover normals and albedo by photometric stereo, and the surface as a mesh if asked."""
     from rgbn.surface_file import surface_written
 
     around = surface_written(mesh) if mesh else None
-    _run(
-        json,
-        session,
-        "solve",
-        out=out,
-        solving=solving,
-        scheduler=scheduler,
-        around=around,
-        refine_lights=refine_lights,
-    )
+    _run(json, session, "solve", out=out, said=said, scheduler=scheduler, around=around)
 
 
 @app.command(sort_key=7)
@@ -166,18 +147,16 @@ def twin(
     /,
     *,
     out: Out = None,
-    solving: Solving = BY_DEFAULT,
-    twin: TwinSettings = AS_GIVEN,
-    refine_lights: Refine = None,
+    said: Settings = AS_BEFORE,
     json: Json = False,
 ) -> None:
     """Render the registered scan under the calibrated lights, and solve the rendering; or a scene description."""
     if is_description(session):
         from experiments.scene_twin import render_description
 
-        render_description(session, out, twin, json=json)
+        render_description(session, out, said, json=json)
         return
-    _run(json, session, "twin", out=out, solving=solving, twin=twin, refine_lights=refine_lights)
+    _run(json, session, "twin", out=out, said=said)
 
 
 @app.command(sort_key=8)
@@ -189,18 +168,16 @@ def compare(
     /,
     *,
     out: Out = None,
-    solving: Solving = BY_DEFAULT,
-    twin: TwinSettings = AS_GIVEN,
-    refine_lights: Refine = None,
+    said: Settings = AS_BEFORE,
     json: Json = False,
 ) -> None:
     """Compare real and synthetic with the truth, and write report.html; or two processed folders with each other."""
     if counterpart is not None:
         from experiments.compare_folders import compare_folders
 
-        compare_folders(session, counterpart, out, methods=solving.method, json=json)
+        compare_folders(session, counterpart, out, methods=said.method, json=json)
         return
-    _run(json, session, "compare", out=out, solving=solving, twin=twin, refine_lights=refine_lights)
+    _run(json, session, "compare", out=out, said=said)
 
 
 @app.command(sort_key=9)

@@ -4,9 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lab.options import AS_GIVEN, Solving, TwinSettings
+from lab.options import Settings, Solving, TwinSettings
 from lab.session_place import origin_of, session_and_out
-from lab.settings import Settings
 from scene.errors import SceneError
 from scene.output_folder import open_record, read_record
 from scene.store import Store
@@ -67,7 +66,7 @@ class Session:
     ) -> None:
         self.path, folder = session_and_out(Path(path), None if out is None else Path(out))
         self._scheduler = scheduler
-        self._said = Settings(refine_lights=refine_lights, truth=None if truth is None else Path(truth))
+        self._said = Settings(refine_lights=refine_lights, truth=None if truth is None else Path(truth).resolve())
         # Faults of the session are told now; nothing runs yet.
         _ = self._session
         self.out = folder.resolve()
@@ -106,9 +105,7 @@ class Session:
     def _run(self, wanted: str, solving: Method = None, twin: TwinSettings | None = None) -> "Session":
         from lab.run import run_session
 
-        said = self._with(solving, twin)
-        how = {"solving": said.solving, "twin": said.twin, "truth": said.truth, "refine_lights": said.refine_lights}
-        run_session(self.path, wanted, out=self.out, scheduler=self._scheduler, **how)
+        run_session(self.path, wanted, out=self.out, scheduler=self._scheduler, said=self._with(solving, twin))
         return self
 
     process = compare
@@ -262,10 +259,10 @@ class Session:
             return Job(session, record, Settings.of(record).but(self._with(solving))).is_current(STEPS, wanted)
 
     @property
-    def _kept(self) -> Solving:
-        """How the folder's methods were run."""
+    def _kept(self) -> Settings:
+        """How the folder was made."""
         record = read_record(self.out)
-        return Solving() if record is None else Settings.of(record).solving
+        return Settings() if record is None else Settings.of(record)
 
     def _with(self, given: Method, twin: TwinSettings | None = None) -> Settings:
         """Return what is said: methods beside those whose results are there."""
@@ -278,7 +275,7 @@ class Session:
         if asked.method is not None:
             there = [name for name in self.methods if name not in programs and not name[:1].isupper()]
             asked = replace(asked, method=",".join(dict.fromkeys([*there, *asked.methods()])))
-        return self._said.but(Settings(asked, twin or AS_GIVEN))
+        return self._said.but(asked, twin)
 
     def _solved(self, method: str, twin: bool) -> tuple[Store, str]:
         """Return where a method's results lie and its name, after they are made where they are not there."""

@@ -1,14 +1,12 @@
 """`rgbn plan` as the command line has it."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from lab.streams import is_quiet
-from shoot.plan.plan_options import CameraOptions, ObjectOptions, ShootOptions
-
-OBJECT, CAMERA, SHOOT = ObjectOptions(), CameraOptions(), ShootOptions()
+from shoot.plan.plan_options import AS_USUAL, PlanOptions
 
 
 def plan(
@@ -21,10 +19,7 @@ def plan(
     ] = None,
     /,
     *,
-    flashes: Annotated[int, Parameter(help="How many flashes, those that there are already included.")],
-    thing: ObjectOptions = OBJECT,
-    camera: CameraOptions = CAMERA,
-    shoot: ShootOptions = SHOOT,
+    options: PlanOptions = AS_USUAL,
     out: Annotated[
         Path | None,
         Parameter(alias="-o", help="Output folder. Default: a session's own; else out/plan-NAME here."),
@@ -34,64 +29,26 @@ def plan(
     """Say before the first flash what a shoot will give: where flashes and balls go, expected error, when to stop."""
     from shoot.plan.run_plan import run_plan
 
-    facts = run_plan(source, flashes, thing=thing, camera=camera, shoot=shoot, out=out)
+    facts = run_plan(source, options, out=out)
     if json:
         import json as json_module
 
         print(json_module.dumps(facts, indent=1))
-    elif not is_quiet():
-        _show(facts)
-
-
-def _show(facts: dict[str, Any]) -> None:
-    """Print the plan as tables."""
+        return
+    if is_quiet():
+        return
     from rich.console import Console
 
-    from rgbn.text_tables import fact_table, number_table
-    from shoot.plan.plan_page import answer_of
+    from rgbn.text_tables import number_table
+    from shoot.plan.plan_page import BALL_HEADS, FLASH_HEADS, answer_of, ball_rows, flash_rows, lights_of
 
-    flashes = number_table(
-        "flashes, the most useful first",
-        ("no.", "from axis", "o'clock", "height mm", "aside mm", "error after", "minutes"),
-        [
-            (
-                f"{row['number']}",
-                f"{row['from_axis_deg']:.0f}°",
-                row["clock"],
-                f"{row['height_mm']:.0f}",
-                f"{row['aside_mm']:.0f}",
-                "" if row["error_median_deg"] is None else f"{row['error_median_deg']:.2g}°",
-                "there" if row["is_there"] else f"{row['minutes']:.0f}",
-            )
-            for row in facts["flashes"]
-        ],
-    )
-    balls = number_table(
-        "balls",
-        ("", "diameter mm", "radius px", "right mm", "up mm"),
-        [
-            (
-                ball["kind"],
-                f"{ball['diameter_mm'] or float('nan'):g}",
-                *(f"{ball[name]:.0f}" for name in ("radius_px", "right_mm", "up_mm")),
-            )
-            for ball in facts["balls"]
-        ],
-        words=1,
-    )
-    lights, folder = facts["lights"], Path(facts["folder"])
-    rows = [
-        (
-            "lights",
-            f"directions to {lights['direction_sigma_deg']:.2g}°, positions to {lights['position_sigma_mm']:.2g} mm",
-        ),
-    ]
     console = Console()
-    for part in (flashes, balls, fact_table("", rows)):
-        console.print(part)
+    console.print(number_table("flashes, the most useful first", FLASH_HEADS, flash_rows(facts["flashes"])))
+    console.print(number_table("balls", BALL_HEADS, ball_rows(facts)))
+    console.print(lights_of(facts))
     for name in ("plan.html", "plan.json"):
         # As they are, to be copied: a long path is not wrapped.
-        print(f"written  {folder / name}")
+        print(f"written  {Path(facts['folder']) / name}")
     console.print(answer_of(facts))
     for text in facts["warnings"]:
         console.print(f"warning: {text}", style="yellow")

@@ -47,12 +47,6 @@ CHECK = {
     "clipped": "{clipped}",
     "camera": "{camera_words}",
 }
-SELF_TEST = {
-    "directions": "{direction_error_deg_median:.2f} deg off (median)",
-    "positions": "{position_error_percent_median:.1f} % off (median)",
-    "intensities": "{intensity_error_percent_rms:.1f} % off (rms)",
-    "sigma": "{directions_inside_95:.0%} of the directions inside their 95 % region",
-}
 ALIGN = {
     "scan": "{scan}",
     "residual": "{residual_px:.2f} px, of the outline",
@@ -186,13 +180,6 @@ def _doubt(row: Values) -> tuple[bool, float]:
     return bool(row["flags"]), np.inf if sigma is None else sigma
 
 
-def self_test_tables(job: Job, summary: Values) -> Iterator[Any]:
-    """Yield how far the calibration of its own rendering is off."""
-    test = summary["self_test"]
-    if test and test["calibrated"]:
-        yield fact_table("self-test", SELF_TEST, test)
-
-
 def align_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield the registration, or that there is none."""
     found, session = summary["align"] or {}, job.session
@@ -250,7 +237,6 @@ def compare_tables(job: Job, summary: Values) -> Iterator[Any]:
 TABLES: dict[str, Callable[[Job, Values], Iterator[Any]]] = {
     "check": check_tables,
     "calibrate": calibrate_tables,
-    "self_test": self_test_tables,
     "align": align_tables,
     "solve": solve_tables,
     "trust": trust_tables,

@@ -13,12 +13,12 @@ from lab.streams import is_quiet, say
 from rgbn.step_tables import TABLES, fact_table
 
 LOG_COLUMNS = 110
-OWN = {"self_test": ("calibrate", "self_test"), "solve": ("solve", "trust")}
+OWN = {"solve": ("solve", "trust")}
 """Of a verb, the steps whose findings it shows, where these are more than its own."""
 SOUGHT = ("report.html", "lights.json", "lights.csv", "spheres.json", "pose.json", "normals", "twin", "statistics.csv")
 """What people look for first in an output folder."""
 NEXT = {
-    "check": "rgbn calibrate {0}", "calibrate": "rgbn align {0}", "self_test": "rgbn align {0}",
+    "check": "rgbn calibrate {0}", "calibrate": "rgbn align {0}",
     "align": "rgbn solve {0}", "solve": "rgbn twin {0}", "twin": "rgbn compare {0}",
     "compare": "look at {0}/report.html; rgbn studio {0}",
 }  # fmt: skip

@@ -4,9 +4,9 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
+from cyclopts.validators import Number
 
 from rgbn.init_command import TOLD, Told
-from scene.errors import SceneError
 
 
 def watch(
@@ -17,31 +17,18 @@ def watch(
         Path | None, Parameter(alias="-o", help="Output folder. Default: out/NAME here, by the folder's name.")
     ] = None,
     until_idle: Annotated[
-        float | None, Parameter(help="Seconds without a new photograph after which the shoot is over. Default: Ctrl-C.")
+        float | None,
+        Parameter(
+            help="Seconds without a new photograph after which the shoot is over. Default: Ctrl-C.",
+            validator=Number(gt=0, lt=1e7),
+        ),
     ] = None,
-    on_warning: Annotated[
-        str | None,
-        Parameter(help="Command that is run for each warning, with the warning as its last word; no shell runs it."),
-    ] = None,
-    bell: Annotated[bool, Parameter(help="Ring the terminal's bell at each warning.")] = True,
-    wanted_deg: Annotated[float, Parameter(help="Sigma of the normals, degrees, that is good enough.")] = 1.0,
+    wanted_deg: Annotated[
+        float, Parameter(help="Sigma of the normals, degrees, that is good enough.", validator=Number(gt=0, lt=90))
+    ] = 1.0,
     told: Told = TOLD,
 ) -> None:
     """Judge each photograph of a shoot within seconds of its coming, and write the session in the end."""
-    from shoot.watch.alarm import Alarm
     from shoot.watch.watch_folder import watch_folder
 
-    for option, value in (("--until-idle", until_idle), ("--wanted-deg", wanted_deg)):
-        if value is not None and not 0 < value < 1e7:
-            raise SceneError(f"{option} {value:g}: expected a number above 0.")
-    answers = told.answers()
-    alarm = Alarm(on_warning, bell=bell)
-    folder = folder.resolve()
-    watch_folder(
-        folder,
-        out,
-        answers,
-        alarm,
-        until_idle_s=until_idle,
-        wanted_deg=wanted_deg,
-    )
+    watch_folder(folder, out, told.answers(), until_idle_s=until_idle, wanted_deg=wanted_deg)

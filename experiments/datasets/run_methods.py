@@ -83,7 +83,7 @@ def _solve(out: Path, entry: Entry, names: list[str], solving: Solving) -> Itera
 
     left = list(names)
     try:
-        with open_job(entry.folder, out=out / "work" / entry.name, solving=solving) as job:
+        with open_job(entry.folder, out=out / "work" / entry.name, said=solving) as job:
             try:
                 job.run(STEPS, "align")
                 while left:

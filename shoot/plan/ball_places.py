@@ -1,7 +1,6 @@
 """How many balls, how large, and where: whole in the picture, far from each other, in nobody's shadow."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,26 +14,18 @@ from shoot.plan.set_up import SetUp
 Array = NDArray[np.float64]
 USUAL_MM = (20.0, 25.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0)
 """Diameters of bearing balls that are sold."""
-COUNTS = (2, 3, 4)
-LEAST_PX = 20.0
-"""Radius under which some balls are not found: docs/guide/shoot.md."""
+COUNTS, FEWEST = (3, 4, 2), 2
+"""Of chrome balls, in the order in which they are tried; so few are taken only where no more have room."""
+LEAST_PX, GOOD_PX = 20.0, 60.0
+"""Radius under which some balls are not found, and from which all are: docs/guide/shoot.md."""
+LIGHTS_SHARE, USUAL_LIGHTS_DEG = 0.5, 0.05
+"""Of the wanted accuracy, that the lights may take; and what is wanted of the lights without one."""
 GAP = 0.3
 """Radii between a ball and the picture's border, or the object."""
 PLACES = 24
 """Along each side of the picture that are tried."""
 SHADED = 0.02
 """Share of the flashes that the object may hide from a ball."""
-
-
-@dataclass(frozen=True)
-class BallChoice:
-    """A set of balls and what it gives."""
-
-    count: int  # chrome
-    diameter_mm: float
-    radius_px: float
-    direction_sigma_deg: float  # median flash
-    spheres: list[Sphere]
 
 
 def stand_balls(set_up: SetUp, positions: Array, kinds: Sequence[tuple[Kind, float]]) -> list[Sphere]:
@@ -99,22 +90,37 @@ def _border(camera: Camera, inset: float) -> Array:
     return np.concatenate([np.stack(side, -1) for side in sides])
 
 
-def ball_choices(set_up: SetUp, positions: Array) -> list[BallChoice]:
-    """Return what sets of chrome balls and one white ball give, fewest and smallest first; those that fit in."""
-    found = []
+def best_balls(set_up: SetUp, positions: Array, accuracy_deg: float | None) -> list[Sphere]:
+    """Return three chrome balls and a white one, the smallest that are sold and suffice; others where none do.
+
+    `accuracy_deg`: wanted of the normals, of which the lights may take `LIGHTS_SHARE`.
+
+    Raises
+    ------
+    SceneError
+        No ball that would be found has room in the picture.
+    """
+    wanted = USUAL_LIGHTS_DEG if accuracy_deg is None else LIGHTS_SHARE * accuracy_deg
+    best: tuple[float, list[Sphere]] = (np.inf, [])
     for count in COUNTS:
         for diameter in USUAL_MM:
-            radius = set_up.camera.fx * diameter / 2 / -(set_up.table_mm + diameter / 2)
-            if radius < LEAST_PX:
-                continue
             chrome: list[tuple[Kind, float]] = [("chrome", diameter)] * count
+            if set_up.camera.fx * diameter / 2 / -(set_up.table_mm + diameter / 2) < LEAST_PX:
+                continue
             try:
                 spheres = stand_balls(set_up, positions, [*chrome, ("white", diameter)])
             except SceneError:
                 break
-            sigma = light_sigmas(set_up, spheres, positions).direction_sigma_deg
-            found.append(BallChoice(count, diameter, float(radius), float(np.median(sigma)), spheres))
-    return found
+            sigma = float(np.median(light_sigmas(set_up, spheres, positions).direction_sigma_deg))
+            if sigma <= wanted and count > FEWEST and spheres[0].radius_px >= GOOD_PX:
+                return spheres
+            best = min(best, (sigma, spheres), key=lambda one: one[0])
+    if not best[1]:
+        raise SceneError(
+            "balls: no usual ball of 20 px in radius or more has room in the picture beside the object. Take a greater "
+            "--distance-mm, a longer lens, or say which balls there are: --chrome MM --white MM."
+        )
+    return best[1]
 
 
 def light_sigmas(set_up: SetUp, spheres: Sequence[Sphere], positions: Array) -> PredictedLights:

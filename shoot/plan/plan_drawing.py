@@ -82,12 +82,11 @@ def error_chart(facts: dict[str, Any]) -> str:
     """Return the error that is to be expected against the number of flashes and the minutes that they take."""
     rows = [row for row in (*facts["flashes"], *facts["next_flashes"]) if row["error_median_deg"] is not None]
     numbers, errors = [row["number"] for row in rows], [row["error_median_deg"] for row in rows]
-    even = {int(count): one["error_median_deg"] for count, one in facts["even"].items()}
     wanted = [facts["accuracy_deg"]] if facts["accuracy_deg"] else []
     x = Axis.over([numbers], CHART.left, CHART.right, log=False)
     minutes = {row["number"]: row["minutes"] for row in rows}
     x.ticks[:] = [(float(n), f"{n}: {minutes[n]:.0f} min") for n in _spaced(numbers)]
-    heights = [value for value in [*errors, *even.values(), *wanted] if value < 90] or [1.0]
+    heights = [value for value in [*errors, *wanted] if value < 90] or [1.0]
     y = Axis.over([heights], CHART.bottom, CHART.top, log=True, unit="°")
     parts = axes(x, y, CHART, x_title="flashes, and the minutes that they take", y_title="median error of the normals")
 
@@ -96,10 +95,6 @@ def error_chart(facts: dict[str, Any]) -> str:
 
     line = " ".join(f"{x.at(n):.1f},{shown(error):.1f}" for n, error in zip(numbers, errors, strict=True))
     parts.append(f'<polyline points="{line}" fill="none" stroke="{COLOURS[0]}" stroke-width="2.5"/>')
-    for count, error in even.items():
-        if count <= numbers[-1]:
-            ring = f'fill="none" stroke="{COLOURS[1]}" stroke-width="2"'
-            parts.append(f'<circle cx="{x.at(count):.1f}" cy="{shown(error):.1f}" r="4" {ring}/>')
     last = facts["flashes"][-1]
     if last["error_median_deg"] is not None:
         u, v = x.at(last["number"]), shown(last["error_median_deg"])
@@ -109,12 +104,6 @@ def error_chart(facts: dict[str, Any]) -> str:
             f'<path d="M{CHART.left} {y.at(wanted[0]):.1f}H{CHART.right}" stroke="#a33c00" stroke-dasharray="6 4"/>'
         )
         parts.append(_text(CHART.right - 4, y.at(wanted[0]) - 5, "wanted", "end", 'fill="#a33c00" font-size="12"'))
-    at = CHART.top + 12
-    legend = [("as planned, one after the other", COLOURS[0])] + [("evenly over the reach", COLOURS[1])] * bool(even)
-    for words, colour in legend:
-        parts.append(f'<path d="M{CHART.right - 222} {at - 4}h18" stroke="{colour}" stroke-width="3"/>')
-        parts.append(_text(CHART.right - 198, at, words, "start", FONT))
-        at += 18
     return svg(SIDE, 284, parts, label="error against flashes")
 
 

@@ -9,7 +9,8 @@ from calibrate.lights.predicted_lights import UNKNOWN_INTENSITY
 from scene.files import plain
 from scene.normals import unit
 from scene.spheres import Sphere
-from shoot.plan.ball_places import BallChoice, shaded_shares
+from shoot.plan.ball_places import GOOD_PX, LEAST_PX, shaded_shares
+from shoot.plan.flash_places import minutes
 from shoot.plan.set_up import EXPOSURE, SetUp
 from shoot.plan.shoot_plan import Predicted, ShootPlan
 
@@ -18,46 +19,50 @@ USED_FOR_BALLS = 60
 """Flashes at most of which it is told whether a ball lies in the object's shadow."""
 
 
-def plan_facts(
-    plan: ShootPlan, even: dict[int, Predicted], choices: list[BallChoice], accuracy_deg: float | None
-) -> dict[str, Any]:
-    """Return the plan; `even`: what as many flashes give that lie evenly; `choices` of balls that were looked at."""
-    set_up, reach = plan.pixels.set_up, plan.reach
-    result = plan.result
+def brief(value: float) -> str:
+    """Return a number to two digits, and to no fewer than its whole ones: 0.12, 3.4, 320."""
+    return f"{value:.0f}" if abs(value) >= 99.5 else f"{value:.2g}"
+
+
+def plan_facts(plan: ShootPlan) -> dict[str, Any]:
+    """Return the plan."""
+    set_up, options, result, lights = plan.pixels.set_up, plan.options, plan.result, plan.lights
     rows = [
         _flash(plan, number, position, predicted)
         for number, (position, predicted) in enumerate(zip(plan.positions_mm, plan.predicted, strict=True), 1)
     ]
-    used = rows[: plan.flashes]
-    new = plan.flashes - plan.there
+    camera = set_up.camera
+    corners = camera.points_at_depth([[-0.5, -0.5], [camera.width - 0.5, camera.height - 0.5]], set_up.table_mm)
     facts = {
-        "flashes": used,
+        "flashes": rows[: plan.flashes],
         "next_flashes": rows[plan.flashes :],
         "there": plan.there,
         "predicted": None if result is None else result.summary(),
-        "lights": _lights(plan),
-        "even": {count: one.summary() for count, one in even.items()},
-        "accuracy_deg": accuracy_deg,
+        "lights": {
+            "direction_sigma_deg": np.median(lights.direction_sigma_deg),
+            "position_sigma_mm": np.median(lights.position_sigma_mm),
+            "range_sigma": np.median(lights.range_sigma),
+            "intensity_sigma": lights.intensity_sigma,
+        },
+        "accuracy_deg": options.accuracy_deg,
         "stop_after": plan.stop_after,
         "helps_until": plan.helps_until,
-        "minutes": reach.minutes(new),
+        "minutes": minutes(options.layout, plan.flashes - plan.there),
         # Where a ball of unknown size stands nobody knows.
         "balls": [
             _ball(set_up, sphere, plan.positions_mm[:USED_FOR_BALLS]) for sphere in plan.spheres if sphere.diameter_mm
         ],
-        "ball_choices": [
-            {
-                "chrome": choice.count,
-                "diameter_mm": choice.diameter_mm,
-                "radius_px": choice.radius_px,
-                "direction_sigma_deg": choice.direction_sigma_deg,
-            }
-            for choice in choices
-        ],
-        "camera": _camera(set_up),
+        "camera": {
+            "width": camera.width,
+            "height": camera.height,
+            "fx": camera.fx,
+            "distance_mm": np.linalg.norm(set_up.middle_mm),
+            "mm_per_px": -set_up.middle_mm[2] / camera.fx,
+            "field_mm": corners[:, :2] - set_up.middle_mm[:2],
+        },
         "object": {
             "size_mm": set_up.size_mm,
-            "depth_mm": float(np.ptp(set_up.mesh.vertices[:, 2])),
+            "depth_mm": np.ptp(set_up.mesh.vertices[:, 2]),
             "middle_mm": set_up.middle_mm,
             "table_z_mm": set_up.table_mm,
             "gloss": set_up.gloss,
@@ -67,21 +72,19 @@ def plan_facts(
         },
         "exposure": {
             "white_ball_value": EXPOSURE,
-            "object_value": float(set_up.white_value * np.median(plan.pixels.albedo)),
+            "object_value": set_up.white_value * np.median(plan.pixels.albedo),
             "electrons_at_white": set_up.sensor.white_e,
             "read_noise_electrons": set_up.sensor.noise_e,
         },
         "reach": {
-            "layout": reach.layout,
-            "from_deg": reach.from_deg,
-            "to_deg": reach.to_deg,
-            "distance_mm": float(np.median(np.linalg.norm(plan.positions_mm - set_up.middle_mm, axis=1))),
-            "azimuths_deg": list(reach.azimuths_deg),
-            "seconds_per_flash": 60 * (reach.minutes(1) - reach.minutes(0)),
-            "set_up_minutes": reach.minutes(0),
+            "layout": options.layout,
+            "from_deg": options.from_deg,
+            "to_deg": options.to_deg,
+            "distance_mm": np.median(np.linalg.norm(plan.positions_mm - set_up.middle_mm, axis=1)),
+            "azimuths_deg": list(options.azimuths_deg),
         },
         "said": list(set_up.said),
-        "warnings": [*set_up.warnings, *_warnings(plan, accuracy_deg)],
+        "warnings": _warnings(plan),
     }
     return plain(facts)
 
@@ -104,7 +107,7 @@ def _flash(plan: ShootPlan, number: int, position: Array, predicted: Predicted |
         "height_mm": float(position[2] - set_up.table_mm),
         "aside_mm": float(np.hypot(*away[:2])),
         "error_median_deg": None if predicted is None else predicted.error_deg,
-        "minutes": plan.reach.minutes(max(number - plan.there, 0)),
+        "minutes": minutes(plan.options.layout, max(number - plan.there, 0)),
     }
 
 
@@ -112,16 +115,6 @@ def clock(azimuth_deg: float) -> str:
     """Return an azimuth, 0 right and 90 up, as the hour on a clock's face, to a quarter: 12:00 is up."""
     quarters = round(((90 - azimuth_deg) % 360) / 7.5) % 48
     return f"{(quarters // 4) or 12}:{15 * (quarters % 4):02d}"
-
-
-def _lights(plan: ShootPlan) -> dict[str, float]:
-    lights = plan.lights
-    return {
-        "direction_sigma_deg": float(np.median(lights.direction_sigma_deg)),
-        "position_sigma_mm": float(np.median(lights.position_sigma_mm)),
-        "range_sigma": float(np.median(lights.range_sigma)),
-        "intensity_sigma": lights.intensity_sigma,
-    }
 
 
 def _ball(set_up: SetUp, sphere: Sphere, positions: Array) -> dict[str, Any]:
@@ -133,22 +126,9 @@ def _ball(set_up: SetUp, sphere: Sphere, positions: Array) -> dict[str, Any]:
         "radius_px": sphere.radius_px,
         "center_px": sphere.center_px,
         "center_mm": center,
-        "right_mm": float(away[0]),
-        "up_mm": float(away[1]),
-        "shaded_share": float(shaded_shares(set_up, center[None], positions)[0]) if len(set_up.mesh.faces) else None,
-    }
-
-
-def _camera(set_up: SetUp) -> dict[str, Any]:
-    camera = set_up.camera
-    corners = camera.points_at_depth([[-0.5, -0.5], [camera.width - 0.5, camera.height - 0.5]], set_up.table_mm)
-    return {
-        "width": camera.width,
-        "height": camera.height,
-        "fx": camera.fx,
-        "distance_mm": float(np.linalg.norm(set_up.middle_mm)),
-        "mm_per_px": float(-set_up.middle_mm[2] / camera.fx),
-        "field_mm": corners[:, :2] - set_up.middle_mm[:2],
+        "right_mm": away[0],
+        "up_mm": away[1],
+        "shaded_share": shaded_shares(set_up, center[None], positions)[0] if len(set_up.mesh.faces) else None,
     }
 
 
@@ -160,9 +140,15 @@ def _outline(points: Array) -> Array:
     return hull.reshape(-1, 2).astype(np.float64)
 
 
-def _warnings(plan: ShootPlan, accuracy_deg: float | None) -> list[str]:
+def _warnings(plan: ShootPlan) -> list[str]:
     """Return what is to be looked at before the shoot."""
-    found, result, set_up = [], plan.result, plan.pixels.set_up
+    found, result, wanted = [], plan.result, plan.options.accuracy_deg
+    if plan.pixels.set_up.gloss != "matte":
+        found.append(
+            f"a {plan.pixels.set_up.gloss} object: the error counts the samples that lie neither in gloss nor in "
+            "shadow. A method must leave those out too (iterative, rpca); what gloss it keeps, and light from part to "
+            "part, come on top."
+        )
     if result is not None:
         told = float((result.sigma_deg < 90).mean())
         if told < 0.995:
@@ -171,25 +157,25 @@ def _warnings(plan: ShootPlan, accuracy_deg: float | None) -> list[str]:
                 "flashes (--to-deg), or a second view."
             )
         last = plan.predicted[-1]
-        if accuracy_deg and plan.stop_after is None and last is not None:
+        if wanted and plan.stop_after is None and last is not None:
             found.append(
-                f"{accuracy_deg:g} degrees are not reached with {len(plan.predicted)} flashes (expected "
-                f"{last.error_deg:.2g}): by noise alone {result.noise_deg:.2g}, by the lights alone "
-                f"{result.lights_deg:.2g}. "
+                f"{wanted:g} degrees are not reached with {len(plan.predicted)} flashes (expected "
+                f"{brief(last.error_deg)}): by noise alone {brief(result.noise_deg)}, by the lights alone "
+                f"{brief(result.lights_deg)}. "
                 + ("Larger balls." if result.lights_deg > result.noise_deg else "More light, or a lower ISO.")
             )
     if plan.lights.intensity_sigma >= UNKNOWN_INTENSITY:
         found.append("no white ball: how bright each flash was is then only known to some 10 %. Add one.")
     if sum(sphere.kind == "chrome" for sphere in plan.spheres) == 1:
         found.append("one chrome ball: the flashes have no distance. Add a second one on the object's other side.")
-    small = [sphere for sphere in plan.spheres if sphere.radius_px < 20]
-    if small:
+    smallest = min((sphere.radius_px for sphere in plan.spheres), default=LEAST_PX)
+    if smallest < LEAST_PX:
         found.append(
-            f"balls of {min(s.radius_px for s in small):.0f} px in radius are not found surely: 20 px are needed, 60 "
-            "are good. Larger balls, or a nearer camera."
+            f"balls of {smallest:.0f} px in radius are not found surely: {LEAST_PX:g} px are needed, {GOOD_PX:g} are "
+            "good. Larger balls, or a nearer camera."
         )
     depth = float(np.ptp(plan.pixels.points[:, 2]))
-    nearest = float(np.linalg.norm(plan.positions_mm - set_up.middle_mm, axis=1).min())
+    nearest = float(np.linalg.norm(plan.positions_mm - plan.pixels.set_up.middle_mm, axis=1).min())
     if depth > 0.1 * nearest:
         found.append(
             f"the object is {depth:.0f} mm deep under flashes {nearest:.0f} mm away. Solve with --method near, which "

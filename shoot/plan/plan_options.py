@@ -1,11 +1,11 @@
-"""What the command line says of a shoot to be planned, as three objects."""
+"""What the command line says of a shoot to be planned, as one object that every part of the plan reads."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
+from cyclopts.validators import Number
 
-from scene.errors import SceneError
 from scene.length_units import Unit
 
 Layout = Literal["dome", "ring", "free"]
@@ -13,13 +13,20 @@ Gloss = Literal["matte", "satin", "semi-gloss", "gloss"]
 View = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 FEWEST, MOST = 4, 200
 """Flashes: three tell a normal, and nothing whether it is right."""
+POSITIVE = Number(gt=0)
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class ObjectOptions:
-    """What is photographed, where neither a session nor its scan tells."""
+class PlanOptions:
+    """Flashes and balls; object and camera where no session or scan tells them. Each field's help says what it is."""
 
+    flashes: Annotated[
+        int,
+        Parameter(
+            help="How many flashes, those that there are already included.", validator=Number(gte=FEWEST, lte=MOST)
+        ),
+    ] = 24
     unit: Annotated[Unit | None, Parameter(help="Unit of the scan's numbers; needed with a scan.")] = None
     seen_from: Annotated[
         View,
@@ -28,7 +35,7 @@ class ObjectOptions:
     shape: Annotated[Literal["sphere", "relief"], Parameter(help="Stands for the object where there is no scan.")] = (
         "sphere"
     )
-    size_mm: Annotated[float, Parameter(help="Its size across.")] = 150.0
+    size_mm: Annotated[float, Parameter(help="Its size across.", validator=POSITIVE)] = 150.0
     gloss: Annotated[
         Gloss,
         Parameter(
@@ -37,52 +44,41 @@ class ObjectOptions:
         ),
     ] = "matte"
     albedo: Annotated[
-        float, Parameter(help="Share of the light that it gives back: white 0.8, wood 0.4, dark 0.1.")
+        float,
+        Parameter(
+            help="Share of the light that it gives back: white 0.8, wood 0.4, dark 0.1.", validator=Number(gt=0, lte=1)
+        ),
     ] = 0.5
-
-    def check(self) -> None:
-        """Raise SceneError for what no object is."""
-        if not self.size_mm > 0:
-            raise SceneError(f"--size-mm {self.size_mm:g}: expected a length above 0.")
-        if not 0 < self.albedo <= 1:
-            raise SceneError(f"--albedo {self.albedo:g}: expected above 0, 1 at most.")
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class CameraOptions:
-    """The camera, where no session tells."""
-
-    focal_mm: Annotated[float, Parameter(help="Focal length of the lens.")] = 50.0
-    sensor_mm: Annotated[float, Parameter(help="Width of its sensor: 36 for full frame, 23.5 for APS-C.")] = 36.0
-    pixels: Annotated[tuple[int, int], Parameter(help="Width and height of its picture.")] = (6000, 4000)
+    focal_mm: Annotated[float, Parameter(help="Focal length of the lens.", validator=POSITIVE)] = 50.0
+    sensor_mm: Annotated[
+        float, Parameter(help="Width of its sensor: 36 for full frame, 23.5 for APS-C.", validator=POSITIVE)
+    ] = 36.0
+    pixels: Annotated[tuple[int, int], Parameter(help="Width and height of its picture.", validator=POSITIVE)] = (
+        6000,
+        4000,
+    )
     distance_mm: Annotated[
         float | None,
-        Parameter(help="From the camera to the object's middle. Default: the object fills 40 % of the picture."),
+        Parameter(
+            help="From the camera to the object's middle. Default: the object fills 40 % of the picture.",
+            validator=POSITIVE,
+        ),
     ] = None
-    iso: Annotated[float, Parameter(help="Noise as of a usual sensor at this ISO.")] = 100.0
-
-    def check(self) -> None:
-        """Raise SceneError for what no camera is."""
-        lengths = {"focal-mm": self.focal_mm, "sensor-mm": self.sensor_mm, "distance-mm": self.distance_mm or 1.0}
-        for name, value in (lengths | {"iso": self.iso, "pixels": float(min(self.pixels))}).items():
-            if not value > 0:
-                raise SceneError(f"--{name} {value:g}: expected a number above 0.")
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class ShootOptions:
-    """Flashes and balls."""
-
+    iso: Annotated[float, Parameter(help="Noise as of a usual sensor at this ISO.", validator=POSITIVE)] = 100.0
     layout: Annotated[
         Layout, Parameter(help="free: carried by hand, anywhere in reach. dome: lamps over a cap. ring: at --to-deg.")
     ] = "free"
-    from_deg: Annotated[float, Parameter(help="Flashes from so many degrees beside the camera's axis on.")] = 12.0
-    to_deg: Annotated[float, Parameter(help="To so many degrees.")] = 60.0
+    from_deg: Annotated[
+        float,
+        Parameter(help="Flashes from so many degrees beside the camera's axis on.", validator=Number(gte=0, lt=90)),
+    ] = 12.0
+    to_deg: Annotated[float, Parameter(help="To so many degrees.", validator=Number(gt=0, lt=90))] = 60.0
     flash_mm: Annotated[
         float | None,
-        Parameter(help="From the flash to the object's middle. Default: five times its size, 700 at least."),
+        Parameter(
+            help="From the flash to the object's middle. Default: five times its size, 700 at least.",
+            validator=POSITIVE,
+        ),
     ] = None
     azimuths_deg: Annotated[
         tuple[float, float],
@@ -91,27 +87,28 @@ class ShootOptions:
     chrome: Annotated[
         tuple[float, ...],
         Parameter(
-            help="Diameters of the chrome balls that there are, mm. Default: what the accuracy needs.", negative=""
+            help="Diameters of the chrome balls that there are, mm. Default: what the accuracy needs.",
+            negative="",
+            consume_multiple=True,
+            validator=POSITIVE,
         ),
     ] = ()
     white: Annotated[
         tuple[float, ...],
-        Parameter(help="Diameters of the white balls, mm. Default: one like the chrome.", negative=""),
+        Parameter(
+            help="Diameters of the white balls, mm. Default: one like the chrome.",
+            negative="",
+            consume_multiple=True,
+            validator=POSITIVE,
+        ),
     ] = ()
     accuracy_deg: Annotated[
         float | None,
-        Parameter(help="Wanted median error of the normals: the plan ends with the flash that reaches it."),
+        Parameter(
+            help="Wanted median error of the normals: the plan ends with the flash that reaches it.",
+            validator=Number(gt=0, lt=90),
+        ),
     ] = None
 
-    def check(self, flashes: int) -> None:
-        """Raise SceneError for what cannot be planned."""
-        if not FEWEST <= flashes <= MOST:
-            raise SceneError(
-                f"--flashes {flashes}: expected {FEWEST} to {MOST}. Three tell a normal only where none is in shadow, "
-                "and the fourth whether it is right."
-            )
-        for name, some in (("chrome", self.chrome), ("white", self.white)):
-            if not all(value > 0 for value in some):
-                raise SceneError(f"--{name} {' '.join(f'{value:g}' for value in some)}: expected diameters above 0 mm.")
-        if self.accuracy_deg is not None and not 0 < self.accuracy_deg < 90:
-            raise SceneError(f"--accuracy-deg {self.accuracy_deg:g}: expected between 0 and 90 degrees.")
+
+AS_USUAL = PlanOptions()

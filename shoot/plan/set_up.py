@@ -11,15 +11,10 @@ from scene.camera import Camera
 from scene.mesh import Mesh
 from scene.rays import RayCaster
 from scene.spheres import WHITE_BALL_ALBEDO
-from shoot.plan.plan_options import View
+from shoot.plan.plan_options import AS_USUAL, View
 from twin.camera.virtual_camera import Sensor
 
 Array = NDArray[np.float64]
-UPWARD: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
-    "+x": ((1, 0, 0), (0, 0, 1)), "-x": ((-1, 0, 0), (0, 0, 1)), "+y": ((0, 1, 0), (0, 0, 1)),
-    "-y": ((0, -1, 0), (0, 0, 1)), "+z": ((0, 0, 1), (0, 1, 0)), "-z": ((0, 0, -1), (0, 1, 0)),
-}  # fmt: skip
-"""From which side of the scan the camera looks, and which of its axes is up in the picture."""
 GLOSSES: dict[str, tuple[float, float] | None] = {
     "matte": None,
     "satin": (0.4, 0.5),
@@ -27,12 +22,10 @@ GLOSSES: dict[str, tuple[float, float] | None] = {
     "gloss": (0.1, 1.0),
 }
 """Roughness and specularity of `RoughPlastic`: chalk and plaster; wax and skin; painted wood, eggshell; glazed ware."""
-FULL_FRAME_MM, USUAL_FOCAL_MM, USUAL_PIXELS = 36.0, 50.0, (6000, 4000)
 FILLS = 0.4
 """Share of the picture's height that the object fills: the balls stand beside it."""
 EXPOSURE = 0.7
 """Pixel value of the white ball where it faces the mean flash: the nearest flash may be a third brighter."""
-USUAL_ALBEDO = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,18 +49,16 @@ class SetUp:
         Two of three colours are interpolated, which averages noise.
     said : tuple of str
         Where each of these comes from.
-    warnings : tuple of str
     """
 
     camera: Camera
     mesh: Mesh
     sensor: Sensor = field(default_factory=Sensor)
-    gloss: str = "matte"
-    albedo: float = USUAL_ALBEDO
+    gloss: str = AS_USUAL.gloss
+    albedo: float = AS_USUAL.albedo
     white_value: float = EXPOSURE / WHITE_BALL_ALBEDO
     is_mosaic: bool = True
     said: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
 
     @cached_property
     def caster(self) -> RayCaster:
@@ -90,9 +81,7 @@ class SetUp:
         return float(np.ptp(self.mesh.vertices[:, :2], axis=0).max())
 
 
-def usual_camera(
-    focal_mm: float = USUAL_FOCAL_MM, sensor_mm: float = FULL_FRAME_MM, pixels: tuple[int, int] = USUAL_PIXELS
-) -> Camera:
+def lens_camera(focal_mm: float, sensor_mm: float, pixels: tuple[int, int]) -> Camera:
     """Return the camera of a lens on a sensor of this width; the principal point in the middle."""
     width, height = pixels
     focal = focal_mm / sensor_mm * width
@@ -103,10 +92,11 @@ def before_camera(mesh: Mesh, camera: Camera, distance_mm: float | None, seen_fr
     """Return an object put before the camera, in its frame, and how far away, in words.
 
     `distance_mm`: from the camera to the object's middle; None: so that it fills `FILLS` of the picture's height.
+    `seen_from`: the axis of the scan that points to the camera; up in the picture is z, or y if z points there.
     """
-    toward, up = (np.array(axis, np.float64) for axis in UPWARD[seen_from])
-    turn = np.stack([np.cross(up, toward), up, toward])
-    vertices = (mesh.vertices - mesh.center_mm) @ turn.T
+    axis = np.eye(3)["xyz".index(seen_from[1])]
+    toward, up = (-axis if seen_from[0] == "-" else axis), np.eye(3)[1 if seen_from[1] == "z" else 2]
+    vertices = (mesh.vertices - mesh.center_mm) @ np.stack([np.cross(up, toward), up, toward]).T
     high = max(float(np.ptp(vertices[:, 1])), float(np.ptp(vertices[:, 0])) * camera.height / camera.width)
     told = "as told"
     if distance_mm is None:
@@ -123,8 +113,7 @@ def simple_shape(kind: Literal["sphere", "relief"], size_mm: float) -> Mesh:
 
         ball = built_in("sphere")
         return Mesh(ball.vertices * size_mm / 2, ball.faces)
-    side = 161
-    turns = 3 * 2 * np.pi
+    side, turns = 161, 3 * 2 * np.pi
     y, x = np.mgrid[0.5 : -0.5 : side * 1j, -0.5 : 0.5 : side * 1j]
     z = np.tan(np.radians(35)) / turns * np.sin(turns * x) * np.sin(turns * y)
     corner = np.arange(side * side).reshape(side, side)

@@ -1,18 +1,20 @@
 """The plan: which flashes, in which order, what they give, and when more no longer help."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.lights.predicted_lights import PredictedLights, known_alike
+from scene.camera import Camera
 from scene.lights import Lights
 from scene.spheres import Sphere
 from shoot.plan.ball_places import light_sigmas
-from shoot.plan.flash_places import Reach, out_of_view
+from shoot.plan.flash_places import out_of_view, places_in_reach
 from shoot.plan.flash_samples import ObjectPixels, Shown, lights_at
+from shoot.plan.plan_options import AS_USUAL, PlanOptions
 from shoot.plan.under_way import UnderWay
 from solve.design.next_flash import choose_flashes, exchange_flashes, known_before
 from solve.design.normal_information import (
@@ -93,7 +95,7 @@ class ShootPlan:
 
     pixels: ObjectPixels
     spheres: list[Sphere]
-    reach: Reach
+    options: PlanOptions
     positions_mm: Array
     predicted: list[Predicted | None]
     count: int
@@ -177,32 +179,27 @@ def enough(errors: Sequence[float], accuracy_deg: float | None, first: int) -> t
 def plan_shoot(
     pixels: ObjectPixels,
     spheres: Sequence[Sphere],
-    reach: Reach,
-    count: int,
+    options: PlanOptions,
     *,
-    accuracy_deg: float | None = None,
     so_far: UnderWay | None = None,
     look_ahead: int = LOOK_AHEAD,
 ) -> ShootPlan:
-    """Return the `count` flashes that one after the other help most, and what they give.
+    """Return the flashes that one after the other help most, and what they give.
 
     Parameters
     ----------
     pixels : ObjectPixels
     spheres : sequence of Sphere
         Where the balls stand.
-    reach : Reach
-    count : int
-        Of all flashes, those that there are already included.
-    accuracy_deg : float, optional
-        Wanted median error of the normals: the angle to the truth.
+    options : PlanOptions
+        How many flashes, where they can be, and the accuracy that is wanted.
     so_far : UnderWay, optional
         The shoot whose pixels and balls these are: flashes that there are already.
     look_ahead : int
         Flashes beyond those wanted, to say whether they would help.
     """
     middle, size = pixels.set_up.middle_mm, pixels.set_up.size_mm
-    candidates = out_of_view(pixels.set_up.camera, reach.positions(middle, size))
+    candidates, count = out_of_view(pixels.set_up.camera, places_in_reach(options, middle, size)), options.flashes
     shown, positions, n = pixels.under(lights_at(candidates, middle)), candidates, 0
     if so_far is not None:
         there = _placed(so_far.lights, middle)
@@ -235,21 +232,54 @@ def plan_shoot(
             continue
         predicted.append(predict(pixels, shown.only(some), slopes[some], joint_covariance(known_lights(some))))
     errors = [one.error_deg for one in predicted if one is not None]
-    reached, rests = enough(errors, accuracy_deg, len(predicted) - len(errors) + 1)
+    reached, rests = enough(errors, options.accuracy_deg, len(predicted) - len(errors) + 1)
     last = order[: max(count, n)]
     return ShootPlan(
-        pixels, list(spheres), reach, positions[order], predicted, len(last), n,
+        pixels, list(spheres), options, positions[order], predicted, len(last), n,
         known_lights(last), reached, rests,
     )  # fmt: skip
 
 
-def even_arrangement(pixels: ObjectPixels, spheres: Sequence[Sphere], reach: Reach, count: int) -> Predicted:
-    """Return what as many flashes give that lie evenly over the reach."""
-    set_up = pixels.set_up
-    positions = reach.positions(set_up.middle_mm, set_up.size_mm, count)
-    shown = pixels.under(lights_at(positions, set_up.middle_mm))
-    slopes = light_slopes(positions, set_up.middle_mm, pixels.points, pixels.b)
-    return predict(pixels, shown, slopes, joint_covariance(light_sigmas(set_up, spheres, positions)))
+def next_flash(so_far: UnderWay, camera: Camera, lights: Lights) -> tuple[dict[str, Any], Array]:
+    """Return the flash that helps a shoot most, with the object's sigma by the flashes so far.
+
+    Parameters
+    ----------
+    so_far : UnderWay
+    camera : Camera
+        In whose pixels the balls are.
+    lights : Lights
+        The flashes so far, from the point from which the next one is told too.
+
+    Returns
+    -------
+    flash : dict
+        zenith_deg, azimuth_deg, distance_mm, as `Lights.facts` tells them, and sigma_deg, the object's median with it.
+    sigma_deg : (P,) float64
+        Without it, of each pixel.
+
+    Raises
+    ------
+    SceneError
+        No place in reach is out of the picture.
+    """
+    pixels = replace(so_far.pixels, set_up=replace(so_far.pixels.set_up, camera=camera))
+    options = replace(so_far.within(AS_USUAL), flashes=len(so_far.lights) + 1)
+    plan = plan_shoot(pixels, so_far.spheres, options, so_far=so_far, look_ahead=0)
+    now, then = plan.predicted[-2:]
+    assert now is not None
+    assert then is not None
+    is_near = lights.positions_mm is not None
+    here = lights.reference_point_mm if is_near else pixels.set_up.middle_mm
+    away = plan.positions_mm[-1] - here
+    x, y, z = away
+    flash = {
+        "zenith_deg": float(np.degrees(np.arctan2(np.hypot(x, y), z))),
+        "azimuth_deg": float(np.degrees(np.arctan2(y, x)) % 360),
+        "distance_mm": float(np.linalg.norm(away)) if is_near else None,
+        "sigma_deg": float(np.median(then.sigma_deg)),
+    }
+    return flash, now.sigma_deg
 
 
 def _placed(lights: Lights, middle: Array) -> Array:

@@ -15,8 +15,8 @@ from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.spheres import Sphere
-from shoot.plan.flash_places import Reach
 from shoot.plan.flash_samples import PIXELS, ObjectPixels, Shown, pixels_of
+from shoot.plan.plan_options import AS_USUAL, PlanOptions
 from shoot.plan.set_up import SetUp
 from solve.samples import GRAY
 
@@ -57,12 +57,12 @@ class UnderWay(NamedTuple):
         known = len(chrome) > 1 and all(sphere.diameter_mm for sphere in chrome)
         return known and self.lights.positions_mm is not None and not self.pixels.set_up.camera.is_orthographic
 
-    def within(self, reach: Reach) -> Reach:
-        """Return a reach whose distance, where it has none, is that of the flashes so far."""
-        if reach.distance_mm is not None or self.lights.positions_mm is None:
-            return reach
+    def within(self, options: PlanOptions) -> PlanOptions:
+        """Return options whose flashes, where they are at no distance, are at that of the flashes so far."""
+        if options.flash_mm is not None or self.lights.positions_mm is None:
+            return options
         away = self.lights.positions_mm - self.pixels.set_up.middle_mm
-        return replace(reach, distance_mm=float(np.median(np.linalg.norm(away, axis=1))))
+        return replace(options, flash_mm=float(np.median(np.linalg.norm(away, axis=1))))
 
 
 def session_so_far(job: Job, gloss: str) -> UnderWay:
@@ -88,10 +88,7 @@ def session_so_far(job: Job, gloss: str) -> UnderWay:
         scan, pose = job.load_scan(), store.load_pose()
         mesh = Mesh(pose.apply(scan.vertices), scan.faces)
     estimate, spheres = store.load_estimate(method), store.load_spheres()
-    found = under_way(frames, store.load_camera(), lights, spheres, estimate, gloss=gloss, mesh=mesh)
-    if found is None:
-        raise SceneError(f"plan: {method} found no normal from {len(lights)} flashes. Shoot some more first.")
-    return found
+    return under_way(frames, store.load_camera(), lights, spheres, estimate, gloss=gloss, mesh=mesh)
 
 
 def under_way(
@@ -101,11 +98,11 @@ def under_way(
     spheres: list[Sphere],
     estimate: Estimate,
     *,
-    gloss: str = "matte",
+    gloss: str = AS_USUAL.gloss,
     mesh: Mesh | None = None,
     count: int = PIXELS,
-) -> UnderWay | None:
-    """Return a shoot by its frames and what they were found to show; None where no pixel has a normal.
+) -> UnderWay:
+    """Return a shoot by its frames and what they were found to show.
 
     Parameters
     ----------
@@ -117,12 +114,20 @@ def under_way(
         The object, registered; its cast shadows count. Default: the estimate's normals are the object.
     count : int
         Pixels at most.
+
+    Raises
+    ------
+    SceneError
+        No pixels to speak of have a normal.
     """
     from twin.camera.grain import sensor_like
 
     known = np.asarray(np.isfinite(estimate.normals).all(-1) & (estimate.albedo > 0).any(-1))
     if known.sum() < FEWEST_PIXELS:
-        return None
+        raise SceneError(
+            f"plan: {estimate.method} found no normal from {len(lights)} flashes: no part of the object is lit by "
+            "three of them. Shoot some more first."
+        )
     set_up = SetUp(
         camera, mesh or Mesh(np.zeros((1, 3)), np.zeros((0, 3), np.int64)), sensor_like(frames), gloss,
         white_value=1.0, is_mosaic=frames.is_mosaic,

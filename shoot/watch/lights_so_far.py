@@ -1,4 +1,4 @@
-"""The lights of a shoot under way: balls found now and then; with each frame its highlights, and all lights anew."""
+"""The lights of a shoot under way, fitted from where they stood: balls found now and then, the newest lights anew."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -42,62 +42,55 @@ class LightsSoFar:
         self.unseen: set[str] = set()
         """Names of frames whose light no ball shows."""
         self.found: Calibration | None = None
-        self.warnings: list[str] = []
 
     @property
     def balls(self) -> list[DraftBall] | None:
         """The balls as `init` writes them, without diameters; None where none is found."""
         return drafted([ball.sphere for ball in self._balls], self._step) if self._balls else None
 
-    def is_due(self, count: int) -> bool:
-        """Whether balls are to be looked for, with so many frames: it takes seconds."""
-        return count >= max(FIRST, AGAIN * self._looked_with)
+    def fit_all(self) -> None:
+        """Fit all frames together next: a photograph is gone, or has become another."""
+        self._fitted_with = 0
 
-    def find_balls(self, frames: Frames, exif: Sequence[Exif], step: int) -> None:
-        """Look for the balls; those that are known already stay where fewer are found.
+    def renew(self, frames: Frames, exif: Sequence[Exif], step: int) -> list[str]:
+        """Find the balls, now and then; fit all lights now and then, the newest between; return what is suspicious.
 
         A pixel of `frames` is `step` of the photographs' wide.
         """
-        self._looked_with, self._step = len(frames), step
-        try:
-            found, _, _ = find_balls(frames, self.camera(frames, exif, step), [])
-        except CalibrationError as error:
-            self.warnings = [] if self._balls else [str(error)]
-            return
-        if len(found) >= len(self._balls):
-            self._balls = self._with_diameters(found)
-            self.fit_all()
+        self._step, camera, told = step, self._camera(frames, exif, step), []
+        if len(frames) >= max(FIRST, AGAIN * self._looked_with):
+            self._looked_with = len(frames)
+            try:
+                found, _, _ = find_balls(frames, camera, [])
+                if len(found) >= len(self._balls):
+                    self._balls, told = self._with_diameters(found)
+                    self.fit_all()
+            except CalibrationError as error:
+                # Those that are known already stay.
+                told = [] if self._balls else [str(error)]
+        while self._balls:
+            seen = [i for i, name in enumerate(frames.names) if name not in self.unseen]
+            try:
+                joint = self._with_newest(frames, seen)
+                if joint is None:
+                    joint, self._fitted_with = self._lights(frames, camera, seen), len(seen)
+                self.found = joint
+                return [*told, *joint.warnings]
+            except CalibrationError as error:
+                told.append(str(error))
+                lost = [frames.names[i] for i in seen if frames.names[i] in str(error)]
+                # One frame that no ball shows is no reason to know nothing of the others.
+                self.unseen.update(lost)
+                if not 0 < len(lost) < len(seen):
+                    break
+        return told
 
-    def camera(self, frames: Frames, exif: Sequence[Exif], step: int) -> Camera:
+    def _camera(self, frames: Frames, exif: Sequence[Exif], step: int) -> Camera:
         """Return the camera of the frames as it is known; one as most are where it is not."""
         width, height = step * frames.width, step * frames.height
         camera, _ = camera_from_lens(self._asking.answers.lens, exif, width, height)
         camera = usual_camera(width, height) if camera.is_orthographic else camera
         return camera.scaled(frames.width, frames.height, 1 / step, 1 / step)
-
-    def update(self, frames: Frames, exif: Sequence[Exif], step: int) -> None:
-        """Fit the lights of all frames now and then, of the newest between; see `find_balls`."""
-        if not self._balls:
-            return
-        self.warnings = []
-        seen = [i for i, name in enumerate(frames.names) if name not in self.unseen]
-        try:
-            found = self._with_newest(frames, seen)
-            if found is None:
-                found, self._fitted_with = self._lights(frames, self.camera(frames, exif, step), seen), len(seen)
-            self.found = found
-            self.warnings += found.warnings
-        except CalibrationError as error:
-            self.warnings.append(str(error))
-            lost = [name for name in frames.names if name in str(error) and name not in self.unseen]
-            if lost and len(lost) < len(seen):
-                # One frame that no ball shows is no reason to know nothing of the others.
-                self.unseen.update(lost)
-                self.update(frames, exif, step)
-
-    def fit_all(self) -> None:
-        """Fit all frames together next: one has become another photograph."""
-        self._fitted_with = 0
 
     def _with_newest(self, frames: Frames, seen: list[int]) -> Calibration | None:
         """Return the lights so far with those of the newest frames; None where all are to be fitted together."""
@@ -111,8 +104,7 @@ class LightsSoFar:
         return joined(self.found, newest, [frames.names[i] for i in seen])
 
     def _lights(self, frames: Frames, camera: Camera, seen: list[int]) -> Calibration:
-        if len(seen) < len(frames):
-            frames = frames.only(seen)
+        frames = frames.only(seen) if len(seen) < len(frames) else frames
         balls = [replace(ball, frames=frames) for ball in self._balls]
 
         def run(camera: Camera) -> Calibration:
@@ -121,18 +113,15 @@ class LightsSoFar:
         found = with_unknown_focal(run, camera) if camera.source == "assumed" else run(camera)
         return replace(found, camera=found.camera or camera)
 
-    def _with_diameters(self, balls: Sequence[Ball]) -> list[Ball]:
+    def _with_diameters(self, balls: Sequence[Ball]) -> tuple[list[Ball], list[str]]:
         ordered = sorted(balls, key=lambda ball: (ball.sphere.kind, -ball.sphere.radius_px))
         try:
             known = with_diameters(drafted([ball.sphere for ball in ordered], self._step), self._asking)
         except SceneError as error:
-            self.warnings = [str(error)]
-            return ordered
+            return ordered, [str(error)]
         # `with_diameters` sorts by kind, and keeps the order within one, as this does.
-        return [
-            replace(ball, sphere=replace(ball.sphere, diameter_mm=one.diameter_mm))
-            for ball, one in zip(ordered, known, strict=True)
-        ]
+        pairs = zip(ordered, known, strict=True)
+        return [replace(a, sphere=replace(a.sphere, diameter_mm=b.diameter_mm)) for a, b in pairs], []
 
 
 def joined(before: Calibration, newest: Calibration, names: Sequence[str]) -> Calibration | None:
@@ -153,14 +142,8 @@ def joined(before: Calibration, newest: Calibration, names: Sequence[str]) -> Ca
     def of(field: str) -> NDArray[np.float64]:
         return np.stack([getattr(lights, field)[i] for lights, i in rows])
 
-    lights = replace(
-        new,
-        names=tuple(names),
-        directions=of("directions"),
-        intensities=of("intensities"),
-        positions_mm=None if new.positions_mm is None else of("positions_mm"),
-        direction_sigma_deg=of("direction_sigma_deg"),
-        intensity_sigma=of("intensity_sigma"),
-        flags=tuple(lights.flags[i] for lights, i in rows),
-    )
+    per_frame = ["directions", "intensities", "direction_sigma_deg", "intensity_sigma"]
+    per_frame += [] if new.positions_mm is None else ["positions_mm"]
+    flags = tuple(lights.flags[i] for lights, i in rows)
+    lights = replace(new, names=tuple(names), flags=flags, **{field: of(field) for field in per_frame})
     return replace(newest, lights=lights.normalised())

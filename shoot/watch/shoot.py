@@ -1,43 +1,45 @@
-"""A shoot under way: each new photograph judged with all before it."""
+"""A shoot under way: each new photograph judged with all before it, by the rooms that judge the whole session."""
 
-import time
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from capture.audit.part_movement import Part, parts_of
+import numpy as np
+from numpy.typing import NDArray
+
+from align.mask.object_mask import find_object
+from capture.audit.audit import blown_warnings, movement_warnings
+from capture.audit.camera_settings import exposure_by_room, exposure_gains, gaps_in_numbering, mixed_settings
+from capture.audit.focus import focus_warnings
+from capture.audit.missing_flashes import doubles, misfires
+from capture.audit.part_movement import Part, part_warnings, parts_of
+from capture.photographs.kept import KeptStack
+from capture.photographs.photograph import SATURATION
+from capture.session.globs import frame_names
+from capture.session.session_types import Session
 from capture.survey.small_pictures import frames_of
+from scene.errors import CaptureError, SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from shoot.init.answers import Asking
-from shoot.watch.judge import FramesSoFar, Told
+from shoot.plan.shoot_plan import next_flash
+from shoot.plan.under_way import under_way
 from shoot.watch.lights_so_far import LightsSoFar
-from shoot.watch.normals_so_far import Known, NormalsSoFar
-from shoot.watch.shots import Shot, Sorted, sort_shots
+from shoot.watch.shots import Shot, mean_codes, sort_shots
+from solve.solve import solve
 
-
-@dataclass(frozen=True)
-class Verdict:
-    """What is said of a photograph.
-
-    Parameters
-    ----------
-    name : str
-        Its file.
-    role : str
-        flash, ambient, dark, flat, board, chrome, white, or left out.
-    warnings : tuple of str
-        What is new with it.
-    seconds : float
-        From when it was found whole to here.
-    """
-
-    name: str
-    role: str
-    warnings: tuple[str, ...]
-    seconds: float = 0.0
+LOOKED_BACK = 12
+"""The newest frames: among them a movement is sought, and a lost focus; what happened before was told before."""
+FEWEST = 8
+"""Frames from which on a movement is sought, and said what is no frame's own: among fewer, light that moves looks like
+it."""
+FIRST, AGAIN = 4, 2
+"""Frames with which the object is first looked for; how many times as many there are when it is looked for again."""
+PIXELS = 4000
+"""Of the object whose normals are looked at, at most, evenly over the picture."""
 
 
 class Shoot:
@@ -52,20 +54,26 @@ class Shoot:
 
     def __init__(self, folder: Path, asking: Asking) -> None:
         self.folder = folder
-        self._shots: dict[str, Shot] = {}
-        self._frames = FramesSoFar(folder)
-        self._told = Told()
+        self._told: set[str] = set()
+        self._shots: list[Shot] = []
+        self.roles: dict[str, list[Shot]] = {"flash": [], "ambient": []}
+        self.left_out: dict[str, str] = {}
+        """By digest, what was said of photographs that are no flash frames."""
         self.lights_so_far = LightsSoFar(asking)
-        self._normals = NormalsSoFar()
-        self.sorted = Sorted()
-        self.known: Known | None = None
-        self._stack: Frames | None = None
-        self.verdicts: list[Verdict] = []
+        self.frames: Frames | None = None
+        self.newest: Shot | None = None
+        """The flash frame that came last."""
+        self._mask, self._looked_with = None, 0
+        self.next_flash: dict[str, Any] | None = None
+        self.sigma_deg: NDArray[np.float64] | None = None
+        """(h, w), of each normal along one tangent axis, noise and the lights' own; NaN off the object."""
+        self.why = "balls are looked for from the 4th flash frame on"
+        """Why nothing is known of lights or normals."""
 
     @property
-    def shots(self) -> list[Shot]:
-        """All photographs that count."""
-        return list(self._shots.values())
+    def flash(self) -> list[Shot]:
+        """The flash frames, in the session's order."""
+        return self.roles["flash"]
 
     @property
     def lights(self) -> Lights | None:
@@ -73,111 +81,137 @@ class Shoot:
         found = self.lights_so_far.found
         return found.lights if found else None
 
-    @property
-    def why_no_normals(self) -> str:
-        """Why nothing is said of the normals yet."""
-        return self._normals.why
-
-    def take_back(self, digests: set[str]) -> None:
-        """Leave out photographs that count no more: others stand in their place."""
-        for digest in digests & set(self._shots):
-            del self._shots[digest]
-            self.lights_so_far.fit_all()
-
-    def rename(self, digest: str, path: Path) -> None:
-        """Note that a photograph has another name now."""
-        shot = self._shots[digest]
-        self.lights_so_far.fit_all()
-        self._shots[digest] = replace(shot, path=path, small=replace(shot.small, path=path))
-
-    def add(self, shots: Sequence[Shot], start: float) -> list[Verdict]:
-        """Say of new photographs, all at once, what is seen at a glance; `start`: when they came.
+    def judge(self, shots: Sequence[Shot], *, fit_all: bool) -> list[str]:
+        """Say of the photographs that stand there what is seen at a glance; return what was not said before.
 
         Did the flash fire, exposure, clipping, the same light twice, the numbering. `follow` says the rest.
+        `fit_all`: a photograph is gone, or has another name: the lights are fitted together next.
         """
-        self._shots |= {shot.digest: shot for shot in shots}
-        self.sorted = sort_shots(self.shots, self.folder)
-        flash, ambient = self.sorted.flash, self.sorted.ambient
-        said: list[str] = []
-        if flash:
-            self._stack, said = self._frames.frames(flash, ambient)
-            said += self._frames.warnings(self._stack, flash, ambient)
-        fresh = self._new(said)
-        verdicts = []
-        for shot in shots:
-            name = self._frame_name(shot)
-            own = self._new([self.sorted.told[shot.digest]]) if shot.digest in self.sorted.told else []
-            own = [f"{shot.path.stem}: {text}" for text in own]
-            mine = [text for text in fresh if name in text]
-            fresh = [text for text in fresh if text not in mine]
-            verdicts.append(Verdict(shot.name, self._role(shot), (*own, *mine), time.monotonic() - start))
-        if fresh and verdicts:
-            verdicts[-1] = replace(verdicts[-1], warnings=(*verdicts[-1].warnings, *fresh))
-        self.verdicts += verdicts
-        return verdicts
+        known, self._shots = {shot.digest for shot in self._shots}, list(shots)
+        if fit_all:
+            self.lights_so_far.fit_all()
+        self.roles, self.left_out = sort_shots(shots, self.folder)
+        said = [f"{shot.path.stem}: {self.left_out[shot.digest]}" for shot in shots if shot.digest in self.left_out]
+        new = [shot for shot in self.flash if shot.digest not in known]
+        self.frames, self.newest = None, new[-1] if new else None
+        if not self.flash:
+            return self._new(said)
+        names, dim = tuple(frame_names([shot.path for shot in self.flash])), self._ambient_small()
+        exif, ambient = [shot.exif for shot in self.flash], self.roles["ambient"]
+        facts = [shot.facts for shot in self.flash]
+        gain, _ = exposure_gains(exif, [shot.exif for shot in ambient])
+        pictures = np.stack([fact.small * factor for fact, factor in zip(facts, gain, strict=True)])
+        by_room, told = exposure_by_room(names, pictures, dim)
+        self.frames = self._full_size(names, gain * by_room)
+        light = pictures * by_room[:, None, None] - (0 if dim is None else dim)
+        paths = tuple(shot.path for shot in self.flash)
+        dims = tuple(shot.path for shot in ambient)
+        session = Session(self.folder.name, self.folder, paths, names, tuple(range(len(names))), ambient=dims)
+        said += [*told, *mixed_settings(session, exif, [shot.exif for shot in ambient]), *gaps_in_numbering(session)]
+        if len(names) > 2:
+            try:
+                said += misfires(names, light, dim)
+            except CaptureError as error:
+                said += str(error).splitlines()
+        return self._new([*said, *doubles(names, facts, light), *blown_warnings(names, facts)])
 
-    def follow(self) -> Iterator[list[str]]:
-        """Say the rest of the photographs so far, part by part: lights, focus and movement, balls; yield new warnings.
+    def follow(self) -> list[str]:
+        """Bring lights and normals up to date, and say the rest of the photographs; see `judge`.
 
         Lights are read from the reduced pictures: `process` reads them from the whole ones, and finer.
         """
-        flash, lights = self.sorted.flash, self.lights_so_far
-        if self._stack is None or not flash:
-            return
-        exif = [shot.exif for shot in flash]
-        small, step = self._small(), flash[0].small.step
+        frames, flash = self.frames, self.flash
+        if frames is None:
+            return []
+        small = frames_of([shot.small for shot in flash], [shot.small for shot in self.roles["ambient"]])
+        small, step = replace(small, names=frames.names, gain=frames.gain), flash[0].small.step
         with ThreadPoolExecutor(1) as beside:
-            late = beside.submit(self._frames.late_warnings, self._stack, flash, self._parts())
-            if not lights.is_due(len(flash)):
-                lights.update(small, exif, step)
-                yield self._new(lights.warnings)
-            yield self._new(late.result())
-        if lights.is_due(len(flash)):
-            lights.find_balls(small, exif, step)
-            said = list(lights.warnings)
-            lights.update(small, exif, step)
-            yield self._new([*said, *lights.warnings])
+            late = beside.submit(self._late, frames, self._parts(step))
+            told = self.lights_so_far.renew(small, [shot.exif for shot in flash], step)
+            if len(flash) < FEWEST:
+                # Of so few, what is no frame's own is noise as often as not.
+                told = [text for text in told if any(name in text for name in frames.names)]
+            told = [*told, *late.result()]
+        self._look_at_normals(small)
+        return self._new(told)
 
-    def look_at_object(self) -> None:
-        """Bring what is known of the normals up to date; seconds where the object is looked for anew."""
-        found = self.lights_so_far.found
-        if not self.sorted.flash or found is None or found.camera is None or self._stack is None:
-            return
-        named = set(found.lights.names)
-        small = self._small().only([i for i, name in enumerate(self._stack.names) if name in named])
-        if self._normals.is_due(len(small)):
-            self._normals.find_object(small, found.camera, found.spheres)
-        self.known = self._normals.update(small, found.camera, found.lights, found.spheres)
+    def role_of(self, shot: Shot) -> str:
+        """Return a photograph's role: flash, ambient, dark, flat, board, chrome, white, or left out."""
+        return next((role for role, shots in self.roles.items() if shot in shots), "left out")
 
-    def light_of(self, verdict: Verdict) -> dict[str, Any] | None:
+    def light_of(self, shot: Shot) -> dict[str, Any] | None:
         """Return the row of `Lights.facts` of a photograph; None where its light is not known."""
-        shot = next((one for one in self.sorted.flash if one.name == verdict.name), None)
-        if shot is None or self.lights is None:
+        if self.frames is None or self.lights is None or shot not in self.flash:
             return None
-        name = self._frame_name(shot)
+        name = self.frames.names[self.flash.index(shot)]
         return next((row for row in self.lights.facts()["frames"] if row["name"] == name), None)
 
-    def _new(self, texts: list[str]) -> list[str]:
-        return self._told.new(texts, [shot.path.stem for shot in self.shots])
+    def _ambient_small(self) -> NDArray | None:
+        ambient = [shot.facts.small for shot in self.roles["ambient"]]
+        return np.mean(ambient, 0) if ambient else None
 
-    def _parts(self) -> list[Part]:
-        """Return what may move alone, as far as it is found."""
+    def _full_size(self, names: tuple[str, ...], gain: NDArray) -> Frames:
+        """Return the frames, read from where each photograph is kept."""
+        is_integer = self.flash[0].codes.dtype == np.uint16
+        saturation = SATURATION * min(shot.facts.white for shot in self.flash) if is_integer else np.inf
+        stack: NDArray = KeptStack([shot.codes for shot in self.flash])  # type: ignore[assignment]
+        is_mosaic = any(shot.facts.is_mosaic for shot in self.flash)
+        return Frames(names, stack, gain, mean_codes(self.roles["ambient"]), saturation, is_mosaic)
+
+    def _late(self, frames: Frames, parts: list[Part]) -> list[str]:
+        """Return what takes a second to find in the newest frames: a lost focus, a movement of all, or of `parts`."""
+        last = slice(-LOOKED_BACK, None)
+        recent, facts = frames.only(last), [shot.facts for shot in self.flash[last]]
+        moved = movement_warnings(recent, facts) if len(facts) >= FEWEST else []
+        return [*focus_warnings(recent, facts), *(moved or part_warnings(recent, parts))]
+
+    def _parts(self, step: int) -> list[Part]:
+        found = self.lights_so_far.found
+        return parts_of(found.spheres, found.camera, step) if found and found.camera else []
+
+    def _look_at_normals(self, small: Frames) -> None:
+        """Solve the object's normals, a few thousand of them, and find the flash that would help them most."""
         found = self.lights_so_far.found
         if found is None or found.camera is None:
-            return []
-        return parts_of(found.spheres, found.camera, self.sorted.flash[0].small.step)
+            return
+        some = small.only([i for i, name in enumerate(small.names) if name in found.lights.names])
+        try:
+            if len(some) >= max(FIRST, AGAIN * self._looked_with):
+                self._looked_with = len(some)
+                self._mask = find_object(some, found.camera, found.spheres).mask
+            if self._mask is None:
+                return
+            step = max(1, int(np.ceil(np.sqrt(np.count_nonzero(self._mask) / PIXELS))))
+            thin, view, mask = some.every(step), found.camera.every(step), self._mask[::step, ::step]
+            estimate = solve("iterative", thin, found.lights, view, mask)
+            so_far = under_way(thin, view, found.lights, found.spheres, estimate, count=PIXELS)
+            # The balls count in the pixels that were not thinned out.
+            self.next_flash, sigma = next_flash(so_far, found.camera, found.lights)
+        except SceneError as error:
+            self.why = str(error)
+            return
+        self.sigma_deg = np.full(mask.shape, np.nan)
+        self.sigma_deg[so_far.places[:, 1], so_far.places[:, 0]] = sigma
 
-    def _small(self) -> Frames:
-        assert self._stack is not None
-        small = frames_of([shot.small for shot in self.sorted.flash], [shot.small for shot in self.sorted.ambient])
-        return replace(small, names=self._stack.names, gain=self._stack.gain)
+    def _new(self, warnings: Iterable[str]) -> list[str]:
+        """Return the warnings that were not given before: each once, also where its numbers change with every frame."""
+        marks = sorted((shot.path.stem for shot in self._shots), key=len, reverse=True)
+        found = []
+        for text in warnings:
+            key = warning_key(text, marks)
+            if key not in self._told:
+                self._told.add(key)
+                found.append(text)
+        return found
 
-    def _frame_name(self, shot: Shot) -> str:
-        places = [one.digest for one in self.sorted.flash]
-        if self._stack is not None and shot.digest in places:
-            return self._stack.names[places.index(shot.digest)]
-        return shot.path.stem
 
-    def _role(self, shot: Shot) -> str:
-        some = {"flash": self.sorted.flash, "ambient": self.sorted.ambient, **self.sorted.others}
-        return next((role for role, shots in some.items() if shot in shots), "left out")
+def warning_key(text: str, names: Sequence[str]) -> str:
+    """Return what two warnings share that say the same of the same frames and balls; `names`: frames', longest first.
+
+    Numbers count only in frames' names, which are no measurements, and in a ball's place, by which it is called.
+    """
+    named = [name for name in names if name in text]
+    for name in named:
+        text = text.replace(name, "\0")
+    places = re.findall(r"at \(-?\d+, -?\d+\) px", text)
+    return " ".join([re.sub(r"\d+(\.\d+)?", "#", text), *sorted(named), *places])

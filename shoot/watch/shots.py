@@ -1,7 +1,7 @@
 """The photographs of a shoot under way: each decoded once, and what it is by its name, its size and its light."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +26,7 @@ class Shot:
     digest : str
         Of its file's content.
     path : Path
-        Its file, absolute; there when it was last seen.
+        Its file, absolute.
     codes : (H, W, 3) uint16 or float16
         Memory-mapped.
     facts, small, exif : what is known of it.
@@ -63,71 +63,49 @@ def read_shot(path: Path, digest: str, kept: Kept) -> Shot:
     return Shot(digest, path, mapped.codes if mapped else codes, facts, small, read_exif(path))
 
 
-@dataclass(frozen=True)
-class Sorted:
-    """The photographs of a shoot by their roles.
-
-    Parameters
-    ----------
-    flash : list of Shot
-        One light each, in the order of the session to be.
-    ambient : list of Shot
-        Flash off.
-    others : dict of lists of Shot
-        dark, flat, board, chrome, white: as the files' names tell.
-    told : dict of str to str
-        By digest, what is to be said of a photograph that is no flash frame.
-    """
-
-    flash: list[Shot] = field(default_factory=list)
-    ambient: list[Shot] = field(default_factory=list)
-    others: dict[str, list[Shot]] = field(default_factory=dict)
-    told: dict[str, str] = field(default_factory=dict)
-
-
-def sort_shots(shots: Sequence[Shot], folder: Path) -> Sorted:
+def sort_shots(shots: Sequence[Shot], folder: Path) -> tuple[dict[str, list[Shot]], dict[str, str]]:
     """Give each photograph its role: by its name, its size, and, where the name tells nothing, by its light.
 
     A photograph without flash is an ambient one: nothing tells it from a flash that did not fire.
+
+    Returns
+    -------
+    roles : dict of lists of Shot
+        flash, one light each in the order of the session to be; ambient; dark, flat, board, chrome, white.
+    told : dict of str to str
+        By digest, what is to be said of a photograph that is no flash frame.
     """
     by_path = {shot.path: shot for shot in shots}
     named = sorted_files(by_path, folder).photographs
-    found = Sorted(others={role: [by_path[path] for path in paths] for role, paths in named.items()})
-    flash, ambient = found.others.pop("flash", []), found.others.pop("ambient", [])
-    listed = {shot.digest for some in (flash, ambient, *found.others.values()) for shot in some}
-    for shot in shots:
-        if shot.digest not in listed:
-            found.told[shot.digest] = "no RAW file, as the others are; it is left out. Set the camera to RAW."
-    flash = _of_one_size(flash, found.told)
-    roles = by_light([shot.small for shot in flash]) if len(flash) > 1 else {}
-    by_small = {id(shot.small): shot for shot in flash}
-    lit = [by_small[id(one)] for one in roles.get("flash", [shot.small for shot in flash])]
-    unlit = [by_small[id(one)] for role in ("ambient", "dark") for one in roles.get(role, [])]
-    for shot in unlit:
-        if ambient:
-            found.told[shot.digest] = "the flash did not fire; the frame is left out. Shoot it again."
-        else:
-            found.told[shot.digest] = (
-                "no flash is seen; it is taken for the ambient frame (flash off). If the flash was meant to fire, "
-                "shoot it again."
+    roles = {role: [by_path[path] for path in paths] for role, paths in named.items()}
+    listed = {shot.digest for some in roles.values() for shot in some}
+    told = {
+        shot.digest: "no RAW file, as the others are; it is left out. Set the camera to RAW."
+        for shot in shots
+        if shot.digest not in listed
+    }
+    by_small = {id(shot.small): shot for shot in shots}
+    flash = [shot.small for shot in roles.get("flash", [])]
+    if flash:
+        flash, odd = of_one_size(flash)
+        for one in odd:
+            told[by_small[id(one)].digest] = (
+                f"is {one.width} x {one.height} px, the others {flash[0].width} x {flash[0].height}; it is left out. "
+                "One session has one size."
             )
-    found.flash.extend(sorted(lit, key=lambda shot: natural_key(shot.path)))
-    found.ambient.extend(ambient or sorted(unlit, key=lambda shot: natural_key(shot.path)))
-    return found
-
-
-def _of_one_size(flash: list[Shot], told: dict[str, str]) -> list[Shot]:
-    if not flash:
-        return []
-    same, odd = of_one_size([shot.small for shot in flash])
-    for one in odd:
-        shot = next(shot for shot in flash if shot.small is one)
+    sorted_ = by_light(flash) if len(flash) > 1 else {"flash": flash}
+    unlit = [by_small[id(one)] for role in ("ambient", "dark") for one in sorted_.get(role, [])]
+    for shot in unlit:
         told[shot.digest] = (
-            f"is {one.width} x {one.height} px, the others {same[0].width} x {same[0].height}; it is left out. "
-            "One session has one size."
+            "the flash did not fire; the frame is left out. Shoot it again."
+            if roles.get("ambient")
+            else "no flash is seen; it is taken for the ambient frame (flash off). If the flash was meant to fire, "
+            "shoot it again."
         )
-    kept = {id(one) for one in same}
-    return [shot for shot in flash if id(shot.small) in kept]
+    lit = [by_small[id(one)] for one in sorted_.get("flash", [])]
+    roles["flash"] = sorted(lit, key=lambda shot: natural_key(shot.path))
+    roles["ambient"] = roles.get("ambient") or sorted(unlit, key=lambda shot: natural_key(shot.path))
+    return roles, told
 
 
 def mean_codes(shots: Sequence[Shot]) -> NDArray | None:

@@ -1,11 +1,13 @@
-"""The state of a shoot as a file, and its sigma map as a picture: what the studio shows while it goes on."""
+"""The state of a shoot: in words, and as a file and a picture of sigma that the studio shows while it goes on."""
 
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.progress import say
 from scene.files import write_json, write_png
 from scene.output_folder import record_for
 from shoot.watch.shoot import Shoot
@@ -13,40 +15,103 @@ from shoot.watch.shoot import Shoot
 STATUS, MAP = "watch.json", "watch-sigma.png"
 WORK = "watch"
 """Of the record: what a watch writes beside its session."""
+SIDES = ("right", "above right", "above", "above left", "left", "below left", "below", "below right")
 
 
-def write_status(out: Path, shoot: Shoot, warnings: list[str], wanted_deg: float, *, is_over: bool = False) -> None:
-    """Write watch.json, and watch-sigma.png where the normals are known."""
-    record = record_for(out / STATUS)
-    assert record is not None
-    with record.part_of(WORK):
-        if shoot.known is not None:
-            write_png(out / MAP, sigma_picture(shoot.known.sigma_deg, wanted_deg))
-        write_json(out / STATUS, {"is_over": is_over, **status_of(shoot, warnings, wanted_deg)})
+class Screen:
+    """What the photographer and the studio see.
+
+    Parameters
+    ----------
+    shoot : Shoot
+    out : Path
+        Output folder.
+    wanted_deg : float
+        Sigma of the normals that is good enough.
+    """
+
+    def __init__(self, shoot: Shoot, out: Path, wanted_deg: float) -> None:
+        self._shoot, self._out, self._wanted_deg = shoot, out, wanted_deg
+        self._warnings: list[str] = []
+        self._said: list[str] = []
+
+    def note(self, text: str) -> None:
+        """Say what happened."""
+        say(f"  {text}")
+
+    def warn(self, text: str) -> None:
+        """Say a warning, with the terminal's bell."""
+        self._warnings.append(text)
+        bell = "\a" if sys.stderr.isatty() else ""
+        say(f"{bell}warning: {text}", always=True)
+
+    def renew(self, *, is_over: bool = False) -> None:
+        """Say what is known by now, and write watch.json, and watch-sigma.png where the normals are known."""
+        shoot, record = self._shoot, record_for(self._out / STATUS)
+        assert record is not None
+        status = status_of(shoot, self._warnings, self._wanted_deg)
+        with record.part_of(WORK):
+            if shoot.sigma_deg is not None:
+                write_png(self._out / MAP, sigma_picture(shoot.sigma_deg, self._wanted_deg))
+            write_json(self._out / STATUS, {"is_over": is_over, **status})
+        lines = state_lines(shoot, status)
+        # What is as it was need not be said again.
+        for line in [] if is_over else [line for line in lines if line not in self._said]:
+            self.note(line)
+        self._said = lines
 
 
 def status_of(shoot: Shoot, warnings: list[str], wanted_deg: float) -> dict[str, Any]:
     """Return the state of a shoot as plain values."""
-    known = shoot.known
+    sigma = None if shoot.sigma_deg is None else shoot.sigma_deg[np.isfinite(shoot.sigma_deg)]
+    known = None
+    if sigma is not None:
+        known = {
+            "sigma_deg_median": float(np.median(sigma)),
+            "wanted_deg": wanted_deg,
+            "share_under_wanted": float(np.mean(sigma < wanted_deg)),
+            "next_flash": shoot.next_flash,
+        }
     return {
-        "folder": shoot.folder,
-        "flash": len(shoot.sorted.flash),
-        "ambient": len(shoot.sorted.ambient),
-        "photographs": [
-            {"name": one.name, "role": one.role, "warnings": one.warnings, "seconds": one.seconds}
-            for one in shoot.verdicts
-        ],
+        "flash": len(shoot.flash),
+        "ambient": len(shoot.roles["ambient"]),
         "warnings": warnings,
         "lights": shoot.lights.facts() if shoot.lights else None,
-        "normals": None
-        if known is None
-        else {
-            "sigma_deg_median": known.median_deg,
-            "wanted_deg": wanted_deg,
-            "share_under_wanted": known.share_under(wanted_deg),
-            "next_flash": known.next_flash,
-        },
+        "normals": known,
     }
+
+
+def state_lines(shoot: Shoot, status: dict[str, Any]) -> list[str]:
+    """Return what is known by now, in lines; `status`: see `status_of`."""
+    count, known = status["flash"], status["normals"]
+    lines = [f"{count} flash frame{'s' * (count != 1)}, {status['ambient']} ambient"]
+    light = shoot.light_of(shoot.newest) if shoot.newest else None
+    lines += [f"{shoot.newest.name}: flash at {place_text(light)}"] if shoot.newest and light else []
+    if shoot.lights is None:
+        return [*lines, f"lights: not known yet; {shoot.why}"]
+    lines.append(f"lights: {shoot.lights!r}")
+    if known is None:
+        return [*lines, f"normals: not known yet; {shoot.why}"]
+    sigma, wanted, following = known["sigma_deg_median"], known["wanted_deg"], known["next_flash"]
+    lines.append(
+        f"normals: sigma {sigma:.2g} degrees (median), {known['share_under_wanted']:.0%} of the object under {wanted:g}"
+    )
+    if sigma <= wanted:
+        return [*lines, f"enough: the median sigma is under {wanted:g} degrees"]
+    return [*lines, f"next flash: {place_text(following)}: sigma to {following['sigma_deg']:.2g} degrees"]
+
+
+def place_text(light: dict[str, Any]) -> str:
+    """Return where a flash stands, in words; `light`: a row of `Lights.facts`."""
+    away = f", {light['distance_mm']:.0f} mm away" if light["distance_mm"] is not None else ""
+    sigma = light.get("direction_sigma_deg")
+    known = "" if sigma is None else f" (to {sigma:.2g})"
+    return f"{light['zenith_deg']:.0f} degrees from the axis{known}, {side_of(light['azimuth_deg'])}{away}"
+
+
+def side_of(azimuth_deg: float) -> str:
+    """Return where a flash stands as the camera sees it."""
+    return SIDES[round(azimuth_deg / 45) % 8]
 
 
 def sigma_picture(sigma_deg: NDArray[np.float64], wanted_deg: float) -> NDArray[np.uint8]:

@@ -1,59 +1,59 @@
 """`rgbn watch`: photographs taken as they come, judged at once, and a session in the end."""
 
-import math
+import signal
+import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from capture.hot_folder.hot_folder import HotFolder
-from capture.hot_folder.ledger import Ledger
-from capture.hot_folder.tracker import ALONE_S
 from capture.photographs.kept import kept_folder
 from capture.session.globs import kind_of
-from capture.survey.folder_files import files_below
+from capture.survey.folder_files import FEWEST, files_below, sorted_files
+from capture.survey.hot_folder import ALONE_S, HotFolder, list_photographs, look_of
+from capture.survey.small_pictures import frames_of
 from lab.progress import say
 from lab.run import run_session
 from lab.run_log import logged
-from lab.session_place import default_out, note_session
+from lab.session_place import MANIFEST, default_out, note_session
+from scene.errors import SessionError
+from scene.light_text import FILENAMES
 from scene.origin import Origin
 from scene.output_folder import open_record
 from shoot.init.answers import Answers, Asking
+from shoot.init.draft import Draft
 from shoot.init.draft_notes import notes_of
 from shoot.init.init_session import write_session
-from shoot.watch.alarm import Alarm
-from shoot.watch.screen import Screen, screen_for
-from shoot.watch.session_end import check_folder, draft_of_shoot, left_out, note_manifest
+from shoot.init.prepare import completed, encoding_of
+from shoot.init.session_text import is_unedited
 from shoot.watch.shoot import Shoot
-from shoot.watch.status import write_status
-from shoot.watch.take import Taken, Taking
+from shoot.watch.shots import Shot
+from shoot.watch.status import Screen
+from shoot.watch.taken import Taken
+
+EVERY_S = 0.5
+"""A folder is listed so often; one that is slow to list, half of the time."""
 
 
 def whole_photographs(folder: Path) -> tuple[Path, ...]:
     """Return the photographs of a folder that no program writes to: half of one has other contents later."""
-    latest = time.time() - ALONE_S
-    return tuple(file for file in files_below(folder) if kind_of(file) and _written(file) < latest)
-
-
-def _written(file: Path) -> float:
-    """Return when a file was last written to; never ending for one that is gone meanwhile."""
-    try:
-        return file.stat().st_mtime
-    except OSError:
-        return math.inf
+    latest = 1e9 * (time.time() - ALONE_S)
+    files = [(file, look_of(file)) for file in files_below(folder) if kind_of(file)]
+    return tuple(file for file, look in files if look is not None and look.mtime_ns < latest)
 
 
 def watch_folder(
     folder: Path,
     out: Path | None,
     answers: Answers,
-    alarm: Alarm,
     *,
     until_idle_s: float | None = None,
     wanted_deg: float = 1.0,
     clock: Callable[[], float] = time.monotonic,
 ) -> None:
-    """Watch a folder until Ctrl-C, or until no photograph has come for a while; then write its session, and decode it.
+    """Watch a folder until it is ended, or no photograph has come for a while; then write its session, and decode it.
+
+    Ctrl-C ends it, and SIGTERM, as services send it.
 
     Parameters
     ----------
@@ -63,9 +63,8 @@ def watch_folder(
         Output folder; outside of `folder`. Default: out/NAME here, by the folder's name.
     answers : Answers
         Camera and balls, as `init` is told them.
-    alarm : Alarm
     until_idle_s : float, optional
-        Seconds without a new photograph after which the shoot is over. Default: it ends on Ctrl-C.
+        Seconds without a new photograph after which the shoot is over.
     wanted_deg : float
         Sigma of the normals that is good enough.
 
@@ -76,45 +75,25 @@ def watch_folder(
         few photographs make no session.
     """
     folder = folder.resolve()
-    check_folder(folder)
+    _check_folder(folder)
     asking = Asking(answers, silent=True)
     origin = Origin("session", folder, whole_photographs(folder))
     out = out or default_out(origin, folder.name)
-    with open_record(out, origin=origin, input_folders=[folder]) as record, logged(record), alarm:
-        ledger = Ledger(record.scratch("watch") / "ledger.json")
-        check_folder(folder, record)
-        shoot = Shoot(folder, asking)
+    with open_record(out, origin=origin, input_folders=[folder]) as record, logged(record):
         # By it the studio knows the folder, before there is a session.
         note_session(record, folder)
-        with (
-            HotFolder(folder, ledger.whole, clock=clock) as hot,
-            screen_for(shoot, record.folder, wanted_deg) as screen,
-        ):
-            taking = Taking(hot, ledger, kept_folder(record.folder), shoot, asking)
-
-            def tell(taken: Taken, start: float) -> None:
-                for text in taken.notes:
-                    screen.note(text)
-                warnings = list(taken.warnings)
-                if taken.shots:
-                    for verdict in shoot.add(taken.shots, start):
-                        screen.verdict(verdict)
-                        warnings += verdict.warnings
-                for text in warnings:
-                    screen.warn(text)
-                    alarm.warn(text)
-
-            say(f"watching {folder}; Ctrl-C ends the shoot and writes its session")
-            with suppress(KeyboardInterrupt):
-                tell(taking.resume(), clock())
-                _loop(hot, taking, shoot, screen, tell, alarm, until_idle_s)
+        shoot = Shoot(folder, asking)
+        screen = Screen(shoot, out, wanted_deg)
+        taken = Taken(folder, kept_folder(record.folder), asking, screen.note, screen.warn)
+        say(f"watching {folder}; Ctrl-C ends the shoot and writes its session")
+        with _until_ended():
+            _loop(folder, taken, shoot, screen, until_idle_s, clock)
         say("the shoot is over")
-        write_status(record.folder, shoot, screen.warnings, wanted_deg, is_over=True)
-        notes = [*left_out(shoot.sorted, shoot.shots), *taking.unreadable.values()]
-        draft = draft_of_shoot(folder, shoot.sorted, asking, shoot.lights_so_far.balls, notes)
+        screen.renew(is_over=True)
+        draft = _draft_of(folder, shoot, asking, taken)
+        # What stood there first, perhaps an ambient frame alone, is no longer what tells the session from others.
+        Origin("session", folder, tuple(shot.path for shot in taken.shots.values())).claim(record, out)
     made = write_session(draft, out)
-    with open_record(out, input_folders=[folder]) as record:
-        note_manifest(record, made.manifest)
     for note in notes_of(draft):
         say(f"note: {note}")
     say(f"written  {made.manifest}")
@@ -122,41 +101,104 @@ def watch_folder(
     say(f"next     rgbn process {folder} --out {out}")
 
 
+@contextmanager
+def _until_ended() -> Iterator[None]:
+    """End the block, and no more, by Ctrl-C or SIGTERM."""
+    is_main = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler) if is_main else None
+    try:
+        yield
+    except KeyboardInterrupt:
+        pass
+    finally:
+        if is_main:
+            signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+
+
 def _loop(
-    hot: HotFolder,
-    taking: Taking,
+    folder: Path,
+    taken: Taken,
     shoot: Shoot,
     screen: Screen,
-    tell: Callable[[Taken, float], None],
-    alarm: Alarm,
     until_idle_s: float | None,
+    clock: Callable[[], float],
 ) -> None:
-    clock = hot.clock
-    last, judged, was_there = clock(), -1, True
+    hot, last, is_judged, was_there = HotFolder(), clock(), True, True
     while True:
-        files = hot.whole()
+        start = clock()
+        files = hot.see(list_photographs(folder), start)
+        listed_s = clock() - start
         if hot.is_there != was_there:
             was_there = hot.is_there
             screen.note("the folder is there again" if was_there else "the folder is gone; waiting for it to return")
-        now = clock()
-        if files:
-            tell(taking.take(files), now)
-            last = clock()
-            continue
-        if judged != len(shoot.verdicts):
-            judged = len(shoot.verdicts)
-            for warnings in shoot.follow():
-                for text in warnings:
-                    screen.warn(text)
-                    alarm.warn(text)
-                # A photograph that came meanwhile goes first.
-                if hot.whole():
-                    judged = -1
-                    break
-            else:
-                shoot.look_at_object()
-            screen.refresh(clock() - now)
-            continue
-        if until_idle_s is not None and now - last > until_idle_s and not hot.is_waiting:
+        fresh, is_changed = taken.renew(files, start)
+        warnings: list[str] = []
+        if fresh or is_changed:
+            warnings = shoot.judge(list(taken.shots.values()), fit_all=not fresh)
+            for shot in fresh:
+                say(f"{shot.name}: {shoot.role_of(shot)} ({clock() - start:.1f} s)")
+            is_judged, last = False, clock()
+        elif not is_judged:
+            # Photographs that came meanwhile went first.
+            warnings, is_judged = shoot.follow(), True
+            screen.renew()
+        elif until_idle_s is not None and start - last > until_idle_s and not (hot.is_growing or taken.is_waiting):
             return
-        hot.wait()
+        else:
+            time.sleep(max(EVERY_S, listed_s))
+        for text in warnings:
+            screen.warn(text)
+
+
+def _check_folder(folder: Path) -> None:
+    """Raise SessionError where a folder cannot be watched; a session.toml that nobody has changed is written anew."""
+    if not folder.is_dir():
+        lacks = "is no folder" if folder.exists() else "there is no such folder"
+        raise SessionError(f"{folder}: {lacks}. Give the folder that the camera's program writes into.")
+    if (folder / FILENAMES).is_file():
+        raise SessionError(f"{folder}: is a session in the DiLiGenT layout already. Run: rgbn process {folder}")
+    manifest = folder / MANIFEST
+    is_ours = manifest.is_file() and is_unedited(manifest.read_bytes().decode("utf-8", "replace"))
+    if (manifest.exists() or manifest.is_symlink()) and not (is_ours and not manifest.is_symlink()):
+        raise SessionError(
+            f"{manifest}: is there already, and a watch would write over it in the end. Watch a new folder; or rename "
+            f"{MANIFEST} and start again: what was shot is taken too."
+        )
+
+
+def _draft_of(folder: Path, shoot: Shoot, asking: Asking, taken: Taken) -> Draft:
+    """Return what a shoot is, as `init` would have found it.
+
+    Raises
+    ------
+    SessionError
+        Too few photographs show the flash.
+    """
+
+    def there(role: str) -> list[Shot]:
+        return [shot for shot in shoot.roles.get(role, []) if shot.path.is_file()]
+
+    flash, ambient = there("flash"), there("ambient")
+    if len(flash) < FEWEST:
+        raise SessionError(
+            f"{folder}: {len(flash)} photographs show the flash; a session needs {FEWEST} or more, and none was "
+            "written. Shoot more, and run the same command again: what was taken is kept."
+        )
+    frames = {shot.digest for shot in (*flash, *ambient)}
+    notes = [f"{taken.shots[digest].name}: {text}" for digest, text in shoot.left_out.items() if digest not in frames]
+    photographs = {role: [shot.path for shot in there(role)] for role in shoot.roles}
+    first, (linear, _) = flash[0].small, encoding_of(flash[0].path, asking)
+    draft = Draft(
+        folder, {role: paths for role, paths in photographs.items() if paths}, first.width, first.height,
+        frames_of([shot.small for shot in flash], [shot.small for shot in ambient]), first.step,
+        exif=tuple(shot.exif for shot in flash), linear=linear, notes=(*notes, *taken.unreadable),
+    )  # fmt: skip
+    files, balls = sorted_files(files_below(folder), folder), shoot.lights_so_far.balls
+    try:
+        return completed(draft, files, asking, balls)
+    except SessionError as error:
+        # The shoot is over: a diameter that does not fit is put right in session.toml.
+        say(f"warning: {error}", always=True)
+        said = asking.answers
+        plain = Asking(Answers(unit=said.unit, lens=said.lens, linear=said.linear), silent=True)
+        return completed(draft.noting(str(error)), files, plain, balls)

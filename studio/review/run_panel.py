@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from lab.settings import Settings
+from lab.options import Settings
 from scene.output_folder import read_record
 from studio.review.folder import Review, is_kept
 from studio.review.review_window import ReviewWindow
@@ -63,7 +63,7 @@ class RunPanel:
 def _programs(folder: Path) -> tuple[str, ...]:
     """Return the command lines of other programs that a run would start: a folder from elsewhere may name any."""
     record = read_record(folder)
-    return () if record is None else Settings.of(record).solving.external or ()
+    return () if record is None else Settings.of(record).external or ()
 
 
 class WarningsPanel:

@@ -8,9 +8,8 @@ import pytest
 
 from capture.session.session_types import Session, SphereSpec
 from lab.job import Job, Outcome, Step
-from lab.options import Solving
+from lab.options import Settings
 from lab.plan import STEPS
-from lab.settings import Settings
 from scene.camera import Camera
 from scene.files import write_text
 from scene.output_folder import open_record, read_record
@@ -113,7 +112,7 @@ NO_INPUT = {"name", "folder", "names", "kept", "photographed"}
 def marks(session, folder):
     found = {}
     with open_record(folder / "out") as record:
-        job = Job(session, record, Settings(Solving("ls")))
+        job = Job(session, record, Settings("ls"))
         for name, step in STEPS.items():
             found[name] = job.fingerprint(step)
             job.done[name] = {"fingerprint": found[name]}

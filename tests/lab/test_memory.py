@@ -14,9 +14,8 @@ from align.truth import ground_truth
 from fixtures.mesh_scene import random_scene
 from fixtures.mesh_shapes import blob, scan_of
 from lab.job import Job
-from lab.options import Solving, TwinSettings
+from lab.options import Settings
 from lab.registration import median_or_none
-from lab.settings import Settings
 from lab.steps import compare, solve
 from lab.twin_step import twin
 from scene.frames import Frames
@@ -66,7 +65,7 @@ def registered(folder, times):
     store.save_pose(scene.pose, residual_px=0.0, sigma_mm=0.0, sigma_deg=0.0)
     trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(folder / "scan.ply")
     session = SimpleNamespace(scan=folder / "scan.ply", scan_unit="mm", scan_ball_diameter_mm=None)
-    settings = Settings(Solving("ls,iterative"), TwinSettings(engine="many", error=0.3))
+    settings = Settings("ls,iterative", engine="many", error=0.3)
     return Job(session, Record(folder), settings)
 
 

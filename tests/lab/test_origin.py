@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from lab.job import Outcome
-from lab.options import AS_GIVEN, BY_DEFAULT, Solving, TwinSettings
+from lab.options import AS_BEFORE, Settings, Solving
 from lab.plan import STEPS
 from lab.run import run_session, session_and_out
-from lab.settings import Settings
 from scene.errors import SceneError
 from scene.files import write_text
 from scene.origin import Origin
@@ -152,14 +151,9 @@ def test_what_is_no_session_has_a_folder_of_its_own_too(quick):
 
 def test_a_folder_is_gone_on_with_as_it_was_made(quick):
     may, out = photographed(quick / "may", "may"), Path("out/vase")
-    how = {
-        "solving": Solving("position,ls", "seed"),
-        "refine_lights": True,
-        "truth": quick,
-        "twin": TwinSettings("many"),
-    }
     (quick / "truth.json").write_text("{}")
-    run_session(may, "compare", **how)
+    said = Settings("position,ls", "seed", refine_lights=True, truth=quick, engine="many")
+    run_session(may, "compare", said=said)
     before = results(out)
     assert before["solve/position"] == "solve of may 0 by position, seed"
     assert before["mask"] == "align of may 0, True"
@@ -177,9 +171,9 @@ def test_a_folder_is_gone_on_with_as_it_was_made(quick):
 
 def test_what_an_option_removes_is_said(quick, capsys):
     may, out = photographed(quick / "may", "may"), Path("out/vase")
-    run_session(may, "compare", solving=Solving("position,ls"))
+    run_session(may, "compare", said=Solving("position,ls"))
     capsys.readouterr()
-    run_session(out, "solve", solving=Solving("ls"))
+    run_session(out, "solve", said=Solving("ls"))
     said = capsys.readouterr().err
     assert "solve: is made anew; removed with what was there before: position, trust, twin, compare\n" in said
     assert set(results(out)) == {"frames", "lights", "mask", "solve/ls"}
@@ -187,19 +181,19 @@ def test_what_an_option_removes_is_said(quick, capsys):
     assert {"solve/ls", "twin/ls", "report"} < set(results(out))
     assert "removed" not in capsys.readouterr().err
     # One setting is changed; the others stay, and it can be taken back.
-    run_session(out, "compare", solving=Solving(profile="seed"), refine_lights=True)
+    run_session(out, "compare", said=Settings(profile="seed", refine_lights=True))
     assert results(out)["solve/ls"].endswith("by ls, seed")
-    run_session(out, "compare", refine_lights=False)
+    run_session(out, "compare", said=Settings(refine_lights=False))
     assert (results(out)["solve/ls"], results(out)["mask"]) == ("solve of may 0 by ls, seed", "align of may 0, False")
 
 
 def test_a_setting_that_is_refused_changes_nothing(quick):
     may, out = photographed(quick / "may", "may"), Path("out/vase")
-    run_session(may, "solve", solving=Solving("position"))
+    run_session(may, "solve", said=Solving("position"))
     before = results(out), read_record(out).notes
     for wrong in (Solving("nothing"), Solving(external=("no command",)), Solving(profile="sead")):
         with pytest.raises(SceneError):
-            run_session(out, "solve", solving=wrong)
+            run_session(out, "solve", said=wrong)
         assert (results(out), read_record(out).notes) == before
 
 
@@ -228,7 +222,7 @@ def test_no_order_of_verbs_sessions_and_folders_loses_results(quick, seed):
         before = {out: results(out) for out in owner}
         went_to = session_and_out(source, given)[1]
         try:
-            run_session(source, verb, out=given, solving=Solving(methods) if methods else BY_DEFAULT)
+            run_session(source, verb, out=given, said=Solving(methods or None))
         except SceneError:
             assert owner.get(given, text) != text
             assert {out: results(out) for out in owner} == before
@@ -250,16 +244,13 @@ def test_no_order_of_verbs_sessions_and_folders_loses_results(quick, seed):
 
 
 def test_settings_come_back_as_they_were_kept(tmp_path):
-    twin = TwinSettings("many", 0.02, True, False, None)
-    for settings in (
-        Settings(),
-        Settings(Solving("ls", None, ("a=b {data} {out}",), 3.5, False), twin, False, tmp_path),
-    ):
+    other = Settings("ls", None, ("a=b {data} {out}",), 3.5, False, False, "many", 0.02, True, False, None, tmp_path)
+    for settings in (Settings(), other):
         with open_record(tmp_path / "out") as record:
             settings.keep(record)
         assert Settings.of(read_record(tmp_path / "out")) == settings
-    assert settings.but(Settings(BY_DEFAULT, AS_GIVEN)) == settings
-    assert settings.but(Settings(Solving(external=()))).solving == replace(settings.solving, external=())
+    assert other.but(AS_BEFORE) == other
+    assert other.but(Solving(external=()), None) == replace(other, external=())
 
 
 def test_links_are_never_written_through(tmp_path):

@@ -12,9 +12,8 @@ import pytest
 from compare.report.facts import Material
 from fixtures.lit_surfaces import even_cap
 from lab.job import Job
-from lab.options import Solving
+from lab.options import Settings, Solving
 from lab.run import run_session
-from lab.settings import Settings
 from rgbn.export_command import export_session
 from rgbn.opened_session import Session
 from scene.errors import CalibrationError, SceneError
@@ -86,7 +85,7 @@ def test_what_is_written_says_unknown_and_holds_no_invented_direction(processed)
 @pytest.mark.full
 def test_a_method_that_needs_lights_is_refused_before_anything_is_solved(dome, processed, tmp_path):
     with pytest.raises(SceneError, match="--method ls: the lights are unknown") as error:
-        run_session(dome[0], "solve", out=processed[0], solving=Solving("ldr,ls"))
+        run_session(dome[0], "solve", out=processed[0], said=Solving("ldr,ls"))
     assert "ldr,entropy,tv" in str(error.value)
     assert "[[spheres]]" in str(error.value)
     with pytest.raises(CalibrationError, match="directions are unknown"):
@@ -150,7 +149,7 @@ def test_which_methods_run_under_which_lights(model, asked, expected):
     model = "unknown" if session.scan else model
     done = {} if model is None else {"calibrate": {"result": {"model": model}}}
     record: Any = SimpleNamespace(done=done)
-    job = Job(session, record, Settings(Solving(asked, external=("Learned=learned {data} {out}",))))
+    job = Job(session, record, Settings(asked, external=("Learned=learned {data} {out}",)))
     if expected is None:
         with pytest.raises(SceneError, match="--method ls: the lights are unknown"):
             _ = job.methods

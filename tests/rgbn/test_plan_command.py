@@ -7,13 +7,10 @@ import numpy as np
 import pytest
 
 from formats.meshes.ply_write import write_ply
-from rgbn.plan_command import plan
-from scene.errors import SceneError
-from shoot.plan.plan_options import CameraOptions, ObjectOptions, ShootOptions
+from shoot.plan.plan_options import PlanOptions
 from shoot.plan.run_plan import run_plan
 
 ROOT = Path(__file__).parents[2]
-SMALL = CameraOptions(pixels=(900, 600))
 
 
 def box(path):
@@ -25,43 +22,43 @@ def box(path):
 
 
 @pytest.mark.parametrize(
-    ("source", "options", "flashes", "words"),
+    ("source", "options", "words"),
     [
-        ("notes.txt", {}, 8, "cannot read a mesh with the ending '.txt'"),
-        ("no.ply", {}, 8, "there is no such scan or session"),
-        ("broken.ply", {"unit": "mm"}, 8, "broken.ply"),
-        ("box.ply", {}, 8, "a scan's file does not tell its unit"),
-        ("box.ply", {"unit": "mm"}, 2, "--flashes 2: expected 4 to 200"),
-        ("empty", {}, 8, "a folder without session.toml"),
-        ("session", {}, 8, "matches no file"),
-        (None, {"size_mm": -1.0}, 8, "--size-mm -1"),
-        (None, {"albedo": 2.0}, 8, "--albedo 2"),
+        ("notes.txt", [], "cannot read a mesh with the ending '.txt'"),
+        ("no.ply", [], "there is no such scan or session"),
+        ("broken.ply", ["--unit", "mm"], "broken.ply"),
+        ("box.ply", [], "a scan's file does not tell its unit"),
+        ("box.ply", ["--flashes", "2"], "--flashes. Must be >= 4"),
+        ("empty", [], "a folder without session.toml"),
+        ("session", [], "matches no file"),
+        (None, ["--size-mm", "-1"], "--size-mm. Must be > 0"),
+        (None, ["--albedo", "2"], "--albedo. Must be <= 1"),
+        (None, ["--iso", "0"], "--iso. Must be > 0"),
     ],
 )
-def test_each_fault_is_one_message_and_nothing_is_written(tmp_path, source, options, flashes, words):
+def test_each_fault_is_one_message_and_nothing_is_written(tmp_path, run_rgbn, source, options, words):
     box(tmp_path / "box.ply")
     (tmp_path / "notes.txt").write_text("a cup")
     (tmp_path / "broken.ply").write_bytes(b"ply\nnonsense")
     (tmp_path / "empty").mkdir()
     (tmp_path / "session").mkdir()
     (tmp_path / "session" / "session.toml").write_text('[frames]\nflash = "raw/*.dng"\n')
-    place = None if source is None else tmp_path / source
-    with pytest.raises(SceneError, match=words) as caught:
-        run_plan(
-            place, flashes, thing=ObjectOptions(**options), camera=SMALL, shoot=ShootOptions(), out=tmp_path / "out"
-        )
-    assert len(str(caught.value).splitlines()) == 1
+    place = [] if source is None else [tmp_path / source]
+    code, _, said = run_rgbn("plan", *place, "--pixels", "900", "600", *options, "--out", tmp_path / "out")
+    assert code == 2
+    assert words in said
+    assert len([line for line in said.splitlines() if line.startswith("rgbn: ")]) == 1
     assert not (tmp_path / "out" / "plan.json").exists()
 
 
-def test_a_scan_is_planned_written_and_told(tmp_path, capsys, monkeypatch):
+def test_a_scan_is_planned_written_and_told(tmp_path, run_rgbn, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    shoot = ShootOptions(chrome=(30.0, 30.0), white=(30.0,))
-    scan = box(tmp_path / "box.ply")
-    plan(scan, flashes=5, thing=ObjectOptions(unit="mm"), camera=SMALL, shoot=shoot, json=True)
-    printed = json.loads(capsys.readouterr().out)
+    words = ["plan", box(tmp_path / "box.ply"), "--flashes", "5", "--unit", "mm", "--pixels", "900", "600"]
+    words += ["--chrome", "30", "30", "--white", "30", "--gloss", "satin"]
+    code, printed, said = run_rgbn(*words, "--json")
+    assert code == 0, said
     written = json.loads((tmp_path / "out" / "plan-box" / "plan.json").read_text())
-    assert written == {name: value for name, value in printed.items() if name != "folder"}
+    assert written == {name: value for name, value in json.loads(printed).items() if name != "folder"}
     assert len(written["flashes"]) == 5
     assert [ball["kind"] for ball in written["balls"]] == ["chrome", "chrome", "white"]
     assert written["object"]["size_mm"] == pytest.approx(100)
@@ -69,19 +66,17 @@ def test_a_scan_is_planned_written_and_told(tmp_path, capsys, monkeypatch):
     assert written["camera"]["mm_per_px"] * 0.4 * 600 == pytest.approx(100, rel=0.1)
     page = (tmp_path / "out" / "plan-box" / "plan.html").read_text()
     assert "plan of a shoot" in page
-    plan(scan, flashes=5, thing=ObjectOptions(unit="mm"), camera=SMALL, shoot=shoot)
-    told = capsys.readouterr().out
+    told = " ".join(run_rgbn(*words)[1].split())
     assert "flashes, the most useful first" in told
-    assert "plan.html" in "".join(told.split())
+    assert "plan.html" in told
+    assert "gloss and shadows left out" in told
+    assert "a satin object: the error counts the samples that lie neither in gloss nor in shadow" in told
 
 
 @pytest.mark.full
 def test_a_session_under_way_is_continued(tmp_path):
     """The example's frames: as they are the lights so far, and the next ones lower the error."""
-    facts = run_plan(
-        ROOT / "fixtures" / "bumpy", 30, thing=ObjectOptions(), camera=CameraOptions(), shoot=ShootOptions(),
-        out=tmp_path / "out",
-    )  # fmt: skip
+    facts = run_plan(ROOT / "fixtures" / "bumpy", PlanOptions(flashes=30), out=tmp_path / "out")
     there = facts["there"]
     assert there > 3
     assert [row["is_there"] for row in facts["flashes"]] == [True] * there + [False] * (30 - there)

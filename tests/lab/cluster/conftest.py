@@ -12,7 +12,7 @@ import pytest
 from scene.files import write_png
 
 ROOT = Path(__file__).parents[3]
-COMMAND = [str(Path(sys.executable).parent / "rgbn")]
+COMMAND = [sys.executable, "-c", "from rgbn.cli import main; main()"]
 FRAMES = 24
 METHODS = "ls,iterative,rpca"
 HABITS = """
@@ -73,8 +73,9 @@ class Cluster:
         there = ["--scheduler", self.address] if scheduler else []
         with open(self.folder / f"run-{time.time_ns()}", "w+") as said:
             process = subprocess.Popen(
-                [*COMMAND, *map(str, words), *there], env=os.environ | settings, stdout=subprocess.DEVNULL, stderr=said
-            )
+                [*COMMAND, *map(str, words), *there], env=os.environ | {"PYTHONPATH": str(ROOT)} | settings,
+                stdout=subprocess.DEVNULL, stderr=said,
+            )  # fmt: skip
         process.said = Path(said.name)
         self.runs.append(process)
         return process

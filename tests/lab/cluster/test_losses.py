@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from lab.cluster.connect import executor_of
+from lab.cluster import executor_of
 from scene.errors import ClusterError
 
 DIES = 'on_open("flash_", lambda count: count < 4 or os.kill(os.getpid(), signal.SIGKILL))'
@@ -91,7 +91,7 @@ def test_a_run_waits_for_workers_no_longer_than_it_is_told(session, cluster, ref
 
 @pytest.mark.full
 def test_a_worker_that_falls_silent_before_it_is_asked(cluster, monkeypatch, tmp_path):
-    monkeypatch.setattr("lab.cluster.executor.SILENCE_S", 2)
+    monkeypatch.setattr("lab.cluster.SILENCE_S", 2)
     cluster.start_scheduler()
     cluster.start_worker().send_signal(signal.SIGSTOP)
     with pytest.raises(ClusterError, match="a worker did not answer for 2 s"), executor_of(cluster.address, tmp_path):
@@ -102,7 +102,7 @@ def test_a_worker_that_falls_silent_before_it_is_asked(cluster, monkeypatch, tmp
 def test_a_unit_that_fails_or_is_cancelled_costs_the_others_nothing_but_a_silent_scheduler_all(
     cluster, monkeypatch, tmp_path
 ):
-    monkeypatch.setattr("lab.cluster.executor.SILENCE_S", 2)
+    monkeypatch.setattr("lab.cluster.SILENCE_S", 2)
     cluster.start_scheduler()
     cluster.start_worker()
     with executor_of(cluster.address, tmp_path) as executor:

@@ -6,18 +6,19 @@ import numpy as np
 import pytest
 
 from fixtures.ball_scene import develop
+from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import decode
 from scene.mesh import Mesh
 from scene.normals import unit
-from shoot.plan.flash_places import Reach, out_of_view
+from shoot.plan.flash_places import out_of_view, places_in_reach
 from shoot.plan.flash_samples import ObjectPixels, lights_at, pixels_of
-from shoot.plan.plan_options import ShootOptions
-from shoot.plan.set_up import SetUp, before_camera, simple_shape, usual_camera
+from shoot.plan.plan_options import AS_USUAL, PlanOptions
+from shoot.plan.set_up import SetUp, before_camera, lens_camera, simple_shape
 from solve.samples import GRAY
 from twin.camera.virtual_camera import Sensor
 
-CAMERA = usual_camera(pixels=(600, 400))
+CAMERA = lens_camera(50.0, 36.0, (600, 400))
 
 
 @pytest.mark.parametrize(
@@ -38,7 +39,7 @@ def test_the_scan_is_turned_and_not_mirrored(seen_from, right, up):
 def test_a_convex_body_shadows_itself_alone_and_a_wall_its_foot():
     ball = SetUp(CAMERA, before_camera(simple_shape("sphere", 100.0), CAMERA, None)[0])
     pixels = pixels_of(ball, 300)
-    shown = pixels.under(lights_at(Reach().positions(ball.middle_mm, 100.0), ball.middle_mm))
+    shown = pixels.under(lights_at(places_in_reach(AS_USUAL, ball.middle_mm, 100.0), ball.middle_mm))
     shade = np.einsum("fpi,pi->fp", shown.vectors, pixels.normals)
     # At the terminator the facets, not the smooth normals, decide.
     clear = np.abs(shade) > 0.08
@@ -57,7 +58,7 @@ def test_a_convex_body_shadows_itself_alone_and_a_wall_its_foot():
 def test_gloss_is_left_out_where_it_is_mirrored_and_only_there():
     relief = SetUp(CAMERA, before_camera(simple_shape("relief", 100.0), CAMERA, None)[0])
     matte, gloss = pixels_of(relief, 300), pixels_of(replace(relief, gloss="gloss"), 300)
-    lights = lights_at(Reach().positions(relief.middle_mm, 100.0), relief.middle_mm)
+    lights = lights_at(places_in_reach(AS_USUAL, relief.middle_mm, 100.0), relief.middle_mm)
     seen, kept = matte.under(lights).seen, gloss.under(lights).seen
     assert not (kept & ~seen).any()
     half = unit(unit(lights.toward(matte.points)) + unit(-matte.points))
@@ -84,18 +85,20 @@ def test_the_noise_is_that_of_the_virtual_camera(iso):
 
 def test_flashes_stay_in_reach_and_out_of_the_picture():
     middle = np.array([0, 0, -800.0])
-    for reach in (Reach(), Reach("ring", to_deg=50.0), Reach(azimuths_deg=(300.0, 60.0))):
-        away = reach.positions(middle, 100.0) - middle
+    ring, sector = PlanOptions(layout="ring", to_deg=50.0), PlanOptions(azimuths_deg=(300.0, 60.0))
+    for options in (AS_USUAL, ring, sector):
+        away = places_in_reach(options, middle, 100.0) - middle
         zenith = np.degrees(np.arccos(away[:, 2] / np.linalg.norm(away, axis=1)))
         assert np.linalg.norm(away, axis=1) == pytest.approx(700.0)
-        assert zenith.max() <= reach.to_deg + 1e-9
-        assert zenith.min() >= reach.from_deg - 1e-9
+        assert zenith.max() <= options.to_deg + 1e-9
+        assert zenith.min() >= options.from_deg - 1e-9
         azimuth = np.degrees(np.arctan2(away[:, 1], away[:, 0]))
-        assert reach.layout != "free" or reach.azimuths_deg == (0.0, 360.0) or np.abs(azimuth).max() <= 60
+        assert options is not sector or np.abs(azimuth).max() <= 60
     assert len(out_of_view(CAMERA, np.array([[0, 0, -300.0], [0, 0, 50], [600, 0, -300]]))) == 2
+    with pytest.raises(SceneError, match="all 1 places in reach stand in the picture"):
+        out_of_view(CAMERA, np.array([[0, 0, -300.0]]))
+    assert len(out_of_view(Camera.orthographic(64, 48), middle[None])) == 1, "it is not known where its sides are"
     with pytest.raises(SceneError, match="--azimuths-deg 0 10"):
-        Reach(azimuths_deg=(0.0, 10.0)).positions(middle, 100.0)
+        places_in_reach(PlanOptions(azimuths_deg=(0.0, 10.0)), middle, 100.0)
     with pytest.raises(SceneError, match="--from-deg 50"):
-        Reach(from_deg=50.0, to_deg=40.0).positions(middle, 100.0)
-    with pytest.raises(SceneError, match="--flashes 2"):
-        ShootOptions().check(2)
+        places_in_reach(PlanOptions(from_deg=50.0, to_deg=40.0), middle, 100.0)

@@ -8,15 +8,15 @@ import pytest
 
 from scene.errors import SceneError
 from scene.normals import angular_error_deg, unit
-from shoot.plan.ball_places import ball_choices, light_sigmas, stand_balls
-from shoot.plan.flash_places import Reach
+from shoot.plan.ball_places import GOOD_PX, best_balls, light_sigmas, stand_balls
+from shoot.plan.flash_places import places_in_reach
 from shoot.plan.flash_samples import lights_at, pixels_of
-from shoot.plan.plan_facts import clock, plan_facts
+from shoot.plan.plan_facts import brief, clock, plan_facts
+from shoot.plan.plan_options import PlanOptions
 from shoot.plan.plan_page import MOST_ROWS, plan_page
-from shoot.plan.set_up import SetUp, before_camera, simple_shape, usual_camera
+from shoot.plan.set_up import SetUp, before_camera, lens_camera, simple_shape
 from shoot.plan.shoot_plan import (
     enough,
-    even_arrangement,
     joint_covariance,
     light_slopes,
     plan_shoot,
@@ -24,8 +24,13 @@ from shoot.plan.shoot_plan import (
 )
 from shoot.plan.under_way import UnderWay
 
-CAMERA = usual_camera(pixels=(1500, 1000))
-REACH = Reach(distance_mm=800.0)
+CAMERA = lens_camera(50.0, 36.0, (1500, 1000))
+REACH = PlanOptions(flash_mm=800.0)
+
+
+def planned(pixels, spheres, count, *, so_far=None, accuracy_deg=None):
+    options = replace(REACH, flashes=count, accuracy_deg=accuracy_deg)
+    return plan_shoot(pixels, spheres, options, so_far=so_far)
 
 
 @pytest.fixture(scope="module")
@@ -35,13 +40,13 @@ def pixels():
 
 @pytest.fixture(scope="module")
 def spheres(pixels):
-    places = REACH.positions(pixels.set_up.middle_mm, 120.0)
+    places = places_in_reach(REACH, pixels.set_up.middle_mm, 120.0)
     return stand_balls(pixels.set_up, places, [("chrome", 40.0)] * 3 + [("white", 40.0)])
 
 
 def test_slopes_are_those_of_the_light_vectors(pixels):
     middle = pixels.set_up.middle_mm
-    positions = REACH.positions(middle, 120.0)[:5]
+    positions = places_in_reach(REACH, middle, 120.0)[:5]
 
     def values(positions):
         return np.einsum("fpi,pi->fp", lights_at(positions, middle).toward(pixels.points), pixels.b)
@@ -57,7 +62,7 @@ def test_slopes_are_those_of_the_light_vectors(pixels):
 def test_sigma_is_that_of_least_squares_under_noise_and_misplaced_lights(pixels, spheres):
     """Lights drawn from their joint covariance, samples from their noise, solved by plain least squares."""
     middle, rng = pixels.set_up.middle_mm, np.random.default_rng(0)
-    positions = REACH.positions(middle, 120.0)[::5]
+    positions = places_in_reach(REACH, middle, 120.0)[::5]
     known = light_sigmas(pixels.set_up, spheres, positions)
     covariance = joint_covariance(known)
     shown = pixels.under(lights_at(positions, middle))
@@ -80,25 +85,28 @@ def test_sigma_is_that_of_least_squares_under_noise_and_misplaced_lights(pixels,
 
 
 def test_a_plan_beats_the_even_dome_and_ends_where_the_accuracy_is_reached(pixels, spheres):
-    plan = plan_shoot(pixels, spheres, REACH, 8)
-    even = even_arrangement(pixels, spheres, REACH, 8)
+    plan, middle = planned(pixels, spheres, 8), pixels.set_up.middle_mm
+    places = places_in_reach(REACH, middle, 120.0, 8)
+    covariance = joint_covariance(light_sigmas(pixels.set_up, spheres, places))
+    slopes = light_slopes(places, middle, pixels.points, pixels.b)
+    even = predict(pixels, pixels.under(lights_at(places, middle)), slopes, covariance)
     assert plan.result.sigma_deg.mean() < even.sigma_deg.mean()
     assert plan.flashes == 8
     assert plan.stop_after is None
     wanted = 1.05 * plan.result.error_deg
-    short = plan_shoot(pixels, spheres, REACH, 8, accuracy_deg=wanted)
+    short = planned(pixels, spheres, 8, accuracy_deg=wanted)
     assert short.flashes == short.stop_after <= 8
     assert short.result.error_deg <= wanted
 
 
 def test_flashes_so_far_count_and_the_next_one_comes_from_elsewhere(pixels, spheres):
     middle = pixels.set_up.middle_mm
-    places = REACH.positions(middle, 120.0)
+    places = places_in_reach(REACH, middle, 120.0)
     right = places[places[:, 0] > 150][:8]
     lights = lights_at(right, middle)
     for given in (lights, replace(lights, positions_mm=None, direction_sigma_deg=np.linspace(0.5, 0.9, 8))):
         so_far = UnderWay(pixels, np.zeros((0, 2), int), given, spheres, pixels.under(given))
-        plan = plan_shoot(pixels, spheres, REACH, 9, so_far=so_far)
+        plan = planned(pixels, spheres, 9, so_far=so_far)
         assert plan.there == 8
         assert plan.positions_mm[8, 0] < 0
         if given is lights:
@@ -115,12 +123,12 @@ def test_flashes_so_far_count_and_the_next_one_comes_from_elsewhere(pixels, sphe
 def test_a_session_that_has_all_its_flashes_is_told_what_it_has(pixels, spheres):
     """Balls whose size nobody stated are in no drawing."""
     middle = pixels.set_up.middle_mm
-    given = lights_at(REACH.positions(middle, 120.0)[::6], middle)
+    given = lights_at(places_in_reach(REACH, middle, 120.0)[::6], middle)
     for some in (spheres, [replace(sphere, diameter_mm=None) for sphere in spheres]):
         so_far = UnderWay(pixels, np.zeros((0, 2), int), given, some, pixels.under(given))
-        plan = plan_shoot(pixels, some, REACH, len(given), so_far=so_far)
+        plan = planned(pixels, some, len(given), so_far=so_far)
         assert plan.flashes == plan.there == len(given)
-        facts = plan_facts(plan, {}, [], None) | {"name": "a"}
+        facts = plan_facts(plan) | {"name": "a"}
         assert len(facts["balls"]) == (len(spheres) if some is spheres else 0)
         assert plan_page(facts).endswith("</html>\n")
 
@@ -144,22 +152,33 @@ def test_balls_stand_whole_in_the_picture_beside_the_object_and_apart(pixels, sp
         stand_balls(pixels.set_up, pixels.points, [("chrome", 400.0)])
 
 
-def test_larger_balls_and_more_of_them_are_offered_with_what_they_give(pixels):
-    choices = ball_choices(pixels.set_up, REACH.positions(pixels.set_up.middle_mm, 120.0)[::6])
-    sigma = {(one.count, one.diameter_mm): one.direction_sigma_deg for one in choices}
-    assert sigma[3, 40.0] < sigma[3, 20.0]
-    assert sigma[4, 40.0] < sigma[2, 40.0]
+def test_the_smallest_balls_that_suffice_are_taken(pixels):
+    positions = places_in_reach(REACH, pixels.set_up.middle_mm, 120.0)[::6]
+    sigma = {}
+    for wanted in (2.0, 0.1):
+        spheres = best_balls(pixels.set_up, positions, wanted)
+        assert [one.kind for one in spheres] == ["chrome"] * (len(spheres) - 1) + ["white"]
+        sigma[wanted] = np.median(light_sigmas(pixels.set_up, spheres, positions).direction_sigma_deg), spheres
+    assert sigma[2.0][0] <= 1.0
+    assert sigma[2.0][1][0].radius_px >= GOOD_PX
+    assert sigma[0.1][0] < sigma[2.0][0]
+    assert sigma[0.1][1][0].diameter_mm > sigma[2.0][1][0].diameter_mm
+
+
+def test_numbers_have_no_exponent():
+    values = {0.1234: "0.12", 3.44: "3.4", 99.4: "99", 99.6: "100", 110: "110", 3204.0: "3204"}
+    assert {value: brief(value) for value in values} == values
 
 
 def test_the_page_is_whole_and_says_what_the_plan_says(pixels, spheres):
-    plan = plan_shoot(pixels, spheres, REACH, 6, accuracy_deg=0.001)
-    facts = plan_facts(plan, {6: even_arrangement(pixels, spheres, REACH, 6)}, [], 0.001) | {"name": "<cup & saucer>"}
+    plan = planned(pixels, spheres, 6, accuracy_deg=0.001)
+    facts = plan_facts(plan) | {"name": "<cup & saucer>"}
     page = plan_page(facts)
     assert page.endswith("</html>\n")
     assert "&lt;cup &amp; saucer&gt;" in page
     assert "<script" not in page
-    assert "$" not in page
     assert f"{facts['predicted']['error_median_deg']:.2g}°" in page
+    assert "gloss and shadows left out" in page
     assert any("are not reached" in text for text in facts["warnings"])
     for row in facts["flashes"]:
         assert f"flash {row['number']}: {row['from_axis_deg']:.0f} degrees" in page
@@ -171,8 +190,8 @@ def test_the_page_is_whole_and_says_what_the_plan_says(pixels, spheres):
 @pytest.mark.full
 def test_the_page_is_one_sheet(chromium, pixels, spheres):
     """With as many flashes as its table holds, and warnings."""
-    plan = plan_shoot(pixels, spheres, REACH, MOST_ROWS, accuracy_deg=0.001)
-    facts = plan_facts(plan, {}, [], 0.001) | {"name": "relief"}
+    plan = planned(pixels, spheres, MOST_ROWS, accuracy_deg=0.001)
+    facts = plan_facts(plan) | {"name": "relief"}
     assert len(facts["flashes"]) == MOST_ROWS
     assert facts["warnings"]
     page = chromium.new_page()

@@ -1,5 +1,7 @@
 """What there is of a shoot: its samples as the lights and normals shade them, what is seen of it, how it scatters."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,9 +13,10 @@ from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import unit
 from scene.spheres import Sphere
-from shoot.plan.flash_places import Reach, out_of_view
+from shoot.plan.flash_places import places_in_reach
+from shoot.plan.plan_options import AS_USUAL, PlanOptions
+from shoot.plan.shoot_plan import next_flash
 from shoot.plan.under_way import FEWEST_PIXELS, under_way
-from shoot.watch.normals_so_far import NormalsSoFar
 
 CAMERA = Camera(64, 48, 120.0, 120.0, 31.5, 23.5)
 DEPTH_MM = -1000.0
@@ -56,10 +59,10 @@ def test_what_the_flashes_show_is_the_shading_of_the_object(shoot):
     assert found.shown.seen.mean() > 0.85
     assert found.pixels.scatter < 0.002
     middle = found.pixels.set_up.middle_mm
-    assert found.within(Reach()).distance_mm == pytest.approx(
+    assert found.within(AS_USUAL).flash_mm == pytest.approx(
         np.median(np.linalg.norm(lights.positions_mm - middle, axis=1))
     )
-    assert found.within(Reach(distance_mm=5.0)).distance_mm == 5
+    assert found.within(PlanOptions(flash_mm=5.0)).flash_mm == 5
 
 
 def test_the_scatter_is_that_of_the_samples_and_tells_of_flashes_to_come(shoot):
@@ -102,32 +105,35 @@ def balls(count, diameter_mm=60.0):
     return [Sphere("chrome", place, 120 * 30 / 1000, diameter_mm) for place in places]
 
 
-def test_a_watch_says_the_same_of_an_object_of_more_pixels(shoot, monkeypatch):
+def test_the_next_flash_is_the_same_of_an_object_of_fewer_pixels(shoot):
     """Thinned out, the pixels are others, and the balls the same: sigma was two thirds of what it is."""
-    frames, lights, _ = shoot()
-    found = {}
-    for pixels in (5000, 800):
-        monkeypatch.setattr("shoot.watch.normals_so_far.PIXELS", pixels)
-        so_far = NormalsSoFar()
-        so_far.mask = np.ones((48, 64), bool)
-        found[pixels] = so_far.update(frames, CAMERA, lights, balls(3))
-    assert found[800].sigma_deg.shape == (24, 32)
-    assert found[800].median_deg == pytest.approx(found[5000].median_deg, rel=0.1)
+    frames, lights, estimate = shoot()
+    thin = replace(
+        estimate,
+        normals=estimate.normals[::2, ::2],
+        albedo=estimate.albedo[::2, ::2],
+        samples=estimate.samples[::2, ::2],
+    )
+    flashes, sigmas = zip(
+        next_flash(under_way(frames, CAMERA, lights, balls(3), estimate), CAMERA, lights),
+        next_flash(under_way(frames.every(2), CAMERA.every(2), lights, balls(3), thin), CAMERA, lights),
+        strict=True,
+    )
+    assert np.median(sigmas[1]) == pytest.approx(np.median(sigmas[0]), rel=0.1)
     for name in ("zenith_deg", "azimuth_deg", "distance_mm"):
-        assert getattr(found[800].next_flash, name) == pytest.approx(getattr(found[5000].next_flash, name), rel=0.05)
+        assert flashes[1][name] == pytest.approx(flashes[0][name], rel=0.05)
 
 
 def test_the_next_flash_is_told_as_the_lights_so_far_are(shoot):
     """From their reference point, which lies 17 cm beside the object: the dome shows both."""
     frames, lights, estimate = shoot()
-    so_far = NormalsSoFar()
-    so_far.mask = np.ones((48, 64), bool)
-    told = so_far.update(frames, CAMERA, lights, balls(3)).next_flash
-    zenith, azimuth = np.radians([told.zenith_deg, told.azimuth_deg])
-    toward = [np.sin(zenith) * np.cos(azimuth), np.sin(zenith) * np.sin(azimuth), np.cos(zenith)]
-    place = lights.reference_point_mm + told.distance_mm * np.array(toward)
     found = under_way(frames, CAMERA, lights, balls(3), estimate)
-    candidates = found.within(Reach()).positions(found.pixels.set_up.middle_mm, found.pixels.set_up.size_mm)
+    told, _ = next_flash(found, CAMERA, lights)
+    zenith, azimuth = np.radians([told["zenith_deg"], told["azimuth_deg"]])
+    toward = [np.sin(zenith) * np.cos(azimuth), np.sin(zenith) * np.sin(azimuth), np.cos(zenith)]
+    place = lights.reference_point_mm + told["distance_mm"] * np.array(toward)
+    set_up = found.pixels.set_up
+    candidates = places_in_reach(found.within(AS_USUAL), set_up.middle_mm, set_up.size_mm)
     assert np.linalg.norm(candidates - place, axis=1).min() < 5
 
 
@@ -138,16 +144,9 @@ def test_only_two_mirrors_of_known_size_predict_what_further_flashes_will_be_kno
     assert known == [False, False, False, True]
 
 
-def test_a_flash_does_not_stand_in_the_picture_and_where_all_places_do_it_is_said():
-    beside, before = np.array([[900.0, 0, -500]]), np.array([[0.0, 0, -500]])
-    assert (out_of_view(CAMERA, np.concatenate([before, beside])) == beside).all()
-    with pytest.raises(SceneError, match="all 1 places in reach stand in the picture"):
-        out_of_view(CAMERA, before)
-    assert len(out_of_view(Camera.orthographic(64, 48), before)) == 1, "it is not known where its sides are"
-
-
 def test_without_normals_nothing_is_known(shoot):
     frames, lights, estimate = shoot()
     estimate.normals[:] = np.nan
     estimate.normals[0, : FEWEST_PIXELS - 1] = [0, 0, 1]
-    assert under_way(frames, CAMERA, lights, [], estimate) is None
+    with pytest.raises(SceneError, match="found no normal from"):
+        under_way(frames, CAMERA, lights, [], estimate)

@@ -1,5 +1,9 @@
 """A whole shoot: the virtual photographer's mistakes are told, and `process` goes on with the session as it lies."""
 
+import os
+import shutil
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -12,7 +16,6 @@ from lab.run import run_session
 from lab.session_place import MANIFEST
 from scene.store import Store
 from shoot.init.answers import Answers
-from shoot.watch.alarm import Alarm
 from shoot.watch.watch_folder import watch_folder
 
 SESSION = Path(__file__).parents[3] / "fixtures" / "bumpy"
@@ -33,7 +36,7 @@ def after_shoot(tmp_path_factory):
     )
     photographer.start()
     with contextlib.redirect_stderr(said):
-        watch_folder(place / "hot", place / "out", BALLS, Alarm(), until_idle_s=8.0)
+        watch_folder(place / "hot", place / "out", BALLS, until_idle_s=8.0)
     photographer.join()
     return place, said.getvalue()
 
@@ -86,16 +89,36 @@ def test_a_watch_goes_on_with_a_shoot_that_ended_and_leaves_a_changed_session_al
 
     place, _ = after_shoot
     blurred(SESSION / "raw" / "flash_004.dng", place / "hot" / "flash_012.dng", sigma_px=0.8)
-    watch_folder(place / "hot", place / "out", BALLS, Alarm(), until_idle_s=3.0)
+    watch_folder(place / "hot", place / "out", BALLS, until_idle_s=3.0)
     assert "flash_012" in Store(place / "out").load_frames().names
-    watch_folder(place / "hot", place / "out", BALLS, Alarm(), until_idle_s=1.0)
+    watch_folder(place / "hot", place / "out", BALLS, until_idle_s=1.0)
     assert not (place / "out" / ".rgbn" / "decoded").exists(), "nothing was new, and no second copy is left"
     manifest = place / "hot" / MANIFEST
     manifest.write_text(manifest.read_text() + "# mine\n")
     pushed(SESSION / "raw" / "flash_004.dng", place / "hot" / "flash_013.dng")
     with pytest.raises(SessionError, match="is there already, and a watch would write over it"):
-        watch_folder(place / "hot", place / "out", BALLS, Alarm(), until_idle_s=1.0)
+        watch_folder(place / "hot", place / "out", BALLS, until_idle_s=1.0)
     assert manifest.read_text().endswith("# mine\n")
+
+
+def test_a_watch_that_is_told_to_end_leaves_its_session(tmp_path):
+    """SIGTERM, as services and batch systems send it, is as good as Ctrl-C; an ambient frame stood there first."""
+    (tmp_path / "hot").mkdir()
+    shutil.copy(SESSION / "raw" / "ambient_000.dng", tmp_path / "hot")
+    os.utime(tmp_path / "hot" / "ambient_000.dng", (0, 0))
+    words = [sys.executable, "-c", "from rgbn.cli import main; main()", "watch", "hot", "--out", "out"]
+    environment = {**os.environ, "PYTHONPATH": str(SESSION.parents[1])}
+    run = subprocess.Popen(words, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
+    said = run.stderr.readline()
+    for source in (SESSION / "raw").glob("flash*"):
+        shutil.copy(source, tmp_path / "hot")
+    while "12 flash frames" not in said and (line := run.stderr.readline()):
+        said += line
+    run.terminate()
+    said += run.communicate(timeout=120)[1]
+    assert run.returncode == 0, said
+    assert (tmp_path / "hot" / MANIFEST).is_file()
+    assert len(Store(tmp_path / "out").load_frames()) == 12
 
 
 @pytest.mark.slow

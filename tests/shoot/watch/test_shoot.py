@@ -1,10 +1,11 @@
-"""The parts of a watch: what is told once, roles of photographs, the alarm, and folders that cannot be watched."""
+"""The parts of a watch: photographs that stand in a folder, their roles, lights, and folders that cannot be watched."""
 
 import os
+import re
 import shutil
-import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,23 +13,23 @@ import pytest
 from calibrate.calibration import Calibration
 from calibrate.detection.balls import Ball
 from capture.photographs.kept import Kept, KeptStack
+from capture.survey.hot_folder import HotFolder, list_photographs
 from scene.camera import Camera
 from scene.current import file_digest
-from scene.errors import CaptureError, SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
 from scene.spheres import Sphere
 from shoot.init.answers import Answers, Asking
 from shoot.watch import lights_so_far
-from shoot.watch.alarm import Alarm
-from shoot.watch.judge import Told
 from shoot.watch.lights_so_far import NEWEST, LightsSoFar, joined
-from shoot.watch.screen import side_of
+from shoot.watch.shoot import Shoot, warning_key
 from shoot.watch.shots import read_shot, sort_shots
+from shoot.watch.taken import PATIENCE_S, Taken
 from shoot.watch.watch_folder import whole_photographs
 
 RAW = Path(__file__).parents[3] / "fixtures" / "bumpy" / "raw"
+SILENT = Asking(Answers({}), silent=True)
 
 
 @pytest.fixture
@@ -45,28 +46,68 @@ def shot_of(tmp_path):
     return shot
 
 
-def test_a_warning_is_told_once_though_its_numbers_change():
-    told = Told()
-    names = ["flash_3", "flash_30"]
-    assert told.new(["flash_3: lies 1.2 px off"], names) == ["flash_3: lies 1.2 px off"]
-    assert told.new(["flash_3: lies 1.4 px off"], names) == []
-    assert told.new(["flash_30: lies 1.4 px off"], names) == ["flash_30: lies 1.4 px off"], "another frame"
-    assert told.new(["flash_3, flash_30: lie 1.4 px off"], names) != []
+@pytest.fixture
+def taking(tmp_path):
+    """A folder, and what is taken of it when a second has gone by."""
+    folder, said = tmp_path / "hot", []
+    folder.mkdir()
+    hot, taken, now = HotFolder(), Taken(folder, tmp_path / "kept", SILENT, said.append, said.append), [0.0]
+
+    def look(*, seconds=1.0):
+        said.clear()
+        fresh = []
+        for _ in range(2):
+            now[0] += seconds
+            fresh += taken.renew(hot.see(list_photographs(folder), now[0]), now[0])[0]
+        return [shot.name for shot in fresh], sorted(shot.name for shot in taken.shots.values()), " | ".join(said)
+
+    return SimpleNamespace(folder=folder, look=look, taken=taken)
 
 
-def test_a_photograph_is_decoded_once_and_kept_as_it_was_read(shot_of, tmp_path, monkeypatch):
+def test_each_photograph_is_taken_once_by_its_content(taking, monkeypatch):
+    """Through renames, copies, other content under the same name, two that exchange their names, and a deletion."""
+    folder, look = taking.folder, taking.look
+    shutil.copy(RAW / "flash_000.dng", folder / "a.dng")
+    shutil.copy(RAW / "flash_001.dng", folder / "b.dng")
+    assert look() == (["a.dng", "b.dng"], ["a.dng", "b.dng"], "")
+    assert look() == ([], ["a.dng", "b.dng"], "")
+    # From here on nothing that is known is decoded again.
+    monkeypatch.setattr("capture.photographs.develop.read_raw", None)
+    shutil.copy(folder / "a.dng", folder / "0.dng")
+    assert look() == ([], ["a.dng", "b.dng"], "0.dng is a copy of a.dng, and no other photograph")
+    (folder / "a.dng").unlink()
+    assert look() == ([], ["0.dng", "b.dng"], "a.dng is called 0.dng now")
+    for before, after in (("0.dng", "c.tmp"), ("b.dng", "0.dng"), ("c.tmp", "b.dng")):
+        (folder / before).rename(folder / after)
+    assert look()[:2] == ([], ["0.dng", "b.dng"])
+    (folder / "b.dng").unlink()
+    assert look() == ([], ["0.dng"], "b.dng: is gone, or another stands in its place; it is left out")
+    monkeypatch.undo()
+    shutil.copy(RAW / "flash_002.dng", folder / "0.dng")
+    assert look()[:2] == (["0.dng"], ["0.dng"])
+
+
+def test_a_file_that_is_never_whole_is_told_once_and_read_when_it_is(taking):
+    data = (RAW / "flash_000.dng").read_bytes()
+    (taking.folder / "half.dng").write_bytes(data[: len(data) // 2])
+    assert taking.look() == ([], [], ""), "it may still grow"
+    assert taking.taken.is_waiting
+    fresh, counted, said = taking.look(seconds=PATIENCE_S)
+    assert not fresh
+    assert not counted
+    assert re.match(r"half.dng: half written since \d\d:\d\d, or damaged.* Let the camera's program finish it", said)
+    assert not taking.taken.is_waiting
+    assert taking.look(seconds=PATIENCE_S)[2] == ""
+    (taking.folder / "half.dng").write_bytes(data)
+    assert taking.look()[:2] == (["half.dng"], ["half.dng"])
+    assert not taking.taken.unreadable
+
+
+def test_a_photograph_is_kept_as_it_was_read_and_is_a_part_of_one_array(shot_of, tmp_path):
     from capture.photographs.raw import read_raw
 
-    first = shot_of("flash_003.dng", "a.dng")
-    assert np.array_equal(first.codes, read_raw(first.path).codes)
-    monkeypatch.setattr("capture.photographs.develop.read_raw", None)
-    again = shot_of("flash_003.dng", "a.dng")
-    assert np.array_equal(again.codes, first.codes)
-    assert np.array_equal(again.facts.small, first.facts.small)
-
-
-def test_kept_pictures_are_read_as_one_array(shot_of):
     shots = [shot_of(f"flash_{i:03d}.dng", f"{i}.dng") for i in range(3)]
+    assert np.array_equal(shots[0].codes, read_raw(shots[0].path).codes)
     stack, whole = KeptStack([one.codes for one in shots]), np.stack([one.codes for one in shots])
     assert stack.shape == whole.shape
     for key in (1, (1, slice(5, 9)), (slice(1, None), slice(2, 7), slice(None, None, 3)), ([2, 0], slice(0, 4))):
@@ -74,52 +115,38 @@ def test_kept_pictures_are_read_as_one_array(shot_of):
     assert np.array_equal(stack[1:][0], whole[1])
 
 
+def test_a_warning_is_the_same_though_its_numbers_change():
+    names = ["flash_30", "flash_3"]
+    first = warning_key("flash_3: lies 1.2 px off", names)
+    assert warning_key("flash_3: lies 1.4 px off", names) == first
+    assert warning_key("flash_30: lies 1.4 px off", names) != first, "another frame"
+    places = [warning_key(f"flash_3: the ball at ({u}, 50) px lies 3.{u} px off", names) for u in (10, 200)]
+    assert places[0] != places[1], "another ball"
+
+
 def test_a_frame_without_flash_is_the_ambient_one_or_a_misfire(shot_of, tmp_path):
     """Nothing tells them apart but the name of another that is the ambient frame."""
     lit = [shot_of(f"flash_{i:03d}.dng", f"IMG_{i}.dng") for i in range(4)]
     dark = shot_of("ambient_000.dng", "IMG_9.dng")
-    found = sort_shots([*lit, dark], tmp_path / "hot")
-    assert [one.name for one in found.flash] == [f"IMG_{i}.dng" for i in range(4)]
-    assert found.ambient == [dark]
-    assert "taken for the ambient frame" in found.told[dark.digest]
+    roles, told = sort_shots([*lit, dark], tmp_path / "hot")
+    assert [one.name for one in roles["flash"]] == [f"IMG_{i}.dng" for i in range(4)]
+    assert roles["ambient"] == [dark]
+    assert "taken for the ambient frame" in told[dark.digest]
     named = shot_of("ambient_000.dng", "ambient.dng")
-    found = sort_shots([*lit, dark, named], tmp_path / "hot")
-    assert found.ambient == [named]
-    assert "did not fire" in found.told[dark.digest]
-    assert dark not in found.flash
+    roles, told = sort_shots([*lit, dark, named], tmp_path / "hot")
+    assert roles["ambient"] == [named]
+    assert "did not fire" in told[dark.digest]
+    assert dark not in roles["flash"]
 
 
-def test_half_a_photograph_is_none(tmp_path):
-    path = tmp_path / "half.dng"
-    data = (RAW / "flash_000.dng").read_bytes()
-    path.write_bytes(data[: len(data) // 2])
-    with pytest.raises(CaptureError, match=r"half.dng: cannot be decoded"):
-        read_shot(path, "half", Kept(tmp_path / "kept", "linear", False))
-    assert not list((tmp_path / "kept").glob("half*"))
-
-
-def test_the_alarm_runs_its_command_with_the_warning_as_one_word_and_no_shell(tmp_path):
-    program, heard = tmp_path / "hear.py", tmp_path / "heard"
-    program.write_text(f"import sys; open({str(heard)!r}, 'a').write(repr(sys.argv[1:]) + '\\n')")
-    with Alarm(f"'{sys.executable}' '{program}' first") as alarm:
-        alarm.warn("-rf $(touch x); 'a' moved")
-        alarm.warn("second")
-    said = ["rgbn: -rf $(touch x); 'a' moved", "rgbn: second"]
-    assert heard.read_text().splitlines() == [repr(["first", text]) for text in said]
-
-
-def test_an_alarm_that_fails_is_told_and_ends_nothing(capsys):
-    with Alarm("no-such-program-of-ours") as alarm:
-        alarm.warn("a")
-    assert "--on-warning no-such-program-of-ours: " in capsys.readouterr().err
-    with pytest.raises(SceneError, match="--on-warning 'a: cannot be read"):
-        Alarm("'a")
-    with pytest.raises(SceneError, match="--on-warning: is empty"):
-        Alarm(" ")
-
-
-def test_sides_are_as_the_camera_sees_them():
-    assert [side_of(angle) for angle in (0, 90, 180, 270, 359)] == ["right", "above", "left", "below", "right"]
+def test_of_few_frames_only_what_is_a_frames_own_is_said(shot_of, tmp_path, monkeypatch):
+    """Of four, the ambient light that white balls show is noise: an alarm that all the frames did not bear out."""
+    monkeypatch.setattr(LightsSoFar, "renew", lambda *_: ["frames.ambient: 3 % is left", "shot_0: shows no highlight"])
+    shoot, shots = Shoot(tmp_path / "hot", SILENT), [shot_of(f"flash_{i:03d}.dng", f"shot_{i}.dng") for i in range(8)]
+    for count, expected in ((4, ["shot_0: shows no highlight"]), (8, ["frames.ambient: 3 % is left"])):
+        shoot.judge(shots[:count], fit_all=False)
+        said = shoot.follow()
+        assert [text for text in said if "highlight" in text or "ambient" in text] == expected
 
 
 @pytest.mark.parametrize(
@@ -131,9 +158,8 @@ def test_sides_are_as_the_camera_sees_them():
         (["hot/a.dng", "out/thesis.txt"], ["--out", "out"], "is not empty (thesis.txt)"),
         (["hot/session.toml"], ["--out", "out"], "session.toml: is there already, and a watch would write over it"),
         (["hot/filenames.txt"], ["--out", "out"], "is a session in the DiLiGenT layout already"),
-        (["hot/a.txt"], ["--out", "out", "--until-idle", "-1"], "--until-idle -1: expected a number above 0"),
+        (["hot/a.txt"], ["--out", "out", "--until-idle", "-1"], "for --until-idle. Must be > 0"),
         (["hot/a.txt"], ["--out", "out", "--until-idle", "0.1"], "0 photographs show the flash; a session needs 3"),
-        (["hot/a.txt"], ["--out", "out", "--on-warning", "'"], "--on-warning ': cannot be read"),
         (["hot/a.txt"], ["--out", "out", "--chrome", "big"], "--chrome big: expected millimetres"),
     ],
 )
@@ -147,19 +173,6 @@ def test_what_cannot_be_watched_is_one_message(run_rgbn, tmp_path, monkeypatch, 
     assert told in err
     assert "Traceback" not in err
     assert all(Path(name).read_text() == "mine" for name in made)
-
-
-def test_a_file_that_never_becomes_a_photograph_is_told_once(run_rgbn, tmp_path, monkeypatch):
-    from capture.hot_folder import tracker
-
-    monkeypatch.setattr(tracker, "PATIENCE_S", 1.5)
-    monkeypatch.chdir(tmp_path)
-    Path("hot").mkdir()
-    Path("hot/broken.dng").write_bytes(b"no photograph")
-    code, _, err = run_rgbn("watch", "hot", "--out", "out", "--until-idle", "0.2")
-    assert code == 2
-    assert err.count("warning: broken.dng: has not become a photograph.") == 1
-    assert "0 photographs show the flash" in err
 
 
 def test_lights_of_the_newest_frames_are_joined_to_those_before():
@@ -208,21 +221,21 @@ def test_all_lights_are_fitted_where_the_newest_lie_in_one_plane_or_a_photograph
         return Calibration([], lights, np.zeros((0, len(rows), 2)), camera=camera)
 
     monkeypatch.setattr(lights_so_far, "lights_of_balls", by_balls)
-    monkeypatch.setattr(LightsSoFar, "camera", lambda *_: camera)
+    monkeypatch.setattr(LightsSoFar, "_camera", lambda *_: camera)
     watched = LightsSoFar(Asking(Answers({}), silent=True))
+    watched._looked_with = 99
     watched._balls = [Ball(Sphere("chrome", np.ones(2), 1.0), np.eye(3), frames, None)]
     for count, expected in ((10, [10]), (11, [NEWEST]), (20, [20])):
         fitted.clear()
-        watched.update(frames.only(slice(0, count)), [], 1)
+        assert watched.renew(frames.only(slice(0, count)), [], 1) == []
         assert fitted == expected, count
         assert watched.found.lights.names == names[:count]
-        assert not watched.warnings
     fitted.clear()
-    watched.update(frames, [], 1)
+    watched.renew(frames, [], 1)
     assert fitted == [NEWEST, 20], "the newest eight lie in one plane"
     watched.fit_all()
     fitted.clear()
-    watched.update(frames, [], 1)
+    watched.renew(frames, [], 1)
     assert fitted == [20]
 
 

@@ -1,1 +1,0 @@
-"""Work on a Dask cluster: workers that are checked, data in shared files, losses that are told."""
