@@ -13,10 +13,6 @@ from capture.audit.part_movement import Part, part_step, part_warnings, parts_of
 from fixtures.ball_scene import World, flashes, render
 from scene.camera import Camera
 from scene.frames import Frames
-<<<<<<< HEAD
-from shoot.watch.judge import FramesSoFar
-=======
->>>>>>> watch
 
 CAMERA = Camera(480, 320, 870.0, 870.0, 239.5, 159.5)
 COUNT, MOVED = 10, 6

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from capture.session.session import load_session
-from lab.options import Solving
-from lab.settings import Settings
+from lab.options import Settings, Solving
 from scene import rays
 from scene.files import write_png
 from scene.output_folder import open_record
