@@ -14,6 +14,8 @@ from scene.spheres import Sphere
 if TYPE_CHECKING:
     import pandas
 
+    from draw.svg import Drawing
+
 
 class Table:
     """Rows of a table, each a dict of plain values; the units are in the names.
@@ -68,19 +70,20 @@ class Errors(Table):
         said = (f"{row['method']} {row['median_deg']:.2f} ({row['frames']})" for row in rows)
         super().__init__(rows, f"median angular error, degrees: {', '.join(said) or 'none is known'}")
 
-    def plot(self) -> Any:
-        """Return a plotly figure: the share of pixels by error in degrees, a panel a method, real filled, twin a line.
+    def plot(self) -> "Drawing":
+        """Return a drawing: the share of pixels by error in degrees, a panel a method, real filled, twin a line.
 
         Raises
         ------
         SceneError
             No method has an error.
         """
-        from compare.report.charts import error_histogram_figure
+        from draw.object_charts import error_histograms
 
-        if not len(self):
+        drawn = error_histograms(self._compared, list(dict.fromkeys(row["method"] for row in self)))
+        if drawn is None:
             raise SceneError("errors: no method shares a pixel with the truth, so there is nothing to draw.")
-        return error_histogram_figure(self._compared, list(dict.fromkeys(row["method"] for row in self)))
+        return drawn
 
 
 class Balls(tuple[Sphere, ...]):
@@ -118,21 +121,22 @@ class Balls(tuple[Sphere, ...]):
         """Return `rows` as a pandas DataFrame; NaN where unknown."""
         return data_frame(self.rows())
 
-    def plot(self) -> Any:
-        """Return a plotly figure of the first photograph with the balls' outlines; axes in px."""
+    def plot(self) -> "Drawing":
+        """Return a drawing of the first photograph with the balls' outlines; axes in px."""
         from compare.report.pictures import Exposure, thumbnail
+        from draw.object_charts import map_chart
         from scene.estimate import PLOTTED_WIDTH
-        from scene.figures import COLOURS, map_figure
         from scene.map_pictures import data_uri
 
         frames = self._frames
         picture = Exposure.for_frames(frames).develop(thumbnail(frames, 0, PLOTTED_WIDTH))
-        figure = map_figure(data_uri(picture, photograph=True), width=frames.width, height=frames.height)
+        outlines = {}
         for index, ball in enumerate(self):
-            u, v = np.concatenate([line := ball.outline(self._camera), line[:1]]).T.tolist()
-            name = f"{ball.kind} ball {index + 1}"
-            figure.add_scatter(x=u, y=v, mode="lines", name=name, line={"color": COLOURS[1 - (ball.kind == "chrome")]})
-        return figure
+            line = ball.outline(self._camera)
+            outlines[f"{ball.kind} ball {index + 1}"] = np.concatenate([line, line[:1]])
+        uri = data_uri(picture, photograph=True)
+        label = "the first photograph with the balls' outlines"
+        return map_chart(uri, width=frames.width, height=frames.height, label=label, outlines=outlines)
 
     def __repr__(self) -> str:
         kinds = [ball.kind for ball in self]

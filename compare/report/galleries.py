@@ -6,9 +6,10 @@ from itertools import zip_longest
 
 import numpy as np
 
-from compare.report import charts, page, pictures
+from compare.report import page, pictures
 from compare.report.facts import Material, Summary, read_optional
 from compare.report.layers import Layers
+from draw import light_charts
 from scene.errors import SceneError
 from scene.spheres import Sphere
 
@@ -106,9 +107,9 @@ def lights_section(material: Material) -> str:
         absent = page.absent("Nothing tells where they stood, nor how bright they were.")
         return page.section("lights", "The lights", absent)
     measured = any(page.is_number(row.get("direction_sigma_deg")) for row in lights["frames"])
-    sigmas = charts.light_sigmas(lights) if measured else ""
-    drawn = f"<div>{charts.light_intensities(lights)}{sigmas}</div>"
-    body = f'<div class="pair">{charts.light_directions(lights)}{drawn}</div>'
+    drawn = [page.chart(light_charts.intensities(lights))]
+    drawn += [page.chart(light_charts.sigmas(lights))] if measured else []
+    body = f'<div class="pair">{page.chart(light_charts.directions(lights), "dome")}<div>{"".join(drawn)}</div></div>'
     if not measured:
         body += page.absent("How uncertain the directions are is not known: the lights were given, not measured here.")
     if lights.get("model") != "near":

@@ -1,9 +1,10 @@
 """The report's still maps of the object: normals, errors, sigma, albedo; the viewer reads their values."""
 
-from compare.report import charts, pictures
+from compare.report import page, pictures
 from compare.report.facts import Material, Summary, by_error, doubts_of
 from compare.report.layers import Layers
 from compare.report.page import absent, is_number, picture, say, section
+from draw.object_charts import error_histograms
 
 
 def normals_section(material: Material, layers: Layers | None, ranking: str) -> str:
@@ -45,7 +46,8 @@ def errors_section(layers: Layers | None, summary: Summary) -> str:
         notes += f"<li>{'<br>'.join(cells)}</li>"
     twin = "" if any_twin else absent("No twin was solved: no map to lay beside these.")
     shown = f'{colour_scale(end)}<div class="gallery many">{layers.html("error")}</div><ul>{notes}</ul>{twin}'
-    body = shown + charts.error_histograms(compared, names)
+    drawn = error_histograms(compared, names)
+    body = shown + (page.chart(drawn, "speed") + "<p>Filled: photographs; line: twin.</p>" if drawn else "")
     return section("errors", title, body, say("maps", "errors", end=end))
 
 

@@ -177,6 +177,11 @@ def badge(level: str, words: str = "") -> str:
     return f'<span class="badge {level}">{words or LEVELS[level]}</span>'
 
 
+def chart(drawing: str, kind: str = "") -> str:
+    """Return a drawing as a figure."""
+    return f'<figure class="chart {kind}">{drawing}</figure>'
+
+
 def absent(text: str) -> str:
     """Return the sentence that stands where a part would be: what is missing, and why."""
     return f'<p class="absent">{escape(text)}</p>'

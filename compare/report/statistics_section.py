@@ -4,8 +4,9 @@ from html import escape
 
 from compare.report import page
 from compare.report.facts import Summary, by_error
-from compare.report.speed_chart import speed_chart, speed_points
+from compare.report.speed import speed_points
 from compare.statistics.statistics import statistics_rows
+from draw.speed_chart import speed_chart
 
 
 def statistics_section(compared: Summary) -> str:

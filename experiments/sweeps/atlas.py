@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from html import escape
 
-from draw.line_chart import svg
+from draw.svg import svg
 from experiments.stagings import ONE_FACTOR, SOLVERS
 from experiments.sweeps.perturbation import BREAKS_DEG, PERTURBATIONS
 from experiments.sweeps.stability import GOOD_DEG, KINDS, Level, Strip, Tolerance

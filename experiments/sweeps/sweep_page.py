@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from compare.report.page import table
-from compare.report.speed_chart import speed_chart
 from draw.line_chart import line_chart
+from draw.speed_chart import speed_chart
 from experiments.stagings import SOLVERS, Experiment, experiments
 from experiments.sweeps.atlas import atlas
 from experiments.sweeps.benchmark_section import beside_the_benchmark

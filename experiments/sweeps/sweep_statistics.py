@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report.facts import family
-from compare.report.speed_chart import SpeedPoint
+from draw.speed_chart import SpeedPoint
 from experiments.stagings import CALIBRATED, ONE_FACTOR, SOLVERS
 from experiments.tables import KEY, Rows, grouped, has_failed
 
