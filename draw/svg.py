@@ -19,12 +19,14 @@ FEWEST_DECADES = 0.5
 
 
 class Drawing(str):
-    """An SVG as text; a notebook shows it."""
+    """An SVG as text; notebooks show it, and templates put it in as it is."""
 
     __slots__ = ()
 
     def _repr_svg_(self) -> str:
         return str(self)
+
+    __html__ = _repr_svg_
 
     def __repr__(self) -> str:
         return "drawing: " + self.partition('aria-label="')[2].partition('"')[0]

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from compare.report.trust_section import trust_sentence
+from compare.report.verdict import trust_sentence
 from lab.job import Job
 from rgbn.light_tables import light_tables
 from rgbn.text_tables import fact_table, number_table

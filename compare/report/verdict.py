@@ -1,22 +1,25 @@
 """What was found and how far it can be trusted, in sentences made from the summary's numbers."""
 
 from dataclasses import dataclass
-from html import escape
 from statistics import median
 from typing import Any
 
+from markupsafe import Markup
+
 from compare.report.facts import Summary, by_error, doubts_of, family, warned_of
-from compare.report.page import badge, is_number, number, plain, say, table_of
-from compare.report.trust_section import trust_sentence
+from compare.report.page import badge, is_number, number, percent, plain, say, table_of, words
+from compare.statistics.counterparts import likeness
 
 DIRECTION_SIGMA_BARS_DEG = (1.0, 3.0)
 TRUTH_SIGMA_BARS_DEG = (1.0, 3.0)
 RESIDUAL_BARS_PX = (1.0, 3.0)
-CORRELATION_BARS = (0.3, 0.6)
 TILT_BAR_DEG = 1.0
 MEDIAN_BARS_DEG = (5.0, 10.0)
 """Median error up to which normals are called good, and beyond which not to be relied on."""
 COVERAGE_BAR = 0.9
+LIKENESS = {"alike": "good", "alike in part": "care", "not alike": "bad"}
+TRUST_WORSE = 3.0
+"""Times as much unexplained as by the recommended method, from which on another is not to be used."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,7 @@ class Statement:
 
     topic: str
     level: str
-    html: str
+    html: Markup
 
     @property
     def text(self) -> str:
@@ -72,7 +75,7 @@ def _normals(summary: Summary, compared: Summary) -> Statement:
         text += say("normals", "apart", **max(pairs, key=lambda row: row["median_deg"]))
     if trust := summary.get("trust"):
         # What explains the photographs best need not be good: no result is called so by that alone.
-        text += say("normals", "predicted") + escape(trust_sentence(trust))
+        text += say("normals", "predicted") + trust_sentence(trust)
     return Statement("Normals", "unknown", text)
 
 
@@ -82,10 +85,10 @@ def _truth(summary: Summary, compared: Summary, least_deg: float | None) -> Stat
     align = summary.get("align") or compared.get("pose") or {}
     sigma, residual = (compared.get("truth") or {}).get("sigma_deg_median"), align.get("residual_px")
     parts = {"residual": residual, "pose": align.get("sigma_deg"), "sigma": sigma}
-    text = ", ".join(say("truth", name, value=value) for name, value in parts.items() if is_number(value))
-    if not text:
+    told = ", ".join(say("truth", name, value=value) for name, value in parts.items() if is_number(value))
+    if not told:
         return Statement("Ground truth", "unknown", say("truth", "unknown"))
-    text = f"{text[0].upper()}{text[1:]}."
+    text = Markup(f"{told[0].upper()}{told[1:]}.")
     level = level_of(residual, RESIDUAL_BARS_PX) if is_number(residual) else level_of(sigma, TRUTH_SIGMA_BARS_DEG)
     if least_deg is not None and is_number(sigma) and sigma > 0.5 * least_deg:
         level = _lowered(level)
@@ -110,15 +113,12 @@ def _twin(twin: Summary, methods: Summary) -> Statement | None:
     name = min(both, key=lambda name: methods[name]["real"]["median_deg"])
     row = methods[name]
     real, twins = row["real"]["median_deg"], row["twin"]["median_deg"]
-    level = (
-        "bad" if row["pearson"] < CORRELATION_BARS[0] else "care" if row["pearson"] < CORRELATION_BARS[1] else "good"
-    )
+    level = LIKENESS[likeness(row["pearson"])]
     # What a twin does not have of the photographs it is of.
     left = (twin.get("material") or {}).get("relative_rmse")
     unfitted = f"the {100 * left:.1f} % that its material leaves unexplained" if is_number(left) else "material"
-    lacking = ", ".join(
-        [*([] if twin.get("sensor") else ["noise"]), unfitted, "errors of calibration and registration"]
-    )
+    noise = [] if twin.get("sensor") else ["noise"]
+    lacking = ", ".join([*noise, unfitted, "errors of calibration and registration"])
     text = say("twin", "patterns", name=name, resemblance=say("resemblance", level), **row)
     if level != "good":
         text += say("twin", "of their own", lacking=lacking)
@@ -157,16 +157,15 @@ def _lights(summary: Summary, compared: Summary) -> Statement:
         parts.append(say("lights", "contradicted" if off else "agreed", names=", ".join(off), usual=usual))
         level = _lowered(level) if off else level
     # Sigmas tell how far noise moves a direction; a frame that moved, or a lone ball, moves it further unseen.
-    return Statement(
-        "Lights", *_warned(summary, {"check": "check", "calibrate": "calibration"}, level, " ".join(parts))
-    )
+    text = Markup(" ").join(parts)
+    return Statement("Lights", *_warned(summary, {"check": "check", "calibrate": "calibration"}, level, text))
 
 
 def _lowered(level: str) -> str:
     return "care" if level == "good" else level
 
 
-def _warned(summary: Summary, steps: dict[str, str], level: str, text: str) -> tuple[str, str]:
+def _warned(summary: Summary, steps: dict[str, str], level: str, text: Markup) -> tuple[str, Markup]:
     """Return level and text, lowered and longer where one of the steps warned; `steps` gives each its word."""
     for step, word in steps.items():
         # What `check` says of the camera is a topic of its own.
@@ -223,11 +222,11 @@ def ranking(summary: Summary) -> list[Ranked]:
     return ranked
 
 
-def ranking_table(summary: Summary) -> str:
+def ranking_table(summary: Summary) -> Markup:
     """Return the methods as a table for the top of the page; nothing where there are none."""
     ranked, compared = ranking(summary), summary.get("compare") or {}
     if not ranked:
-        return ""
+        return Markup("")
     name = "ranking" if any(method.row.get("real") for method in ranked) else "without truth"
     sigma = (compared.get("truth") or {}).get("sigma_deg_median")
     caption = say("ranking", name)
@@ -238,12 +237,75 @@ def ranking_table(summary: Summary) -> str:
         sigma_of = method.row.get("median_sigma_deg")
         told = {
             "name": method.name,
-            "family": "" if method.family == "calibrated" else f" <small>{method.family}</small>",
+            "family": "" if method.family == "calibrated" else Markup(" <small>{}</small>").format(method.family),
             "verdict": badge(method.level),
-            "uncertainty": f" ± {number(sigma_of, 1, '°')}" if is_number(sigma_of) else "",
+            "uncertainty": Markup(f" ± {number(sigma_of, 1, '°')}") if is_number(sigma_of) else "",
             "own_sigma": (solved.get(method.name) or {}).get("sigma_deg_median"),
             # Without the quotes that stand for code on a terminal.
             "doubts": " ".join(method.doubts).replace("`", "") or "–",
         }
         rows.append({**(method.row.get("real") or {}), **method.row, **told})
-    return table_of(name, rows, caption=caption, kind="numbers ranking")
+    return Markup(table_of(name, rows, caption=caption, kind="numbers ranking"))
+
+
+def trust_sentence(found: Summary) -> str:
+    """Return which method to take, which not to use, and why not to believe that."""
+    methods, recommended, level = found["methods"], found["recommended"], found["level"]
+    text = recommended
+    if level:
+        text += f"; {', '.join(level)} {'is' if len(level) == 1 else 'are'} level with it"
+    least = max(methods[recommended]["unexplained"], 1e-9)
+    bad = {name: row["unexplained"] / least for name, row in methods.items() if row["unexplained"] is not None}
+    named = [f"{name} ({times:.0f} times)" for name, times in bad.items() if times > TRUST_WORSE]
+    if named:
+        text += f". Do not use what explains them so much worse: {', '.join(named)}"
+    return " ".join([f"{text}.", *(f"{doubt[0].upper()}{doubt[1:]}" for doubt in found["doubts"])])
+
+
+def limits(summary: Summary, statements: list[Statement], warnings: list[tuple[str, str]]) -> Markup:
+    """Return what makes the error, as far as twin, ground truth and lights tell, or why that is not known."""
+    compared = summary.get("compare") or {}
+    if not compared.get("has_truth"):
+        return say("limits", "without truth")
+    named, truth = [f"{s.topic} {s.level}" for s in statements], compared.get("truth") or {}
+    told = [say("limits", name, **truth) for name in named if name in words("limits")]
+    warned = {step for step, _ in warnings if step in ("calibrate", "align")}
+    told += [say("limits", "warned", steps=" and ".join(sorted(warned)))] if warned else []
+    return Markup(" ").join(told) or say("limits", "not told")
+
+
+def tiles(
+    summary: Summary, statements: list[Statement], best: str | None
+) -> list[tuple[str, str, str, Markup, Markup]]:
+    """Return title, section, level, value and its uncertainty of normals, ground truth, lights and twin."""
+    levels, compared = {s.topic: s.level for s in statements}, summary.get("compare") or {}
+    row = (compared.get("methods") or {}).get(best or "") or {}
+    real, truth, align = row.get("real") or {}, compared.get("truth") or {}, summary.get("align") or {}
+    calibrate, lights = summary.get("calibrate") or {}, compared.get("lights") or {}
+    sigma = calibrate.get("direction_sigma_deg_median") or lights.get("direction_sigma_deg_median")
+    intensity, off = calibrate.get("intensity_sigma_median"), align.get("residual_px")
+    twin, own = (row.get("twin") or {}).get("median_deg"), row.get("median_sigma_deg")
+    normals = number(real.get("median_deg"), 1, "°") + (f" ± {number(own, 1, '°')}" if is_number(own) else "")
+    found = {
+        "Normals": (
+            "Median error", "errors", normals,
+            f"{percent(row.get('coverage'))} of the object answered" if real else "nothing to measure it by",
+        ),
+        "Ground truth": (
+            "Truth uncertain by", "registration", number(truth.get("sigma_deg_median"), 1, "°"),
+            f"outline off by {number(off, 2, 'px')}" if is_number(off) else "no scan was registered",
+        ),
+        "Lights": (
+            "Lights uncertain by", "lights", number(sigma, 2, "°"),
+            f"intensity ± {percent(intensity, 1)}" if is_number(intensity) else "intensity not known",
+        ),
+        "Twin": (
+            "Twin errs alike", "twin", number(row.get("pearson"), 2),
+            f"1: at the same places, 0: unrelated; its median error {number(twin, 1, '°')}"
+            if is_number(twin) else "there is no twin",
+        ),
+    }  # fmt: skip
+    return [
+        (title, anchor, levels.get(topic, "unknown"), Markup(value), Markup(more))
+        for topic, (title, anchor, value, more) in found.items()
+    ]

@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
-from compare.report.maps import colour_scale
-from compare.report.page import UNKNOWN, folded, number, percent, picture, section, table, whole_page
+from compare.report.page import UNKNOWN, colour_scale, folded, number, percent, picture, section, table, whole_page
 from experiments.catalogue import FAMILIES
 from experiments.datasets.shelf import Entry
 from experiments.tables import Row, Rows
