@@ -12,9 +12,9 @@ from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.method_names import METHODS
 from scene.normals import angular_error_deg
 from solve.medians import row_medians
-from solve.method_names import METHODS
 from solve.problem import Problem
 from solve.solve import solve
 from solve.thinning import step_for, thinned

@@ -9,7 +9,7 @@ from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
 from compare.report import page, pictures
-from compare.report.facts import Material, Summary, read_optional
+from compare.report.facts import Material, Summary, is_seen, read_optional
 from compare.report.layers import Layers
 from compare.report.pictures import Box
 from compare.report.registration_pictures import (
@@ -66,7 +66,7 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
     shapes = page.polyline(outline - corner, "outline-halo") + page.polyline(outline - corner, "outline")
     arm = max(box.width / 60, 1.0)
     for frame, pixel in enumerate(seen or []):
-        if pixel is None or not np.isfinite(np.array(pixel, np.float64)).all():
+        if not is_seen(pixel):
             continue
         u, v = np.array(pixel, np.float64) - corner
         name = frames.names[frame] if frames is not None and frame < len(frames) else str(frame + 1)

@@ -7,7 +7,7 @@ from typing import Any
 from markupsafe import Markup
 
 from compare.report.facts import Summary, by_error, doubts_of, family, warned_of
-from compare.report.page import badge, is_number, number, percent, plain, say, table_of, words
+from compare.report.page import badge, is_number, plain, say, words
 from compare.statistics.counterparts import likeness
 
 DIRECTION_SIGMA_BARS_DEG = (1.0, 3.0)
@@ -47,28 +47,31 @@ def verdict(summary: Summary) -> list[Statement]:
     methods = compared.get("methods") or {}
     judged = [name for name, row in methods.items() if row.get("real")]
     best = min(judged, key=lambda name: methods[name]["real"]["median_deg"], default=None)
+    camera, capture = summary.get("camera") or {}, summary.get("capture") or {}
     statements = [
         _normals(summary, compared),
         _truth(summary, compared, None if best is None else methods[best]["real"]["median_deg"]),
         None if best is None else _tilt(best, methods[best]),
         _twin(summary.get("twin") or {}, methods),
         _lights(summary, compared),
-        _camera(summary.get("camera") or {}),
-        _ambient(summary.get("capture") or {}),
     ]
+    if camera.get("projection") == "orthographic":
+        statements.append(Statement("Camera", "care", say("capture", "orthographic")))
+    elif camera.get("source") in {"EXIF", "assumed"}:
+        statements.append(Statement("Camera", "care", say("capture", "focal length", source=camera["source"])))
+    if capture.get("ambient") is False:
+        statements.append(Statement("Ambient light", "care", say("capture", "no ambient")))
     return [statement for statement in statements if statement is not None]
 
 
 def _normals(summary: Summary, compared: Summary) -> Statement:
-    best = next((method for method in ranking(summary) if method.row.get("real")), None)
+    best = next((row for row in ranking(summary) if is_number(row.get("median_deg"))), None)
     if best is not None:
-        coverage, doubts = best.row.get("coverage"), " ".join(best.doubts).replace("`", "")
         others = (compared.get("level") or {}).get("level") or []
-        values = {"name": best.name, "others": ", ".join(others), **best.row["real"]}
-        text = say("normals", "level" if others else "best", **values)
-        if is_number(coverage) and coverage < COVERAGE_BAR:
-            text += say("normals", "few", coverage=coverage)
-        return Statement("Normals", best.level, text + (say("normals", "doubts", doubts=doubts) if doubts else ""))
+        text = say("normals", "level" if others else "best", **{**best, "others": ", ".join(others)})
+        if is_number(best.get("coverage")) and best["coverage"] < COVERAGE_BAR:
+            text += say("normals", "few", **best)
+        return Statement("Normals", best["level"], text + (say("normals", "doubts", **best) if best["doubts"] else ""))
     found = "unjudged" if compared.get("has_truth") else "without truth"
     text = say("normals", found if compared.get("methods") else "none")
     if compared.get("methods") and not compared.get("has_truth") and (pairs := compared.get("between_methods")):
@@ -175,31 +178,6 @@ def _warned(summary: Summary, steps: dict[str, str], level: str, text: Markup) -
     return level, text
 
 
-def _camera(camera: Summary) -> Statement | None:
-    if camera.get("projection") == "orthographic":
-        return Statement("Camera", "care", say("capture", "orthographic"))
-    if camera.get("source") in {"EXIF", "assumed"}:
-        return Statement("Camera", "care", say("capture", "focal length", source=camera["source"]))
-    return None
-
-
-def _ambient(capture: Summary) -> Statement | None:
-    if capture.get("ambient") is not False:
-        return None
-    return Statement("Ambient light", "care", say("capture", "no ambient"))
-
-
-@dataclass(frozen=True)
-class Ranked:
-    """One method's normals of the photographs: `row` is its part of the comparison, `level` a key of `page.LEVELS`."""
-
-    name: str
-    family: str
-    level: str
-    row: Summary
-    doubts: list[str]
-
-
 def level_of(value: Any, bars: tuple[float, float]) -> str:
     """Return a value's level between two bars; unknown where it is none."""
     if not is_number(value):
@@ -207,45 +185,28 @@ def level_of(value: Any, bars: tuple[float, float]) -> str:
     return "good" if value <= bars[0] else "care" if value <= bars[1] else "bad"
 
 
-def ranking(summary: Summary) -> list[Ranked]:
-    """Return all methods, the smallest median error first; those without one last.
+def ranking(summary: Summary) -> list[Summary]:
+    """Return all methods as rows of a table, the smallest median error first; those without one last.
 
-    A method that leaves more than a tenth of the object unknown, or that doubts itself, is not called good.
+    A row has the method's part of the comparison and its errors on the photographs; name, family, doubts: why it says
+    that it should not be believed; own_sigma: the median of its normals' sigma; level, a key of `page.LEVELS`: a method
+    that leaves more than a tenth of the object unknown, or that doubts itself, is not called good.
     """
-    compared, ranked = summary.get("compare") or {}, []
+    compared, rows = summary.get("compare") or {}, []
+    solved = (summary.get("solve") or {}).get("methods") or {}
     for name in by_error(compared):
-        row, doubts = compared["methods"][name], doubts_of(summary, name)
-        level, coverage = level_of((row.get("real") or {}).get("median_deg"), MEDIAN_BARS_DEG), row.get("coverage")
-        if level == "good" and (doubts or (is_number(coverage) and coverage < COVERAGE_BAR)):
-            level = "care"
-        ranked.append(Ranked(name, family(name), level, row, doubts))
-    return ranked
-
-
-def ranking_table(summary: Summary) -> Markup:
-    """Return the methods as a table for the top of the page; nothing where there are none."""
-    ranked, compared = ranking(summary), summary.get("compare") or {}
-    if not ranked:
-        return Markup("")
-    name = "ranking" if any(method.row.get("real") for method in ranked) else "without truth"
-    sigma = (compared.get("truth") or {}).get("sigma_deg_median")
-    caption = say("ranking", name)
-    if name == "ranking" and is_number(sigma):
-        caption += say("ranking", "sigma", sigma=sigma)
-    solved, rows = (summary.get("solve") or {}).get("methods") or {}, []
-    for method in ranked:
-        sigma_of = method.row.get("median_sigma_deg")
-        told = {
-            "name": method.name,
-            "family": "" if method.family == "calibrated" else Markup(" <small>{}</small>").format(method.family),
-            "verdict": badge(method.level),
-            "uncertainty": Markup(f" ± {number(sigma_of, 1, '°')}") if is_number(sigma_of) else "",
-            "own_sigma": (solved.get(method.name) or {}).get("sigma_deg_median"),
-            # Without the quotes that stand for code on a terminal.
-            "doubts": " ".join(method.doubts).replace("`", "") or "–",
-        }
-        rows.append({**(method.row.get("real") or {}), **method.row, **told})
-    return Markup(table_of(name, rows, caption=caption, kind="numbers ranking"))
+        row = compared["methods"][name]
+        kind = family(name)
+        row = {**(row.get("real") or {}), **row, "name": name, "family": "" if kind == "calibrated" else kind}
+        # Without the quotes that stand for code on a terminal.
+        row["doubts"] = " ".join(doubts_of(summary, name)).replace("`", "")
+        row["own_sigma"] = (solved.get(name) or {}).get("sigma_deg_median")
+        row["level"] = level_of(row.get("median_deg"), MEDIAN_BARS_DEG)
+        is_few = is_number(row.get("coverage")) and row["coverage"] < COVERAGE_BAR
+        if row["level"] == "good" and (row["doubts"] or is_few):
+            row["level"] = "care"
+        rows.append({**row, "badge": badge(row["level"])})
+    return rows
 
 
 def trust_sentence(found: Summary) -> str:
@@ -272,40 +233,3 @@ def limits(summary: Summary, statements: list[Statement], warnings: list[tuple[s
     warned = {step for step, _ in warnings if step in ("calibrate", "align")}
     told += [say("limits", "warned", steps=" and ".join(sorted(warned)))] if warned else []
     return Markup(" ").join(told) or say("limits", "not told")
-
-
-def tiles(
-    summary: Summary, statements: list[Statement], best: str | None
-) -> list[tuple[str, str, str, Markup, Markup]]:
-    """Return title, section, level, value and its uncertainty of normals, ground truth, lights and twin."""
-    levels, compared = {s.topic: s.level for s in statements}, summary.get("compare") or {}
-    row = (compared.get("methods") or {}).get(best or "") or {}
-    real, truth, align = row.get("real") or {}, compared.get("truth") or {}, summary.get("align") or {}
-    calibrate, lights = summary.get("calibrate") or {}, compared.get("lights") or {}
-    sigma = calibrate.get("direction_sigma_deg_median") or lights.get("direction_sigma_deg_median")
-    intensity, off = calibrate.get("intensity_sigma_median"), align.get("residual_px")
-    twin, own = (row.get("twin") or {}).get("median_deg"), row.get("median_sigma_deg")
-    normals = number(real.get("median_deg"), 1, "°") + (f" ± {number(own, 1, '°')}" if is_number(own) else "")
-    found = {
-        "Normals": (
-            "Median error", "errors", normals,
-            f"{percent(row.get('coverage'))} of the object answered" if real else "nothing to measure it by",
-        ),
-        "Ground truth": (
-            "Truth uncertain by", "registration", number(truth.get("sigma_deg_median"), 1, "°"),
-            f"outline off by {number(off, 2, 'px')}" if is_number(off) else "no scan was registered",
-        ),
-        "Lights": (
-            "Lights uncertain by", "lights", number(sigma, 2, "°"),
-            f"intensity ± {percent(intensity, 1)}" if is_number(intensity) else "intensity not known",
-        ),
-        "Twin": (
-            "Twin errs alike", "twin", number(row.get("pearson"), 2),
-            f"1: at the same places, 0: unrelated; its median error {number(twin, 1, '°')}"
-            if is_number(twin) else "there is no twin",
-        ),
-    }  # fmt: skip
-    return [
-        (title, anchor, levels.get(topic, "unknown"), Markup(value), Markup(more))
-        for topic, (title, anchor, value, more) in found.items()
-    ]

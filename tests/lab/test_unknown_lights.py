@@ -19,9 +19,9 @@ from rgbn.export_command import export_session
 from rgbn.opened_session import open_session
 from scene.errors import CalibrationError, SceneError
 from scene.lights import Lights
+from scene.method_names import UNCALIBRATED
 from scene.normals import angular_error_deg, unit
 from scene.store import Store
-from solve.method_names import UNCALIBRATED
 
 SIZE, COUNT = 120, 14
 
