@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.harness import ROOT, SHARED, Figures, Scale, Table, markdown, opened
 from compare.report.facts import family
-from compare.report.speed_chart import SpeedPoint, speed_chart
+from draw.speed_chart import SpeedPoint, speed_chart
 from lab.options import Solving
 from lab.plan import STEPS
 from scene.camera import Camera

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from compare.report.facts import method_names, read_optional, sphere_rows, stored_lights
 from compare.report.pictures import colour_scale_end, error_picture, with_colour_scale
 from compare.statistics.ambiguity import four_ways, is_measured_so
+from compare.statistics.block_bootstrap import level_methods, thinned
+from compare.statistics.counterparts import difference
 from compare.statistics.frames_alike import frames_alike
-from compare.statistics.level_methods import level_methods, thinned
-from compare.statistics.statistics import COVERAGE, angular_statistics, common_rotation, error_correlation
+from compare.statistics.statistics import COVERAGE, angular_statistics, common_rotation
 from scene.errors import SceneError
 from scene.files import remove, write_npy, write_png
 from scene.map_pictures import known_pixels
@@ -55,7 +56,8 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
     dict
         has_truth; truth: pixels, sigma_deg_median, sigma_deg_q3 (or None); mask_pixels; methods, by name:
         real and twin (`angular_statistics`, or None), coverage and twin_coverage (share of the true pixels that
-        were answered), pearson, spearman, correlation_pixels, median_difference_deg (`error_correlation`),
+        were answered), pearson, spearman, correlation_pixels, median_difference_deg with its interval's ends,
+        median_difference_low_deg and median_difference_high_deg (`compare.statistics.counterparts.difference`),
         real/twin_rotation_deg (the turn common to all normals) and real/twin_median_unrotated_deg (the median error
         once it is undone), real/twin_four_ways (`FourWays`, of methods that leave an ambiguity and of other programs),
         median_to_others_deg (the median of its median angles to the other methods), histogram (pixels per bin, the
@@ -149,9 +151,8 @@ def _errors(store: Store, name: str, known: Known, result: dict[str, Any]) -> li
         spread.append(float(np.nanquantile(error, 0.95)))
         write_npy(store.path("compare", f"error_{kind}_{name}.npy"), error)
     if len(maps) == 2:
-        shared = error_correlation(maps["real"], maps["twin"])
-        row["correlation_pixels"] = shared.pop("pixels")
-        row.update({key: value if np.isfinite(value) else None for key, value in shared.items()})
+        shared = difference(maps["real"], maps["twin"])
+        row |= {"correlation_pixels": shared.pop("pixels"), **shared}
     return spread
 
 

@@ -1,1 +1,1 @@
-"""Charts as SVG, for the report, the other pages and the documentation."""
+"""Drawings of plain numbers, as SVG: for pages, notebooks and the documentation. No other room is known."""

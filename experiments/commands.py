@@ -10,7 +10,7 @@ from cyclopts import App, Parameter
 from lab.options import DEFAULT_METHODS, Staging, in_any_case
 from lab.progress import say
 from scene.errors import SceneError
-from solve.method_names import METHODS
+from scene.method_names import METHODS
 
 
 def sweep(

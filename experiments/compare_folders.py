@@ -13,18 +13,15 @@ from numpy.typing import NDArray
 from lab.progress import say
 from lab.run_log import log, logged
 from lab.streams import is_quiet
-from scene.camera import Camera
 from scene.current import libraries
 from scene.errors import SceneError
 from scene.files import write_json, write_text
-from scene.lights import known_median
 from scene.normals import angular_error_deg
 from scene.origin import Origin
 from scene.output_folder import open_record, own_folder
 from scene.reading import array_of
 from scene.store import Store
 
-Array = NDArray[np.float64]
 Map = NDArray[np.float32]
 
 PAGE, NUMBERS = "counterparts.html", "counterparts.json"
@@ -71,7 +68,8 @@ def compare_folders(
     Returns
     -------
     dict
-        Of `compare.statistics.counterpart_verdict.compare_counterparts`, with name, created, versions and folders.
+        Of `compare.statistics.counterparts.compare_counterparts`, with name, created, versions, and captures: name and
+        kind of each.
 
     Raises
     ------
@@ -79,27 +77,25 @@ def compare_folders(
         A folder is not processed, a method asked for is not in both, or the two have none in common.
     """
     from compare.report.counterpart_page import counterpart_page
-    from compare.statistics.counterpart_draws import Capture
-    from compare.statistics.counterpart_verdict import compare_counterparts
+    from compare.statistics.counterparts import compare_counterparts
 
-    folders = (open_folder(real), open_folder(twin))
-    common = _common(folders, methods)
+    folders = {"real": open_folder(real), "twin": open_folder(twin)}
+    common = _common((folders["real"], folders["twin"]), methods)
     origin = Origin(f"comparison with {twin.resolve()} of", real.resolve())
     folder = out or own_folder(Path("out") / f"{real.resolve().name}-against-{twin.resolve().name}", origin)
     with open_record(folder, origin=origin, input_folders=[real, twin]) as record, logged(record):
         place = Store(record.folder)
         say(f"compare {real} with {twin}: {', '.join(common)}")
-        first, second = (
-            Capture(one.name, one.kind, error_maps(one, common), *shifts_of(one, common, seed=seed))
-            for seed, one in enumerate(folders)
-        )
-        found = compare_counterparts(first, second)
-        title = f"{first.name} against {second.name}"
-        now = datetime.now(UTC).isoformat(timespec="seconds")
-        found = {"name": title, "created": now, "versions": libraries(), **found}
+        errors = {kind: error_maps(one, common) for kind, one in folders.items()}
+        found = {
+            "name": f"{folders['real'].name} against {folders['twin'].name}",
+            "created": datetime.now(UTC).isoformat(timespec="seconds"),
+            "versions": libraries(),
+            "captures": {kind: {"name": one.name, "kind": one.kind} for kind, one in folders.items()},
+            **compare_counterparts(errors["real"], errors["twin"]),
+        }
         write_json(place.path(NUMBERS), found)
-        subtitle = f"methods {', '.join(common)} · {now} · rgbn {found['versions'].get('rgbn', '')}"
-        write_text(place.path(PAGE), counterpart_page(found, first, second, title, subtitle))
+        write_text(place.path(PAGE), counterpart_page(found, errors))
         log(told(found))
     if json:
         print(json_module.dumps(place.read_json(NUMBERS), indent=1))
@@ -110,13 +106,16 @@ def compare_folders(
 
 
 def told(found: dict[str, Any]) -> str:
-    """Return the verdict, its reasons, and how the methods follow each other, in lines."""
-    words = {"level": "errors as large", "pattern": "at the same places", "order": "methods rank alike"}
+    """Return the verdict and a line a method."""
     lines = [f"{found['name']}: {found['verdict']}"]
-    lines += [f"  {words[question]:20} {answer}" for question, answer in found["reasons"].items()]
+    for name, row in found["methods"].items():
+        r = "no correlation" if row["pearson"] is None else f"r = {row['pearson']:.2f}"
+        real, twin = (row[kind]["median_deg"] for kind in ("real", "twin"))
+        ends = (row[f"median_difference_{end}_deg"] for end in ("low", "high"))
+        between = " to ".join("unknown" if end is None else f"{end:.2f}" for end in ends)
+        lines.append(f"  {name}: {row['likeness']}: {r}, medians {real:.2f} and {twin:.2f} degrees, {between} apart")
     if found["left_out"]:
         lines.append(f"  left out, without a known error on one of the two: {', '.join(found['left_out'])}")
-    lines += [f"  {kind}: {text}" for kind, texts in found["order"]["sentences"].items() for text in texts]
     return "\n".join(lines)
 
 
@@ -125,18 +124,18 @@ def _common(folders: tuple[Folder, Folder], asked: str | None) -> tuple[str, ...
     common = tuple(name for name in folders[0].methods if name in folders[1].methods)
     if not common:
         raise SceneError(f"compare: no method's normals are in both folders ({names}). Process both alike.")
-    if asked is not None:
-        spelt = {name.casefold(): name for name in common}
-        words = (word.strip() for word in asked.split(",") if word.strip())
-        wanted = tuple(dict.fromkeys(spelt.get(word.casefold(), word) for word in words))
-        missing = [name for name in wanted if name not in common]
-        if missing or not wanted:
-            raise SceneError(
-                f"--method {asked}: {', '.join(missing) or 'nothing'} is not among the methods that both folders have "
-                f"normals of ({names}). Ask for {', '.join(common)}, or process both by it."
-            )
-        return wanted
-    return common
+    if asked is None:
+        return common
+    spelt = {name.casefold(): name for name in common}
+    words = (word.strip() for word in asked.split(",") if word.strip())
+    wanted = tuple(dict.fromkeys(spelt.get(word.casefold(), word) for word in words))
+    missing = [name for name in wanted if name not in common]
+    if missing or not wanted:
+        raise SceneError(
+            f"--method {asked}: {', '.join(missing) or 'nothing'} is not among the methods that both folders have "
+            f"normals of ({names}). Ask for {', '.join(common)}, or process both by it."
+        )
+    return wanted
 
 
 def open_folder(path: Path) -> Folder:
@@ -180,67 +179,3 @@ def error_maps(folder: Folder, methods: Sequence[str]) -> dict[str, Map]:
         error[folder.mask] = angular_error_deg(normals[folder.mask], folder.truth[folder.mask])
         maps[name] = error
     return maps
-
-
-def shifts_of(folder: Folder, methods: Sequence[str], *, seed: int = 0) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Return what the errors change by when lights and registration move by their sigmas, and what was moved.
-
-    The shifts as `propagated_shifts` has them, empty where nothing is to be carried. Beside its own facts:
-    direction_sigma_deg, intensity_sigma (medians), pose_sigma_deg, pose_sigma_mm, each None where it is zero or
-    unknown; why, where nothing was moved: the reason, in words. A rendering's lights and truth are what it was made
-    from: nothing is open there.
-    """
-    from compare.report.facts import read_optional
-    from compare.statistics.sigma_propagation import Processed, Registration, propagated_shifts
-    from solve.methods import METHODS
-    from solve.solve import solve
-
-    store, lights = folder.store, folder.store.load_lights()
-    pose = store.read_json("pose.json") if store.path("pose.json").exists() else {}
-    sigmas = {
-        "direction_sigma_deg": known_median(lights.direction_sigma_deg[lights.direction_sigma_deg > 0]),
-        "intensity_sigma": known_median(lights.intensity_sigma[lights.intensity_sigma > 0]),
-        "pose_sigma_deg": pose.get("sigma_deg"),
-        "pose_sigma_mm": pose.get("sigma_mm"),
-    }
-    camera = _camera(store)
-    why = _not_moved(folder, any(sigmas.values()), camera)
-    if why or camera is None:
-        return {}, {**sigmas, "moves": 0, "pixels": 0, "not_carried": [], "why": why}
-    ran = ((read_optional(store, "summary.json") or {}).get("solve") or {}).get("methods") or {}
-
-    def solved(method: str, *taken: Any) -> Map | None:
-        if method not in METHODS:
-            return None
-        try:
-            # With the profile that it ran with.
-            return solve(method, *taken, profile=(ran.get(method) or {}).get("profile", "default")).normals
-        except SceneError:
-            return None
-
-    registration = Registration(pose["sigma_deg"], pose["sigma_mm"]) if pose else None
-    processed = Processed(store.load_frames(), lights, camera, folder.mask, folder.truth, registration)
-    shifts, carried = propagated_shifts(processed, methods, solved, seed=seed)
-    return shifts, {**sigmas, **carried}
-
-
-def _not_moved(folder: Folder, known: bool, camera: Camera | None) -> str:
-    """Return why lights and registration of a folder cannot be moved; empty where they can."""
-    if folder.kind == "rendering":
-        return "lights and truth are exact: it was rendered from them"
-    if not known:
-        return "nothing says how uncertain its lights and registration are"
-    missing = ["camera.json"] if camera is None else []
-    if not folder.store.path("frames", "frames.json").exists():
-        missing.append("frames/")
-    if not missing:
-        return ""
-    return f"{' and '.join(missing)} missing, so it could not be solved again under moved lights and registration"
-
-
-def _camera(store: Store) -> Camera | None:
-    # A twin's camera is that of the session around it.
-    for place in (store, Store(store.folder.parent)):
-        if place.path("camera.json").exists():
-            return place.load_camera()
-    return None

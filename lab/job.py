@@ -14,9 +14,9 @@ from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import plain
 from scene.mesh import Mesh
+from scene.method_names import UNCALIBRATED
 from scene.record import Record
 from scene.store import Store
-from solve.method_names import UNCALIBRATED
 
 LOG = logging.getLogger("rgbn")
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from cyclopts import Parameter
 
 from scene.errors import SceneError
-from solve.method_names import METHODS, UNCALIBRATED
+from scene.method_names import METHODS, UNCALIBRATED
 
 if TYPE_CHECKING:
     from scene.record import Record

@@ -14,6 +14,8 @@ from scene.spheres import Sphere
 if TYPE_CHECKING:
     import pandas
 
+    from draw.svg import Drawing
+
 
 class _Shown:
     """Rows that a person at a prompt or in a notebook sees: `caption` says in one line what matters."""
@@ -75,19 +77,20 @@ class Errors(Table):
         found._compared = compared
         return found
 
-    def plot(self) -> Any:
-        """Return a plotly figure: the share of pixels by error in degrees, a panel a method, real filled, twin a line.
+    def plot(self) -> "Drawing":
+        """Return a drawing: the share of pixels by error in degrees, a panel a method, real filled, twin a line.
 
         Raises
         ------
         SceneError
             No method has an error.
         """
-        from compare.report.charts import error_histogram_figure
+        from draw.object_charts import error_histograms
 
-        if not len(self):
+        drawn = error_histograms(self._compared, list(dict.fromkeys(row["method"] for row in self)))
+        if drawn is None:
             raise SceneError("errors: no method shares a pixel with the truth, so there is nothing to draw.")
-        return error_histogram_figure(self._compared, list(dict.fromkeys(row["method"] for row in self)))
+        return drawn
 
 
 def ball_rows(balls: Iterable[Sphere], camera: Camera) -> list[dict[str, Any]]:
@@ -130,18 +133,19 @@ class Balls(_Shown, tuple[Sphere, ...]):
         """Return a row a ball, see `ball_rows`."""
         return ball_rows(self, self._camera)
 
-    def plot(self) -> Any:
-        """Return a plotly figure of the first photograph with the balls' outlines; axes in px."""
+    def plot(self) -> "Drawing":
+        """Return a drawing of the first photograph with the balls' outlines; axes in px."""
         from compare.report.pictures import Exposure, thumbnail
+        from draw.object_charts import map_chart
         from scene.estimate import PLOTTED_WIDTH
-        from scene.figures import COLOURS, map_figure
         from scene.map_pictures import data_uri
 
         frames = self._frames
         picture = Exposure.for_frames(frames).develop(thumbnail(frames, 0, PLOTTED_WIDTH))
-        figure = map_figure(data_uri(picture, photograph=True), width=frames.width, height=frames.height)
+        outlines = {}
         for index, ball in enumerate(self):
-            u, v = np.concatenate([line := ball.outline(self._camera), line[:1]]).T.tolist()
-            name = f"{ball.kind} ball {index + 1}"
-            figure.add_scatter(x=u, y=v, mode="lines", name=name, line={"color": COLOURS[1 - (ball.kind == "chrome")]})
-        return figure
+            line = ball.outline(self._camera)
+            outlines[f"{ball.kind} ball {index + 1}"] = np.concatenate([line, line[:1]])
+        uri = data_uri(picture, photograph=True)
+        label = "the first photograph with the balls' outlines"
+        return map_chart(uri, width=frames.width, height=frames.height, label=label, outlines=outlines)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from compare.report.trust_section import trust_sentence
+from compare.report.verdict import trust_sentence
 from lab.job import Job
 from scene.camera import Camera
 from scene.store import Store

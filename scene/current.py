@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 
 ROOMS = (
-    "scene", "formats", "capture", "calibrate", "align", "solve", "twin", "draw", "compare", "lab", "shoot",
+    "draw", "scene", "formats", "capture", "calibrate", "align", "solve", "twin", "compare", "lab", "shoot",
     "experiments", "studio", "rgbn",
 )  # fmt: skip
 """The root folders that are import packages, from the ground floor up."""
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARIES = (
     "numpy", "scipy", "opencv-contrib-python-headless", "rawpy", "scikit-image", "trimesh", "open3d", "mitsuba",
-    "drjit", "numba", "llvmlite", "pillow", "plotly", "tifffile", "h5py", "pyarrow",
+    "drjit", "numba", "llvmlite", "pillow", "tifffile", "h5py", "pyarrow",
 )  # fmt: skip
 """Packages that a result may depend on."""
 TICK_NS, COARSE_NS = 10_000_000, 2_000_000_000

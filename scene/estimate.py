@@ -2,12 +2,15 @@
 
 from dataclasses import dataclass, field
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
+
+if TYPE_CHECKING:
+    from draw.svg import Drawing
 
 SHOWN_WIDTH = 360
 PLOTTED_WIDTH = 900
@@ -65,13 +68,14 @@ class Estimate:
 
         return normal_picture(self.normals, width)
 
-    def plot(self) -> Any:
-        """Return a plotly figure of the normals as colours: red right, green up, blue toward the viewer; axes in px."""
-        from scene.figures import map_figure
+    def plot(self) -> "Drawing":
+        """Return a drawing of the normals as colours: red right, green up, blue toward the viewer; axes in px."""
+        from draw.object_charts import map_chart
         from scene.map_pictures import data_uri
 
         height, width = self.normals.shape[:2]
-        return map_figure(data_uri(self.picture(PLOTTED_WIDTH), photograph=False), width=width, height=height)
+        picture = data_uri(self.picture(PLOTTED_WIDTH), photograph=False)
+        return map_chart(picture, width=width, height=height, label=f"normals, {self.method}", outlines={})
 
     def __repr__(self) -> str:
         height, width = self.normals.shape[:2]

@@ -12,6 +12,8 @@ from scene.normals import unit
 if TYPE_CHECKING:
     import pandas
 
+    from draw.svg import Drawing
+
 Array = NDArray[np.float64]
 
 
@@ -234,21 +236,21 @@ class Lights:
 
         return data_frame(self.rows())
 
-    def plot(self, what: Literal["directions", "intensities", "sigmas", "positions"] = "directions") -> Any:
-        """Return a plotly figure of the lights.
+    def plot(self, what: Literal["directions", "intensities", "sigmas", "positions"] = "directions") -> "Drawing":
+        """Return a drawing of the lights, which a notebook shows.
 
         Parameters
         ----------
         what : {"directions", "intensities", "sigmas", "positions"}
-            The hemisphere as the camera sees it; bars of each light's relative intensities, or of the standard
-            deviation of its direction in degrees; the places of near lights in mm.
+            The hemisphere as the camera sees it; each light's relative intensities, or the standard deviation of its
+            direction in degrees; the places of near lights in mm, as the camera sees them and from above.
 
         Raises
         ------
         SceneError
             Positions of distant lights, directions of unknown ones, or another word.
         """
-        from scene import figures
+        from draw import light_charts
 
         words = ("directions", "intensities", "sigmas", "positions")
         if what not in words:
@@ -260,7 +262,7 @@ class Lights:
                 'lights.plot("positions"): the lights are distant: they have directions only. Positions come from '
                 "balls whose diameter_mm is given in session.toml."
             )
-        return getattr(figures, f"light_{what}")(self)
+        return getattr(light_charts, what)(self.facts())
 
     def __repr__(self) -> str:
         if self.is_unknown:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import SceneError
-from solve.method_names import FAMILIES, METHODS, UNCALIBRATED
+from scene.method_names import FAMILIES, METHODS, UNCALIBRATED
 from solve.problem import Problem
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.method_names import METHODS
 from scene.normals import angular_error_deg
-from solve.method_names import METHODS
 from solve.problem import Problem
 from solve.samples import row_medians
 from solve.solve import solve

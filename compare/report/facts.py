@@ -13,23 +13,17 @@ from compare.report.pictures import Box, Exposure
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
+from scene.method_names import METHODS, UNCALIBRATED
 from scene.store import Store
 
 Summary = dict[str, Any]
 
-METHOD_ORDER = ("ls", "rpca", "iterative", "hsh", "ldr", "entropy", "tv")
-"""The seed's order; other methods follow by name."""
-UNCALIBRATED = ("ldr", "entropy", "tv")
-"""Methods that are not told the lights' directions."""
-
 
 def method_names(store: Store) -> list[str]:
-    """Return the methods whose normals are in the folder, the seed's first and in its order."""
+    """Return the methods whose normals are in the folder, ours first and in their order."""
     names = {path.stem for place in ("normals", "twin/normals") for path in store.path(place).glob("*.npy")}
     names -= {"truth", "truth_sigma"}
-    return sorted(
-        names, key=lambda name: (METHOD_ORDER.index(name) if name in METHOD_ORDER else len(METHOD_ORDER), name)
-    )
+    return [name for name in METHODS if name in names] + sorted(names - set(METHODS))
 
 
 def family(method: str) -> str:
@@ -44,12 +38,12 @@ def by_error(compared: dict[str, Any]) -> list[str]:
 
     Those without an error follow in the order in which they are.
     """
+    methods = compared.get("methods") or {}
 
     def median(name: str) -> float:
         value = (methods[name].get("real") or {}).get("median_deg")
         return np.inf if value is None else value
 
-    methods = compared.get("methods") or {}
     return sorted(methods, key=median)
 
 
@@ -74,13 +68,13 @@ def sphere_rows(store: Store) -> list[dict[str, Any]]:
     out = []
     for index, row in enumerate(rows):
         seen = highlights[index] if index < len(highlights) else None
-        counts = (None, None) if seen is None else (sum(_is_seen(pixel) for pixel in seen), len(seen))
+        counts = (None, None) if seen is None else (sum(map(is_seen, seen)), len(seen))
         distance = None if row.get("center_mm") is None else float(np.linalg.norm(row["center_mm"]))
         out.append({**row, "distance_mm": distance, "highlights_seen": counts[0], "highlights_frames": counts[1]})
     return out
 
 
-def _is_seen(pixel: Any) -> bool:
+def is_seen(pixel: Any) -> bool:
     """Tell whether a highlight has a place: one that was not found is null, or not a number."""
     return pixel is not None and bool(np.isfinite(np.array(pixel, np.float64)).all())
 
@@ -98,10 +92,8 @@ def all_warnings(summary: dict[str, Any]) -> list[tuple[str, str]]:
     for step, part in (("check", "capture"), *((step, step) for step in ("calibrate", "align", "twin", "compare"))):
         add(step, (summary.get(part) or {}).get("warnings"))
     for name, row in ((summary.get("solve") or {}).get("methods") or {}).items():
-        add(
-            "solve",
-            [text if text.startswith(name) else f"{name}: {text}" for text in (row or {}).get("warnings") or ()],
-        )
+        texts = (row or {}).get("warnings") or ()
+        add("solve", [text if text.startswith(name) else f"{name}: {text}" for text in texts])
     return list(found)
 
 

@@ -7,9 +7,9 @@ place in a palette.
 import base64
 import io
 from dataclasses import dataclass, field
-from html import escape
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import NDArray
 
 from compare.report import page, pictures
@@ -66,13 +66,12 @@ class Layer:
     uri: str
 
     @property
-    def html(self) -> str:
+    def html(self) -> Markup:
         """The still picture; the viewer finds it by its data."""
-        data = f'data-kind="{self.kind}" data-side="{self.side}" data-name="{escape(self.name)}"'
-        label = escape(self.label)
-        return (
-            f'<figure class="map"><img {data} src="{self.uri}" alt="{label}"><figcaption>{label}</figcaption></figure>'
-        )
+        return Markup(
+            '<figure class="map"><img data-kind="{0.kind}" data-side="{0.side}" data-name="{0.name}" src="{0.uri}" '
+            'alt="{0.label}"><figcaption>{0.label}</figcaption></figure>'
+        ).format(self)
 
 
 @dataclass(frozen=True)
@@ -83,9 +82,9 @@ class Layers:
     layers: list[Layer] = field(default_factory=list)
     scales: Summary = field(default_factory=dict)
 
-    def html(self, kind: str, *sides: str) -> str:
+    def html(self, kind: str, *sides: str) -> Markup:
         """Return the pictures of a kind."""
-        return "".join(
+        return Markup("").join(
             layer.html for layer in self.layers if layer.kind == kind and layer.side in (sides or (layer.side,))
         )
 

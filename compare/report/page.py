@@ -1,4 +1,4 @@
-"""The report's smallest pieces: numbers that can be traced, tables, figures, badges, sections; everything escaped."""
+"""Pages: numbers that can be traced, sentences, tables, figures and the templates around them; everything escaped."""
 
 import functools
 import json
@@ -6,11 +6,14 @@ import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from html import escape, unescape
+from html import unescape
 from pathlib import Path
-from string import Formatter, Template
+from string import Formatter
 from typing import Any, TypeGuard
 
+from markupsafe import Markup, escape
+
+from compare.report.pictures import error_scale_colours
 from scene.map_pictures import Image, data_uri
 
 HERE = Path(__file__).parent
@@ -29,13 +32,13 @@ def words(*part: str) -> dict[str, Any]:
     return found
 
 
-def say(part: str, name: str, /, **values: Any) -> str:
+def say(part: str, name: str, /, **values: Any) -> Markup:
     """Return a sentence of report_words.toml as HTML, its {names} filled in by `Sentence`."""
-    return Sentence().vformat(words(part)[name], (), values)
+    return Markup(Sentence().vformat(words(part)[name], (), values))
 
 
 class Sentence(Formatter):
-    """Fills in texts escaped, {x:2px} by `number`, {x:1%} by `percent`, {x:html} as it is; missing is unknown."""
+    """Fills in texts escaped (`Markup` as it is), {x:2px} by `number`, {x:1%} by `percent`; missing is unknown."""
 
     def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
         try:
@@ -46,7 +49,7 @@ class Sentence(Formatter):
     def format_field(self, value: Any, format_spec: str) -> str:
         decimals, unit = format_spec[:1], format_spec[1:]
         if isinstance(value, str):
-            return value if format_spec == "html" else escape(value)
+            return escape(value)
         return percent(value, int(decimals)) if unit == "%" else number(value, int(decimals or 0), unit)
 
 
@@ -61,12 +64,12 @@ def number(value: Any, decimals: int = 2, unit: str = "") -> str:
         # 0.003 must not be shown as 0.00, nor -0.00.
         if value and float(shown) == 0:
             shown = f"{value:.1g}" if abs(value) >= 1e-6 else f"{value:.0e}"
-    return _tagged(value, shown.replace("-", "\u2212"), unit)
+    return _tagged(value, shown, unit)
 
 
 def round_number(value: float, unit: str = "") -> str:
     """Return a number that people chose, a bar, as HTML with as few digits as it has: 1, not 1.000."""
-    return _tagged(value, f"{value:g}".replace("-", "\u2212"), unit)
+    return _tagged(value, f"{value:g}", unit)
 
 
 def percent(share: Any, decimals: int = 0) -> str:
@@ -87,19 +90,20 @@ def is_number(value: Any) -> TypeGuard[float]:
 
 def _tagged(value: float, shown: str, unit: str) -> str:
     gap = "" if unit in {"", "°"} else "\u202f"
-    return f'<span class="n" data-value="{value!r}">{shown}{gap}{escape(unit)}</span>'
+    return f'<span class="n" data-value="{value!r}">{shown.replace("-", chr(0x2212))}{gap}{escape(unit)}</span>'
 
 
 def as_text(value: Any) -> str:
     """Return a setting as a short text."""
-    if isinstance(value, str):
-        return value
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, list | tuple):
-        return ", ".join(as_text(item) for item in value)
-    if isinstance(value, dict):
-        return "; ".join(f"{key} {as_text(item)}" for key, item in value.items())
+    match value:
+        case str():
+            return value
+        case float():
+            return f"{value:.6g}"
+        case list() | tuple():
+            return ", ".join(as_text(item) for item in value)
+        case dict():
+            return "; ".join(f"{key} {as_text(item)}" for key, item in value.items())
     return json.dumps(value, default=str)
 
 
@@ -110,15 +114,9 @@ def plain(html: str) -> str:
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = "", kind: str = "") -> str:
     """Return a table of cells that are HTML already; the first column is each row's heading."""
-    lines = [f'<table class="{kind}">']
-    if caption:
-        lines.append(f"<caption>{caption}</caption>")
-    lines.append("<thead><tr>" + "".join(f'<th scope="col">{cell}</th>' for cell in head) + "</tr></thead><tbody>")
-    for first, *rest in rows:
-        lines.append(f'<tr><th scope="row">{first}</th>' + "".join(f"<td>{cell}</td>" for cell in rest) + "</tr>")
-    lines.append("</tbody></table>")
-    name = escape(plain(caption) or "table", quote=True)
-    return f'<div class="scroll" role="group" tabindex="0" aria-label="{name}">{"".join(lines)}</div>'
+    name = plain(caption) or "table"
+    lines = [[*map(Markup, row)] for row in rows]
+    return pieces().table([*map(Markup, head)], lines, Markup(caption), kind, name)
 
 
 def table_of(name: str, rows: Iterable[Mapping[str, Any]], *, caption: str = "", kind: str = "numbers") -> str:
@@ -128,13 +126,8 @@ def table_of(name: str, rows: Iterable[Mapping[str, Any]], *, caption: str = "",
     return table([head for head, _ in columns], lines, caption=caption, kind=kind)
 
 
-def definitions(words: Iterable[tuple[str, str]]) -> str:
-    """Return terms, each with what it means; both are plain text."""
-    return f"<dl>{''.join(f'<dt>{escape(term)}</dt><dd>{escape(text)}</dd>' for term, text in words)}</dl>"
-
-
 def folded(title: str, body: str) -> str:
-    """Return what is shown when the reader asks for it."""
+    """Return what is shown when the reader asks for it; both are HTML already."""
     return f"<details><summary>{title}</summary>{body}</details>"
 
 
@@ -142,28 +135,14 @@ def picture(
     image: Image, alt: str, caption: str = "", *, photograph: bool = False, overlay: str = "", kind: str = ""
 ) -> str:
     """Return a figure: an image, drawings that lie on it, and what is to be seen (HTML)."""
-    below = f"<figcaption>{caption}</figcaption>" if caption else ""
-    shown = f'<img src="{data_uri(image, photograph=photograph)}" alt="{escape(alt)}">'
-    return f'<figure class="{kind}"><div class="stack">{shown}{overlay}</div>{below}</figure>'
-
-
-def wiper(left: tuple[str, str], right: tuple[str, str], caption: str) -> str:
-    """Return two pictures of one size on each other, and a slider that wipes or fades between them.
-
-    `left`, `right`: the URI of a picture, and what it is. `caption` is HTML.
-    """
-    values: dict[str, str] = dict(
-        zip(("left_uri", "left", "right_uri", "right"), map(escape, (*left, *right)), strict=True)
-    )
-    return Template((HERE / "report_wiper.html").read_text("utf-8")).substitute(values, caption=caption)
+    uri = data_uri(image, photograph=photograph)
+    return pieces().picture(uri, alt, Markup(caption), Markup(overlay), kind)
 
 
 def drawing(width: int, height: int, shapes: str, *, label: str) -> str:
     """Return an SVG that lies over an image and counts in that image's full pixels from its corner."""
-    return (
-        f'<svg viewBox="0 0 {width} {height}" preserveAspectRatio="none" role="img" '
-        f'aria-label="{escape(label)}">{shapes}</svg>'
-    )
+    box = f'viewBox="0 0 {width} {height}" preserveAspectRatio="none" role="img"'
+    return f'<svg {box} aria-label="{escape(label)}">{shapes}</svg>'
 
 
 def polyline(points: Iterable[Sequence[float]], kind: str) -> str:
@@ -172,14 +151,19 @@ def polyline(points: Iterable[Sequence[float]], kind: str) -> str:
     return f'<polygon class="{kind}" points="{path}"/>'
 
 
-def badge(level: str, words: str = "") -> str:
+def badge(level: str, words: str = "") -> Markup:
     """Return a verdict as a word in a coloured frame: the level's own, or another."""
-    return f'<span class="badge {level}">{words or LEVELS[level]}</span>'
+    return Markup('<span class="badge {}">{}</span>').format(level, words or LEVELS[level])
 
 
-def absent(text: str) -> str:
-    """Return the sentence that stands where a part would be: what is missing, and why."""
-    return f'<p class="absent">{escape(text)}</p>'
+def colour_scale(end: float) -> str:
+    """Return the key of error colours, 0 to `end` degrees."""
+    return pieces().colour_scale(end, [f"rgb{colour}" for colour in error_scale_colours(17)])
+
+
+def section(anchor: str, title: str, body: str, lead: str = "") -> str:
+    """Return a section; `body` and `lead` are HTML already."""
+    return pieces().section(anchor, title, Markup(lead), Markup(body))
 
 
 def folded_section(html: str) -> str:
@@ -188,27 +172,40 @@ def folded_section(html: str) -> str:
     return html.removesuffix("</section>") + "</details></section>"
 
 
-def section(anchor: str, title: str, body: str, lead: str = "") -> str:
-    """Return a section; `body` and `lead` are HTML already."""
-    lead = f'<p class="lead">{lead}</p>' if lead else ""
-    return f'<section id="{anchor}"><h2>{escape(title)}</h2>{lead}{body}</section>'
-
-
-def verdict_section(title: str, lines: Iterable[tuple[str, str]]) -> str:
-    """Return the box on top: one line a topic, (heading, sentence), both HTML."""
-    rows = "".join(f"<li><h3>{heading}</h3><p>{sentence}</p></li>" for heading, sentence in lines)
-    return f'<section id="verdict" class="verdict"><h2>{title}</h2><ul>{rows}</ul></section>'
-
-
 def whole_page(title: str, kind: str, subtitle: str, chapters: Mapping[str, str], *, script: str = "") -> str:
     """Return the page: `chapters` are sections by their names in the row of links; `subtitle` is HTML already."""
-    anchors = [(re.search(r'<section id="([\w-]+)"', html), words) for words, html in chapters.items()]
-    return Template((HERE / "report_template.html").read_text(encoding="utf-8")).substitute(
-        title=escape(title),
-        kind=kind,
-        subtitle=subtitle,
-        chapters="".join(f'<a href="#{found[1]}">{words}</a>' for found, words in anchors if found),
-        style=(HERE / "report_style.css").read_text(encoding="utf-8"),
-        script=script,
-        body="\n".join(chapters.values()),
-    )
+    anchors = {words: re.search(r'<section id="([\w-]+)"', html) for words, html in chapters.items()}
+    style = (HERE / "report_style.css").read_text(encoding="utf-8")
+    return template("report_template.html").render(
+        title=title, kind=kind, subtitle=Markup(subtitle), style=Markup(style), script=Markup(script),
+        anchors={words: found[1] for words, found in anchors.items() if found},
+        body=Markup("\n".join(chapters.values())),
+    )  # fmt: skip
+
+
+@functools.cache
+def _environment() -> Any:
+    from jinja2 import ChainableUndefined, Environment, FileSystemLoader
+
+    how = {"autoescape": True, "undefined": ChainableUndefined, "trim_blocks": True, "lstrip_blocks": True}
+    made = Environment(loader=FileSystemLoader(HERE), **how)
+    made.policies["json.dumps_kwargs"] = {"allow_nan": False}
+
+    def marked(function: Any) -> Any:
+        return lambda *values, **more: Markup(function(*values, **more))
+
+    html = (badge, colour_scale, folded, number, percent, picture, round_number, say, table, table_of)
+    made.globals |= {function.__name__: marked(function) for function in html}
+    made.globals |= {"as_text": as_text, "is_number": is_number, "words": words}
+    return made
+
+
+def template(name: str) -> Any:
+    """Return a template of this folder; what is put into it is escaped, and what is missing is nothing."""
+    return _environment().get_template(name)
+
+
+@functools.cache
+def pieces() -> Any:
+    """Return the macros of pieces.html."""
+    return template("pieces.html").module

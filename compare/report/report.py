@@ -1,26 +1,42 @@
 """One self-contained page: what the cameras saw, what was computed of it, and how far it can be trusted."""
 
-from html import escape
 from pathlib import Path
 from typing import Any
 
+from markupsafe import Markup
+
 from compare.report import page
 from compare.report.facts import Material, Summary, all_warnings, by_error, family
-from compare.report.first_screen import first_screen, why_section
-from compare.report.galleries import balls_section, frames_section, lights_section
 from compare.report.layers import Layers
-from compare.report.maps import errors_section, normals_section
-from compare.report.registration_section import registration_section
-from compare.report.statistics_section import statistics_section, time_section
-from compare.report.trust_section import trust_section
-from compare.report.twin_section import twin_section
-from compare.report.verdict import ranking_table
-from compare.report.viewer_section import script, viewer_section
+from compare.report.pictures import legend_ball
+from compare.report.report_figures import ball_figures, glance, placed
+from compare.report.speed import speed_points
+from compare.report.verdict import limits, ranking, trust_sentence, verdict
+from compare.report.viewer import SCRIPTS, viewer_facts
+from compare.statistics.statistics import statistics_rows
+from draw import light_charts
+from draw.line_chart import line_chart
+from draw.object_charts import error_histograms
+from draw.speed_chart import speed_chart
+from draw.svg import Drawing
 from scene.files import write_text
 from scene.store import Store
 
-LONG = ("warnings", "material", "held_out")
-"""Parts that other sections tell."""
+CHAPTERS = {
+    "Verdict": "verdict", "Viewer": "viewer", "Why": "why", "Warnings": "warned", "Photographs": "frames",
+    "Balls": "balls", "Lights": "lights", "Registration": "registration", "Normals": "normals",
+    "Which normals": "trusted", "Twin": "twinned", "Errors": "errors", "Statistics": "statistics", "Speed": "time",
+    "Known truth": "checked", "Provenance": "provenance", "How to read": "reading",
+}  # fmt: skip
+"""The sections of report.html by their names in the row of links; all but the first two are folded."""
+OPEN = ("Verdict", "Viewer")
+PARTS = (
+    "capture", "calibrate", "align", "solve", "twin", "compare", "trust", "truth_check", "versions", "created",
+)  # fmt: skip
+"""Of the summary, that the templates read."""
+ELSEWHERE = ("warnings", "material", "held_out")
+"""Parts of the summary that other sections tell."""
+TILES_TELL = ("Lights", "Ground truth", "Twin")
 
 
 def write_report(store: Store, summary: dict[str, Any]) -> Path:
@@ -41,120 +57,124 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
         The page. Its policy forbids the browser to load anything from outside it.
     """
     material = Material.load(store, summary)
-    compared, warnings = summary.get("compare") or {}, all_warnings(summary)
     layers = Layers.of(material, summary)
+    compared = summary.get("compare") or {}
     # The methods are ranked by the truth; without one the photographs may have recommended a method.
     recommended = None if compared.get("has_truth") else (summary.get("trust") or {}).get("recommended")
     best = recommended or next(iter(material.methods), None)
-    folded = {
-        "Why": why_section(summary),
-        "Warnings": _warnings_section(warnings),
-        "Photographs": frames_section(material, layers, summary),
-        "Balls": balls_section(material),
-        "Lights": lights_section(material),
-        "Registration": registration_section(material, summary),
-        "Normals": normals_section(material, layers, ranking_table(summary)),
-        "Which normals": trust_section(summary),
-        "Twin": twin_section(material, layers, summary),
-        "Errors": errors_section(layers, summary),
-        "Statistics": statistics_section(compared),
-        "Speed": time_section(summary),
-        "Known truth": _truth_check_section(summary),
-        "Provenance": _provenance_section(summary),
-        "How to read": _how_to_read_section(compared),
-    }
-    chapters = {
-        "Verdict": first_screen(material, layers, summary, warnings, best),
-        "Viewer": viewer_section(material, layers, best),
-        **{words: page.folded_section(html) for words, html in folded.items() if html},
+    facts = {name: summary.get(name) or {} for name in PARTS} | _verdict_facts(summary) | _rows(summary, material)
+    facts |= viewer_facts(material, layers, best) | ball_figures(material) | DRAWN
+    facts |= {"material": material, "layers": layers, "glance": glance(material, layers, compared, best)}
+    facts |= {"placed": placed(material), "best": best, "terms": _terms(by_error(compared))}
+    module = page.template("report.html").make_module(facts)
+    sections = {words: str(getattr(module, name)()).strip() for words, name in CHAPTERS.items()}
+    first = dict(list(sections.items())[:2])
+    chapters = first | {
+        words: page.folded_section(html) for words, html in sections.items() if html and words not in first
     }
     name = str(summary.get("name") or store.folder.resolve().name)
-    kind, subtitle = "Photometric stereo report", _subtitle(summary, compared)
-    write_text(store.path("report.html"), page.whole_page(name, kind, subtitle, chapters, script=script()))
+    script = "\n".join((page.HERE / part).read_text("utf-8") for part in SCRIPTS)
+    script = f'"use strict";\n(() => {{\n{script}\n}})();'
+    subtitle = str(module.subtitle()).strip()
+    html = page.whole_page(name, "Photometric stereo report", subtitle, chapters, script=script)
+    write_text(store.path("report.html"), html)
     return store.path("report.html")
 
 
-def _subtitle(summary: dict[str, Any], compared: dict[str, Any]) -> str:
-    capture, parts = summary.get("capture") or {}, []
-    if page.is_number(capture.get("frames")):
-        parts.append(f"{page.number(capture['frames'])} flash photographs")
-    if page.is_number(capture.get("width")) and page.is_number(capture.get("height")):
-        parts.append(f"{page.number(capture['width'])} × {page.number(capture['height'])} px")
-    if compared.get("methods"):
-        parts.append("methods " + escape(", ".join(compared["methods"])))
-    if summary.get("created"):
-        parts.append(escape(str(summary["created"])))
-    if version := (summary.get("versions") or {}).get("rgbn"):
-        parts.append(f"rgbn {escape(str(version))}")
-    return " · ".join(parts)
+def _verdict_facts(summary: Summary) -> Summary:
+    statements, warnings = verdict(summary), all_warnings(summary)
+    marked = [one for one in statements[1:] if one.level in ("care", "bad") and one.topic not in TILES_TELL]
+    return {
+        "statements": statements, "warnings": warnings, "marked": marked, "ranking": ranking(summary),
+        "limits": limits(summary, statements[1:], warnings), "topics": {one.topic: one.level for one in statements},
+    }  # fmt: skip
 
 
-def _warnings_section(warnings: list[tuple[str, str]]) -> str:
-    """Return all warnings, each with its step."""
-    if not warnings:
-        return page.section("warnings", "Warnings", "<p>None of the steps gave a warning.</p>")
-    rows = "".join(f"<li><b>{escape(step or 'session')}</b> {escape(text)}</li>" for step, text in warnings)
-    return page.section("warnings", "Warnings", f'<ul class="warnings">{rows}</ul>')
+def _rows(summary: Summary, material: Material) -> Summary:
+    """Return the rows of the tables, and what the chart of speed could not show."""
+    compared, solved = summary.get("compare") or {}, (summary.get("solve") or {}).get("methods") or {}
+    methods = {name: compared["methods"][name] for name in by_error(compared)}
+    points, missing = speed_points(summary)
+    align = summary.get("align") or compared.get("pose") or {}
+    align = {**(align.get("fit") or {}), **align}
+    listed = {row.get("name"): row for row in (summary.get("capture") or {}).get("frames_table") or []}
+    names = material.frames.names if material.frames is not None else ()
+    spent = summary.get("processor_seconds") or {}
+    return {
+        "methods": methods, "points": points, "statistics_rows": statistics_rows({"methods": methods}),
+        "uncharted": {reason: [name for name, why in missing if why == reason] for _, reason in missing},
+        "frame_rows": [
+            {"number": str(index), "name": name, **(listed.get(name) or {})} for index, name in enumerate(names, 1)
+        ],
+        "light_rows": [
+            {**row, "number": str(index), "flags": "; ".join(row.get("flags") or [])}
+            for index, row in enumerate((material.lights or {}).get("frames") or [], 1)
+        ],
+        "both_rows": _named({name: row for name, row in methods.items() if row.get("real") and row.get("twin")}),
+        "trust_rows": _named((summary.get("trust") or {}).get("methods") or {}),
+        "four_ways": [
+            {"name": name, "kind": kind, **ways, "sign": "inside out" if ways.get("mirrored") else "right"}
+            for name, row in methods.items()
+            for kind in ("real", "twin")
+            if (ways := row.get(f"{kind}_four_ways"))
+        ],
+        "second_rows": [
+            {**(solved[name] or {}), "name": name, "error": methods.get(name) or {},
+             "options": page.as_text((solved[name] or {}).get("settings") or {})}
+            for name in dict.fromkeys([*(name for name in methods if name in solved), *solved])
+        ],
+        "registration_rows": [
+            {"what": what, "found": Markup(page.Sentence().format(text, align[key]))}
+            for what, key, text in page.words("tables")["registered"]
+            if page.is_number(align.get(key))
+        ],
+        "spent_rows": [
+            {"name": str(step), "processor": spent.get(step), "wall": wall}
+            for step, wall in (summary.get("seconds") or {}).items()
+        ],
+        "setting_rows": {
+            part: [{"name": str(name), "value": page.as_text(value)}
+                   for name, value in (summary.get(part) or {}).items() if name not in ELSEWHERE]
+            for part in ("versions", "arguments", "camera", "twin")
+        },
+        "evidence": [
+            (step, str(text))
+            for step in ("calibrate", "align")
+            for text in (summary.get(step) or {}).get("evidence") or ()
+        ],
+        **_square(compared.get("between_methods") or [], list(methods)),
+    }  # fmt: skip
 
 
-def _truth_check_section(summary: Summary) -> str:
-    """Return known truth against what was found (the demo); nothing where none was supplied."""
-    rows = []
-    for label, row in (summary.get("truth_check") or {}).items():
-        value, bar, unit = row.get("value"), row.get("bar"), str(row.get("unit") or "")
-        unit = {"degrees": "°"}.get(unit, unit)
-        mark = (
-            "" if not (page.is_number(value) and page.is_number(bar)) else "within" if value <= bar else "<b>over</b>"
-        )
-        name = escape(str(row.get("text") or label)).replace("`", "")
-        rows.append(
-            (name, page.number(value, 3, unit), page.round_number(bar, unit) if page.is_number(bar) else "", mark)
-        )
-    if not rows:
-        return ""
-    columns = 4 if any(mark for *_, mark in rows) else 2
-    lead = "This session's truth is known from elsewhere; none of the steps was given it."
-    found = page.table(("quantity", "found", "bar", "verdict")[:columns], [row[:columns] for row in rows])
-    return page.section("truth-check", "Against the known truth", found, lead)
+def _named(rows: Summary) -> list[Summary]:
+    return [{"name": name, **row} for name, row in rows.items()]
 
 
-def _provenance_section(summary: Summary) -> str:
-    """Return versions, arguments, camera, rendering and seconds: what is needed to get these numbers again."""
-    parts = []
-    if seconds := summary.get("seconds"):
-        spent = summary.get("processor_seconds") or {}
-        rows = [
-            (escape(str(step)), *(page.number(value, 1, "s") for value in (spent.get(step), wall)))
-            for step, wall in seconds.items()
-        ]
-        parts.append(page.table(("step", "processor", "wall"), rows, caption="Seconds per step"))
-    for key in ("versions", "arguments", "camera", "twin"):
-        values = {name: value for name, value in (summary.get(key) or {}).items() if name not in LONG}
-        if values:
-            rows = [(escape(str(name)), escape(page.as_text(value))) for name, value in values.items()]
-            parts.append(page.table(("name", "value"), rows, caption=key.capitalize(), kind="plain"))
-    notes = "".join(
-        f"<li><b>{escape(step)}</b> {escape(str(text))}</li>"
-        for step in ("calibrate", "align")
-        for text in (summary.get(step) or {}).get("evidence") or ()
-    )
-    notes = f"<h3>What the steps decided, and on what evidence</h3><ul>{notes}</ul>" if notes else ""
-    body = (
-        f'<div class="columns">{"".join(parts)}</div>{notes}'
-        if parts or notes
-        else page.absent("Nothing was recorded.")
-    )
-    lead = "Every number of this page is in summary.json beside it; its full precision too."
-    return page.section("provenance", "Where the numbers come from", body, lead)
+def _square(pairs: list[Summary], names: list[str]) -> Summary:
+    """Return how far each two methods are apart: medians by both names, the largest, and the methods that have one."""
+    medians = {key: pair["median_deg"] for pair in pairs for key in ((pair["a"], pair["b"]), (pair["b"], pair["a"]))}
+    there = [name for name in names if any(name in key for key in medians)]
+    return {"apart": medians, "most_apart": max(medians.values(), default=0) or 1.0, "apart_names": there}
 
 
-def _how_to_read_section(compared: Summary) -> str:
+def _misfit_chart(shares: list[Any]) -> Drawing:
+    values = [100 * value if page.is_number(value) else float("nan") for value in shares]
+    lights = [float(k + 1) for k in range(len(values))]
+    return line_chart({"a frame": (lights, values)}, x_title="light", y_title="not explained, % (rms)")
+
+
+def _terms(names: list[str]) -> list[tuple[str, str]]:
     """Return what the page's words mean, the families and the names of the methods that are there among them."""
-    names = by_error(compared)
-    families, known = {family(name) for name in names}, page.words("methods")
-    terms = [
+    families, known = page.words("families"), page.words("methods")
+    return [
         *page.words("how_to_read").items(),
-        *((f"{word.capitalize()} method", text) for word, text in page.words("families").items() if word in families),
+        *((f"{word.capitalize()} method", families[word]) for word in sorted({family(name) for name in names})),
         *((name, known[name].replace("`", "")) for name in names if name in known),
     ]
-    return page.section("how-to-read", "How to read this page", page.definitions(terms))
+
+
+DRAWN = {
+    "charts": light_charts, "error_histograms": error_histograms, "speed_chart": speed_chart,
+    "misfit_chart": _misfit_chart, "legend_ball": legend_ball, "levels": page.LEVELS, "trust_sentence": trust_sentence,
+}  # fmt: skip
+"""What the templates call."""

@@ -1,22 +1,25 @@
 """What was found and how far it can be trusted, in sentences made from the summary's numbers."""
 
 from dataclasses import dataclass
-from html import escape
 from statistics import median
 from typing import Any
 
+from markupsafe import Markup
+
 from compare.report.facts import Summary, by_error, doubts_of, family, warned_of
-from compare.report.page import badge, is_number, number, plain, say, table_of
-from compare.report.trust_section import trust_sentence
+from compare.report.page import badge, is_number, plain, say, words
+from compare.statistics.counterparts import likeness
 
 DIRECTION_SIGMA_BARS_DEG = (1.0, 3.0)
 TRUTH_SIGMA_BARS_DEG = (1.0, 3.0)
 RESIDUAL_BARS_PX = (1.0, 3.0)
-CORRELATION_BARS = (0.3, 0.6)
 TILT_BAR_DEG = 1.0
 MEDIAN_BARS_DEG = (5.0, 10.0)
 """Median error up to which normals are called good, and beyond which not to be relied on."""
 COVERAGE_BAR = 0.9
+LIKENESS = {"alike": "good", "alike in part": "care", "not alike": "bad"}
+TRUST_WORSE = 3.0
+"""Times as much unexplained as by the recommended method, from which on another is not to be used."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,7 @@ class Statement:
 
     topic: str
     level: str
-    html: str
+    html: Markup
 
     @property
     def text(self) -> str:
@@ -44,35 +47,38 @@ def verdict(summary: Summary) -> list[Statement]:
     methods = compared.get("methods") or {}
     judged = [name for name, row in methods.items() if row.get("real")]
     best = min(judged, key=lambda name: methods[name]["real"]["median_deg"], default=None)
+    camera, capture = summary.get("camera") or {}, summary.get("capture") or {}
     statements = [
         _normals(summary, compared),
         _truth(summary, compared, None if best is None else methods[best]["real"]["median_deg"]),
         None if best is None else _tilt(best, methods[best]),
         _twin(summary.get("twin") or {}, methods),
         _lights(summary, compared),
-        _camera(summary.get("camera") or {}),
-        _ambient(summary.get("capture") or {}),
     ]
+    if camera.get("projection") == "orthographic":
+        statements.append(Statement("Camera", "care", say("capture", "orthographic")))
+    elif camera.get("source") in {"EXIF", "assumed"}:
+        statements.append(Statement("Camera", "care", say("capture", "focal length", source=camera["source"])))
+    if capture.get("ambient") is False:
+        statements.append(Statement("Ambient light", "care", say("capture", "no ambient")))
     return [statement for statement in statements if statement is not None]
 
 
 def _normals(summary: Summary, compared: Summary) -> Statement:
-    best = next((method for method in ranking(summary) if method.row.get("real")), None)
+    best = next((row for row in ranking(summary) if is_number(row.get("median_deg"))), None)
     if best is not None:
-        coverage, doubts = best.row.get("coverage"), " ".join(best.doubts).replace("`", "")
         others = (compared.get("level") or {}).get("level") or []
-        values = {"name": best.name, "others": ", ".join(others), **best.row["real"]}
-        text = say("normals", "level" if others else "best", **values)
-        if is_number(coverage) and coverage < COVERAGE_BAR:
-            text += say("normals", "few", coverage=coverage)
-        return Statement("Normals", best.level, text + (say("normals", "doubts", doubts=doubts) if doubts else ""))
+        text = say("normals", "level" if others else "best", **{**best, "others": ", ".join(others)})
+        if is_number(best.get("coverage")) and best["coverage"] < COVERAGE_BAR:
+            text += say("normals", "few", **best)
+        return Statement("Normals", best["level"], text + (say("normals", "doubts", **best) if best["doubts"] else ""))
     found = "unjudged" if compared.get("has_truth") else "without truth"
     text = say("normals", found if compared.get("methods") else "none")
     if compared.get("methods") and not compared.get("has_truth") and (pairs := compared.get("between_methods")):
         text += say("normals", "apart", **max(pairs, key=lambda row: row["median_deg"]))
     if trust := summary.get("trust"):
         # What explains the photographs best need not be good: no result is called so by that alone.
-        text += say("normals", "predicted") + escape(trust_sentence(trust))
+        text += say("normals", "predicted") + trust_sentence(trust)
     return Statement("Normals", "unknown", text)
 
 
@@ -82,10 +88,10 @@ def _truth(summary: Summary, compared: Summary, least_deg: float | None) -> Stat
     align = summary.get("align") or compared.get("pose") or {}
     sigma, residual = (compared.get("truth") or {}).get("sigma_deg_median"), align.get("residual_px")
     parts = {"residual": residual, "pose": align.get("sigma_deg"), "sigma": sigma}
-    text = ", ".join(say("truth", name, value=value) for name, value in parts.items() if is_number(value))
-    if not text:
+    told = ", ".join(say("truth", name, value=value) for name, value in parts.items() if is_number(value))
+    if not told:
         return Statement("Ground truth", "unknown", say("truth", "unknown"))
-    text = f"{text[0].upper()}{text[1:]}."
+    text = Markup(f"{told[0].upper()}{told[1:]}.")
     level = level_of(residual, RESIDUAL_BARS_PX) if is_number(residual) else level_of(sigma, TRUTH_SIGMA_BARS_DEG)
     if least_deg is not None and is_number(sigma) and sigma > 0.5 * least_deg:
         level = _lowered(level)
@@ -110,15 +116,12 @@ def _twin(twin: Summary, methods: Summary) -> Statement | None:
     name = min(both, key=lambda name: methods[name]["real"]["median_deg"])
     row = methods[name]
     real, twins = row["real"]["median_deg"], row["twin"]["median_deg"]
-    level = (
-        "bad" if row["pearson"] < CORRELATION_BARS[0] else "care" if row["pearson"] < CORRELATION_BARS[1] else "good"
-    )
+    level = LIKENESS[likeness(row["pearson"])]
     # What a twin does not have of the photographs it is of.
     left = (twin.get("material") or {}).get("relative_rmse")
     unfitted = f"the {100 * left:.1f} % that its material leaves unexplained" if is_number(left) else "material"
-    lacking = ", ".join(
-        [*([] if twin.get("sensor") else ["noise"]), unfitted, "errors of calibration and registration"]
-    )
+    noise = [] if twin.get("sensor") else ["noise"]
+    lacking = ", ".join([*noise, unfitted, "errors of calibration and registration"])
     text = say("twin", "patterns", name=name, resemblance=say("resemblance", level), **row)
     if level != "good":
         text += say("twin", "of their own", lacking=lacking)
@@ -157,16 +160,15 @@ def _lights(summary: Summary, compared: Summary) -> Statement:
         parts.append(say("lights", "contradicted" if off else "agreed", names=", ".join(off), usual=usual))
         level = _lowered(level) if off else level
     # Sigmas tell how far noise moves a direction; a frame that moved, or a lone ball, moves it further unseen.
-    return Statement(
-        "Lights", *_warned(summary, {"check": "check", "calibrate": "calibration"}, level, " ".join(parts))
-    )
+    text = Markup(" ").join(parts)
+    return Statement("Lights", *_warned(summary, {"check": "check", "calibrate": "calibration"}, level, text))
 
 
 def _lowered(level: str) -> str:
     return "care" if level == "good" else level
 
 
-def _warned(summary: Summary, steps: dict[str, str], level: str, text: str) -> tuple[str, str]:
+def _warned(summary: Summary, steps: dict[str, str], level: str, text: Markup) -> tuple[str, Markup]:
     """Return level and text, lowered and longer where one of the steps warned; `steps` gives each its word."""
     for step, word in steps.items():
         # What `check` says of the camera is a topic of its own.
@@ -176,31 +178,6 @@ def _warned(summary: Summary, steps: dict[str, str], level: str, text: str) -> t
     return level, text
 
 
-def _camera(camera: Summary) -> Statement | None:
-    if camera.get("projection") == "orthographic":
-        return Statement("Camera", "care", say("capture", "orthographic"))
-    if camera.get("source") in {"EXIF", "assumed"}:
-        return Statement("Camera", "care", say("capture", "focal length", source=camera["source"]))
-    return None
-
-
-def _ambient(capture: Summary) -> Statement | None:
-    if capture.get("ambient") is not False:
-        return None
-    return Statement("Ambient light", "care", say("capture", "no ambient"))
-
-
-@dataclass(frozen=True)
-class Ranked:
-    """One method's normals of the photographs: `row` is its part of the comparison, `level` a key of `page.LEVELS`."""
-
-    name: str
-    family: str
-    level: str
-    row: Summary
-    doubts: list[str]
-
-
 def level_of(value: Any, bars: tuple[float, float]) -> str:
     """Return a value's level between two bars; unknown where it is none."""
     if not is_number(value):
@@ -208,42 +185,51 @@ def level_of(value: Any, bars: tuple[float, float]) -> str:
     return "good" if value <= bars[0] else "care" if value <= bars[1] else "bad"
 
 
-def ranking(summary: Summary) -> list[Ranked]:
-    """Return all methods, the smallest median error first; those without one last.
+def ranking(summary: Summary) -> list[Summary]:
+    """Return all methods as rows of a table, the smallest median error first; those without one last.
 
-    A method that leaves more than a tenth of the object unknown, or that doubts itself, is not called good.
+    A row has the method's part of the comparison and its errors on the photographs; name, family, doubts: why it says
+    that it should not be believed; own_sigma: the median of its normals' sigma; level, a key of `page.LEVELS`: a method
+    that leaves more than a tenth of the object unknown, or that doubts itself, is not called good.
     """
-    compared, ranked = summary.get("compare") or {}, []
+    compared, rows = summary.get("compare") or {}, []
+    solved = (summary.get("solve") or {}).get("methods") or {}
     for name in by_error(compared):
-        row, doubts = compared["methods"][name], doubts_of(summary, name)
-        level, coverage = level_of((row.get("real") or {}).get("median_deg"), MEDIAN_BARS_DEG), row.get("coverage")
-        if level == "good" and (doubts or (is_number(coverage) and coverage < COVERAGE_BAR)):
-            level = "care"
-        ranked.append(Ranked(name, family(name), level, row, doubts))
-    return ranked
+        row = compared["methods"][name]
+        kind = family(name)
+        row = {**(row.get("real") or {}), **row, "name": name, "family": "" if kind == "calibrated" else kind}
+        # Without the quotes that stand for code on a terminal.
+        row["doubts"] = " ".join(doubts_of(summary, name)).replace("`", "")
+        row["own_sigma"] = (solved.get(name) or {}).get("sigma_deg_median")
+        row["level"] = level_of(row.get("median_deg"), MEDIAN_BARS_DEG)
+        is_few = is_number(row.get("coverage")) and row["coverage"] < COVERAGE_BAR
+        if row["level"] == "good" and (row["doubts"] or is_few):
+            row["level"] = "care"
+        rows.append({**row, "badge": badge(row["level"])})
+    return rows
 
 
-def ranking_table(summary: Summary) -> str:
-    """Return the methods as a table for the top of the page; nothing where there are none."""
-    ranked, compared = ranking(summary), summary.get("compare") or {}
-    if not ranked:
-        return ""
-    name = "ranking" if any(method.row.get("real") for method in ranked) else "without truth"
-    sigma = (compared.get("truth") or {}).get("sigma_deg_median")
-    caption = say("ranking", name)
-    if name == "ranking" and is_number(sigma):
-        caption += say("ranking", "sigma", sigma=sigma)
-    solved, rows = (summary.get("solve") or {}).get("methods") or {}, []
-    for method in ranked:
-        sigma_of = method.row.get("median_sigma_deg")
-        told = {
-            "name": method.name,
-            "family": "" if method.family == "calibrated" else f" <small>{method.family}</small>",
-            "verdict": badge(method.level),
-            "uncertainty": f" ± {number(sigma_of, 1, '°')}" if is_number(sigma_of) else "",
-            "own_sigma": (solved.get(method.name) or {}).get("sigma_deg_median"),
-            # Without the quotes that stand for code on a terminal.
-            "doubts": " ".join(method.doubts).replace("`", "") or "–",
-        }
-        rows.append({**(method.row.get("real") or {}), **method.row, **told})
-    return table_of(name, rows, caption=caption, kind="numbers ranking")
+def trust_sentence(found: Summary) -> str:
+    """Return which method to take, which not to use, and why not to believe that."""
+    methods, recommended, level = found["methods"], found["recommended"], found["level"]
+    text = recommended
+    if level:
+        text += f"; {', '.join(level)} {'is' if len(level) == 1 else 'are'} level with it"
+    least = max(methods[recommended]["unexplained"], 1e-9)
+    bad = {name: row["unexplained"] / least for name, row in methods.items() if row["unexplained"] is not None}
+    named = [f"{name} ({times:.0f} times)" for name, times in bad.items() if times > TRUST_WORSE]
+    if named:
+        text += f". Do not use what explains them so much worse: {', '.join(named)}"
+    return " ".join([f"{text}.", *(f"{doubt[0].upper()}{doubt[1:]}" for doubt in found["doubts"])])
+
+
+def limits(summary: Summary, statements: list[Statement], warnings: list[tuple[str, str]]) -> Markup:
+    """Return what makes the error, as far as twin, ground truth and lights tell, or why that is not known."""
+    compared = summary.get("compare") or {}
+    if not compared.get("has_truth"):
+        return say("limits", "without truth")
+    named, truth = [f"{s.topic} {s.level}" for s in statements], compared.get("truth") or {}
+    told = [say("limits", name, **truth) for name in named if name in words("limits")]
+    warned = {step for step, _ in warnings if step in ("calibrate", "align")}
+    told += [say("limits", "warned", steps=" and ".join(sorted(warned)))] if warned else []
+    return Markup(" ").join(told) or say("limits", "not told")

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report.facts import UNCALIBRATED, family
+from compare.report.facts import family
+from scene.method_names import UNCALIBRATED
 from scene.normals import angular_error_deg, unit
 
 Array = NDArray[np.float64]

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from compare.report.page import folded, section, table, whole_page
-from compare.report.speed_chart import speed_chart
 from draw.line_chart import line_chart
+from draw.speed_chart import speed_chart
 from experiments.stagings import SOLVERS, Experiment, experiments
 from experiments.sweeps.sweep_statistics import (
     GROUP,

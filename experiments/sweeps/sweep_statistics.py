@@ -6,7 +6,7 @@ from itertools import groupby
 import numpy as np
 
 from compare.report.facts import family
-from compare.report.speed_chart import SpeedPoint
+from draw.speed_chart import SpeedPoint
 from experiments.tables import BREAKS_DEG, KEY, Results, Rows
 
 GROUP = ["experiment", "solver", "profile"]

@@ -81,34 +81,10 @@ def test_where_all_parts_moved_the_picture_did(still, world):
     assert len(part_warnings(frames, parts[:1])) == 1
 
 
-<<<<<<< HEAD
-def test_a_watch_says_so_of_masks_that_are_reduced(still, world):
-    class Taken:
-        def __init__(self, codes):
-            self.facts = facts_of(codes)
-
-    frames = later(still, world, balls=[1])
-    parts = parts_of(world.spheres(), CAMERA)
-    small = [replace(part, mask=part.mask[::4, ::4], step=4) for part in parts]
-    shots = [Taken(codes) for codes in frames.codes]
-    said = FramesSoFar.late_warnings(frames, shots, small)
-    assert [text for text in said if "lies" in text] == part_warnings(frames, small)
-    assert len(part_warnings(frames, small)) == 1
-=======
-def test_a_large_part_takes_no_longer_than_a_small_one():
-    """The mask was once dilated in full size: twelve seconds."""
-    v, u = np.mgrid[:1300, :1300]
-    frames = Frames(tuple("abcdefgh"), np.full((8, 1300, 1300, 3), 3000, np.uint16), np.ones(8))
-    start = time.process_time()
-    assert part_step(frames, Part("a", np.hypot(u - 650, v - 650) < 600)) is None
-    assert time.process_time() - start < 3
-
-
 def test_masks_that_are_reduced_tell_it_too(still, world):
     """As a watch has them."""
     small = [replace(part, mask=part.mask[::4, ::4], step=4) for part in parts_of(world.spheres(), CAMERA)]
     assert len(part_warnings(later(still, world, balls=[1]), small)) == 1
->>>>>>> watch
 
 
 def test_a_real_ball_stands_still_until_it_is_moved(shared):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from compare.report import pictures, registration_pictures
-from compare.report.page import wiper
+from compare.report.page import pieces
 from compare.report.pictures import Box, Exposure
 from scene.frames import Frames
 from scene.lights import Lights
@@ -109,7 +109,7 @@ def test_all_pictures_are_written_and_read_back(tmp_path):
 
 
 def test_the_slider_works_by_keyboard_and_fetches_nothing():
-    html = wiper(("data:a", "a <b>"), ("data:c", "c"), "caption")
+    html = pieces().wiper("data:a", "a <b>", "data:c", "c", "caption")
     assert 'type="range"' in html
     assert 'aria-label="a &lt;b&gt; or c"' in html
     assert "<b>" not in html

@@ -18,9 +18,9 @@ from rgbn.export_command import export_session
 from rgbn.opened_session import Session
 from scene.errors import CalibrationError, SceneError
 from scene.lights import Lights
+from scene.method_names import UNCALIBRATED
 from scene.normals import angular_error_deg, unit
 from scene.store import Store
-from solve.method_names import UNCALIBRATED
 
 SIZE, COUNT = 120, 14
 

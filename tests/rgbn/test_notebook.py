@@ -88,7 +88,7 @@ def test_the_table_of_errors(run):
 def test_figures_texts_and_arrays_alone(run):
     figures = ("session.spheres.plot()", "session.lights.plot()", "session.errors.plot()")
     for line in (*figures, 'session.lights.plot("sigmas")'):
-        assert any("application/vnd.plotly.v1+json" in output.get("data", {}) for output in run[line]), line
+        assert any("image/svg+xml" in output.get("data", {}) for output in run[line]), line
     assert "iterative: normals of" in shown(run, 'session.estimate("iterative")', "text/html")
     assert "pixels have a true normal" in printed(run, next(line for line in run if "true normal" in line))
     assert printed(run, "print(session.report.relative_to(Path.cwd()))").strip() == "out/bumpy/report.html"

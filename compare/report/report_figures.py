@@ -1,0 +1,184 @@
+"""The report's pictures that are composed: balls with their outlines, the scan on the photograph, the first look."""
+
+from contextlib import suppress
+from itertools import zip_longest
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup, escape
+from numpy.typing import NDArray
+
+from compare.report import page, pictures
+from compare.report.facts import Material, Summary, is_seen, read_optional
+from compare.report.layers import Layers
+from compare.report.pictures import Box
+from compare.report.registration_pictures import (
+    Views,
+    growth,
+    raking_frame,
+    read_picture,
+    sigma_picture,
+    sigma_scale_end,
+    views,
+)
+from scene.errors import SceneError
+from scene.map_pictures import data_uri, known_pixels, normal_picture
+from scene.spheres import Sphere
+
+BALL_WIDTH, GLANCE_WIDTH, PHOTOGRAPH_WIDTH = 420, 300, 1000
+
+
+def ball_figures(material: Material) -> Summary:
+    """Return each ball's crop with its fitted outline and highlights, and the candidates that were refused."""
+    calibration, spheres = read_optional(material.store, "calibration.json") or {}, []
+    with suppress(SceneError):
+        spheres = material.store.load_spheres()
+    rows = zip_longest(range(len(material.spheres)), spheres, calibration.get("highlights_px") or [])
+    refused = (
+        "At column {:.0f}, row {:.0f}, radius {:.0f} px: {}.".format(
+            *item["center_px"], item["radius_px"], item["reason"]
+        )
+        if isinstance(item, dict) and "reason" in item
+        else str(item)
+        for item in calibration.get("rejected") or ()
+    )
+    return {
+        "ball_figures": [Markup(_ball(material, *row)) for row in rows if row[0] is not None],
+        "refused": list(refused),
+    }
+
+
+def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | None) -> str:
+    row, camera = material.spheres[index], material.camera
+    frames, exposure = material.photographs_of_ball(index)
+    caption = page.say("balls", "fit", **{"kind": "", **row, "number": str(index + 1)})
+    caption += page.say("balls", "diameter", **row) if row.get("diameter_mm") else ""
+    caption += page.say("balls", "distance", **row) if row.get("distance_mm") else ""
+    if row.get("kind") == "chrome" and page.is_number(row.get("highlights_seen")):
+        caption += page.say("balls", "highlights", **row)
+    caption += ". Photographed apart." if row.get("apart") else "."
+    if camera is None or sphere is None:
+        reason = '<p class="absent">Its camera or its place is not in this folder.</p>'
+        return f"<figure>{reason}<figcaption>{caption}</figcaption></figure>"
+    outline = sphere.outline(camera)
+    box = pictures.ball_box(sphere, outline, width=camera.width, height=camera.height)
+    corner = np.array([box.left - 0.5, box.top - 0.5])
+    shapes = page.polyline(outline - corner, "outline-halo") + page.polyline(outline - corner, "outline")
+    arm = max(box.width / 60, 1.0)
+    for frame, pixel in enumerate(seen or []):
+        if not is_seen(pixel):
+            continue
+        u, v = np.array(pixel, np.float64) - corner
+        name = frames.names[frame] if frames is not None and frame < len(frames) else str(frame + 1)
+        cross = f"M{u - arm:.2f},{v:.2f}H{u + arm:.2f}M{u:.2f},{v - arm:.2f}V{v + arm:.2f}"
+        title = f"<title>{escape(f'{frame + 1}: {name}')}</title>"
+        shapes += f'<g>{title}<path class="highlight-halo" d="{cross}"/><path class="highlight" d="{cross}"/></g>'
+    overlay = page.drawing(box.width, box.height, shapes, label="fitted outline and highlights")
+    if frames is None or exposure is None or (frames.width, frames.height) != (camera.width, camera.height):
+        below = f"<figcaption>{caption} Its pictures are not kept here, so only the fit is drawn.</figcaption>"
+        return f'<figure class="ball"><div class="stack blank">{overlay}</div>{below}</figure>'
+    mean = pictures.shrink(pictures.ball_picture(frames, box, brightest=False), BALL_WIDTH)
+    image = exposure.develop(mean)
+    if row.get("kind") == "chrome":
+        brightest = pictures.ball_picture(frames, box, brightest=True)
+        image = pictures.mirror_picture(mean / exposure.balance, pictures.shrink(brightest, BALL_WIDTH))
+    words = f"{row.get('kind')} ball {index + 1} with its fitted outline"
+    return page.picture(image, words, caption, photograph=True, overlay=overlay, kind="ball")
+
+
+def placed(material: Material) -> Summary:
+    """Return the pictures that show whether the scan lies where the object is, or under `missing` why there are none.
+
+    registered: there is a pose. As HTML, where they are there: outline, zoom, squares, sigma (its scale ends at
+    sigma_end degrees); wiper: the values of the macro of pieces.html.
+    """
+    frames, mask, truth = material.frames, material.mask, material.map_of("normals", "truth")
+    registered = material.store.path("pose.json").exists()
+    found: dict[str, Any] = {"registered": registered}
+    if frames is None or (mask is None and truth is None):
+        return found | {"missing": "No scan and no mask: nothing to lay over the photographs."}
+    size = (frames.height, frames.width)
+    truth = truth if truth is not None and truth.shape[:2] == size else None
+    known = None if truth is None else known_pixels(truth)
+    mask = mask if mask is not None and mask.shape == size else None
+    shape = mask if mask is not None else known
+    if shape is None:
+        return found | {"missing": page.words("registration")["sizes"]}
+    box = Box.of_mask(shape, margin=0.12)
+    index = 0 if material.directions is None else raking_frame(material.directions[: len(frames)])
+    drawn, zoom = (read_picture(material.store, name) if registered else None for name in ("outline", "outline_zoom"))
+    regions, legend = [(mask, "mask", "the object's mask")], []
+    if drawn is None:
+        # Where the outline itself is not there to a fraction of a pixel, the truth ends a pixel inside it. The dashed
+        # line last: where the two agree, the other shows between the dashes.
+        what = "the registered scan's ground truth" if registered else "the given ground truth"
+        regions.insert(0, (known, "scan", what))
+        drawn = material.photograph(index, box, box.shown_width(PHOTOGRAPH_WIDTH))
+    else:
+        legend = ['<span class="key scan"></span> the registered scan']
+    shapes = ""
+    for region, kind, shown in regions:
+        if region is not None and region.any():
+            shapes += "".join(page.polyline(line, kind) for line in pictures.contours(region, box))
+            legend.append(f'<span class="key {kind}"></span> {shown}')
+    overlay = page.drawing(box.width, box.height, shapes, label="outline of the object")
+    caption = f"{escape(frames.names[index])} with the outline of {'; '.join(legend)}."
+    alt = "photograph with the object's outline"
+    found["outline"] = Markup(page.picture(drawn, alt, caption, photograph=True, overlay=overlay))
+    if both := _views(material, box, index, truth):
+        uris = [data_uri(image, photograph=True) for image in both]
+        said = page.say("registration", "wiper" if registered else "wiper without scan", name=frames.names[index])
+        shaded = "shaded scan" if registered else "shaded ground truth"
+        found["wiper"] = (uris[0], "photograph", uris[1], shaded, said)
+        board = pictures.checkerboard(both.photograph, both.shaded)
+        alt = "checkerboard of photograph and shaded scan"
+        found["squares"] = Markup(page.picture(board, alt, page.say("registration", "squares"), photograph=True))
+    if zoom is not None:
+        found["zoom"] = Markup(page.picture(zoom, "four stretches of the outline", page.say("registration", "zoom")))
+    sigma = material.map_of("normals", "truth_sigma")
+    if sigma is not None and mask is not None and sigma.shape == mask.shape and np.isfinite(sigma).any():
+        found["sigma_end"] = sigma_scale_end(sigma)
+        small = pictures.shrink(box.of(sigma), box.shown_width(PHOTOGRAPH_WIDTH // 2))
+        image = sigma_picture(small, box.of(mask), found["sigma_end"])
+        image = pictures.enlarged(image, max(1, growth(image.shape[1]) // 2))
+        said = page.say("registration", "sigma")
+        found["sigma"] = Markup(page.picture(image, "map of the ground truth’s sigma", said, kind="map"))
+    return found
+
+
+def _views(material: Material, box: Box, index: int, truth: NDArray | None) -> Views | None:
+    """Return what `align` drew; without it, shading by the truth's normals, which knows no cast shadows."""
+    photograph, shaded = (read_picture(material.store, name) for name in ("photograph", "shaded"))
+    if photograph is not None and shaded is not None and photograph.shape == shaded.shape:
+        return Views(photograph, shaded)
+    lights = None
+    with suppress(SceneError):
+        lights = material.store.load_lights()
+    if truth is None or lights is None or material.frames is None or material.exposure is None or index >= len(lights):
+        return None
+    cosine = np.clip(box.of(truth) @ lights.directions[index].astype(np.float32), 0, None)
+
+    def shading(pixels: NDArray) -> NDArray:
+        u, v = np.round(pixels).astype(int).transpose(2, 0, 1)
+        return cosine[np.clip(v - box.top, 0, box.height - 1), np.clip(u - box.left, 0, box.width - 1)]
+
+    return views(material.frames, material.exposure, lights, index, box, shading)
+
+
+def glance(material: Material, layers: Layers | None, compared: Summary, best: str | None) -> list[tuple[NDArray, str]]:
+    """Return photograph, normals and error of the best method, as far as they are there, with words for each."""
+    if layers is None:
+        return []
+    box, shown = layers.grid.box, []
+    width = box.shown_width(GLANCE_WIDTH)
+    if material.frames is not None and material.exposure is not None and len(material.frames):
+        index = 0 if material.directions is None else raking_frame(material.directions)
+        shown.append((material.photograph(min(index, len(material.frames) - 1), box, width), "photograph"))
+    normals, end = material.map_of("normals", best) if best else None, compared.get("error_scale_deg")
+    if normals is not None:
+        shown.append((normal_picture(box.of(normals), width), f"normals, {best}"))
+        error = material.map_of("compare", f"error_real_{best}")
+        if error is not None and page.is_number(end):
+            image = pictures.error_picture(pictures.shrink(box.of(error), width), end)
+            shown.append((image, f"its error, 0° to {end:g}°"))
+    return [(np.ascontiguousarray(image), words) for image, words in shown]

@@ -1,0 +1,114 @@
+"""Lights: where they stand, how bright they are, how well that is known. Each takes `scene.lights.Lights.facts`."""
+
+from collections.abc import Callable, Iterable
+from math import ceil, cos, radians, sin
+from typing import Any
+
+from draw.svg import COLOURS, Axis, Drawing, Frame, axes, circle, line, svg, text
+
+CHANNELS = {"red": "#D55E00", "green": "#009E73", "blue": "#0072B2"}
+LIGHT = "#E69F00"
+MOST_NUMBERED = 30
+"""Of more lights the numbers would lie on each other."""
+SIZE, RIM = 360, 150.0
+"""Of the hemisphere's drawing, and the radius at which its rim is drawn, pixels."""
+RING = "#c3cad1"
+
+
+def rings(middle: float, radii: Iterable[tuple[float, float]], angle_deg: float = 45.0) -> list[str]:
+    """Return circles about the camera's axis, (degrees, radius in pixels), each with its degrees."""
+    parts, across, up = [], cos(radians(angle_deg)), sin(radians(angle_deg))
+    for degrees, radius in radii:
+        parts.append(circle(middle, middle, radius, "none", stroke=RING))
+        parts.append(text(middle + across * radius + 3, middle - up * radius - 3, f"{degrees:g}°", "start", 11))
+    return parts
+
+
+def directions(lights: dict[str, Any]) -> Drawing:
+    """Return the lights on the hemisphere, as the camera sees it: centre = camera's axis, rim = 90 degrees or more."""
+    rows, middle = lights["frames"], SIZE / 2
+    rim_deg = max(90.0, 10.0 * ceil((lights.get("zenith_max_deg") or 0) / 10))
+    parts = rings(middle, [(angle, RIM * angle / rim_deg) for angle in (30.0, 60.0, rim_deg)], -45)
+    parts += [text(SIZE - 12, middle, "+x", size=11), text(middle, 14, "up (+y)", size=11)]
+    for number, row in enumerate(rows, 1):
+        azimuth, radius = radians(row["azimuth_deg"]), RIM * row["zenith_deg"] / rim_deg
+        u, v = middle + radius * cos(azimuth), middle - radius * sin(azimuth)
+        told = f"{row['name']}: {row['zenith_deg']:.1f}° from the camera's axis, azimuth {row['azimuth_deg']:.1f}°"
+        parts += _marked(u, v, number, told, numbered=len(rows) <= MOST_NUMBERED)
+    return svg(SIZE, SIZE, parts, label="Directions of the lights as the camera sees them")
+
+
+def positions(lights: dict[str, Any]) -> Drawing:
+    """Return the near lights in millimetres, as the camera sees them and from above."""
+    rows, centre = lights["frames"], lights["reference_point_mm"]
+    points = {"camera": [0.0, 0.0, 0.0], "object's centre": centre}
+    every = [*points.values(), *(row["position_mm"] for row in rows)]
+    # Right and up; right and away from the camera, which stands at the foot.
+    views: dict[str, Callable[[list[float]], float]] = {"y, up (mm)": lambda p: p[1], "−z, away (mm)": lambda p: -p[2]}
+    wide = (max(p[0] for p in every) - min(p[0] for p in every)) or 1.0
+    parts = []
+    for number, (title, up) in enumerate(views.items()):
+        frame = Frame(70 + 400 * number, 20, 400 + 400 * number, 350)
+        low, high = min(map(up, every)), max(map(up, every))
+        reach = max(wide, high - low) * 1.15
+        x, y = (
+            Axis(middle - reach / 2, middle + reach / 2, start, end, False, _ticks(middle - reach / 2, reach))
+            for middle, start, end in (
+                ((max(p[0] for p in every) + min(p[0] for p in every)) / 2, frame.left, frame.right),
+                ((low + high) / 2, frame.bottom, frame.top),
+            )
+        )
+        parts += axes(x, y, frame, x_title="x, right (mm)", y_title=title)
+        for name, place in points.items():
+            parts += [circle(x.at(place[0]), y.at(up(place)), 5, COLOURS[0], name)]
+            parts += [text(x.at(place[0]) + 8, y.at(up(place)) + 4, name, "start", 11)]
+        for light, row in enumerate(rows, 1):
+            place = row["position_mm"]
+            told = "{}: x {:.0f}, y {:.0f}, z {:.0f} mm".format(row["name"], *place)
+            parts += _marked(x.at(place[0]), y.at(up(place)), light, told, numbered=len(rows) <= MOST_NUMBERED)
+    return svg(830, 400, parts, label="Positions of the lights, from the camera and from above")
+
+
+def intensities(lights: dict[str, Any]) -> Drawing:
+    """Return each light's intensity, channel by channel, with its sigma as a bar."""
+    marks = []
+    for number, row in enumerate(lights["frames"], 1):
+        for channel, (name, colour) in enumerate(CHANNELS.items()):
+            value, sigma = row["intensity"][channel], (row["intensity_sigma"] or 0.0) * row["intensity"][channel]
+            told = f"{row['name']}, {name}: {value:.3f} ± {sigma:.3f}"
+            marks.append((number + 0.18 * (channel - 1), value, sigma, colour, told))
+    return _over_lights(marks, len(lights["frames"]), "Relative intensity of each light", "intensity (mean = 1)")
+
+
+def sigmas(lights: dict[str, Any]) -> Drawing:
+    """Return the standard deviation of each light's direction."""
+    known = [(k, row) for k, row in enumerate(lights["frames"], 1) if row["direction_sigma_deg"] is not None]
+    found = ((float(k), row["name"], row["direction_sigma_deg"]) for k, row in known)
+    marks = [(k, sigma, 0.0, COLOURS[0], f"{name}: {sigma:.3f}°") for k, name, sigma in found]
+    label = "Standard deviation of each light's direction, degrees"
+    return _over_lights(marks, len(lights["frames"]), label, "direction sigma (°)")
+
+
+def _over_lights(marks: list[tuple[float, float, float, str, str]], count: int, label: str, y_title: str) -> Drawing:
+    """Return a dot a mark (light, value, sigma, colour, words), and the sigma as a bar."""
+    frame = Frame(62, 12, 440, 190)
+    ticks = [(float(k), str(k)) for k in range(1, count + 1, ceil(count / 16) or 1)]
+    x = Axis(0.4, count + 0.6, frame.left, frame.right, False, ticks)
+    y = Axis.over([[0.0, *(value + sigma for _, value, sigma, *_ in marks)]], frame.bottom, frame.top, log=False)
+    parts = axes(x, y, frame, x_title="light", y_title=y_title)
+    for at, value, sigma, colour, told in marks:
+        if sigma:
+            parts.append(line([(x.at(at), y.at(value - sigma)), (x.at(at), y.at(value + sigma))], colour, told))
+        parts.append(circle(x.at(at), y.at(value), 3.5, colour, told))
+    return svg(450, 240, parts, label=label)
+
+
+def _marked(u: float, v: float, number: int, told: str, *, numbered: bool) -> list[str]:
+    return [circle(u, v, 6, LIGHT, told, stroke="#333"), text(u, v - 9, str(number), size=12) if numbered else ""]
+
+
+def _ticks(low: float, reach: float) -> list[tuple[float, str]]:
+    """Return round numbers, about five, from `low` on over `reach`."""
+    axis = Axis.over([[0.0, reach]], 0, 1, log=False)
+    step = axis.ticks[1][0] - axis.ticks[0][0]
+    return [(k * step, f"{k * step:g}") for k in range(ceil(low / step), int((low + reach) // step) + 1)]

@@ -1,0 +1,175 @@
+"""Speed against accuracy: each method where it stands, its name beside it, and what no other method beats."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from draw.svg import Axis, Drawing, Frame, axes, circle, line, shape, svg, text
+
+Array = NDArray[np.float64]
+Place = tuple[float, float]
+
+FRAME = Frame(62.0, 14.0, 746.0, 372.0)
+RADIUS = 6.0
+FONT = 13
+COLOURS = {"calibrated": "#0072B2", "uncalibrated": "#D55E00", "external": "#00795a"}
+"""A second sign beside the shape; after [Okabe2008], the green darkened for thin outlines."""
+FRONT = {"stroke_width": 1.5, "stroke_dasharray": "2 4"}
+GAPS = (7.0, 16.0, 28.0, 42.0, 58.0, 78.0, 100.0, 130.0)
+"""Distances, pixels, between a point and its name that are tried, in 24 directions."""
+OVERLAP, OUTSIDE, ON_MARK, FOREIGN = 1e6, 1e6, 400.0, 120.0
+"""What a name's place costs, pixels of distance: on another name, off the chart, on a mark, nearer to another mark."""
+
+
+@dataclass(frozen=True)
+class SpeedPoint:
+    """One method on the photographs (`kind` real) or on their twin.
+
+    `family`: a key of `COLOURS`. `seconds`: processor seconds for a million pixels of one frame, of this kind's own
+    solving.
+    `median_deg`: median angular error against the ground truth.
+    """
+
+    method: str
+    family: str
+    kind: str
+    seconds: float
+    median_deg: float
+
+
+def speed_chart(
+    points: Sequence[SpeedPoint],
+    *,
+    label: str = "Time against median angular error",
+    kinds: tuple[str, str] = ("photographs", "twin"),
+    hollow: str = "the same method on the twin",
+    is_twin_in_front: bool = False,
+) -> Drawing:
+    """Return the chart, both axes logarithmic: left and low is better.
+
+    Parameters
+    ----------
+    points : sequence of SpeedPoint
+        At least one. A method's name stands once, beside its `real` point where it has one; its `twin` point is
+        hollow and tied to it.
+    label : str
+        What the chart is, for who cannot see it.
+    kinds : (str, str)
+        What `real` and `twin` points are, in the words of who points at one.
+    hollow : str
+        Likewise of `twin`, in the legend.
+    is_twin_in_front : bool
+        The Pareto front is that of all points, not of the real ones.
+
+    Notes
+    -----
+    The dotted steps are the Pareto front of the real points (of all, if there is none): what no other method beats in
+    both.
+    """
+    x = Axis.over([[p.seconds for p in points]], FRAME.left, FRAME.right, log=True)
+    y = Axis.over([[p.median_deg for p in points]], FRAME.bottom, FRAME.top, log=True, unit="°")
+    at = {(p.method, p.kind): (x.at(p.seconds), y.at(p.median_deg)) for p in points}
+    named = {p.method: at[p.method, p.kind] for p in sorted(points, key=lambda p: p.kind != "twin")}
+    ties = [(at[name, "real"], at[name, "twin"]) for name in named if (name, "real") in at and (name, "twin") in at]
+    front = pareto_front([p for p in points if p.kind == "real" or is_twin_in_front] or points)
+    parts = axes(x, y, FRAME, x_title="processor seconds per megapixel-image", y_title="median angular error (°)")
+    parts.append(line(_steps([at[p.method, p.kind] for p in front]), "#777", **FRONT))
+    parts += [line(tie, "#aaa") for tie in ties]
+    sizes = np.array([(_text_width(name) + 4, FONT + 3) for name in named])
+    room = (FRAME.left + 2, FRAME.top, FRAME.right + 8, FRAME.bottom - 2)
+    middles = place_labels(np.array([*named.values()]), sizes, room, np.array([*at.values()]))
+    for place, middle, size in zip(named.values(), middles, sizes, strict=True):
+        # A line from the name to its point where the two are apart.
+        edge = np.clip(place, middle - size / 2, middle + size / 2)
+        if np.linalg.norm(edge - place) >= 1.6 * RADIUS:
+            parts.append(line([(edge[0], edge[1]), place], "#555", stroke_width=0.8))
+    # Hollow marks first: where real and twin coincide the real one is to be seen.
+    for point in sorted(points, key=lambda p: p.kind == "real"):
+        words = f"{point.method}, {kinds[point.kind == 'twin']}: "
+        words += f"{point.seconds:.3g} processor s per megapixel-image, median {point.median_deg:.2f}°"
+        parts.append(_mark(*at[point.method, point.kind], point.family, words, hollow=point.kind == "twin"))
+    halo = {"class": "name", "stroke": "white", "stroke_width": "3", "paint_order": "stroke"}
+    for name, (u, v) in zip(named, middles, strict=True):
+        parts.append(text(u, v + 0.36 * FONT, name, size=FONT, fill="#1d2329", **halo))
+    return svg(760, 470, [*parts, *_legend(points, hollow)], label=label)
+
+
+def pareto_front(points: Sequence[SpeedPoint]) -> list[SpeedPoint]:
+    """Return the points, fastest first, for which none is both at least as fast and at least as accurate."""
+    front: list[SpeedPoint] = []
+    for point in sorted(points, key=lambda p: (p.seconds, p.median_deg)):
+        if not front or point.median_deg < front[-1].median_deg:
+            front.append(point)
+    return front
+
+
+def _steps(front: list[Place]) -> list[Place]:
+    """Return the corners of the front's steps: what a given time buys at best, up to the frame on both sides."""
+    corners = [(front[0][0], FRAME.top)]
+    for x, y in front:
+        corners += [(x, corners[-1][1]), (x, y)]
+    return [*corners[1:], (FRAME.right, front[-1][1])]
+
+
+def _mark(x: float, y: float, family: str, words: str = "", *, hollow: bool) -> str:
+    """Return a circle (calibrated), a square (uncalibrated) or a triangle (external)."""
+    colour, r = COLOURS[family], RADIUS
+    paint = {"fill": "white", "stroke": colour, "stroke_width": 2} if hollow else {"fill": colour, "stroke": "white"}
+    if family == "calibrated":
+        return circle(x, y, r, words=words, **paint)
+    if family == "uncalibrated":
+        return shape("rect", words, x=x - 0.9 * r, y=y - 0.9 * r, width=1.8 * r, height=1.8 * r, **paint)
+    corners = [(x, y - 1.2 * r), (x + 1.15 * r, y + 0.8 * r), (x - 1.15 * r, y + 0.8 * r), (x, y - 1.2 * r)]
+    return line(corners, words=words, **paint)
+
+
+def _legend(points: Sequence[SpeedPoint], hollow: str) -> list[str]:
+    """Return what the marks mean; only those that are there."""
+    families = [family for family in COLOURS if any(p.family == family for p in points)]
+    items = [(family, _mark(0, 0, family, hollow=False)) for family in families]
+    if any(p.kind == "twin" for p in points):
+        items.append((f"hollow: {hollow}", _mark(0, 0, families[0], hollow=True)))
+    front = line([(-10, 0), (20, 0)], "#777", **FRONT)
+    items.append(("Pareto front: no other is both faster and more accurate", front))
+    parts, x, y = [], FRAME.left + 8, FRAME.bottom + 64
+    for words, mark in items:
+        if x + 18 + _text_width(words) > FRAME.right:
+            x, y = FRAME.left + 8, y + 20
+        parts += [f'<g transform="translate({x:.0f} {y - 4})">{mark}</g>', text(x + 24, y, words, "start")]
+        x += 24 + _text_width(words) + 22
+    return parts
+
+
+def _text_width(words: str) -> float:
+    """Return the width of a text in pixels, rather too wide: the reader's font is not known."""
+    wide = sum(letter.isupper() or letter in "mwMW@%" for letter in words)
+    return FONT * (0.56 * len(words) + 0.2 * wide)
+
+
+def place_labels(points: Array, sizes: Array, room: tuple[float, float, float, float], marks: Array) -> Array:
+    """Return the middles (N, 2) of the names, (N, 2) wide and high, of points (N, 2): none on another, all in `room`.
+
+    Names avoid all marks (M, 2). Each in turn, the most crowded first, takes the cheapest place around its point; only
+    where the room (left, top, right, bottom) is too full for them all does one lie on another.
+    """
+    # Right and left first, as one reads.
+    angle = np.arange(24) * 2 * np.pi / 24
+    around, gap = np.tile(np.stack([np.cos(angle), -np.sin(angle)], -1), (len(GAPS), 1)), np.repeat(GAPS, 24)
+    distances = np.linalg.norm(points[:, None] - points, axis=-1)
+    crowded = np.argsort(np.sort(distances, axis=1)[:, :5].sum(1), kind="stable")
+    middles = np.full_like(points, np.nan, float)
+    for i in crowded:
+        point, half = points[i], sizes[i] / 2
+        place = point + around * (half + gap[:, None])
+        # From a name's box to each mark, and to its own point.
+        aside = np.linalg.norm(np.maximum(np.abs(place[:, None] - marks) - half, 0), axis=-1)
+        own = np.linalg.norm(np.maximum(np.abs(place - point) - half, 0), axis=-1)
+        foreign = np.linalg.norm(marks - point, axis=1) > 1e-6
+        cost = gap + OUTSIDE * ((place - half < room[:2]).any(1) | (place + half > room[2:]).any(1))
+        cost += ON_MARK * (aside < RADIUS + 1).sum(1) + FOREIGN * (aside[:, foreign] < own[:, None]).any(1)
+        there = np.isfinite(middles[:, 0])
+        over = np.abs(place[:, None] - middles[there]) < (sizes[i] + sizes[there]) / 2
+        middles[i] = place[np.argmin(cost + OVERLAP * over.all(-1).sum(1))]
+    return middles
