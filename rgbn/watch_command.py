@@ -5,8 +5,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from rgbn.init_command import TOLD, Told
+from rgbn.init_command import NOTHING
 from scene.errors import SceneError
+from shoot.init.answers import Answers
 
 
 def watch(
@@ -25,7 +26,7 @@ def watch(
     ] = None,
     bell: Annotated[bool, Parameter(help="Ring the terminal's bell at each warning.")] = True,
     wanted_deg: Annotated[float, Parameter(help="Sigma of the normals, degrees, that is good enough.")] = 1.0,
-    told: Told = TOLD,
+    told: Answers = NOTHING,
 ) -> None:
     """Judge each photograph of a shoot within seconds of its coming, and write the session in the end."""
     from shoot.watch.alarm import Alarm
@@ -34,13 +35,12 @@ def watch(
     for option, value in (("--until-idle", until_idle), ("--wanted-deg", wanted_deg)):
         if value is not None and not 0 < value < 1e7:
             raise SceneError(f"{option} {value:g}: expected a number above 0.")
-    answers = told.answers()
     alarm = Alarm(on_warning, bell=bell)
     folder = folder.resolve()
     watch_folder(
         folder,
         out,
-        answers,
+        told,
         alarm,
         until_idle_s=until_idle,
         wanted_deg=wanted_deg,

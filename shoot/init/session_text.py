@@ -1,40 +1,38 @@
-"""The commented session.toml of a draft."""
+"""The commented text of a draft's session.toml."""
 
+import textwrap
 from collections.abc import Iterator
 from datetime import date
-from pathlib import Path
 from typing import Any
 
-from capture.survey.folder_files import pattern_of
-from formats.toml_text import toml_value
+from capture.session.manifest import Manifest, SphereTable
+from formats.toml_text import toml_text
 from scene.current import fingerprint
-from shoot.init.draft import Draft, DraftBall
+from scene.reading import shortened
+from shoot.init.draft import Draft
+from shoot.init.draft_notes import notes_of
 
-COLUMN = 44
-"""Where comments begin."""
-HEADLINE = "# Written by rgbn init on {day}. Correct what is wrong; rgbn only reads it."
+HEADLINE = "# Written by {by} on {day}. Correct what is wrong; rgbn only reads it."
 PURPOSE = {
     "flash": "one light each",
     "ambient": "flash off, subtracted",
     "dark": "lens covered",
     "flat": "white surface, divided by",
 }
-SIGNED = "# As rgbn init wrote it: "
+SIGNED = "# As rgbn wrote it: "
 """What stands before the fingerprint of all that is above: a file in which nothing was changed is written anew."""
-SQUARE_MM = 20.0
-"""Nobody was asked for it: the size of its squares does not change the camera."""
+WIDE = 112
+"""Letters of a line of what is assumed."""
+LONGEST = 1000
+"""Letters of a sentence there: names of files are as long as they like."""
 
 
-def session_text(draft: Draft) -> str:
-    """Return the text of session.toml."""
-    lines = [HEADLINE.format(day=date.today().isoformat()), *_key("name", draft.name), "", "[frames]", *_frames(draft)]
-    lines += _camera(draft)
-    for ball in draft.balls:
-        lines += ["", *_ball(ball, draft.folder)]
-    if draft.lights:
-        lines += ["", "[lights]", *_key("file", _name(draft.lights, draft.folder))]
-    about = [*_object(draft)]
-    return "\n".join([*lines, *(["", "[object]", *about] if about else []), ""])
+def session_text(draft: Draft, by: str = "rgbn init") -> str:
+    """Return the text of session.toml, with what is assumed or missing above its tables."""
+    head = [HEADLINE.format(by=by, day=date.today().isoformat())]
+    for told in (f"camera: {draft.camera_told}", *notes_of(draft)):
+        head += textwrap.wrap(shortened(told, LONGEST), WIDE, initial_indent="# - ", subsequent_indent="#   ")
+    return "\n".join([*head, toml_text(_tables(draft.written), dict(_comments(draft)))])
 
 
 def signed(text: str) -> str:
@@ -48,70 +46,63 @@ def is_unedited(text: str) -> bool:
     return bool(mark) and text == signed(above)
 
 
-def _frames(draft: Draft) -> Iterator[str]:
+def _tables(manifest: Manifest) -> dict[str, Any]:
+    """Return the document as it is written: what was said, a glob alone without brackets."""
+
+    def told(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: told(part) for key, part in value.items()}
+        if isinstance(value, list) and len(value) == 1 and isinstance(value[0], str):
+            return value[0]
+        return [told(part) for part in value] if isinstance(value, list) else value
+
+    tables = told(manifest.model_dump(exclude_unset=True, exclude_none=True))
+    return {key: value for key, value in tables.items() if value != {}}
+
+
+def _comments(draft: Draft) -> Iterator[tuple[str, str]]:
+    """Yield what is said beside keys, by their paths."""
     for role, purpose in PURPOSE.items():
         if files := draft.photographs.get(role):
             size = f", {draft.width} x {draft.height} px" if role == "flash" else ""
-            yield from _key(role, pattern_of(files, draft.folder), f"{len(files)}, {purpose}{size}")
-    if draft.linear is not None:
-        told = "values are proportional to light" if draft.linear else "sRGB-encoded, as cameras write 8 bits"
-        yield from _key("linear", draft.linear, told)
+            yield f"frames.{role}", f"{len(files)}, {purpose}{size}"
+    linear = draft.manifest.frames.linear
+    told = "values are proportional to light" if linear else "sRGB-encoded, as cameras write 8 bits"
+    yield "frames.linear", told
+    yield "camera.board.square_mm", "it does not change the camera"
+    for number, ball in enumerate(draft.manifest.spheres):
+        yield f"spheres[{number}]", _ball_told(draft, ball)
+    yield "object.scan", draft.scan_told
+    yield "object.normals", "registered ground truth"
 
 
-def _camera(draft: Draft) -> Iterator[str]:
-    yield ""
-    if draft.board is not None:
-        board, key = draft.board, "chessboard" if draft.board.dictionary is None else "charuco"
-        yield f"[camera]  # {draft.camera_told}"
-        yield from _key(key, pattern_of(draft.photographs["board"], draft.folder))
-        marker = {} if board.marker_share is None else {"marker_mm": round(SQUARE_MM * board.marker_share, 2)}
-        name = {} if board.dictionary is None else {"dictionary": board.dictionary}
-        table = {"squares": list(board.squares), "square_mm": SQUARE_MM, **marker, **name}
-        text = ", ".join(f"{key} = {toml_value(value)}" for key, value in table.items())
-        yield f"board = {{ {text} }}  # their size does not change the camera"
-        return
-    lens = {key: value for key, value in vars(draft.lens).items() if value is not None and key != "distortion"}
-    if not lens:
-        yield f"# [camera]: {draft.camera_told}"
-        return
-    yield f"[camera]  # {draft.camera_told}"
-    for key, value in lens.items():
-        yield from _key(key, value)
+def _ball_told(draft: Draft, ball: SphereTable) -> str:
+    more = "" if ball.diameter_mm else "; diameter_mm = ... would give lights their positions"
+    return f"{_place_told(draft, ball)}{more}"
 
 
-def _ball(ball: DraftBall, folder: Path) -> Iterator[str]:
-    (u, v), radius = ball.center_px, ball.radius_px
-    found = f"found at ({u:.0f}, {v:.0f}) px, radius {radius:.0f} px" if radius and not ball.by_hand else ""
-    yield f"[[spheres]]{f'  # {found}' if found else ''}"
-    yield from _key("kind", ball.kind)
-    if ball.diameter_mm is None:
-        yield "# diameter_mm = 76.0  not known: without it there are directions, but no positions"
-    else:
-        yield from _key("diameter_mm", ball.diameter_mm)
-    if ball.by_hand:
-        yield from _key("center_px", [round(u, 1), round(v, 1)], "placed by hand")
-        yield from _key("radius_px", round(radius, 1))
-    if ball.files:
-        yield from _key("frames", pattern_of(list(ball.files), folder), "its own photographs, in the same order")
+def _place_told(draft: Draft, ball: SphereTable) -> str:
+    if ball.frames:
+        return "in its own photographs, in the flash frames' order"
+    if ball.center_px is None or ball.radius_px is None:
+        return "to be found"
+    (u, v), how = ball.center_px, "found" if draft.is_found(ball) else "placed by hand"
+    return f"{how} at ({u:.0f}, {v:.0f}) px, radius {ball.radius_px:.0f} px"
 
 
-def _object(draft: Draft) -> Iterator[str]:
-    folder = draft.folder
-    if draft.mask:
-        yield from _key("mask", _name(draft.mask, folder))
-    if draft.scan:
-        yield from _key("scan", _name(draft.scan, folder), draft.scan_told)
-        yield from _key("scan_unit", draft.unit, draft.unit_told)
-    if draft.normals:
-        yield from _key("normals", _name(draft.normals, folder), "registered ground truth")
-
-
-def _key(key: str, value: Any, comment: str = "") -> Iterator[str]:
-    line = f"{key} = {toml_value(value)}"
-    yield f"{line:{COLUMN}}# {comment}" if comment and "\n" not in line else line
-
-
-def _name(path: Path, folder: Path) -> str:
-    found = pattern_of([path], folder)
-    # A single file's name is no glob: its brackets stand for themselves.
-    return str(found).replace("[[]", "[").replace("[*]", "*").replace("[?]", "?")
+def rows_of(draft: Draft) -> Iterator[tuple[str, str]]:
+    """Yield what was found, for a table: what, and how it is known."""
+    for role, files in draft.photographs.items():
+        shown = files[0].name if len(files) == 1 else f"{files[0].name} to {files[-1].name}"
+        size = f", {draft.width} x {draft.height} px" if role == "flash" else ""
+        yield role, f"{len(files)}: {shown}{size}"
+    yield "camera", draft.camera_told
+    for number, ball in enumerate(draft.manifest.spheres, 1):
+        known = f"{ball.diameter_mm:.4g} mm" if ball.diameter_mm else f"diameter not known: --{ball.kind} MM"
+        yield f"ball {number}", f"{ball.kind}, {known}; {_place_told(draft, ball)}"
+    lights, known = draft.manifest.lights, draft.manifest.object
+    if known.scan:
+        yield "scan", f"{known.scan}, {draft.scan_told}"
+    for label, name in (("mask", known.mask), ("lights", lights and lights.file), ("normals", known.normals)):
+        if name:
+            yield label, name

@@ -2,10 +2,11 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+from capture.session.manifest import SphereTable
 from capture.survey.folder_files import FEWEST, files_below, sorted_files
-from capture.survey.small_pictures import frames_of
 from lab.progress import say
 from lab.session_place import MANIFEST
 from scene.current import file_digest
@@ -14,9 +15,9 @@ from scene.files import write_json
 from scene.light_text import FILENAMES
 from scene.reading import json_of
 from scene.record import Record
-from shoot.init.answers import Answers, Asking
-from shoot.init.draft import Draft, DraftBall
-from shoot.init.prepare import completed, encoding_of
+from shoot.init.answers import Asking
+from shoot.init.draft import Draft
+from shoot.init.prepare import begun, completed, encoding_of
 from shoot.watch.shots import Shot, Sorted
 
 WRITTEN = "manifest.json"
@@ -45,7 +46,7 @@ def check_folder(folder: Path, record: Record | None = None) -> None:
 
 
 def draft_of_shoot(
-    folder: Path, sorted_: Sorted, asking: Asking, balls: list[DraftBall] | None, notes: Sequence[str]
+    folder: Path, sorted_: Sorted, asking: Asking, balls: list[SphereTable] | None, notes: Sequence[str]
 ) -> Draft:
     """Return what a shoot is, as `init` would have found it.
 
@@ -65,12 +66,8 @@ def draft_of_shoot(
     linear, _ = encoding_of(flash[0].path, asking)
     roles = {role: [shot.path for shot in _there(shots)] for role, shots in sorted_.others.items()}
     photographs = {"flash": [shot.path for shot in flash], "ambient": [shot.path for shot in ambient], **roles}
-    first = flash[0].small
-    draft = Draft(
-        folder, {role: paths for role, paths in photographs.items() if paths}, first.width, first.height,
-        frames_of([shot.small for shot in flash], [shot.small for shot in ambient]), first.step,
-        exif=tuple(shot.exif for shot in flash), linear=linear, notes=(*notes, *told),
-    )  # fmt: skip
+    small, unlit = [shot.small for shot in flash], [shot.small for shot in ambient]
+    draft = begun(folder, photographs, small, unlit, linear=linear, notes=(*notes, *told))
     files = sorted_files(files_below(folder), folder)
     try:
         return completed(draft, files, asking, balls)
@@ -78,7 +75,7 @@ def draft_of_shoot(
         # The shoot is over: a diameter that does not fit is put right in session.toml.
         say(f"warning: {error}", always=True)
         said = asking.answers
-        plain = Asking(Answers(unit=said.unit, lens=said.lens, linear=said.linear), silent=True)
+        plain = Asking(replace(said, chrome=(), white=(), distance_mm=None), silent=True)
         return completed(draft.noting(str(error)), files, plain, balls)
 
 

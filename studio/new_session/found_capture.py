@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,10 +23,8 @@ from scene.frames import decode
 from scene.origin import Origin
 from shoot.init.answers import Answers, Asking
 from shoot.init.contact_sheet import MOST
-from shoot.init.draft import Draft
-from shoot.init.prepare import Progress, prepare
-
-ROLES = ("flash", "ambient", "dark", "flat", "board")
+from shoot.init.draft import ROLES, Draft
+from shoot.init.prepare import prepare
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +68,7 @@ class FoundCapture:
         return tuple(self.exposure.develop(shrink(decode(one.codes), CELL_PX)) for one in self.small.values())
 
 
-def look(files: FolderFiles, progress: Progress) -> FoundCapture:
+def look(files: FolderFiles, progress: "Told") -> FoundCapture:
     """Look at a folder; progress is told of the photographs, which are read first.
 
     Raises
@@ -77,7 +76,7 @@ def look(files: FolderFiles, progress: Progress) -> FoundCapture:
     SceneError
         As `shoot.init.prepare.prepare`.
     """
-    draft = prepare(files, Asking(Answers(), silent=True), progress)
+    draft = prepare(files, Asking(Answers(), silent=True), nullcontext(progress))
     mean = draft.small.some(MOST).read().mean(axis=0)
     return FoundCapture(files, draft, _small(files, draft), mean)
 
@@ -88,12 +87,11 @@ def _small(files: FolderFiles, draft: Draft) -> dict[Path, Small]:
         path: Small(path, codes, draft.width, draft.height, draft.step, frames.is_mosaic)
         for path, codes in zip(flash, frames.codes, strict=True)
     }
-    listed = {
-        path for paths in (files.photographs, draft.photographs) for role in ROLES for path in paths.get(role, [])
-    }
+    roles = (*ROLES, "board")
+    listed = {path for some in (files.photographs, draft.photographs) for role in roles for path in some.get(role, [])}
     others = sorted(listed - found.keys(), key=natural_key)
     if others:
-        read, _ = read_small(others, "srgb" if draft.linear is False else "linear")
+        read, _ = read_small(others, "srgb" if draft.manifest.frames.linear is False else "linear")
         found |= {one.path: one for one in read}
     return {path: found[path] for path in sorted(found, key=natural_key)}
 
@@ -140,6 +138,12 @@ class Looking:
             # A daemon: whoever ends the studio does not wait for it.
             threading.Thread(target=self._look, args=(files, future), daemon=True).start()
         future.add_done_callback(done)
+
+    def found_in(self, folder: Path) -> FoundCapture | None:
+        """Return what was found in a folder; None before it was looked at, and after it is forgotten."""
+        with self._lock:
+            future = self._found.get(folder)
+        return future.result() if future and future.done() and not future.exception() else None
 
     def forget(self, folder: Path) -> None:
         """Let go of what was found in a folder: its photographs are hundreds of megabytes."""

@@ -10,7 +10,7 @@ import pytest
 
 from capture.session.globs import MOST_FOLDERS, expand
 from capture.session.manifest import TABLES
-from capture.session.manifest_faults import parse
+from capture.session.manifest_file import parse
 from capture.session.session import load_session
 from scene.errors import SessionError
 from scene.files import write_png
@@ -235,7 +235,7 @@ def test_an_unreadable_folder(folder):
     (folder / "closed").mkdir(mode=0o000)
     code = (
         "import os, sys; sys.path.insert(0, sys.argv[1])\n"
-        "import capture.session.manifest, capture.session.resolve, capture.session.session as s\n"
+        "import capture.session.manifest_file, capture.session.resolve, capture.session.session as s\n"
         "from pathlib import Path; os.setgid(65534); os.setuid(65534)\n"
         "for place in sys.argv[2:]:\n"
         "    try: s.load_session(Path(place))\n"
