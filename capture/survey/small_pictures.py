@@ -32,6 +32,8 @@ FEWEST_FLASHES, FAR_BRIGHTER, OVER_ALL = 6, 1.7, 0.5
 """Of a picture in another light: how many there must be to tell it, its mean in that of the next brightest, and the
 share of it that is brighter than all others. In real captures it is 2 to 7 times as bright, in 0.56 to 0.75 of it; a
 flash frame is so in less than 0.02."""
+DARKEST = 0.05
+"""Share of a picture that is its darkest part: with a flash it lies in shadow, however strong that is."""
 AS_DARK = 0.02
 """Share of its pixels that may be darker in another frame than in the ambient one: noise, movement."""
 
@@ -118,14 +120,12 @@ def small_of(path: Path, photograph: Photograph, *, full: int = 1) -> Small:
 
 def _reduced(codes: NDArray, step: int) -> NDArray:
     """Return means of whole boxes, in codes."""
-    if step == 1:
-        return codes
+    import cv2
+
     height, width = codes.shape[0] // step, codes.shape[1] // step
-    total = np.zeros((height, width, 3), np.float32)
-    for row in range(step):
-        for column in range(step):
-            total += codes[row : height * step : step, column : width * step : step][:height, :width]
-    return (total / step**2).astype(codes.dtype)
+    whole = codes[: height * step, : width * step]
+    whole = whole if codes.dtype == np.uint16 else whole.astype(np.float32)
+    return cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA).astype(codes.dtype)
 
 
 def of_one_size(pictures: list[Small]) -> tuple[list[Small], list[Small]]:
@@ -165,15 +165,17 @@ def _is_unlit(own: NDArray, others: list[NDArray], usual: float) -> bool:
 def otherwise_lit(flash: list[Small]) -> Small | None:
     """Return the picture that is lit by more than a flash, as by the room's lamps; None where none is.
 
-    It is brighter than every other one in most of the picture: a flash is so only where the others leave shadow.
+    It is brighter than every other one in most of the picture, and nothing in it lies in shadow.
     """
     if len(flash) < FEWEST_FLASHES:
         return None
     light = np.stack([one.boxes for one in flash])
     first, second = np.argsort(light.mean((1, 2)))[:-3:-1]
-    over = light[first] > np.delete(light, first, axis=0).max(axis=0)
-    is_lit = light[first].mean() > FAR_BRIGHTER * light[second].mean() and over.mean() > OVER_ALL
-    return flash[first] if is_lit else None
+    others = np.delete(light, first, axis=0)
+    is_brighter = light[first].mean() > FAR_BRIGHTER * light[second].mean()
+    is_over = np.mean(light[first] > others.max(axis=0)) > OVER_ALL
+    darkest, usual = np.quantile(light[first], DARKEST), np.quantile(np.median(others, axis=0), DARKEST)
+    return flash[first] if is_brighter and is_over and darkest > FAR_BRIGHTER * usual else None
 
 
 def frames_of(flash: list[Small], ambient: list[Small]) -> Frames:

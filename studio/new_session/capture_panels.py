@@ -1,10 +1,9 @@
 """The panels in which a new session is put right: its balls, its photographs, and keys of session.toml."""
 
-import types
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin
+from typing import Any
 
 from capture.session.manifest import TABLES
 from capture.survey.folder_files import name_of
@@ -120,14 +119,14 @@ class KeysPanel:
     def _add(self, path: str) -> Any:
         """Add the input of a key: a number, 0 where it is not said; a checkbox; or a choice."""
         table, key = path.split(".")
-        field, gui = TABLES[table].model_fields[key], self._window.client.gui
-        kind, hint = _plain_kind(field.annotation), field.description
-        if kind is bool:
+        schema, gui = TABLES[table].model_json_schema()["properties"][key], self._window.client.gui
+        kind, hint = schema.get("anyOf", [schema])[0], schema["description"]
+        if kind["type"] == "boolean":
             handle = gui.add_checkbox(key, False, hint=hint)
-        elif kind is float:
+        elif kind["type"] == "number":
             handle = gui.add_number(key, 0.0, hint=hint, **MILLIMETRES)
         else:
-            handle = gui.add_dropdown(key, (BY_SIZE, *get_args(kind)) if get_args(kind) else (NONE,), hint=hint)
+            handle = gui.add_dropdown(key, (BY_SIZE, *kind["enum"]) if "enum" in kind else (NONE,), hint=hint)
         self._window.on_input(handle, partial(self._say, table, key))
         return handle
 
@@ -139,27 +138,16 @@ class KeysPanel:
         self._told.content = self._text(draft)
         for path, handle in self._inputs.items():
             table, key = path.split(".")
-            said = getattr(draft.manifest, table)
-            value = getattr(said, key, None) if said and key in said.model_fields_set else None
-            if isinstance(handle.value, str) and BY_SIZE not in handle.options:
-                handle.options = (NONE, *(name_of(one, draft.folder) for one in self._files(path)))
-            handle.value = value if value is not None else type(handle.value)(_nothing(handle))
+            said, nothing = getattr(draft.manifest, table), type(handle.value)()
+            if isinstance(handle.value, str):
+                nothing = handle.options[0]
+                if nothing == NONE:
+                    handle.options = (NONE, *(name_of(one, draft.folder) for one in self._files(path)))
+            handle.value = getattr(said, key) if said and key in said.model_fields_set else nothing
 
     def _say(self, table: str, key: str, value: Any) -> None:
         said = None if value in (0.0, NONE, BY_SIZE) and value is not False else value
         self._window.edit(self._window.need().saying(table, **{key: said}), key)
-
-
-def _plain_kind(annotation: Any) -> Any:
-    """Return bool, float, str or a Literal: what a field's annotation comes to without its bounds."""
-    if isinstance(annotation, types.UnionType):
-        annotation = next(one for one in get_args(annotation) if one is not type(None))
-    return get_args(annotation)[0] if get_origin(annotation) not in (None, Literal) else annotation
-
-
-def _nothing(handle: Any) -> Any:
-    """Return what an input shows where its key is not said."""
-    return handle.options[0] if isinstance(handle.value, str) else 0
 
 
 class LensPanel(KeysPanel):

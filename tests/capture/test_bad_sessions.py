@@ -48,17 +48,7 @@ def told(folder, text):
         (FLASH + "gamma = " + "9" * 5000, "is not TOML"),
         (FLASH + 'gamma = "' + "x" * 100_000 + '"', "frames.gamma: found 'xxx"),
     ],
-    ids=[
-        "many globs",
-        "long glob",
-        "many balls",
-        "deep list",
-        "deep key",
-        "deep value",
-        "huge",
-        "long number",
-        "long text",
-    ],
+    ids=lambda value: value if len(value) < 40 else "",
 )
 def test_deep_and_huge_files(folder, text, part):
     assert part in told(folder, text)
@@ -119,20 +109,6 @@ def test_every_number_has_bounds(path):
         assert [fault for fault in parse(data)[1] if fault.startswith(f"{where}: found")]
 
 
-def test_all_of_them_at_once(folder):
-    text = CAMERA.replace("fx = 70", "fx = inf") + '[[spheres]]\nkind = "chrome"\ndiameter_mm = 76e9\n'
-    message = told(folder, FLASH + text)
-    assert "2 faults" in message
-    assert "camera.fx" in message
-    assert "spheres[0].diameter_mm" in message
-
-
-def test_lenses_that_there_are_pass(folder):
-    for line in ("distortion = [-0.35, 0.2, 0.001, -0.001, -0.08]", ""):
-        (folder / "session.toml").write_text(FLASH + CAMERA + line)
-        assert load_session(folder).camera is not None
-
-
 def test_a_link_to_its_own_folder_shows_each_photograph_once(folder):
     """glob.glob went around it 40 times: 247 files for 7."""
     (folder / "sub").mkdir()
@@ -145,39 +121,16 @@ def test_a_link_to_its_own_folder_shows_each_photograph_once(folder):
     assert expand(["**/*.png"], folder)[0][0] == folder / "flash_0.png"
 
 
-def test_a_linked_folder_below_is_followed(tmp_path):
-    (tmp_path / "card").mkdir()
-    write_png(tmp_path / "card" / "flash_0.png", np.zeros((2, 2, 3), np.uint8))
-    (tmp_path / "session").mkdir()
-    (tmp_path / "session" / "raw").symlink_to(tmp_path / "card")
-    files, faults = expand(["**/*.png"], tmp_path / "session")
-    assert (files, faults) == ([tmp_path / "session" / "raw" / "flash_0.png"], [])
+GLOBS = "** **/* **/*.png a/**/*.png */**/f* a**/*.png **/b/*.png a/** ./**/*.png **/**/*.png *.png a/* [ab]/*.png"
 
 
-@pytest.mark.parametrize(
-    "pattern",
-    [
-        *(
-            "**",
-            "**/*",
-            "**/*.png",
-            "a/**/*.png",
-            "*/**/f*",
-            "a**/*.png",
-            "**/b/*.png",
-            "a/**",
-            "./**/*.png",
-            "**/**/*.png",
-        ),
-        *("*.png", "a/*", "[ab]/*.png", "gone/**/*.png", ".hidden/*.png", "../*/a/*.png", "**/.*"),
-    ],
-)
+@pytest.mark.parametrize("pattern", [*GLOBS.split(), "gone/**/*.png", ".hidden/*.png", "../*/a/*.png", "**/.*"])
 def test_globs_match_what_they_match_in_the_shell(tmp_path, pattern):
     """Without links the files are glob.glob's own."""
     import glob
 
     root = tmp_path / "root"
-    for name in (
+    for name in [
         "f0.png",
         "a/f1.png",
         "a/b/f2.png",
@@ -186,7 +139,7 @@ def test_globs_match_what_they_match_in_the_shell(tmp_path, pattern):
         ".hidden/f5.png",
         "ab/f6.png",
         "a/.f7.png",
-    ):
+    ]:
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_bytes(b"")
     for absolute in ("", f"{root}/"):
@@ -250,16 +203,3 @@ def test_an_unreadable_folder(folder):
     )  # fmt: skip
     assert done.stderr == ""
     assert done.stdout.count("told") == 2
-
-
-def test_a_list_of_many_names_is_read_in_no_time(tmp_path):
-    """Counting each name among all took as long as the square of their number."""
-    import time
-
-    from capture.session.globs import frame_names
-
-    files = [tmp_path / f"{index % 2}" / f"flash_{index // 2}.png" for index in range(40_000)]
-    begin = time.perf_counter()
-    names = frame_names(files)
-    assert time.perf_counter() - begin < 5
-    assert names[:3] == ["0_flash_0", "1_flash_0", "0_flash_1"]

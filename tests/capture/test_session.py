@@ -20,6 +20,7 @@ def folder(tmp_path):
         write_png(tmp_path / f"{name}.png", np.full((4, 6), 9, np.uint8))
     (tmp_path / "object.ply").write_text("ply")
     (tmp_path / "lights.lp").write_text("0")
+    (tmp_path / "a.dng").write_bytes(b"x")
     return tmp_path
 
 
@@ -86,7 +87,7 @@ def test_every_key_arrives(folder):
     )
     assert session.names == ("flash_10", "flash_9"), "the globs in their order, flash_2 skipped"
     assert session.kept == (0, 2)
-    assert session.photographed == 3
+    assert (session.photographed, session.encoding_stated) == (3, True)
     assert session.ambient == (folder / "dusk.png",)
     assert session.encoding == 1.8
     assert session.half
@@ -118,24 +119,6 @@ def test_the_unit_of_a_scan_is_what_is_written_else_the_format_s(folder, scan, u
     assert load(folder, FLASH + f'[object]\nscan = "{scan}"\n{line}').scan_unit == expected
 
 
-def test_one_word_of_skip_may_leave_out_several_frames(folder):
-    for part in ("day", "night"):
-        (folder / part).mkdir()
-        for i in (1, 2):
-            write_png(folder / part / f"f_{i}.png", np.full((4, 6), 9, np.uint8))
-    session = load(folder, '[frames]\nflash = ["day/*.png", "night/*.png"]\nskip = ["f_1"]')
-    assert (session.names, session.kept, session.photographed) == (("day_f_2", "night_f_2"), (1, 3), 4)
-
-
-@pytest.mark.parametrize(
-    ("line", "encoding"), [("linear = true", "linear"), ("linear = false", "srgb"), ("gamma = 2.2", 2.2)]
-)
-def test_encoding(folder, line, encoding):
-    session = load(folder, FLASH + line)
-    assert session.encoding == encoding
-    assert session.encoding_stated
-
-
 def test_a_board(folder):
     board = '{ squares = [11, 8], square_mm = 15, marker_mm = 11, dictionary = "D" }'
     text = f'[camera]\ncharuco = "ball_*.png"\nboard = {board}'
@@ -147,10 +130,6 @@ def test_a_board(folder):
 @pytest.mark.parametrize("name", ["", " ", ".", "..", "../other", "/tmp/x", "a/b", "a\\b", "C:x", "a\0b"])
 def test_names_that_would_lead_elsewhere(folder, name):
     assert "name: found" in faults_of(folder, f"name = {json.dumps(name)}\n{FLASH}")
-
-
-def test_a_name_may_hold_what_is_no_path(folder):
-    assert load(folder, f'name = "Büste v1.2 (a..b)"\n{FLASH}').name == "Büste v1.2 (a..b)"
 
 
 def test_all_faults_at_once(folder):
@@ -201,6 +180,9 @@ def test_all_faults_at_once(folder):
         ('[frames]\nflash = "*.png"\nambient = "dusk.png"', ["dusk.png is also among frames.flash"]),
         (FLASH + "scan_unit = 1", ["frames.scan_unit: unknown key. It belongs under [object]"]),
         (FLASH + "linear = true\ngamma = 2.2", ["frames.gamma", "Keep one"]),
+        ('[frames]\nflash = "[af]*"', ["1 .dng and 3 .png"]),
+        (FLASH + 'ambient = "*.dng"', ["of another kind"]),
+        ('[frames]\nflash = "a.dng"\nlinear = false', ["linear by themselves"]),
         (FLASH + 'skip = ["flash_2", "flash_9", "flash_10"]', ["leaves none"]),
         (FLASH + '[camera]\nfx = "wide"', ["camera.fx: found 'wide'", "number"]),
         (FLASH + "[camera]\nwidth=6\nheight=4\nfx=7\nfy=7\ncx=60\ncy=2", ["camera.cx", "outside"]),
@@ -229,17 +211,6 @@ def test_faults_say_where_and_what_to_do(folder, text, parts):
     message = faults_of(folder, text)
     for part in [*parts, "session.toml"]:
         assert part in message
-
-
-def test_frames_of_two_kinds(folder):
-    (folder / "flash_2.dng").write_bytes(b"x")
-    assert "1 .dng and 3 .png" in faults_of(folder, '[frames]\nflash = "flash_*"')
-    assert "of another kind" in faults_of(folder, FLASH + 'ambient = "*.dng"')
-
-
-def test_raw_files_are_linear_by_themselves(folder):
-    (folder / "a.dng").write_bytes(b"x")
-    assert "linear by themselves" in faults_of(folder, '[frames]\nflash = "a.dng"\nlinear = false')
 
 
 def test_no_session(tmp_path):

@@ -134,7 +134,7 @@ def test_sides_are_as_the_camera_sees_them():
         (["hot/a.txt"], ["--out", "out", "--until-idle", "-1"], "--until-idle -1: expected a number above 0"),
         (["hot/a.txt"], ["--out", "out", "--until-idle", "0.1"], "0 photographs show the flash; a session needs 3"),
         (["hot/a.txt"], ["--out", "out", "--on-warning", "'"], "--on-warning ': cannot be read"),
-        (["hot/a.txt"], ["--out", "out", "--chrome", "big"], "--chrome big: expected millimetres"),
+        (["hot/a.txt"], ["--out", "out", "--chrome", "big"], "--chrome: big: expected millimetres"),
     ],
 )
 def test_what_cannot_be_watched_is_one_message(run_rgbn, tmp_path, monkeypatch, made, words, told):
@@ -209,7 +209,7 @@ def test_all_lights_are_fitted_where_the_newest_lie_in_one_plane_or_a_photograph
 
     monkeypatch.setattr(lights_so_far, "lights_of_balls", by_balls)
     monkeypatch.setattr(LightsSoFar, "camera", lambda *_: camera)
-    watched = LightsSoFar(Asking(Answers({}), silent=True))
+    watched = LightsSoFar(Asking(Answers(), silent=True))
     watched._balls = [Ball(Sphere("chrome", np.ones(2), 1.0), np.eye(3), frames, None)]
     for count, expected in ((10, [10]), (11, [NEWEST]), (20, [20])):
         fitted.clear()
