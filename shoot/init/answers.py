@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from scene.spheres import Kind
 
 T = TypeVar("T")
-SENSOR = ("sensor_mm", "pixel_um", "crop_factor")
+LENS = ("focal_mm", "sensor_mm")
 
 
 def lengths_of(text: str) -> tuple[float, ...]:
@@ -43,7 +43,7 @@ def _diameters(what: str) -> Parameter:
 class Answers:
     """What no photograph tells of a capture; None and empty: nothing is said. Each field's help says what it is.
 
-    Raises SceneError: a value that session.toml may not have, or two that tell the same.
+    Raises SceneError: a value that session.toml may not have.
     """
 
     chrome: Annotated[
@@ -57,30 +57,19 @@ class Answers:
     ] = None
     focal_mm: Annotated[float | None, Parameter(help="Focal length engraved on the lens, mm. Default: EXIF's.")] = None
     sensor_mm: Annotated[float | None, Parameter(help="Width of the sensor, mm: 36 for full frame.")] = None
-    pixel_um: Annotated[float | None, Parameter(help="Instead: distance from pixel to pixel, micrometres.")] = None
-    crop_factor: Annotated[float | None, Parameter(help="Instead: 1.5 or 1.6 for APS-C, 2 for four thirds.")] = None
-    distance_mm: Annotated[
-        float | None, Parameter(help="From the camera to the balls, by a tape: it tells the focal length.")
-    ] = None
     linear: Annotated[
         bool | None, Parameter(help="Whether values of 8-bit files are proportional to light. Default: asked.")
     ] = None
 
     def __post_init__(self) -> None:
-        for key in ("focal_mm", *SENSOR):
-            if (value := getattr(self, key)) is not None and (fault := _fault(key, value)):
-                raise SceneError(f"{_option(key)}: {fault}")
-        if self.distance_mm is not None and not 0 < self.distance_mm < 1e5:
-            raise SceneError(f"--distance-mm: found {self.distance_mm:g}; expected millimetres above 0.")
-        for keys, what in ((SENSOR, "the size of the sensor"), (("focal_mm", "distance_mm"), "the focal length")):
-            said = [_option(key) for key in keys if getattr(self, key) is not None]
-            if len(said) > 1:
-                raise SceneError(f"{', '.join(said)}: each tells {what}. Give one of them.")
+        for key, value in self.camera.items():
+            if fault := _fault(key, value):
+                raise SceneError(f"--{key.replace('_', '-')}: {fault}")
 
     @property
     def camera(self) -> dict[str, Any]:
         """What is said of the lens, by its keys in session.toml."""
-        return {key: value for key in ("focal_mm", *SENSOR) if (value := getattr(self, key)) is not None}
+        return {key: value for key in LENS if (value := getattr(self, key)) is not None}
 
     @property
     def lens(self) -> "Lens":
@@ -97,12 +86,8 @@ class Answers:
             known = {ball.diameter_mm for ball in manifest.spheres if ball.kind == kind}
             diameters |= {kind: tuple(known)} if len(known) == 1 and None not in known else {}
         camera, unit = manifest.camera, manifest.object.scan_unit if manifest.object.scan else "unknown"
-        lens = camera.model_dump(include={"focal_mm", *SENSOR}, exclude_none=True) if camera else {}
+        lens = camera.model_dump(include=set(LENS), exclude_none=True) if camera else {}
         return cls(**diameters, **lens, unit=None if unit == "unknown" else unit, linear=manifest.frames.linear)
-
-
-def _option(key: str) -> str:
-    return f"--{key.replace('_', '-')}"
 
 
 def _fault(key: str, value: float) -> str:
@@ -159,7 +144,7 @@ class Asking:
     def camera(self, *, is_known: bool) -> dict[str, float]:
         """Return what is said of the lens, by its keys in session.toml; asked for where nothing else tells it."""
         said = self.answers.camera or self.earlier.camera
-        if is_known or said or self.answers.distance_mm:
+        if is_known or said:
             return said
         focal = self._once("focal_mm", "Focal length engraved on the lens, mm (Enter: not known)", _number("focal_mm"))
         if focal is None:

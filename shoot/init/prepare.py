@@ -21,7 +21,7 @@ from formats.pictures import read_values
 from scene.errors import SceneError, SessionError
 from scene.spheres import KINDS, Sphere
 from shoot.init.answers import Asking
-from shoot.init.draft import Draft, mm_per_px
+from shoot.init.draft import Draft
 from shoot.init.draft_balls import small_camera, with_balls
 from shoot.init.scan_unit import object_across_px
 
@@ -72,7 +72,7 @@ def completed(draft: Draft, files: FolderFiles, asking: Asking, balls: Sequence[
         draft = draft.saying("camera", **asking.camera(is_known=draft.known_camera()[0] is not None))
         draft.known_camera()
     draft = with_balls(draft, files, asking, balls)
-    return _by_distance(_given(draft, files, asking), asking)
+    return _given(draft, files, asking)
 
 
 def _look(files: FolderFiles, linear: bool | None, encoding: Encoding, tell: Callable[[int, int], None]) -> Draft:
@@ -195,18 +195,3 @@ def _given(draft: Draft, files: FolderFiles, asking: Asking) -> Draft:
     across = object_across_px(draft.small, small_camera(draft), circles) if circles else None
     draft = replace(draft, across_px=across and across * draft.step)
     return draft.saying("object", scan_unit=asking.unit(scans[0].name, draft.likely_unit))
-
-
-def _by_distance(draft: Draft, asking: Asking) -> Draft:
-    """Take the focal length from the balls' distance: radius_px = fx radius_mm / distance."""
-    distance = asking.answers.distance_mm
-    if not distance or "board" in draft.photographs:
-        return draft
-    focal = [distance / mm for ball in draft.manifest.spheres if (mm := mm_per_px(ball))]
-    if not focal:
-        raise SessionError(
-            "--distance-mm: needs balls that are found and whose diameter is given: --chrome or --white."
-        )
-    fx = round(float(np.median(focal)), 1)
-    draft = draft.saying("camera", **dict.fromkeys(("focal_mm", "sensor_mm", "pixel_um", "crop_factor")), fx=fx)
-    return draft.noting(f"the focal length is {fx:g} px by {len(focal)} balls {distance:g} mm away.")

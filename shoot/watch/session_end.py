@@ -75,7 +75,7 @@ def draft_of_shoot(
         # The shoot is over: a diameter that does not fit is put right in session.toml.
         say(f"warning: {error}", always=True)
         said = asking.answers
-        plain = Asking(replace(said, chrome=(), white=(), distance_mm=None), silent=True)
+        plain = Asking(replace(said, chrome=(), white=()), silent=True)
         return completed(draft.noting(str(error)), files, plain, balls)
 
 

@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from capture.session.globs import expand, natural_key
-from capture.session.manifest import SphereTable
-from capture.survey.folder_files import FEWEST, pattern_of
+from capture.session.globs import natural_key
+from capture.survey.folder_files import FEWEST
 from capture.survey.small_pictures import Small
 from scene.errors import SceneError
 from shoot.init.draft import Draft
@@ -20,7 +19,7 @@ def role_of(draft: Draft, path: Path) -> str:
 def with_role(draft: Draft, small: dict[Path, Small], path: Path, role: str) -> Draft:
     """Return a draft with a photograph used for something else.
 
-    Raises SceneError: too few flash frames would be left, it is of another size, or it is a board's.
+    Raises SceneError: too few flash frames would be left, it is of another size, or it is one of a board.
     """
     was = role_of(draft, path)
     if role == was:
@@ -30,6 +29,11 @@ def with_role(draft: Draft, small: dict[Path, Small], path: Path, role: str) -> 
             f"{path.name}: a board's shots are found by themselves. Put three or more that show all of it into a "
             "folder called board, or others out of it, and look at the folder again."
         )
+    if "flash" in (role, was) and any(ball.frames for ball in draft.manifest.spheres):
+        raise SceneError(
+            f"{path.name}: the balls that were shot apart have one photograph for each flash frame. Name it under "
+            "frames.skip in session.toml, which leaves out theirs, too."
+        )
     photographs = {one: [other for other in paths if other != path] for one, paths in draft.photographs.items()}
     if role != UNUSED:
         photographs[role] = sorted([*photographs.get(role, []), path], key=natural_key)
@@ -38,17 +42,4 @@ def with_role(draft: Draft, small: dict[Path, Small], path: Path, role: str) -> 
     size = small[path].width, small[path].height
     if role != UNUSED and size != (draft.width, draft.height):
         raise SceneError(f"{path.name}: {size[0]} x {size[1]} px; the flash frames: {draft.width} x {draft.height}.")
-    balls = [_same_lights(draft, ball, path, role) for ball in draft.manifest.spheres]
-    return draft.with_photographs(photographs).with_balls(balls)
-
-
-def _same_lights(draft: Draft, ball: SphereTable, path: Path, role: str) -> SphereTable:
-    """Return a ball that was shot apart without the photograph of a flash frame that is left out."""
-    flash = draft.photographs["flash"]
-    if not ball.frames or (path not in flash and role != "flash"):
-        return ball
-    if role == "flash":
-        raise SceneError(f"{path.name}: the balls that were shot apart have no photograph of its light.")
-    own = expand(ball.frames, draft.folder)[0]
-    del own[flash.index(path)]
-    return SphereTable.model_validate({**ball.model_dump(exclude_unset=True), "frames": pattern_of(own, draft.folder)})
+    return draft.with_photographs(photographs)

@@ -68,9 +68,6 @@ def test_what_is_known_is_not_asked(monkeypatch, capsys):
     [
         ({"focal_mm": -5.0}, "--focal-mm: found -5.0"),
         ({"sensor_mm": 3600.0}, "--sensor-mm: found 3600.0; expected 1 to 250"),
-        ({"sensor_mm": 36.0, "pixel_um": 4.0}, "--sensor-mm, --pixel-um: each tells the size of the sensor"),
-        ({"focal_mm": 50.0, "distance_mm": 900.0}, "each tells the focal length"),
-        ({"distance_mm": -1.0}, "--distance-mm: found -1"),
     ],
 )
 def test_answers_that_cannot_be_meant(said, told):

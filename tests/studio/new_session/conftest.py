@@ -6,7 +6,6 @@ import pytest
 
 from capture.camera.exif import Exif
 from capture.session.manifest import FramesTable, Manifest, SphereTable
-from capture.survey.folder_files import survey
 from capture.survey.small_pictures import frames_of, read_small
 from shoot.init.draft import Draft
 from shoot.init.scan_unit import ScanSize
@@ -36,7 +35,6 @@ def folder(tmp_path):
 def found(folder, monkeypatch):
     """What a look finds there, but for the balls, which noise does not show."""
     monkeypatch.setattr("shoot.init.draft.read_scan", lambda path: ScanSize(1000, (50.0, 40.0, 30.0)))
-    (files,) = survey(folder)
     flash, ambient = sorted(folder.glob("flash_*")), sorted(folder.glob("ambient_*"))
     small = {one.path: one for one in read_small([*ambient, *flash, folder / "odd.png"], "linear")[0]}
     frames = frames_of([small[path] for path in flash], [small[path] for path in ambient])
@@ -44,4 +42,4 @@ def found(folder, monkeypatch):
     draft = Draft(manifest, folder, 80, 60, frames, 1, exif=(Exif(),), found=BALLS, across_px=30.0,
                   notes=("left out: x.",))  # fmt: skip
     draft = draft.with_balls(BALLS).saying("object", scan="jug.ply")
-    return FoundCapture(files, draft, small, frames.read().mean(0))
+    return FoundCapture(draft, small, frames.read().mean(0))

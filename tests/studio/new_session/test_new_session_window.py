@@ -148,24 +148,15 @@ def test_a_photograph_gets_another_use_where_it_can_have_it(found, folder):
     assert with_role(without, small, flash, "flash").photographs == draft.photographs
     assert "ambient" not in with_role(draft, small, folder / "ambient_0.png", "dark").photographs
     fewer = with_role(without, small, folder / "flash_0.png", "not used")
+    apart = draft.with_balls([SphereTable(kind="chrome", frames=["flash_*.png"])])
     for one, path, role, told in (
+        (apart, "flash_1.png", "not used", "under frames.skip in session.toml"),
         (draft, "odd.png", "dark", "40 x 30 px"),
         (fewer, "flash_1.png", "not used", "3 flash frames are the fewest"),
         (draft, "odd.png", "board", "a folder called board"),
     ):
         with pytest.raises(SceneError, match=told):
             with_role(one, small, folder / path, role)
-
-
-def test_a_ball_that_was_shot_apart_keeps_its_lights(found, folder):
-    """One photograph a flash frame: with a frame, the ball's photograph of the same light is left out."""
-    for n in range(5):
-        (folder / f"ball_{n}.png").write_bytes((folder / f"flash_{n}.png").read_bytes())
-    apart = found.draft.with_balls([SphereTable(kind="chrome", frames=["ball_*.png"])])
-    without = with_role(apart, found.small, folder / "flash_1.png", "not used")
-    assert without.manifest.spheres[0].frames == [f"ball_{n}.png" for n in (0, 2, 3, 4)]
-    with pytest.raises(SceneError, match="no photograph of its light"):
-        with_role(without, found.small, folder / "flash_1.png", "flash")
 
 
 def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, no_preview, furnish, settle, monkeypatch):
