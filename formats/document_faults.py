@@ -1,5 +1,6 @@
 """What pydantic finds wrong in a document, session.toml or a scene's, in a line each: key path, found, expected."""
 
+import re
 from collections.abc import Callable, Container, Mapping, Sequence
 from typing import Any
 
@@ -34,8 +35,8 @@ def fault_line(
     """Return one of pydantic's faults as "key.path: what was found; what is expected."
 
     hint: Says what an unknown key may mean. hidden: Names that pydantic puts into the path, and no file holds.
-    missing: By key path, what to do where it is absent. expected: By key path, what is expected there instead of
-    pydantic's words.
+    missing: By key path, what to do where it is absent. expected: By key path without numbers, what list or which words
+    are expected there, instead of pydantic's words.
     """
     parts = [part for part in fault["loc"] if isinstance(part, int) or not _is_hidden(part, hidden)]
     path, kind, cause = key_path(parts), fault["type"], fault.get("ctx", {}).get("error")
@@ -52,7 +53,8 @@ def fault_line(
         return f"{path}.kind: {message}."
     found = fault["input"]
     shown = f"a table with {', '.join(found) or 'nothing'}" if isinstance(found, dict) else repr(found)
-    wanted = (expected or {}).get(path) if kind == "list_type" else None
+    place = re.sub(r"\[\d+\]", "", path)
+    wanted = (expected or {}).get(place) if kind in ("list_type", "literal_error") else None
     return f"{path}: found {shortened(shown, 80)}; {wanted or EXPECTED.get(kind, message)}."
 
 

@@ -31,7 +31,11 @@ def init(
         print(f"written  {one.manifest}")
         print(f"         {one.sheet}: the balls in circles; look whether all are found")
     for one in made:
-        print(f"next     rgbn process {shlex.quote(str(one.draft.folder))}")
+        place = shlex.quote(str(one.draft.folder))
+        unknown = sorted({f" --{ball.kind} MM" for ball in one.draft.manifest.spheres if ball.diameter_mm is None})
+        if unknown:
+            print(f"tell     rgbn init {place}{''.join(unknown)}: diameters, for the lights' positions")
+        print(f"next     rgbn process {place}")
 
 
 def _show(draft: "Draft") -> None:

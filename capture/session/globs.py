@@ -8,6 +8,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path, PurePath
 
+from scene.reading import listed
+
 RAW_SUFFIXES = (
     *(".dng", ".cr2", ".cr3", ".crw", ".nef", ".nrw", ".arw", ".srf", ".sr2", ".raf", ".orf", ".rw2", ".rwl"),
     *(".pef", ".srw", ".3fr", ".fff", ".iiq", ".mos", ".mef", ".mrw", ".x3f", ".erf", ".kdc", ".dcr", ".raw"),
@@ -114,14 +116,19 @@ def meant(name: str, folder: Path, fits: Callable[[Path], object] = kind_of) -> 
     says = re.search(r"[^*?.]", path.stem)
     elsewhere = [*matches(path.name, folder), *matches(f"*/{path.name}", folder)] if says else []
     others = sorted((one.relative_to(folder) for one in elsewhere if one.is_file() and fits(one)), key=natural_key)
+    is_glob = bool(set("*?[") & set(path.name))
+    if others and not is_glob:
+        return f"Did you mean {others[0].as_posix()}?"
     if others:
         return f'{lacks}{others[0]} is there: write "{(others[0].parent / path.name).as_posix()}".'
     if lacks:
         near = near_name(path.parent.name, [one.name for one in folder.iterdir() if one.is_dir()], f"/{path.name}")
         return lacks + (near or "Correct the name.")
-    fitting = sorted((one for one in map(path.parent.joinpath, there) if fits(one)), key=natural_key)
-    first = f", {fitting[0].name} first" if fitting else ""
-    return f"{path.parent} holds {len(fitting)} files that would do{first}. Correct the name."
+    there.sort(key=lambda one: natural_key(Path(one)))
+    if is_glob:
+        return f"{path.parent} holds {len(there)} files{f', {there[0]} first' if there else ''}. Correct the glob."
+    fitting = [one for one in there if fits(Path(one))]
+    return f"Correct the name{f': {listed(fitting)} is there' if fitting else ''}."
 
 
 def near_name(name: str, names: Iterable[str], rest: str = "") -> str:

@@ -33,7 +33,10 @@ MISSING = {
     "lights.file": 'Add file = "lights.lp", or drop [lights].',
     "spheres": 'Add kind = "chrome" or "white".',
 }
-BALLS = {"spheres": "expected [[spheres]], with two brackets, above each ball"}
+BALLS = {
+    "spheres": "expected [[spheres]], with two brackets, above each ball",
+    "spheres.kind": "expected 'chrome' or 'white' (chrome: a mirror; white: a matte ball)",
+}
 
 
 def toml_tables(path: Path) -> dict[str, Any]:

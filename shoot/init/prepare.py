@@ -89,7 +89,6 @@ def _look(files: FolderFiles, linear: bool | None, encoding: Encoding, tell: Cal
             f"{files.folder}: {len(shots)} of {len(flash)} photographs can be read.\n" + "\n".join(unread)
         )
     shots, odd = of_one_size(shots)
-    _check_one_object(files.folder, shots)
     named = [by_path[path] for path in boards if path in by_path]
     layout, shown = find_board(named or [*odd, *_unlike(shots)])
     if named and not shown:
@@ -103,6 +102,8 @@ def _look(files: FolderFiles, linear: bool | None, encoding: Encoding, tell: Cal
         names = ", ".join(one.path.name for one in roles["ambient"])
         notes.append(f"assumed: {names} is without flash, by its light.")
     shots, ambient = roles.get("flash", []), roles.get("ambient", [])
+    # After boards and unlit frames: they show something else, too.
+    _check_one_object(files.folder, shots)
     lit = otherwise_lit(shots)
     if lit is not None:
         shots = [one for one in shots if one is not lit]
@@ -130,7 +131,7 @@ def encoding_of(first: Path, asking: Asking) -> tuple[bool | None, Encoding]:
     if kind_of(first) != "image":
         return None, "linear"
     if first.suffix.lower() in (".jpg", ".jpeg"):
-        linear = bool(asking.answers.linear)
+        linear = bool(asking.answers.linear or asking.earlier.linear)
     elif asking.answers.linear is None and not _has_eight_bits(first):
         return True, "linear"
     else:

@@ -98,7 +98,7 @@ def rows_of(draft: Draft) -> Iterator[tuple[str, str]]:
         yield role, f"{len(files)}: {shown}{size}"
     yield "camera", draft.camera_told
     for number, ball in enumerate(draft.manifest.spheres, 1):
-        known = f"{ball.diameter_mm:.4g} mm" if ball.diameter_mm else f"diameter not known: --{ball.kind} MM"
+        known = f"{ball.diameter_mm:.4g} mm" if ball.diameter_mm else "diameter not known"
         yield f"ball {number}", f"{ball.kind}, {known}; {_place_told(draft, ball)}"
     lights, known = draft.manifest.lights, draft.manifest.object
     if known.scan:

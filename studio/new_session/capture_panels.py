@@ -44,8 +44,8 @@ class DiametersPanel:
         self._own.disabled = window.ball is None
         self._own.value = 0.0 if window.ball is None else window.outlines[window.ball].diameter_mm or 0.0
         for kind, handle in self._diameters.items():
-            known = {ball.diameter_mm for ball in window.balls if ball.kind == kind}
-            handle.value, handle.disabled = (known.pop() or 0.0) if len(known) == 1 else 0.0, not known
+            known = [ball.diameter_mm or 0.0 for ball in window.balls if ball.kind == kind]
+            handle.value, handle.disabled = known[0] if len(set(known)) == 1 else 0.0, not known
 
     def _facts(self) -> str:
         window = self._window

@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 
-from capture.session.globs import natural_key
 from capture.session.session import load_session
 from capture.session.session_types import Board
 from scene.camera import Camera
@@ -127,9 +126,10 @@ def test_a_board(folder):
     assert (len(camera.files), camera.squares, camera.square_mm) == (3, (11, 8), 15)
 
 
-@pytest.mark.parametrize("name", ["", " ", ".", "..", "../other", "/tmp/x", "a/b", "a\\b", "C:x", "a\0b"])
-def test_names_that_would_lead_elsewhere(folder, name):
-    assert "name: found" in faults_of(folder, f"name = {json.dumps(name)}\n{FLASH}")
+def test_names_that_would_lead_elsewhere(folder):
+    for name in ("", " ", ".", "..", "../other", "/tmp/x", "a/b", "a\\b", "C:x", "a\0b"):
+        assert "name: found" in faults_of(folder, f"name = {json.dumps(name)}\n{FLASH}")
+    assert load(folder, f'name = "Büste v1.2 (a..b)"\n{FLASH}').name == "Büste v1.2 (a..b)"
 
 
 def test_all_faults_at_once(folder):
@@ -218,13 +218,6 @@ def test_no_session(tmp_path):
         load_session(tmp_path)
     with pytest.raises(SessionError, match="no such session"):
         load_session(tmp_path / "elsewhere")
-
-
-def test_natural_order():
-    from pathlib import Path
-
-    names = ["b1", "a10", "a9", "a9b", "a", "A2"]
-    assert [p.name for p in sorted(map(Path, names), key=natural_key)] == ["a", "A2", "a9", "a9b", "a10", "b1"]
 
 
 def test_the_shared_captures_load(shared):

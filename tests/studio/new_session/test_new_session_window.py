@@ -68,6 +68,7 @@ def test_the_panels_write_what_they_show(begun, folder, settle):
 
     say("chrome balls, mm", 40.0)
     say("white balls, mm", 38.5)
+    assert not client.input("white balls, mm").disabled
     assert window.capture.scan_told.endswith("unit mm: the object looks 80 mm large"), "the balls tell the scan's unit"
     say("scan_unit", "cm")
     assert any("as with unit mm" in note for note in notes_of(window.capture))
