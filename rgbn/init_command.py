@@ -45,12 +45,12 @@ def _show(draft: "Draft") -> None:
     from rich.text import Text
 
     from shoot.init.draft_notes import notes_of
-    from shoot.init.session_text import rows_of
+    from shoot.init.session_text import facts_of
 
     table = Table(title=Text(f"{draft.folder}"), show_header=False, title_justify="left", box=None)
     table.add_column(style="bold")
     table.add_column()
-    for label, text in rows_of(draft):
+    for label, text in facts_of(draft):
         table.add_row(label, Text(text))
     console = Console()
     console.print(table)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from datetime import date
 from typing import Any
 
-from capture.session.manifest import Manifest, SphereTable
+from capture.session.manifest import TABLES, Manifest, SphereTable
 from formats.toml_text import toml_text
 from scene.current import fingerprint
 from scene.reading import shortened
@@ -13,16 +13,12 @@ from shoot.init.draft import Draft
 from shoot.init.draft_notes import notes_of
 
 HEADLINE = "# Written by {by} on {day}. Correct what is wrong; rgbn only reads it."
-PURPOSE = {
-    "flash": "one light each",
-    "ambient": "flash off, subtracted",
-    "dark": "lens covered",
-    "flat": "white surface, divided by",
-}
 SIGNED = "# As rgbn wrote it: "
 """What stands before the fingerprint of all that is above: a file in which nothing was changed is written anew."""
 WIDE = 112
 """Letters of a line of what is assumed."""
+BESIDE = ("frames", "spheres", "object.scan_unit")
+"""Keys beside which stands what was found; beside others, what they are for."""
 LONGEST = 1000
 """Letters of a sentence there: names of files are as long as they like."""
 
@@ -32,7 +28,9 @@ def session_text(draft: Draft, by: str = "rgbn init") -> str:
     head = [HEADLINE.format(by=by, day=date.today().isoformat())]
     for told in (f"camera: {draft.camera_told}", *notes_of(draft)):
         head += textwrap.wrap(shortened(told, LONGEST), WIDE, initial_indent="# - ", subsequent_indent="#   ")
-    return "\n".join([*head, toml_text(_tables(draft.written), dict(_comments(draft)))])
+    tables, facts = _tables(draft.written), dict(facts_of(draft))
+    comments = {path: text for path, text in facts.items() if path.startswith(BESIDE)}
+    return "\n".join([*head, toml_text(tables, {**dict(_purposes(tables)), **comments})])
 
 
 def signed(text: str) -> str:
@@ -60,25 +58,29 @@ def _tables(manifest: Manifest) -> dict[str, Any]:
     return {key: value for key, value in tables.items() if value != {}}
 
 
-def _comments(draft: Draft) -> Iterator[tuple[str, str]]:
-    """Yield what is said beside keys, by their paths."""
-    for role, purpose in PURPOSE.items():
-        if files := draft.photographs.get(role):
-            size = f", {draft.width} x {draft.height} px" if role == "flash" else ""
-            yield f"frames.{role}", f"{len(files)}, {purpose}{size}"
-    linear = draft.manifest.frames.linear
-    told = "values are proportional to light" if linear else "sRGB-encoded, as cameras write 8 bits"
-    yield "frames.linear", told
-    yield "camera.board.square_mm", "it does not change the camera"
-    for number, ball in enumerate(draft.manifest.spheres):
-        yield f"spheres[{number}]", _ball_told(draft, ball)
-    yield "object.scan", draft.scan_told
-    yield "object.normals", "registered ground truth"
+def _purposes(tables: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield the first sentence of each key's description."""
+    for table, keys in tables.items():
+        for key in keys if isinstance(keys, dict) else ():
+            yield f"{table}.{key}", (TABLES[table].model_fields[key].description or "").split(". ")[0].rstrip(".")
 
 
-def _ball_told(draft: Draft, ball: SphereTable) -> str:
-    more = "" if ball.diameter_mm else "; diameter_mm = ... would give lights their positions"
-    return f"{_place_told(draft, ball)}{more}"
+def facts_of(draft: Draft) -> Iterator[tuple[str, str]]:
+    """Yield what was found and how it is known, each with the key of session.toml that says it."""
+    manifest = draft.manifest
+    for role, files in draft.photographs.items():
+        shown = files[0].name if len(files) == 1 else f"{files[0].name} to {files[-1].name}"
+        size = f", {draft.width} x {draft.height} px" if role == "flash" else ""
+        yield f"camera.{role}" if role == "board" else f"frames.{role}", f"{len(files)}: {shown}{size}"
+    yield "camera", draft.camera_told
+    for number, ball in enumerate(manifest.spheres):
+        known = f"{ball.diameter_mm:.4g} mm" if ball.diameter_mm else "diameter_mm not known"
+        yield f"spheres[{number}]", f"{ball.kind}, {known}; {_place_told(draft, ball)}"
+    for table, key in (("lights", "file"), ("object", "mask"), ("object", "scan"), ("object", "normals")):
+        if name := getattr(getattr(manifest, table), key, None):
+            yield f"{table}.{key}", name
+    if manifest.object.scan:
+        yield "object.scan_unit", draft.scan_told
 
 
 def _place_told(draft: Draft, ball: SphereTable) -> str:
@@ -88,21 +90,3 @@ def _place_told(draft: Draft, ball: SphereTable) -> str:
         return "to be found"
     (u, v), how = ball.center_px, "found" if draft.is_found(ball) else "placed by hand"
     return f"{how} at ({u:.0f}, {v:.0f}) px, radius {ball.radius_px:.0f} px"
-
-
-def rows_of(draft: Draft) -> Iterator[tuple[str, str]]:
-    """Yield what was found, for a table: what, and how it is known."""
-    for role, files in draft.photographs.items():
-        shown = files[0].name if len(files) == 1 else f"{files[0].name} to {files[-1].name}"
-        size = f", {draft.width} x {draft.height} px" if role == "flash" else ""
-        yield role, f"{len(files)}: {shown}{size}"
-    yield "camera", draft.camera_told
-    for number, ball in enumerate(draft.manifest.spheres, 1):
-        known = f"{ball.diameter_mm:.4g} mm" if ball.diameter_mm else "diameter not known"
-        yield f"ball {number}", f"{ball.kind}, {known}; {_place_told(draft, ball)}"
-    lights, known = draft.manifest.lights, draft.manifest.object
-    if known.scan:
-        yield "scan", f"{known.scan}, {draft.scan_told}"
-    for label, name in (("mask", known.mask), ("lights", lights and lights.file), ("normals", known.normals)):
-        if name:
-            yield label, name

@@ -7,7 +7,7 @@ from pathlib import Path
 from lab.session_place import MANIFEST
 from shoot.init.draft import Draft
 from shoot.init.draft_notes import notes_of
-from shoot.init.session_text import rows_of
+from shoot.init.session_text import facts_of
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.widgets import code, fenced, plain
 
@@ -50,7 +50,7 @@ def _name(folder: Path, window: NewSessionWindow) -> str:
 def found_text(draft: Draft) -> str:
     """Return what was found, as Markdown."""
     lines = [f"{code(str(draft.folder))}", "", "| | |", "|---|---|"]
-    lines += [f"| **{what}** | {plain(text)} |" for what, text in rows_of(draft)]
+    lines += [f"| **{what}** | {plain(text)} |" for what, text in facts_of(draft)]
     count = len(notes_of(draft))
     notes = f"⚠ {count} missing or assumed: see **session.toml**." if count else "Nothing is missing, nothing assumed."
     return "\n".join([*lines, "", notes])
