@@ -131,10 +131,10 @@ class Asking:
         return given * balls if len(given) == 1 else given
 
     def unit(self, scan: str, likely: Unit | None) -> Unit | None:
-        """Return the scan's unit as a person says it; None where `likely` tells it, by the object's size."""
+        """Return the scan's unit as a person says it; None where nobody does, or `likely` tells it."""
         if self.answers.unit is None and likely is not None:
             return None
-        return self._once("unit", f"Unit of {scan}: m, cm, mm, inch or unknown (Enter: unknown)", UNITS) or "unknown"
+        return self._once("unit", f"Unit of {scan}: m, cm, mm, inch or unknown (Enter: not known)", UNITS)
 
     def is_linear(self, file: str) -> bool:
         """Return whether 8-bit values are proportional to light."""
