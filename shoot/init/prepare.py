@@ -60,6 +60,8 @@ def begun(
         frames_of(list(flash), list(ambient)), first.step, exif=tuple(read_exif(one.path) for one in flash),
         notes=tuple(notes),
     )  # fmt: skip
+    if boards := photographs.get("board"):
+        draft = draft.noting(f"{len(boards)} photographs of a board are not used: rgbn init looks for the board in them.")
     return draft.with_photographs(photographs)
 
 
