@@ -7,22 +7,32 @@ from typing import Any
 
 from scene.files import plain
 
-
-def toml_text(data: Mapping[str, Any]) -> str:
-    """Return tables as TOML: arrays and dataclasses as `scene.files.plain` has them, without what is None."""
-    return "\n".join([*_lines(plain(data)), ""])
+COLUMN = 44
+"""Where comments begin."""
 
 
-def _lines(table: Mapping[str, Any], above: str = "") -> Iterator[str]:
+def toml_text(data: Mapping[str, Any], comments: Mapping[str, str] | None = None) -> str:
+    """Return tables as TOML: arrays and dataclasses as `scene.files.plain` has them, without what is None.
+
+    comments: By key path, as in frames.flash and spheres[0].
+    """
+    return "\n".join([*_lines(plain(data), comments or {}), ""])
+
+
+def _lines(table: Mapping[str, Any], comments: Mapping[str, str], above: str = "", path: str = "") -> Iterator[str]:
     """Yield a table's plain keys, then its tables and lists of tables, of names that begin with `above`."""
     for key, value in table.items():
         if value is not None and not _is_table(value):
-            yield f"{_key(key)} = {toml_value(value)}"
+            line, comment = f"{_key(key)} = {toml_value(value)}", comments.get(f"{path}{key}")
+            yield f"{line:{COLUMN}}# {comment}" if comment and "\n" not in line else line
     for key, value in table.items():
         if _is_table(value):
             name, is_list = f"{above}{_key(key)}", isinstance(value, list)
-            for one in value if is_list else [value]:
-                yield from ["", f"[[{name}]]" if is_list else f"[{name}]", *_lines(one, f"{name}.")]
+            for number, one in enumerate(value if is_list else [value]):
+                here = f"{path}{key}[{number}]" if is_list else f"{path}{key}"
+                head = f"[[{name}]]" if is_list else f"[{name}]"
+                yield from ["", f"{head}  # {comments[here]}" if comments.get(here) else head]
+                yield from _lines(one, comments, f"{name}.", f"{here}.")
 
 
 def _is_table(value: Any) -> bool:

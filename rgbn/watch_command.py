@@ -6,7 +6,8 @@ from typing import Annotated
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-from rgbn.init_command import TOLD, Told
+from rgbn.init_command import NOTHING
+from shoot.init.answers import Answers
 
 
 def watch(
@@ -26,9 +27,9 @@ def watch(
     wanted_deg: Annotated[
         float, Parameter(help="Sigma of the normals, degrees, that is good enough.", validator=Number(gt=0, lt=90))
     ] = 1.0,
-    told: Told = TOLD,
+    told: Answers = NOTHING,
 ) -> None:
     """Judge each photograph of a shoot within seconds of its coming, and write the session in the end."""
     from shoot.watch.watch_folder import watch_folder
 
-    watch_folder(folder, out, told.answers(), until_idle_s=until_idle, wanted_deg=wanted_deg)
+    watch_folder(folder, out, told, until_idle_s=until_idle, wanted_deg=wanted_deg)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from capture.session.manifest import TABLES
-from capture.session.manifest_faults import parse
+from capture.session.manifest_file import parse
 from docs.write_reference import BLOCKS, REFERENCE
 
 ROOT = Path(__file__).parents[1]

@@ -5,7 +5,10 @@ import glob
 import os
 import re
 from collections import Counter
+from collections.abc import Callable, Iterable
 from pathlib import Path, PurePath
+
+from scene.reading import listed
 
 RAW_SUFFIXES = (
     *(".dng", ".cr2", ".cr3", ".crw", ".nef", ".nrw", ".arw", ".srf", ".sr2", ".raf", ".orf", ".rw2", ".rwl"),
@@ -46,9 +49,9 @@ def expand(patterns: list[str], folder: Path) -> tuple[list[Path], list[str]]:
             faults.append(f'"{pattern}": {error}')
             continue
         if not found:
-            faults.append(f'"{pattern}" matches no file in {folder}. {_near_miss(pattern, folder)}')
+            faults.append(f'"{pattern}" matches no file in {folder}. {meant(pattern, folder)}')
         for path in found:
-            if not _is_text(path):
+            if re.search("[\ud800-\udfff]", str(path)):
                 faults.append(f"{str(path)!r} is a name that is not UTF-8. Rename the file.")
             elif path in files:
                 faults.append(f'"{pattern}" matches {path.name} a second time. Name every file once.')
@@ -87,39 +90,51 @@ def _below(start: Path) -> list[Path]:
     return list(found.values())
 
 
-def _is_text(path: Path) -> bool:
-    try:
-        str(path).encode()
-    except UnicodeEncodeError:
-        return False
-    return True
+def meant(name: str, folder: Path, fits: Callable[[Path], object] = kind_of) -> str:
+    """Say what a name or a glob that leads to no file may be meant for: another case, another folder, a like name.
 
-
-def _near_miss(pattern: str, folder: Path) -> str:
-    """Say what a glob may have been meant to match: another case, another folder, or something else."""
-    if slashed(pattern) != pattern:
-        return f'Write / between folders, also on Windows: "{slashed(pattern)}".'
-    either = re.sub(r"[a-zA-Z]", lambda letter: f"[{letter[0].lower()}{letter[0].upper()}]", pattern)
+    `fits` : whether a file is of the kind that is asked for.
+    """
+    if slashed(name) != name:
+        return f'Write / between folders, also on Windows: "{slashed(name)}".'
+    path = folder / name
+    if path.is_dir():
+        inside = sorted((one for one in path.iterdir() if fits(one)), key=natural_key)
+        return f"It is a folder. Give a file{f', as {name}/{inside[0].name}' if inside else ''}."
+    either = re.sub(r"[a-zA-Z]", lambda letter: f"[{letter[0].lower()}{letter[0].upper()}]", name)
     # Letters inside [...] of the user's own glob would be mangled: then there is no hint by case.
-    found = [] if "[" in pattern else sorted(matches(either, folder), key=natural_key)
+    found = [] if "[" in name else sorted(matches(either, folder), key=natural_key)
     if found:
         return f"Upper and lower case count: {os.path.relpath(found[0], folder)} is there."
-    parent, name = (folder / pattern).parent, pattern.split("/")[-1]
-    if any(sign in str(parent) for sign in "*?["):
+    if any(sign in str(path.parent) for sign in "*?["):
         return "Correct the glob."
-    lacks = "" if parent.is_dir() else f"The folder {parent} does not exist. "
-    # A name that says something, such as flash_*, tells where its photographs are.
-    elsewhere = [*matches(name, folder), *matches(f"*/{name}", folder)] if re.search(r"[^*?.]", Path(name).stem) else []
-    there = sorted((path.relative_to(folder) for path in elsewhere if kind_of(path)), key=natural_key)
-    if there:
-        return f'{lacks}{there[0]} is there: write "{(there[0].parent / name).as_posix()}".'
+    there = [one.name for one in path.parent.iterdir() if one.is_file()] if path.parent.is_dir() else []
+    if near := near_name(path.name, there):
+        return near
+    lacks = "" if path.parent.is_dir() else f"The folder {path.parent} does not exist. "
+    # A name that says something, such as flash_*, tells where its files are.
+    says = re.search(r"[^*?.]", path.stem)
+    elsewhere = [*matches(path.name, folder), *matches(f"*/{path.name}", folder)] if says else []
+    others = sorted((one.relative_to(folder) for one in elsewhere if one.is_file() and fits(one)), key=natural_key)
+    is_glob = bool(set("*?[") & set(path.name))
+    if others and not is_glob:
+        return f"Did you mean {others[0].as_posix()}?"
+    if others:
+        return f'{lacks}{others[0]} is there: write "{(others[0].parent / path.name).as_posix()}".'
     if lacks:
-        folders = [path.name for path in folder.iterdir() if path.is_dir()]
-        near = difflib.get_close_matches(parent.name, folders, n=1)
-        return lacks + (f"Did you mean {near[0]}/{name}?" if near else "Correct the glob.")
-    names = sorted((path for path in parent.iterdir() if path.is_file()), key=natural_key)
-    first = f", {names[0].name} first" if names else ""
-    return f"{parent} holds {len(names)} files{first}. Correct the glob."
+        near = near_name(path.parent.name, [one.name for one in folder.iterdir() if one.is_dir()], f"/{path.name}")
+        return lacks + (near or "Correct the name.")
+    there.sort(key=lambda one: natural_key(Path(one)))
+    if is_glob:
+        return f"{path.parent} holds {len(there)} files{f', {there[0]} first' if there else ''}. Correct the glob."
+    fitting = [one for one in there if fits(Path(one))]
+    return f"Correct the name{f': {listed(fitting)} is there' if fitting else ''}."
+
+
+def near_name(name: str, names: Iterable[str], rest: str = "") -> str:
+    """Return "Did you mean ...?" for the name that is most like one; empty where none is."""
+    near = [] if set("*?[") & set(name) else difflib.get_close_matches(name, list(names), n=1)
+    return f"Did you mean {near[0]}{rest}?" if near else ""
 
 
 def slashed(name: str) -> str:

@@ -1,7 +1,7 @@
-"""The keys of `session.toml`: names, kinds, units, defaults, and what each is for.
+"""The document of a session: the keys of `session.toml`, with kinds, units, ranges, defaults, and what each is for.
 
-The models hold what is written; `capture/session/resolve.py` resolves it against the folder. The reference in docs/ is
-written from them.
+`init` and the studio make it, `capture/session/resolve.py` resolves it against the folder, the reference in docs/ is
+written from it.
 """
 
 from typing import Annotated, Any, Literal
@@ -26,9 +26,9 @@ def _between(low: float, high: float, why: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-def _key(what: str, example: Any, unit: str = "") -> Any:
-    """Return a key's description for people: what it is, an example as TOML has it, its unit."""
-    return Field(description=what, examples=[example], json_schema_extra={"unit": unit})
+def _key(what: str, example: Any, unit: str = "", default: Any = None) -> Any:
+    """Return a key for people: what it is, an example as TOML has it, its unit, its default (...: it is required)."""
+    return Field(default, description=what, examples=[example], json_schema_extra={"unit": unit})
 
 
 Length = Annotated[PositiveFloat, _between(0.1, 10_000, "millimetres, from a bead to a building's dome")]
@@ -36,6 +36,7 @@ Pixels = Annotated[PositiveInt, _between(1, 100_000, "no camera has more pixels 
 Scale = Annotated[PositiveFloat, _between(1, 1_000_000, "pixels, the focal length times those a millimetre")]
 Term = Annotated[float, _between(-1000, 1000, "a term of OpenCV's distortion")]
 Place = Annotated[float, _between(-1e6, 1e6, "pixels of the picture")]
+Radius = Annotated[PositiveFloat, _between(0.5, 1e5, "pixels of the picture")]
 Squares = Annotated[PositiveInt, _between(2, 200, "squares that a photograph can tell apart")]
 Exponent = Annotated[PositiveFloat, _between(0.1, 10, "encodings have exponents about 2.2")]
 Focal = Annotated[PositiveFloat, _between(1, 3000, "millimetres, as engraved on the lens")]
@@ -46,6 +47,7 @@ Names = Annotated[
     list[Annotated[str, Field(min_length=1, max_length=4096)]], Field(max_length=1000), BeforeValidator(_as_list)
 ]
 Globs = Annotated[Names, Field(min_length=1)]
+Two, Four, Five = (Field(min_length=n, max_length=n) for n in (2, 4, 5))
 
 
 class Table(BaseModel):
@@ -58,197 +60,148 @@ class Table(BaseModel):
 class FramesTable(Table):
     """[frames]: the photographs, and how their values are coded."""
 
-    flash: Annotated[
-        Globs,
-        _key("The flash photographs, one light each: a glob, or a list of globs. Natural order.", "raw/flash_*.dng"),
-    ]
-    ambient: Annotated[
-        Globs | None, _key("Photographs with the flash off, same exposure; subtracted.", "raw/ambient_*.dng")
-    ] = None
-    dark: Annotated[
-        Globs | None,
-        _key("Photographs with the lens covered, same exposure: the sensor's own offset.", "raw/dark_*.dng"),
-    ] = None
-    flat: Annotated[
-        Globs | None,
-        _key("Photographs of an evenly lit white surface: the lens' fall-off is divided out.", "raw/flat_*.dng"),
-    ] = None
-    linear: Annotated[
-        bool | None,
-        _key(
-            "Of 8 and 16-bit files: true, values are proportional to light; false, sRGB-encoded. RAW and EXR files are "
-            "linear by themselves. Absent: linear, with a check by the balls; a JPEG must say it.",
-            False,
-        ),
-    ] = None
-    gamma: Annotated[Exponent | None, _key("Instead of linear: light is value to the power of gamma.", 2.2)] = None
-    half: Annotated[
-        bool,
-        _key("Average 2 x 2 pixels: a quarter of the memory and time; camera and outputs are halved together.", True),
-    ] = False
-    skip: Annotated[Names, _key("Flash photographs to leave out, by name or stem.", ["flash_007"])] = []
+    flash: Globs = _key(
+        "The flash photographs, one light each: a glob, or a list of globs. Natural order.",
+        "raw/flash_*.dng",
+        default=...,
+    )
+    ambient: Globs | None = _key("Photographs with the flash off, same exposure; subtracted.", "raw/ambient_*.dng")
+    dark: Globs | None = _key(
+        "Photographs with the lens covered, same exposure: the sensor's own offset.", "raw/dark_*.dng"
+    )
+    flat: Globs | None = _key(
+        "Photographs of an evenly lit white surface: the lens' fall-off is divided out.", "raw/flat_*.dng"
+    )
+    linear: bool | None = _key(
+        "Of 8 and 16-bit files: true, values are proportional to light; false, sRGB-encoded. RAW and EXR files are "
+        "linear by themselves. Absent: linear, with a check by the balls; a JPEG must say it.",
+        False,
+    )
+    gamma: Exponent | None = _key("Instead of linear: light is value to the power of gamma.", 2.2)
+    half: bool = _key(
+        "Average 2 x 2 pixels: a quarter of the memory and time; camera and outputs are halved together.",
+        True,
+        default=False,
+    )
+    skip: Names = _key("Flash photographs to leave out, by name or stem.", ["flash_007"], default=[])
 
 
 class BoardTable(Table):
     """camera.board: the ChArUco board or chessboard of the calibration shots."""
 
-    squares: Annotated[
-        list[Squares],
-        Field(min_length=2, max_length=2),
-        _key("Squares along and across the board, black and white counted.", [11, 8]),
-    ]
-    square_mm: Annotated[Length, _key("Side of a square. It does not change the camera.", 15.0, "mm")] = 20.0
-    marker_mm: Annotated[Length | None, _key("Side of a marker; ChArUco only.", 11.0, "mm")] = None
-    dictionary: Annotated[
-        str | None, _key("OpenCV's name of the markers' dictionary; ChArUco only.", "DICT_4X4_100")
-    ] = None
+    squares: Annotated[list[Squares], Two] = _key(
+        "Squares along and across the board, black and white counted.", [11, 8], default=...
+    )
+    square_mm: Length = _key("Side of a square. It does not change the camera.", 15.0, "mm", default=20.0)
+    marker_mm: Length | None = _key("Side of a marker; ChArUco only.", 11.0, "mm")
+    dictionary: str | None = _key("OpenCV's name of the markers' dictionary; ChArUco only.", "DICT_4X4_100")
 
 
 class CameraTable(Table):
     """[camera]: the focal length in pixels or in millimetres, or a board's photographs. Absent: EXIF, or the balls."""
 
-    width: Annotated[
-        Pixels | None, _key("Image size that fx to cy refer to. Absent: the photographs'.", 6000, "px")
-    ] = None
-    height: Annotated[Pixels | None, _key("As width.", 4000, "px")] = None
-    fx: Annotated[
-        Scale | None,
-        _key("Focal length. Alone it is taken as good to 2 %; with cx and cy, as measured.", 8333.0, "px"),
-    ] = None
-    fy: Annotated[Scale | None, _key("The same along columns. Absent: fx.", 8333.0, "px")] = None
-    cx: Annotated[
-        Place | None,
-        _key(
-            "Principal point, column; the upper left pixel's centre is 0. Absent: the middle, +- 1 % of the width.",
-            2999.5,
-            "px",
-        ),
-    ] = None
-    cy: Annotated[Place | None, _key("Principal point, row.", 1999.5, "px")] = None
-    distortion: Annotated[
-        list[Term] | None,
-        Field(min_length=5, max_length=5),
-        _key("OpenCV's k1, k2, p1, p2, k3. Absent: none.", [-0.1, 0.02, 0.0, 0.0, 0.0]),
-    ] = None
-    focal_mm: Annotated[
-        Focal | None,
-        _key(
-            "Focal length as engraved on the lens, instead of fx; with sensor_mm, pixel_um, crop_factor or model. "
-            "Absent: EXIF's.",
-            50.0,
-            "mm",
-        ),
-    ] = None
-    sensor_mm: Annotated[
-        Sensor | None, _key("Width of the sensor, its longer side: 36 for full frame.", 36.0, "mm")
-    ] = None
-    pixel_um: Annotated[Pitch | None, _key("Distance from pixel to pixel on the sensor.", 5.94, "um")] = None
-    crop_factor: Annotated[Crop | None, _key("Diagonal of 36 x 24 mm divided by the sensor's.", 1.5)] = None
-    model: Annotated[
-        str | None,
-        Field(min_length=1, max_length=100),
-        _key("Maker and model, for the size of its sensor. Absent: EXIF's.", "Nikon D850"),
-    ] = None
-    charuco: Annotated[
-        Globs | None, _key("Photographs of a ChArUco board, at the session's focus; with board.", "charuco/*.dng")
-    ] = None
-    chessboard: Annotated[
-        Globs | None, _key("Photographs of a plain chessboard, at the session's focus; with board.", "board/*.dng")
-    ] = None
-    board: Annotated[
-        BoardTable | None,
-        _key(
-            "The board: squares, square_mm; of a ChArUco board also marker_mm and dictionary.",
-            {"squares": [11, 8], "square_mm": 15, "marker_mm": 11, "dictionary": "DICT_4X4_100"},
-        ),
-    ] = None
+    width: Pixels | None = _key("Image size that fx to cy refer to. Absent: the photographs'.", 6000, "px")
+    height: Pixels | None = _key("As width.", 4000, "px")
+    fx: Scale | None = _key(
+        "Focal length. Alone it is taken as good to 2 %; with cx and cy, as measured.", 8333.0, "px"
+    )
+    fy: Scale | None = _key("The same along columns. Absent: fx.", 8333.0, "px")
+    cx: Place | None = _key(
+        "Principal point, column; the upper left pixel's centre is 0. Absent: the middle, +- 1 % of the width.",
+        2999.5,
+        "px",
+    )
+    cy: Place | None = _key("Principal point, row.", 1999.5, "px")
+    distortion: Annotated[list[Term], Five] | None = _key(
+        "OpenCV's k1, k2, p1, p2, k3. Absent: none.", [-0.1, 0.02, 0.0, 0.0, 0.0]
+    )
+    focal_mm: Focal | None = _key(
+        "Focal length as engraved on the lens, instead of fx; with sensor_mm, pixel_um, crop_factor or model. "
+        "Absent: EXIF's.",
+        50.0,
+        "mm",
+    )
+    sensor_mm: Sensor | None = _key("Width of the sensor, its longer side: 36 for full frame.", 36.0, "mm")
+    pixel_um: Pitch | None = _key("Distance from pixel to pixel on the sensor.", 5.94, "um")
+    crop_factor: Crop | None = _key("Diagonal of 36 x 24 mm divided by the sensor's.", 1.5)
+    model: Annotated[str, Field(min_length=1, max_length=100)] | None = _key(
+        "Maker and model, for the size of its sensor. Absent: EXIF's.", "Nikon D850"
+    )
+    charuco: Globs | None = _key("Photographs of a ChArUco board, at the session's focus; with board.", "charuco/*.dng")
+    chessboard: Globs | None = _key(
+        "Photographs of a plain chessboard, at the session's focus; with board.", "board/*.dng"
+    )
+    board: BoardTable | None = _key(
+        "The board: squares, square_mm; of a ChArUco board also marker_mm and dictionary.",
+        {"squares": [11, 8], "square_mm": 15, "marker_mm": 11, "dictionary": "DICT_4X4_100"},
+    )
 
 
 class SphereTable(Table):
     """[[spheres]]: one calibration ball."""
 
-    kind: Annotated[
-        Literal["chrome", "white"],
-        _key("A mirror gives directions and positions; a matte ball, intensities.", "chrome"),
-    ]
-    diameter_mm: Annotated[Length | None, _key("Diameter. Absent: directions, but no positions.", 76.0, "mm")] = None
-    center_px: Annotated[
-        list[Place] | None,
-        Field(min_length=2, max_length=2),
-        _key("Column and row of the centre, roughly, where the ball is not found by itself.", [160, 650], "px"),
-    ] = None
-    radius_px: Annotated[
-        PositiveFloat | None,
-        _between(0.5, 1e5, "pixels of the picture"),
-        _key("Radius, roughly; goes with center_px.", 67, "px"),
-    ] = None
-    mask: Annotated[str | None, _key("Picture of the frames' size, white where the ball is.", "chrome_mask.png")] = None
-    frames: Annotated[
-        Globs | None,
-        _key("The ball's own photographs, where it was shot apart: same lights, same order.", "chrome/*.png"),
-    ] = None
+    kind: Literal["chrome", "white"] = _key(
+        "A mirror gives directions and positions; a matte ball, intensities.", "chrome", default=...
+    )
+    diameter_mm: Length | None = _key("Diameter. Absent: directions, but no positions.", 76.0, "mm")
+    center_px: Annotated[list[Place], Two] | None = _key(
+        "Column and row of the centre, roughly, where the ball is not found by itself.", [160, 650], "px"
+    )
+    radius_px: Radius | None = _key("Radius, roughly; goes with center_px.", 67, "px")
+    mask: str | None = _key("Picture of the frames' size, white where the ball is.", "chrome_mask.png")
+    frames: Globs | None = _key(
+        "The ball's own photographs, where it was shot apart: same lights, same order.", "chrome/*.png"
+    )
 
 
 class LightsTable(Table):
     """[lights]: known lights instead of balls."""
 
-    file: Annotated[
-        str, _key("Light file: .lp, light_directions.txt, lights.json, .dome, .mat, .json of AliceVision.", "lights.lp")
-    ]
+    file: str = _key(
+        "Light file: .lp, light_directions.txt, lights.json, .dome, .mat, .json of AliceVision.",
+        "lights.lp",
+        default=...,
+    )
 
 
 class ObjectTable(Table):
     """[object]: what is known of the thing itself."""
 
-    mask: Annotated[
-        str | None, _key("Picture of the frames' size, white where the object is. Absent: found.", "mask.png")
-    ] = None
-    box: Annotated[
-        list[Place] | None,
-        Field(min_length=4, max_length=4),
-        _key(
-            "Left, top, right and bottom of a box about the whole object, where it is not found by itself; its outline "
-            "is found in there.",
-            [2100, 900, 3900, 3200],
-            "px",
-        ),
-    ] = None
-    scan: Annotated[str | None, _key("The laser scan, a mesh: PLY, OBJ, STL, OFF or GLB.", "scan/object.ply")] = None
-    scan_unit: Annotated[
-        Unit,
-        _key("Unit of the scan's coordinates; unknown: found by registering. GLB: m when absent.", "mm"),
-    ] = "mm"
-    scan_ball_diameter_mm: Annotated[
-        Length | None, _key("Diameter of a ball that was scanned beside the object: it tells the unit.", 50.0, "mm")
-    ] = None
-    normals: Annotated[
-        str | None, _key("Ground-truth normals that are registered already: .mat, .txt, .npy, .png.", "Normal_gt.mat")
-    ] = None
-    picks: Annotated[
-        str | None, _key("Points of the scan with their pixels, a start for the registration.", "picks.csv")
-    ] = None
+    mask: str | None = _key("Picture of the frames' size, white where the object is. Absent: found.", "mask.png")
+    box: Annotated[list[Place], Four] | None = _key(
+        "Left, top, right and bottom of a box about the whole object, where it is not found by itself; its outline is "
+        "found in there.",
+        [2100, 900, 3900, 3200],
+        "px",
+    )
+    scan: str | None = _key("The laser scan, a mesh: PLY, OBJ, STL, OFF or GLB.", "scan/object.ply")
+    scan_unit: Unit = _key(
+        "Unit of the scan's coordinates; unknown: found by registering. GLB: m when absent.", "mm", default="mm"
+    )
+    scan_ball_diameter_mm: Length | None = _key(
+        "Diameter of a ball that was scanned beside the object: it tells the unit.", 50.0, "mm"
+    )
+    normals: str | None = _key(
+        "Ground-truth normals that are registered already: .mat, .txt, .npy, .png.", "Normal_gt.mat"
+    )
+    picks: str | None = _key("Points of the scan with their pixels, a start for the registration.", "picks.csv")
 
 
 class Manifest(Table):
     """The whole `session.toml`."""
 
-    version: Annotated[Literal[1], _key("Of this format.", 1)] = 1
-    name: Annotated[str | None, _key("The session's name. Absent: the folder's.", "penguin")] = None
-    frames: Annotated[FramesTable, _key("The photographs.", {"flash": "raw/flash_*.dng"})]
-    camera: Annotated[
-        CameraTable | None, _key("The camera. Absent: EXIF, or the balls.", {"focal_mm": 50.0, "sensor_mm": 36.0})
-    ] = None
-    spheres: Annotated[
-        list[SphereTable],
-        Field(max_length=50),
-        _key(
-            "The calibration balls, in any order; each is found by itself. Absent: whatever balls there are are looked "
-            "for; []: none is.",
-            [{"kind": "chrome", "diameter_mm": 76.0}],
-        ),
-    ] = []
-    lights: Annotated[LightsTable | None, _key("Known lights.", {"file": "lights.lp"})] = None
-    object: Annotated[ObjectTable, _key("The object.", {"scan": "scan/object.ply"})] = ObjectTable()
+    version: Literal[1] = _key("Of this format.", 1, default=1)
+    name: str | None = _key("The session's name. Absent: the folder's.", "penguin")
+    frames: FramesTable = _key("The photographs.", {"flash": "raw/flash_*.dng"}, default=...)
+    camera: CameraTable | None = _key("The camera. Absent: EXIF, or the balls.", {"focal_mm": 50.0, "sensor_mm": 36.0})
+    spheres: Annotated[list[SphereTable], Field(max_length=50)] = _key(
+        "The calibration balls, in any order; each is found by itself. Absent: whatever balls there are are looked "
+        "for; []: none is.",
+        [{"kind": "chrome", "diameter_mm": 76.0}],
+        default=[],
+    )
+    lights: LightsTable | None = _key("Known lights.", {"file": "lights.lp"})
+    object: ObjectTable = _key("The object.", {"scan": "scan/object.ply"}, default=ObjectTable())
 
 
 TABLES: dict[str, type[Table]] = {

@@ -1,21 +1,28 @@
 """From the manifest's strings to files that exist, and to plain values that fit together."""
 
-import difflib
-import glob
-from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from capture.session.globs import expand, frame_names, kind_of, slashed
-from capture.session.resolve_camera import resolve_camera
-from capture.session.session_types import Encoding, Session, SphereSpec
+import numpy as np
+
+from capture.session.globs import expand, frame_names, kind_of, meant, near_name
+from capture.session.session_types import Board, Encoding, Lens, Session, SphereSpec
 from formats.light_files.light_formats import SUFFIXES as LIGHTS_SUFFIXES
 from formats.meshes.scan_files import SUFFIXES as SCAN_SUFFIXES
 from formats.normal_maps import SUFFIXES as NORMALS_SUFFIXES
-from scene.reading import listed, shortened
+from scene.camera import Camera
+from scene.reading import shortened
 
 if TYPE_CHECKING:
-    from capture.session.manifest import FramesTable, Manifest, ObjectTable, SphereTable
+    from capture.session.manifest import CameraTable, FramesTable, Manifest, ObjectTable, SphereTable
+
+SENSOR = ("sensor_mm", "pixel_um", "crop_factor", "model")
+MILLIMETRES = ("focal_mm", *SENSOR)
+LENSES = 0.2, 1000.0
+"""Focal lengths of lenses, in the picture's side."""
+FEWEST_SQUARES = 4
+"""Of a chessboard, each way."""
 
 
 class Resolver:
@@ -25,27 +32,24 @@ class Resolver:
         self.folder = folder
         self.faults = faults
 
-    def fault(self, key: str, text: str) -> None:
-        self.faults.append(f"{key}: {text}")
-
     def session(self, manifest: "Manifest") -> Session | None:
         """Return the session that is meant; None where there are faults."""
         frames, known = manifest.frames, manifest.object
-        self.check_name(manifest.name)
-        flash = self.photographs("frames.flash", frames.flash)
+        self._check_name(manifest.name)
+        flash = self._photographs("frames.flash", frames.flash)
         others = {
-            key: tuple(self.photographs(f"frames.{key}", getattr(frames, key) or [], like=flash))
+            key: tuple(self._photographs(f"frames.{key}", getattr(frames, key) or [], like=flash))
             for key in ("ambient", "dark", "flat")
         }
         for key, files in others.items():
             for file in (file for file in files if file in flash):
                 text = f'{file.name} is also among frames.flash. Narrow frames.flash, as in "flash_*.dng".'
-                self.fault(f"frames.{key}", text)
-        kept, names = self.kept(flash, frames.skip), frame_names(flash)
+                self._fault(f"frames.{key}", text)
+        kept, names = self._kept(flash, frames.skip), frame_names(flash)
         if known.picks and not known.scan:
             text = 'picks are points of a scan, and there is none. Add scan = "...", or drop it.'
-            self.fault("object.picks", text)
-        lights = manifest.lights and self.file("lights.file", manifest.lights.file, LIGHTS_SUFFIXES)
+            self._fault("object.picks", text)
+        lights = manifest.lights and self._file("lights.file", manifest.lights.file, LIGHTS_SUFFIXES)
         session = Session(
             name=manifest.name or self.folder.name,
             folder=self.folder,
@@ -55,74 +59,52 @@ class Resolver:
             ambient=others["ambient"],
             dark=others["dark"],
             flat=others["flat"],
-            encoding=self.encoding(frames, flash),
+            encoding=self._encoding(frames, flash),
             encoding_stated=frames.linear is not None or frames.gamma is not None,
             half=frames.half,
             skip=tuple(frames.skip),
-            camera=resolve_camera(self, manifest.camera),
-            spheres=tuple(self.sphere(f"spheres[{i}]", entry, flash, kept) for i, entry in enumerate(manifest.spheres)),
+            camera=self._camera(manifest.camera) if manifest.camera else None,
+            spheres=tuple(self._ball(f"spheres[{i}]", ball, flash, kept) for i, ball in enumerate(manifest.spheres)),
             no_spheres="spheres" in manifest.model_fields_set and not manifest.spheres,
             lights_file=lights or None,
-            mask=self.file("object.mask", known.mask),
+            mask=self._file("object.mask", known.mask),
             box=tuple(known.box) if known.box else None,
-            scan=self.file("object.scan", known.scan, SCAN_SUFFIXES),
-            scan_unit=self.scan_unit(known),
+            scan=self._file("object.scan", known.scan, SCAN_SUFFIXES),
+            scan_unit=_scan_unit(known),
             scan_ball_diameter_mm=known.scan_ball_diameter_mm,
-            normals=self.file("object.normals", known.normals, NORMALS_SUFFIXES),
-            picks=self.file("object.picks", known.picks),
+            normals=self._file("object.normals", known.normals, NORMALS_SUFFIXES),
+            picks=self._file("object.picks", known.picks),
             photographed=len(flash),
         )
         return None if self.faults else session
 
-    def check_name(self, name: str | None) -> None:
+    def _fault(self, key: str, text: str) -> None:
+        self.faults.append(f"{key}: {text}")
+
+    def _check_name(self, name: str | None) -> None:
         """A name that is a path would put the output folder, which is called after it, anywhere."""
         if name is not None and (
             not name.strip(" .") or len(name) > 100 or not name.isprintable() or set(name) & set("/\\:")
         ):
-            self.fault(
+            self._fault(
                 "name",
                 f'found "{shortened(name)}". It becomes a folder\'s name: give a short word without / \\ : that is not '
                 "only dots.",
             )
 
-    @staticmethod
-    def scan_unit(known: "ObjectTable") -> str:
-        """Return the unit that is written; else the metres that GLB's standard asks for, else millimetres."""
-        if "scan_unit" in known.model_fields_set or not (known.scan or "").lower().endswith(".glb"):
-            return known.scan_unit
-        return "m"
-
-    def file(self, key: str, name: str | None, suffixes: tuple[str, ...] = ()) -> Path | None:
+    def _file(self, key: str, name: str | None, suffixes: tuple[str, ...] = ()) -> Path | None:
         if name is None:
             return None
         path = self.folder / name
         if not path.is_file():
-            self.fault(key, f"there is no file {path}. {self.instead(name, path, suffixes)}")
+            do = meant(name, self.folder, lambda one: not suffixes or one.suffix.lower() in suffixes)
+            self._fault(key, f"there is no file {path}. {do}")
         elif suffixes and path.suffix.lower() not in suffixes:
             text = f"{path.name} cannot be read, its kind is unknown. Give one of {', '.join(suffixes)}."
-            self.fault(key, text)
+            self._fault(key, text)
         return path
 
-    def instead(self, name: str, path: Path, suffixes: tuple[str, ...]) -> str:
-        """Say which file may have been meant by one that is not there."""
-        if slashed(name) != name:
-            return f'Write / between folders, also on Windows: "{slashed(name)}".'
-        place = path if path.is_dir() else path.parent
-        names = [other.name for other in sorted(place.iterdir()) if other.is_file()] if place.is_dir() else []
-        fitting = [other for other in names if Path(other).suffix.lower() in suffixes]
-        if path.is_dir():
-            return f"It is a folder. Give a file{f', as {name}/{fitting[0]}' if fitting else ''}."
-        near = _meant(path.name, names)
-        if near:
-            return near
-        elsewhere = [other for other in self.folder.glob(f"*/{glob.escape(path.name)}") if other.is_file()]
-        if elsewhere:
-            return f"Did you mean {elsewhere[0].relative_to(self.folder).as_posix()}?"
-        if not place.is_dir():
-            return f"The folder {place} does not exist. Correct the name."
-        return f"Correct the name{f': {listed(fitting)} is there' if fitting else ''}."
-
-    def photographs(self, key: str, patterns: list[str], *, like: list[Path] | None = None) -> list[Path]:
+    def _photographs(self, key: str, patterns: list[str], *, like: list[Path] | None = None) -> list[Path]:
         """Return the files of one key: all of one kind, the kind of `like`."""
         files, faults = expand(patterns, self.folder)
         self.faults += [f"{key}: {fault}" for fault in faults]
@@ -130,41 +112,41 @@ class Resolver:
         for file in files:
             kinds.setdefault(kind_of(file), []).append(file)
         for file in kinds.pop(None, []):
-            self.fault(key, f"{file.name} is no photograph that can be read. Narrow the glob.")
+            self._fault(key, f"{file.name} is no photograph that can be read. Narrow the glob.")
         if len(kinds) > 1:
             counts = " and ".join(f"{len(found)} {found[0].suffix}" for found in kinds.values())
-            self.fault(key, f"matches {counts} files. Name files of one kind, the RAW ones if there are any.")
+            self._fault(key, f"matches {counts} files. Name files of one kind, the RAW ones if there are any.")
         elif kinds and like and next(iter(kinds)) != kind_of(like[0]):
-            self.fault(
+            self._fault(
                 key,
                 f"{files[0].name} is of another kind than the flash frames ({like[0].name}). Their values cannot be "
                 "compared: give files of the same kind.",
             )
         return files
 
-    def kept(self, flash: list[Path], skip: list[str]) -> list[int]:
+    def _kept(self, flash: list[Path], skip: list[str]) -> list[int]:
         """Return the places of the flash frames that are not skipped."""
         names, dropped = frame_names(flash), set()
         for entry in skip if flash else ():
             found = [i for i, path in enumerate(flash) if entry in (names[i], path.stem, path.name)]
             dropped.update(found)
             if not found:
-                do = _meant(entry, names) or "Drop it from the list."
-                self.fault("frames.skip", f'"{entry}" is none of the {len(flash)} flash frames. {do}')
+                do = near_name(entry, names) or "Drop it from the list."
+                self._fault("frames.skip", f'"{entry}" is none of the {len(flash)} flash frames. {do}')
         if flash and len(dropped) == len(flash):
-            self.fault("frames.skip", f"leaves none of the {len(flash)} flash frames.")
+            self._fault("frames.skip", f"leaves none of the {len(flash)} flash frames.")
         return [i for i in range(len(flash)) if i not in dropped]
 
-    def encoding(self, frames: "FramesTable", flash: list[Path]) -> Encoding:
+    def _encoding(self, frames: "FramesTable", flash: list[Path]) -> Encoding:
         if frames.linear is True and frames.gamma not in (None, 1.0):
-            self.fault("frames.gamma", f"found {frames.gamma} beside linear = true. Keep one of them.")
+            self._fault("frames.gamma", f"found {frames.gamma} beside linear = true. Keep one of them.")
         coded = frames.linear is False or frames.gamma not in (None, 1.0)
         if coded and flash and kind_of(flash[0]) in ("raw", "exr"):
             key = "frames.gamma" if frames.gamma else "frames.linear"
-            self.fault(key, f"{flash[0].suffix} files are linear by themselves. Drop the key.")
+            self._fault(key, f"{flash[0].suffix} files are linear by themselves. Drop the key.")
         if flash and flash[0].suffix.lower() in (".jpg", ".jpeg") and frames.linear is None and frames.gamma is None:
             # Taken as linear by default they would cost some ten degrees; nearly all of them are not.
-            self.fault(
+            self._fault(
                 "frames.linear",
                 f"missing, and {flash[0].name} is a JPEG. Write linear = false (as cameras write them: sRGB), "
                 "gamma = 2.2, or linear = true if they really are.",
@@ -173,23 +155,110 @@ class Resolver:
             return "linear" if frames.gamma == 1.0 else frames.gamma
         return "srgb" if frames.linear is False else "linear"
 
-    def sphere(self, key: str, table: "SphereTable", flash: list[Path], kept: list[int]) -> SphereSpec:
-        if (table.center_px is None) != (table.radius_px is None):
-            absent = "center_px" if table.center_px is None else "radius_px"
-            self.fault(f"{key}.{absent}", "missing. center_px and radius_px go together.")
-        files = [] if table.frames is None else self.photographs(f"{key}.frames", table.frames, like=flash)
+    def _ball(self, key: str, table: "SphereTable", flash: list[Path], kept: list[int]) -> SphereSpec:
+        self._check_together(key, table, "center_px", "radius_px")
+        files = [] if table.frames is None else self._photographs(f"{key}.frames", table.frames, like=flash)
         if files and len(files) != len(flash):
-            self.fault(
+            self._fault(
                 f"{key}.frames",
                 f"matches {len(files)} files, frames.flash {len(flash)}. A ball that was shot apart needs one frame "
                 "for each flash frame, in the same order.",
             )
             files = []
         center = None if table.center_px is None else (table.center_px[0], table.center_px[1])
-        mask, own = self.file(f"{key}.mask", table.mask), tuple(files[i] for i in kept) if files else ()
+        mask, own = self._file(f"{key}.mask", table.mask), tuple(files[i] for i in kept) if files else ()
         return SphereSpec(table.kind, table.diameter_mm, center, table.radius_px, mask, own)
 
+    def _check_together(self, key: str, table: "CameraTable | SphereTable", first: str, second: str) -> bool:
+        """Return whether both of two keys are given; one alone is a fault."""
+        absent = [name for name in (first, second) if getattr(table, name) is None]
+        if len(absent) == 1:
+            self._fault(f"{key}.{absent[0]}", f"missing. {first} and {second} go together: give both, or none.")
+        return not absent
 
-def _meant(name: str, names: Iterable[str]) -> str:
-    near = difflib.get_close_matches(name, list(names), n=1)
-    return f"Did you mean {near[0]}?" if near else ""
+    def _camera(self, table: "CameraTable") -> Camera | Lens | Board | None:
+        """Return what [camera] says: all of it, a part, or a board's shots; None where it contradicts itself."""
+        given = [name for name in type(table).model_fields if getattr(table, name) is not None]
+        if {"charuco", "chessboard", "board"} & set(given):
+            return self._board(table, [key for key in given if key not in ("charuco", "chessboard", "board")])
+        sized, centred = (self._check_together("camera", table, *pair) for pair in (("width", "height"), ("cx", "cy")))
+        self._check_focal(table, given)
+        if not given:
+            return None
+        width, height, cx, cy = table.width or 0, table.height or 0, table.cx or 0.0, table.cy or 0.0
+        if sized and centred and not (-0.5 <= cx <= width - 0.5 and -0.5 <= cy <= height - 0.5):
+            self._fault(
+                "camera.cx, camera.cy",
+                f"found {cx}, {cy}, outside of the image of {width} x {height} px. They are pixels from the centre of "
+                "the upper left pixel; or are width and height those of another picture?",
+            )
+        distortion = tuple(table.distortion or [0.0] * 5)
+        if not (sized and centred and table.fx):
+            stated = {name: getattr(table, name) for name in ("fx", "fy", "cx", "cy", *MILLIMETRES)}
+            return Lens((width, height) if sized else None, distortion=distortion, **stated)
+        for key, focal, side in (("fx", table.fx, width), ("fy", table.fy or table.fx, height)):
+            if not LENSES[0] <= focal / side <= LENSES[1]:
+                self._fault(
+                    f"camera.{key}",
+                    f"found {focal:g} px for a picture of {side:g} px; lenses have 0.2 to 1000 times the picture. Give "
+                    "the focal length in pixels, or focal_mm and sensor_mm.",
+                )
+                return None
+        camera = Camera(width, height, table.fx, table.fy or table.fx, cx, cy, distortion)
+        corners = [[u, v] for u in (0, camera.width - 1) for v in (0, camera.height - 1)]
+        moved = np.abs(camera.project(replace(camera, distortion=(0.0,) * 5).rays(corners)[1]) - corners).max()
+        if not moved <= max(camera.width, camera.height):
+            self._fault(
+                "camera.distortion",
+                f"found {list(distortion)}, which moves a corner of the picture by {moved:.3g} px, beyond its size. "
+                "Give OpenCV's k1 k2 p1 p2 k3.",
+            )
+        return camera
+
+    def _check_focal(self, table: "CameraTable", given: list[str]) -> None:
+        """The focal length is said once, and a part of it is said wholly."""
+        millimetres, sensors = ([name for name in some if name in given] for some in (MILLIMETRES, SENSOR))
+        if table.fx is not None and millimetres:
+            text = f"found fx beside {', '.join(millimetres)}. Both tell the focal length: keep one of them."
+            self._fault("camera", text)
+        elif table.fx is None and table.fy is not None:
+            self._fault("camera.fx", "missing. Where there is fy, give fx; where they are the same, fx alone.")
+        if len(sensors) > 1:
+            self._fault("camera", f"found {', '.join(sensors)}. Each tells the size of the sensor: keep one of them.")
+
+    def _board(self, table: "CameraTable", others: list[str]) -> Board | None:
+        if others:
+            text = f"found {', '.join(others)} beside a board. Its shots give the whole camera: keep one of them."
+            self._fault("camera.board", text)
+        if table.charuco is not None and table.chessboard is not None:
+            self._fault("camera.chessboard", "found beside charuco. Give the shots of one board.")
+        plain = table.chessboard is not None
+        shots, board = table.chessboard or table.charuco, table.board
+        if shots is None or board is None:
+            self._fault(
+                "camera.charuco" if shots is None else "camera.board",
+                'missing. Give charuco = "charuco/*.dng" and board = { squares = [11, 8], square_mm = 15, '
+                'marker_mm = 11, dictionary = "DICT_4X4_100" }, or chessboard = "board/*.dng" and board = '
+                "{ squares = [11, 8] }.",
+            )
+            return None
+        files = tuple(self._photographs("camera.chessboard" if plain else "camera.charuco", shots))
+        squares = (board.squares[0], board.squares[1])
+        if plain and (board.marker_mm is not None or board.dictionary is not None):
+            text = "found marker_mm or dictionary beside chessboard, which has no markers. Drop it, or write charuco."
+            self._fault("camera.board", text)
+        if plain and min(squares) < FEWEST_SQUARES:
+            self._fault("camera.board.squares", f"found {list(squares)}; a chessboard needs 4 or more each way.")
+        for name in () if plain else ("marker_mm", "dictionary"):
+            if getattr(board, name) is None:
+                text = "missing. A ChArUco board has it; a plain one is given as chessboard."
+                self._fault(f"camera.board.{name}", text)
+        if board.marker_mm is not None and board.marker_mm >= board.square_mm:
+            self._fault("camera.board", f"marker_mm {board.marker_mm} must be less than square_mm {board.square_mm}.")
+        return Board(files, squares, board.square_mm, board.marker_mm, board.dictionary)
+
+
+def _scan_unit(known: "ObjectTable") -> str:
+    """Return the unit that is written; else the metres that GLB's standard asks for, else millimetres."""
+    is_said = "scan_unit" in known.model_fields_set
+    return "m" if not is_said and (known.scan or "").lower().endswith(".glb") else known.scan_unit

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from capture.session.globs import frame_names, kind_of
 from capture.session.session_types import Session
-from capture.session.toml_text import toml_tables
 from formats.diligent_layout import DIRECTIONS, FILENAMES, MASK, read_tables
 from scene.errors import SessionError
 from scene.reading import listed, reading, told
@@ -63,7 +62,7 @@ def _names(folder: Path) -> list[str]:
 
 
 def _load_toml(path: Path) -> Session:
-    from capture.session.manifest_faults import parse
+    from capture.session.manifest_file import parse, toml_tables
     from capture.session.resolve import Resolver
 
     data = toml_tables(path)

@@ -31,19 +31,9 @@ class Board:
 
 @dataclass(frozen=True)
 class Lens:
-    """A camera that is known in part; the photographs, EXIF and the middle of the picture tell the rest.
+    """A camera that is known in part, by the keys of [camera]; EXIF and the picture's middle tell the rest.
 
-    Parameters
-    ----------
-    size : (width, height) or None
-        Of the picture that fx, fy, cx and cy refer to; None: the photographs' full size.
-    fx, fy, cx, cy : float or None
-        Pixels.
-    distortion : tuple of 5 float
-    focal_mm : float or None
-        As engraved on the lens; None: EXIF's.
-    sensor_mm, pixel_um, crop_factor, model : float or str or None
-        The sensor's longer side, its pixels' distance, 43.3 mm by its diagonal, or whose it is: one of them.
+    `size`: (width, height) of the picture that fx, fy, cx and cy refer to; None: the photographs' full size.
     """
 
     size: tuple[int, int] | None = None

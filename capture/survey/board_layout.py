@@ -18,6 +18,8 @@ FEWEST_CORNERS = 4, 4
 """Inner corners along and across of a chessboard whose size nobody says: three by three are found on balls, too."""
 LONGEST_SIDE = 3
 """Times its shorter one: no board is narrower."""
+SQUARE_MM = 20.0
+"""Side of a square: it does not change the camera."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,13 @@ class Layout:
     squares: tuple[int, int]
     dictionary: str | None = None
     marker_share: float | None = None
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """Its keys of camera.board; the size of its squares nobody needs to be asked for."""
+        marker = {} if self.marker_share is None else {"marker_mm": round(SQUARE_MM * self.marker_share, 2)}
+        name = {} if self.dictionary is None else {"dictionary": self.dictionary}
+        return {"squares": list(self.squares), "square_mm": SQUARE_MM, **marker, **name}
 
 
 def find_board(pictures: Sequence[Small]) -> tuple[Layout | None, list[Small]]:

@@ -110,9 +110,14 @@ def files_below(folder: Path) -> Iterator[Path]:
                 yield Path(place, name)
 
 
+def name_of(path: Path, folder: Path) -> str:
+    """Return what a file is called in a session.toml that lies in the folder."""
+    return os.path.relpath(path, folder).replace(os.sep, "/")
+
+
 def pattern_of(files: list[Path], folder: Path) -> str | list[str]:
     """Return the glob, as seen from the folder, that matches just these files; a list of names where none does."""
-    names = [os.path.relpath(path, folder).replace(os.sep, "/") for path in files]
+    names = [name_of(path, folder) for path in files]
     if len(names) == 1:
         return _escaped(names[0])
     columns = zip(*names, strict=False)

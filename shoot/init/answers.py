@@ -1,109 +1,22 @@
-"""What no file tells: given on the command line, asked on a terminal, or assumed and said."""
+"""What no file tells: given on the command line, said before, asked on a terminal, or assumed and said."""
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
-from capture.session.session_types import Lens
-from scene.errors import SessionError
+from cyclopts import Parameter
+
+from scene.errors import SceneError, SessionError
 from scene.length_units import Unit
-from scene.spheres import Kind
+
+if TYPE_CHECKING:
+    from capture.session.manifest import Manifest
+    from capture.session.session_types import Lens
+    from scene.spheres import Kind
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class Answers:
-    """What the user says of a capture; None and empty: nothing.
-
-    Parameters
-    ----------
-    diameters_mm : dict of tuples of float
-        Of the chrome and of the white balls: one for all, or one for each, largest in the picture first.
-    unit : str or None
-        The scan's.
-    lens : Lens
-    distance_mm : float or None
-        From the camera to the balls.
-    linear : bool or None
-        Whether the values of 8-bit files are proportional to light.
-    """
-
-    diameters_mm: dict[Kind, tuple[float, ...]] = field(default_factory=dict)
-    unit: Unit | None = None
-    lens: Lens = field(default_factory=Lens)
-    distance_mm: float | None = None
-    linear: bool | None = None
-
-
-@dataclass
-class Asking:
-    """Asks on the terminal, unless told not to.
-
-    Parameters
-    ----------
-    answers : Answers
-        Given, and what was answered so far: what is asked once holds for all objects of a folder.
-    silent : bool
-        Nothing is asked: what is not known is assumed.
-    count : int
-        Questions asked.
-    """
-
-    answers: Answers
-    silent: bool = False
-    count: int = 0
-
-    def diameters(self, kind: Kind, places: Sequence[tuple[float, float]], balls: int) -> tuple[float, ...]:
-        """Return the diameters of balls that stand at `places`, mm; empty where they are not known."""
-        if kind not in self.answers.diameters_mm:
-            what = f"Diameter in mm of the {balls} {kind} balls" if balls > 1 else f"Diameter in mm of the {kind} ball"
-            what += f" at {', '.join(f'({u:.0f}, {v:.0f})' for u, v in places)} px" if places else ""
-            more = "; where they differ, one for each, in this order" if balls > 1 else ""
-            found = self._ask(f"{what}{more} (Enter: not known)", lengths_of, ())
-            known = {**self.answers.diameters_mm, kind: found}
-            self.answers = replace(self.answers, diameters_mm=known)
-        given = self.answers.diameters_mm[kind]
-        if len(given) not in (0, 1, balls):
-            raise SessionError(
-                f"--{kind} {' '.join(f'{one:g}' for one in given)}: {len(given)} diameters, but {balls} {kind} balls "
-                "were found. Give one for all, or one for each."
-            )
-        return given * balls if len(given) == 1 else given
-
-    def unit(self, scan: str, likely: Unit | None) -> Unit:
-        """Return the scan's unit; `likely` tells it where the object's size in the picture does."""
-        if self.answers.unit is None and likely is not None:
-            return likely
-        if self.answers.unit is None:
-            found = self._ask(f"Unit of {scan}: m, cm, mm, inch or unknown (Enter: unknown)", _unit, "unknown")
-            self.answers = replace(self.answers, unit=found)
-        return self.answers.unit or "unknown"
-
-    def is_linear(self, file: str) -> bool:
-        """Return whether 8-bit values are proportional to light."""
-        if self.answers.linear is None:
-            what = f"{file} has 8 bits. Are its values proportional to light (not a camera's JPEG, not sRGB)? y or n"
-            self.answers = replace(self.answers, linear=self._ask(f"{what} (Enter: n)", _yes, False))
-        return bool(self.answers.linear)
-
-    def _ask(self, question: str, read: Callable[[str], T], default: T) -> T:
-        """Return an answer that can be read; the default where nobody answers."""
-        if self.silent:
-            return default
-        self.count += 1
-        while True:
-            print(f"{question}: ", end="", file=sys.stderr, flush=True)
-            line = sys.stdin.readline()
-            if not line:
-                self.silent = True
-            if not line.strip():
-                return default
-            try:
-                return read(line.strip())
-            except ValueError as error:
-                print(f"  {error}", file=sys.stderr)
+LENS = ("focal_mm", "sensor_mm")
 
 
 def lengths_of(text: str) -> tuple[float, ...]:
@@ -117,14 +30,175 @@ def lengths_of(text: str) -> tuple[float, ...]:
     return found
 
 
-def _unit(text: str) -> Unit:
-    names: dict[str, Unit] = {**{unit: unit for unit in get_args(Unit)}, "in": "inch", "inches": "inch"}
-    if text.lower() not in names:
-        raise ValueError(f"{text}: expected one of {', '.join(get_args(Unit))}")
-    return names[text.lower()]
+def _given_lengths(_: Any, tokens: Iterable[Any]) -> tuple[float, ...]:
+    return lengths_of(" ".join(token.value for token in tokens))
 
 
-def _yes(text: str) -> bool:
-    if text.lower() not in ("y", "yes", "n", "no"):
-        raise ValueError(f"{text}: expected y or n")
-    return text.lower().startswith("y")
+def _diameters(what: str) -> Parameter:
+    return Parameter(help=what, negative="", converter=_given_lengths, n_tokens=-1, consume_multiple=True)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Answers:
+    """What no photograph tells of a capture; None and empty: nothing is said. Each field's help says what it is.
+
+    Raises SceneError: a value that session.toml may not have.
+    """
+
+    chrome: Annotated[
+        tuple[float, ...],
+        _diameters("Diameter of the chrome balls, mm: one for all, or one for each, largest in the picture first."),
+    ] = ()
+    white: Annotated[tuple[float, ...], _diameters("Diameter of the white balls, mm.")] = ()
+    unit: Annotated[
+        Unit | None,
+        Parameter(help="Unit of the scan. Default: told by the object's size in the picture."),
+    ] = None
+    focal_mm: Annotated[float | None, Parameter(help="Focal length engraved on the lens, mm. Default: EXIF's.")] = None
+    sensor_mm: Annotated[float | None, Parameter(help="Width of the sensor, mm: 36 for full frame.")] = None
+    linear: Annotated[
+        bool | None, Parameter(help="Whether values of 8-bit files are proportional to light. Default: asked.")
+    ] = None
+
+    def __post_init__(self) -> None:
+        for key, value in self.camera.items():
+            if fault := _fault(key, value):
+                raise SceneError(f"--{key.replace('_', '-')}: {fault}")
+
+    @property
+    def camera(self) -> dict[str, Any]:
+        """What is said of the lens, by its keys in session.toml."""
+        return {key: value for key in LENS if (value := getattr(self, key)) is not None}
+
+    @property
+    def lens(self) -> "Lens":
+        """The same as `capture.camera` takes it."""
+        from capture.session.session_types import Lens
+
+        return Lens(**self.camera)
+
+    @classmethod
+    def said_in(cls, manifest: "Manifest") -> "Answers":
+        """Return what an earlier session.toml says already."""
+        diameters: dict[str, Any] = {}
+        for kind in ("chrome", "white"):
+            known = {ball.diameter_mm for ball in manifest.spheres if ball.kind == kind}
+            diameters |= {kind: tuple(known)} if len(known) == 1 and None not in known else {}
+        camera, unit = manifest.camera, manifest.object.scan_unit if manifest.object.scan else "unknown"
+        lens = camera.model_dump(include=set(LENS), exclude_none=True) if camera else {}
+        return cls(**diameters, **lens, unit=None if unit == "unknown" else unit, linear=manifest.frames.linear)
+
+
+def _fault(key: str, value: float) -> str:
+    """Return what is wrong with a number of [camera]; empty: nothing."""
+    from capture.session.manifest_file import parse
+
+    _, faults = parse({"frames": {"flash": "*"}, "camera": {key: float(value)}})
+    return faults[0].partition(": ")[2] if faults else ""
+
+
+@dataclass
+class Asking:
+    """Asks on the terminal, each question once for all objects of a folder, unless told not to.
+
+    Parameters
+    ----------
+    answers : Answers
+        Given, and what was answered so far.
+    silent : bool
+        Nothing is asked: what is not known is assumed.
+    earlier : Answers
+        What the session.toml that is written anew says: it holds where nothing else is said.
+    """
+
+    answers: Answers
+    silent: bool = False
+    earlier: Answers = field(default_factory=Answers)
+    _asked: set[str] = field(default_factory=set)
+
+    def diameters(self, kind: "Kind", places: Sequence[Sequence[float]], balls: int) -> tuple[float, ...]:
+        """Return the diameters of balls that stand at `places`, mm; empty where they are not known."""
+        what = f"Diameter in mm of the {balls} {kind} balls" if balls > 1 else f"Diameter in mm of the {kind} ball"
+        what += f" at {', '.join(f'({u:.0f}, {v:.0f})' for u, v in places)} px" if places else ""
+        more = "; where they differ, one for each, in this order" if balls > 1 else ""
+        given = self._once(kind, f"{what}{more} (Enter: not known)", lengths_of) or ()
+        if len(given) not in (0, 1, balls):
+            raise SessionError(
+                f"--{kind} {' '.join(f'{one:g}' for one in given)}: {len(given)} diameters, but {balls} {kind} balls "
+                "were found. Give one for all, or one for each."
+            )
+        return given * balls if len(given) == 1 else given
+
+    def unit(self, scan: str, likely: Unit | None) -> Unit | None:
+        """Return the scan's unit as a person says it; None where nobody does, or `likely` tells it."""
+        if self.answers.unit is None and likely is not None:
+            return None
+        return self._once("unit", f"Unit of {scan}: m, cm, mm, inch or unknown (Enter: not known)", UNITS)
+
+    def is_linear(self, file: str) -> bool:
+        """Return whether 8-bit values are proportional to light."""
+        what = f"{file} has 8 bits. Are its values proportional to light (not a camera's JPEG, not sRGB)? y or n"
+        return bool(self._once("linear", f"{what} (Enter: n)", YES))
+
+    def camera(self, *, is_known: bool) -> dict[str, float]:
+        """Return what is said of the lens, by its keys in session.toml; asked for where nothing else tells it."""
+        said = self.answers.camera or self.earlier.camera
+        if is_known or said:
+            return said
+        focal = self._once("focal_mm", "Focal length engraved on the lens, mm (Enter: not known)", _number("focal_mm"))
+        if focal is None:
+            return {}
+        sensor = "Width of the sensor, mm: 36 for full frame, 23.5 or 22.3 for APS-C (Enter: not known)"
+        width = self._once("sensor_mm", sensor, _number("sensor_mm"))
+        # Without the sensor's width a focal length tells nothing.
+        return {} if width is None else {"focal_mm": focal, "sensor_mm": width}
+
+    def _once(self, what: str, question: str, read: Callable[[str], T]) -> T | None:
+        """Return what was given, said earlier, or asked for once; None where nobody answers."""
+        for answers in (self.answers, self.earlier):
+            if getattr(answers, what) not in (None, ()):
+                return getattr(answers, what)
+        if self.silent or what in self._asked:
+            return None
+        self._asked.add(what)
+        answer = self._ask(question, read)
+        if answer is not None:
+            self.answers = replace(self.answers, **{what: answer})
+        return answer
+
+    def _ask(self, question: str, read: Callable[[str], T]) -> T | None:
+        while True:
+            print(f"{question}: ", end="", file=sys.stderr, flush=True)
+            line = sys.stdin.readline()
+            if not line:
+                self.silent = True
+            if not line.strip():
+                return None
+            try:
+                return read(line.strip())
+            except ValueError as error:
+                print(f"  {error}", file=sys.stderr)
+
+
+def _choice(meanings: dict[str, T]) -> Callable[[str], T]:
+    def read(text: str) -> T:
+        if text.lower() not in meanings:
+            raise ValueError(f"{text}: expected one of {', '.join(meanings)}")
+        return meanings[text.lower()]
+
+    return read
+
+
+def _number(key: str) -> Callable[[str], float]:
+    def read(text: str) -> float:
+        (value,) = lengths_of(text)[:1]
+        if fault := _fault(key, value):
+            raise ValueError(fault)
+        return value
+
+    return read
+
+
+UNITS: Callable[[str], Unit] = _choice({**{unit: unit for unit in get_args(Unit)}, "in": "inch", "inches": "inch"})
+YES = _choice({"y": True, "n": False, "yes": True, "no": False})

@@ -25,15 +25,15 @@ def contact_sheet(draft: Draft) -> NDArray[np.uint8]:
     size = WIDTH, round(WIDTH * frames.height / frames.width)
     scene = np.array(cv2.resize(mean, size, interpolation=cv2.INTER_AREA), np.uint8)
     scale = WIDTH / (frames.width * draft.step)
-    for number, ball in enumerate(draft.balls, 1):
-        if not ball.radius_px:
+    for number, ball in enumerate(draft.manifest.spheres, 1):
+        if not ball.center_px or not ball.radius_px:
             continue
         u, v, radius = (scale * value for value in (*ball.center_px, ball.radius_px))
         colour = COLOURS[ball.kind]
         cv2.circle(scene, (round(16 * u), round(16 * v)), round(16 * radius), colour, 2, cv2.LINE_AA, shift=4)
         size = f", {ball.diameter_mm:g} mm" if ball.diameter_mm else ""
         _write(scene, f"{number} {ball.kind}{size}", u, v - radius - 8, colour)
-    _write(scene, f"{draft.name}: mean of the flash frames", 0, 26, (255, 255, 255))
+    _write(scene, f"{draft.folder.name}: mean of the flash frames", 0, 26, (255, 255, 255))
     strip = PictureStrip.of(pictures, [(name[-24:], INK) for name in some.names]).image
     beside = np.full((len(strip), WIDTH - strip.shape[1], 3), PAPER, np.uint8)
     return np.concatenate([scene, np.concatenate([strip, beside], 1)])

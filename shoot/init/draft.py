@@ -1,136 +1,197 @@
-"""A capture as it was found: what goes into its session.toml, and what speaks for each part of it."""
+"""A session.toml that is not written yet: the document itself, and what was seen of the folder that speaks for it."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from capture.camera.exif import Exif
+from capture.camera.focal_length import camera_from_lens
 from capture.camera.session_camera import usual_camera
+from capture.session.globs import expand
+from capture.session.manifest import TABLES, Manifest, SphereTable
 from capture.session.session_types import Lens
-from capture.survey.board_layout import Layout
+from capture.survey.folder_files import pattern_of
 from scene.camera import Camera
+from scene.errors import SessionError
 from scene.frames import Frames
 from scene.length_units import Unit
-from scene.spheres import Kind, Sphere
-from shoot.init.scan_unit import ScanSize, unit_by_size
+from shoot.init.scan_unit import ScanSize, read_scan, unit_by_size
+
+ROLES = ("flash", "ambient", "dark", "flat")
+"""What a photograph may be used for, but for a board's shots."""
+FOCAL = ("fx", "focal_mm", "sensor_mm", "pixel_um", "crop_factor", "model")
 
 
-@dataclass(frozen=True)
-class DraftBall:
-    """A ball as it was found.
-
-    center_px, radius_px : in pixels of the full-size photographs.
-    by_hand : it was placed or moved by a person; its circle then goes into session.toml.
-    files : its own photographs, where it was shot apart.
-    """
-
-    kind: Kind
-    center_px: tuple[float, float] = (0.0, 0.0)
-    radius_px: float = 0.0
-    diameter_mm: float | None = None
-    by_hand: bool = False
-    files: tuple[Path, ...] = ()
-
-    @property
-    def mm_per_px(self) -> float | None:
-        """At its distance; None where its circle or its diameter is not known."""
-        return self.diameter_mm / (2 * self.radius_px) if self.diameter_mm and self.radius_px else None
-
-    def sphere(self, step: int) -> Sphere:
-        """Return its circle in frames of which a pixel is `step` of the photographs' wide."""
-        return Sphere(self.kind, (np.array(self.center_px) + 0.5) / step - 0.5, self.radius_px / step)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Draft:
-    """What was found in a folder.
+    """A session's document before it is written, and what was seen of its folder. Only the document is edited.
 
     Parameters
     ----------
-    folder : Path
-        Where session.toml is to lie.
-    photographs : dict of lists of Path
-        By role: flash, ambient, dark, flat, board.
+    manifest : Manifest
+        Each ball of the frames with its circle, found or placed; `object.scan_unit` only where a person said it.
     width, height : int
         Of the photographs, pixels.
     small, step : Frames, int
         The flash frames, reduced: pixels of a photograph in one of theirs, along a side.
     exif : tuple of Exif
         The flash frames'.
-    lens : Lens
-        What is to be said of the camera; `Lens()`: nothing, EXIF tells it.
-    camera, camera_told : Camera or None, str
-        Of the photographs, None where it is not known yet; how its focal length is known, for people.
-    board : Layout or None
-    linear : bool or None
-        Of 8-bit files; None: their kind tells.
-    balls : tuple of DraftBall
-    scan, scan_size, unit : Path or None, ScanSize or None, str
+    found : tuple of SphereTable
+        The balls as they were found, in pixels of the full-size photographs.
     across_px : float or None
         The object's diagonal in the picture; None where it was not found, or no scan needs it.
-    mask, lights, normals : Path or None
     notes : tuple of str
         What was assumed and what was left out as the folder was looked at: a sentence each.
     """
 
+    manifest: Manifest
     folder: Path
-    photographs: dict[str, list[Path]]
     width: int
     height: int
     small: Frames
     step: int
     exif: tuple[Exif, ...] = ()
-    lens: Lens = field(default_factory=Lens)
-    camera: Camera | None = None
-    camera_told: str = ""
-    board: Layout | None = None
-    linear: bool | None = None
-    balls: tuple[DraftBall, ...] = ()
-    scan: Path | None = None
-    scan_size: ScanSize | None = None
-    unit: Unit = "mm"
+    found: tuple[SphereTable, ...] = ()
     across_px: float | None = None
-    mask: Path | None = None
-    lights: Path | None = None
-    normals: Path | None = None
     notes: tuple[str, ...] = ()
-
-    @property
-    def name(self) -> str:
-        return self.folder.name
-
-    @property
-    def assumed_camera(self) -> Camera:
-        """Of the photographs; one as most are where it is not known."""
-        return self.camera or usual_camera(self.width, self.height)
-
-    @property
-    def small_camera(self) -> Camera:
-        """The same of the small frames."""
-        return self.assumed_camera.scaled(self.small.width, self.small.height, 1 / self.step, 1 / self.step)
-
-    @property
-    def object_mm(self) -> float | None:
-        """The object's diagonal in the picture, at the balls' distance; None where no ball tells the scale."""
-        scales = [ball.mm_per_px for ball in self.balls if ball.mm_per_px]
-        return self.across_px * float(np.median(scales)) if scales and self.across_px else None
-
-    @property
-    def likely_unit(self) -> Unit | None:
-        """The scan's, by the object's size in the picture; None where that does not tell it."""
-        return unit_by_size(self.scan_size.diagonal, self.object_mm) if self.scan_size else None
-
-    @property
-    def scan_told(self) -> str:
-        """The scan's size, for people."""
-        return self.scan_size.told(self.unit) if self.scan_size else ""
-
-    @property
-    def unit_told(self) -> str:
-        """How the scan's unit is known, for people; empty where only a person says it."""
-        return f"the object looks {self.object_mm:.0f} mm large in the picture" if self.likely_unit == self.unit else ""
 
     def noting(self, *notes: str) -> "Draft":
         """Return the draft with more notes."""
         return replace(self, notes=(*self.notes, *notes))
+
+    def saying(self, table: str, **keys: Any) -> "Draft":
+        """Return the draft with other keys in a table of its manifest; None takes a key away.
+
+        Raises pydantic's ValidationError: a value that session.toml may not have.
+        """
+        was = getattr(self.manifest, table)
+        data = (was.model_dump(exclude_unset=True) if was else {}) | keys
+        data = {key: value for key, value in data.items() if value is not None}
+        new = TABLES[table].model_validate(data) if data or table in ("frames", "object") else None
+        return replace(self, manifest=self.manifest.model_copy(update={table: new}))
+
+    def with_balls(self, balls: "tuple[SphereTable, ...] | list[SphereTable]") -> "Draft":
+        """Return the draft with other balls."""
+        return replace(self, manifest=self.manifest.model_copy(update={"spheres": list(balls)}))
+
+    def with_photographs(self, photographs: dict[str, list[Path]]) -> "Draft":
+        """Return the draft with other uses of the photographs but the board's."""
+        globs = {role: pattern_of(some, self.folder) if (some := photographs.get(role)) else None for role in ROLES}
+        return self.saying("frames", **globs)
+
+    @cached_property
+    def photographs(self) -> dict[str, list[Path]]:
+        """The photographs by what they are used for."""
+        frames, camera = self.manifest.frames, self.manifest.camera
+        globs = {role: getattr(frames, role) for role in ROLES}
+        globs["board"] = camera and (camera.charuco or camera.chessboard)
+        return {role: expand(patterns, self.folder)[0] for role, patterns in globs.items() if patterns}
+
+    def known_camera(self) -> tuple[Camera | None, str]:
+        """Return the photographs' camera, None where it is not known yet, and how its focal length is known.
+
+        Raises SessionError: the lens is known in a part that does not tell the camera.
+        """
+        table = self.manifest.camera
+        if table and table.board:
+            kind = "chessboard" if table.chessboard else "ChArUco board"
+            across = " x ".join(map(str, table.board.squares))
+            return None, f"{len(self.photographs['board'])} shots of a {kind} of {across} squares"
+        lens = Lens(**table.model_dump(include=set(FOCAL), exclude_none=True)) if table else Lens()
+        camera, told = camera_from_lens(lens, self.exif, self.width, self.height)
+        if camera.is_orthographic:
+            return None, "not known: no EXIF, no board. It is sought by the balls; or give focal_mm and sensor_mm."
+        words = told[0].removeprefix("camera: ").partition(". ")[0] if told else f"focal length {camera.fx:.0f} px"
+        return camera, words
+
+    @cached_property
+    def _camera(self) -> tuple[Camera | None, str]:
+        try:
+            return self.known_camera()
+        except SessionError as error:
+            # One of two numbers is typed before the other.
+            return None, f"not known yet: {error}"
+
+    @property
+    def assumed_camera(self) -> Camera:
+        """The photographs' camera; one as most are where it is not known."""
+        return self._camera[0] or usual_camera(self.width, self.height)
+
+    @property
+    def camera_told(self) -> str:
+        """How the camera is known, for people."""
+        return self._camera[1]
+
+    @property
+    def scan_size(self) -> ScanSize | None:
+        """The scan's size. AlignError: it cannot be read."""
+        scan = self.manifest.object.scan
+        return read_scan(self.folder / scan) if scan else None
+
+    @property
+    def object_mm(self) -> float | None:
+        """The object's diagonal in the picture, at the balls' distance; None where no ball tells the scale."""
+        scales = [mm for ball in self.manifest.spheres if (mm := mm_per_px(ball))]
+        return self.across_px * float(np.median(scales)) if scales and self.across_px else None
+
+    @property
+    def likely_unit(self) -> Unit | None:
+        """The scan's unit by the object's size in the picture; None where that does not tell it."""
+        return unit_by_size(self.scan_size.diagonal, self.object_mm) if self.scan_size else None
+
+    @property
+    def unit(self) -> Unit:
+        """The scan's unit: as it was said, else as the picture tells."""
+        known = self.manifest.object
+        said = known.scan_unit if "scan_unit" in known.model_fields_set else None
+        return said or self.likely_unit or "unknown"
+
+    @property
+    def scan_told(self) -> str:
+        """The scan's size and unit, and how that is known, for people."""
+        why = f": the object looks {self.object_mm:.0f} mm large" if self.likely_unit == self.unit else ""
+        return f"{self.scan_size.told(self.unit)}; unit {self.unit}{why}" if self.scan_size else ""
+
+    def is_found(self, ball: SphereTable) -> bool:
+        """Whether a ball has a circle that was found."""
+        return _circle(ball) in map(_circle, self.found)
+
+    @property
+    def written(self) -> Manifest:
+        """What session.toml is to say: without the circles that are found again, with the scan's unit.
+
+        It says how many balls of a kind are looked for. Where a hand has changed the circles of a kind, detection
+        would find one that was given up in place of one that was kept; and of balls of several diameters it is known
+        which has which. Then all of that kind have their circles.
+        """
+        draft = self.saying("object", scan_unit=self.unit) if self.manifest.object.scan else self
+        balls = self.manifest.spheres
+        again = {kind for kind in ("chrome", "white") if self._is_as_found([b for b in balls if b.kind == kind], kind)}
+        spheres = [_written(ball, ball.kind not in again) for ball in balls]
+        written = draft.manifest.model_copy(update={"spheres": spheres})
+        if not balls and not self.found:
+            # An empty list would say that no ball is to be looked for.
+            written.model_fields_set.discard("spheres")
+        return written
+
+    def _is_as_found(self, balls: list[SphereTable], kind: str) -> bool:
+        found = [_circle(ball) for ball in self.found if ball.kind == kind]
+        return sorted(map(_circle, balls)) == sorted(found) and len({ball.diameter_mm for ball in balls}) < 2
+
+
+def mm_per_px(ball: SphereTable) -> float | None:
+    """Return the scale at a ball's distance; None where its circle or its diameter is not known."""
+    return ball.diameter_mm / (2 * ball.radius_px) if ball.diameter_mm and ball.radius_px else None
+
+
+def _circle(ball: SphereTable) -> tuple[float, ...]:
+    return (*ball.center_px, ball.radius_px) if ball.center_px and ball.radius_px else ()
+
+
+def _written(ball: SphereTable, with_circle: bool) -> SphereTable:
+    u, v, radius = (round(value, 1) for value in _circle(ball)) if _circle(ball) else (0.0, 0.0, 0.0)
+    circle = {"center_px": [u, v], "radius_px": radius} if radius and with_circle else {}
+    return ball.model_copy(update={"center_px": None, "radius_px": None} | circle)

@@ -1,18 +1,21 @@
 """The balls of a draft: in the frames, or in photographs of their own; or a light file in their place."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from capture.session.globs import frame_names
-from capture.survey.folder_files import FolderFiles
+from capture.session.manifest import SphereTable
+from capture.survey.folder_files import FolderFiles, name_of, pattern_of
 from lab.progress import say
+from scene.camera import Camera
 from scene.errors import CalibrationError, SceneError
 from scene.spheres import KINDS, Sphere
 from shoot.init.answers import Asking
-from shoot.init.draft import Draft, DraftBall
+from shoot.init.draft import Draft
 
 
-def with_balls(draft: Draft, files: FolderFiles, asking: Asking, found: list[DraftBall] | None = None) -> Draft:
+def with_balls(draft: Draft, files: FolderFiles, asking: Asking, found: Sequence[SphereTable] | None = None) -> Draft:
     """Find the balls, in the frames or in photographs of their own, and ask for their diameters.
 
     `found`: those in the frames, where they are known.
@@ -21,17 +24,18 @@ def with_balls(draft: Draft, files: FolderFiles, asking: Asking, found: list[Dra
     for path in files.lights if not apart else ():
         fault = _unreadable_lights(path, draft)
         if not fault:
-            return replace(draft, lights=path)
+            return draft.saying("lights", file=name_of(path, draft.folder))
         draft = draft.noting(f"{path.name} is not used: {fault}")
     if apart and files.lights:
         notes.append(f"{files.lights[0].name} is not used: the balls' own photographs tell the lights.")
     if not apart and found is None:
         say("looking for balls ...")
         found = found_balls(draft)
-    return replace(draft.noting(*notes), balls=tuple(with_diameters(apart or found or [], asking)))
+    draft = replace(draft, found=tuple(() if apart else found or ()))
+    return draft.noting(*notes).with_balls(with_diameters(apart or draft.found, asking))
 
 
-def with_diameters(balls: list[DraftBall], asking: Asking) -> list[DraftBall]:
+def with_diameters(balls: Sequence[SphereTable], asking: Asking) -> list[SphereTable]:
     """Return balls, of each kind the largest first, with the diameters that are known or asked for.
 
     Raises
@@ -39,13 +43,13 @@ def with_diameters(balls: list[DraftBall], asking: Asking) -> list[DraftBall]:
     SessionError
         Diameters were given, neither one for all balls of a kind nor one for each.
     """
-    known: list[DraftBall] = []
+    known: list[SphereTable] = []
     for kind in KINDS:
         own = [ball for ball in balls if ball.kind == kind]
-        if not own:
-            continue
-        given = asking.diameters(kind, [ball.center_px for ball in own if ball.radius_px], len(own))
-        known += [replace(ball, diameter_mm=mm) for ball, mm in zip(own, given or (None,) * len(own), strict=True)]
+        if own:
+            given = asking.diameters(kind, [ball.center_px for ball in own if ball.center_px], len(own))
+            diameters = given or (None,) * len(own)
+            known += [ball.model_copy(update={"diameter_mm": mm}) for ball, mm in zip(own, diameters, strict=True)]
     return known
 
 
@@ -55,37 +59,44 @@ def _unreadable_lights(path: Path, draft: Draft) -> str:
 
     names = tuple(frame_names(draft.photographs["flash"]))
     try:
-        read_lights(path, names, camera=draft.camera)
+        read_lights(path, names, camera=draft.known_camera()[0])
     except SceneError as error:
         return str(error).splitlines()[0]
     return ""
 
 
-def found_balls(draft: Draft) -> list[DraftBall]:
+def found_balls(draft: Draft) -> list[SphereTable]:
     """Return the balls that the small frames show, the largest of each kind first."""
     from calibrate.detection.balls import find_balls
 
     try:
-        found, _, _ = find_balls(draft.small, draft.small_camera, [])
+        found, _, _ = find_balls(draft.small, small_camera(draft), [])
     except CalibrationError:
         return []
     return drafted([one.sphere for one in found], draft.step)
 
 
-def drafted(spheres: list[Sphere], step: int = 1) -> list[DraftBall]:
+def small_camera(draft: Draft) -> Camera:
+    """Return the camera of the small frames, as far as it is known."""
+    return draft.assumed_camera.scaled(draft.small.width, draft.small.height, 1 / draft.step, 1 / draft.step)
+
+
+def drafted(spheres: Sequence[Sphere], step: int = 1) -> list[SphereTable]:
     """Return balls that were found in frames of which a pixel is `step` of the photographs' wide, the largest first."""
     ordered = sorted(spheres, key=lambda sphere: (sphere.kind, -sphere.radius_px))
-    return [DraftBall(one.kind, *_full_size(one, step)) for one in ordered]
+    return [
+        SphereTable(
+            kind=one.kind,
+            center_px=[(float(c) + 0.5) * step - 0.5 for c in one.center_px],
+            radius_px=float(one.radius_px) * step,
+        )
+        for one in ordered
+    ]
 
 
-def _full_size(sphere: Sphere, step: int) -> tuple[tuple[float, float], float]:
-    u, v = ((float(c) + 0.5) * step - 0.5 for c in sphere.center_px)
-    return (u, v), float(sphere.radius_px) * step
-
-
-def _shot_apart(files: FolderFiles, count: int) -> tuple[list[DraftBall], list[str]]:
+def _shot_apart(files: FolderFiles, count: int) -> tuple[list[SphereTable], list[str]]:
     """Return balls with photographs of their own, one for each flash frame."""
-    balls: list[DraftBall] = []
+    balls: list[SphereTable] = []
     notes: list[str] = []
     for kind in KINDS:
         groups: dict[tuple[Path, str], list[Path]] = {}
@@ -93,7 +104,8 @@ def _shot_apart(files: FolderFiles, count: int) -> tuple[list[DraftBall], list[s
             groups.setdefault((path.parent, path.suffix.lower()), []).append(path)
         fitting = [paths for paths in groups.values() if len(paths) == count]
         alike = [p for p in fitting if p[0].suffix == files.photographs["flash"][0].suffix] or fitting
-        balls += [DraftBall(kind, files=tuple(paths)) for paths in alike[:1]]
+        for paths in alike[:1]:
+            balls.append(SphereTable.model_validate({"kind": kind, "frames": pattern_of(paths, files.folder)}))
         notes += [f"{place.name}: {len(paths)} photographs, but {count} flash frames; not used."
                   for (place, _), paths in groups.items() if paths not in fitting]  # fmt: skip
     return balls, notes

@@ -1,15 +1,18 @@
 """`rgbn init`: a folder looked at, shown, and its session.toml written."""
 
 import os
+import shlex
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+from capture.session.manifest_file import parse, toml_tables
+from capture.session.session import load_session
 from capture.survey.folder_files import FolderFiles, survey
 from lab.progress import progress_bar, say
 from lab.session_place import MANIFEST, default_out
-from scene.errors import SessionError
+from scene.errors import SceneError, SessionError
 from scene.files import write_png, write_text
 from scene.light_text import FILENAMES
 from scene.origin import Origin
@@ -34,8 +37,10 @@ class Made(NamedTuple):
 
 def init_sessions(
     folder: Path, answers: Answers, *, silent: bool = False, shown: Callable[[Draft], None] | None = None
-) -> tuple[list[Made], int]:
+) -> list[Made]:
     """Write a session.toml for a folder, or one for each object's subfolder.
+
+    One that rgbn wrote and nobody changed is written anew: what it says holds where `answers` say nothing else.
 
     Parameters
     ----------
@@ -47,19 +52,15 @@ def init_sessions(
     shown : callable, optional
         Gets each draft before it is written.
 
-    Returns
-    -------
-    made : list of Made
-    questions : int
-        How many were asked.
-
     Raises
     ------
     SessionError
-        There is a session.toml, or the folder is one in the DiLiGenT layout; no photographs; answers do not fit.
+        There is a session.toml of a person's, or the folder is one in the DiLiGenT layout; no photographs; answers do
+        not fit.
     """
     if (folder / FILENAMES).is_file():
-        raise SessionError(f"{folder}: is a session in the DiLiGenT layout already. Run: rgbn process {folder}")
+        run = f"rgbn process {shlex.quote(str(folder))}"
+        raise SessionError(f"{folder}: is a session in the DiLiGenT layout already. Run: {run}")
     found = survey(folder)
     for one in found:
         check_free(one)
@@ -67,56 +68,59 @@ def init_sessions(
         say(f"{len(found)} objects: {', '.join(one.folder.name for one in found)}")
     asking, made = Asking(answers, silent), []
     for one in found:
-        draft = draft_of(one, asking)
+        asking.earlier = _said_before(one.folder / MANIFEST)
+        draft = prepare(one, asking, progress_bar(f"look at {one.folder.name}"))
         if shown:
             shown(draft)
         made.append(write_session(draft))
-    return made, asking.count
-
-
-def draft_of(files: FolderFiles, asking: Asking) -> Draft:
-    """Return what a folder's files are, with a progress bar for the photographs; it is gone before a question comes."""
-    with ExitStack() as open_bar:
-        bars: list[Callable[[int, int], None]] = []
-
-        def progress(done: int, total: int) -> None:
-            if not bars:
-                bars.append(open_bar.enter_context(progress_bar(f"look at {files.folder.name}")))
-            bars[0](done, total)
-            if done == total:
-                open_bar.close()
-
-        return prepare(files, asking, progress)
+    return made
 
 
 def write_session(draft: Draft, out: Path | None = None) -> Made:
     """Write session.toml into the folder, and the contact sheet into its output folder."""
-    manifest = draft.folder / MANIFEST
     origin = Origin("session", draft.folder, tuple(draft.photographs["flash"]))
-    out = out or default_out(origin, draft.name)
+    out = out or default_out(origin, draft.folder.name)
     with open_record(out, origin=origin, input_folders=[draft.folder]) as record:
         record.forget([PART])
         with record.part_of(PART):
             write_png(out / SHEET, contact_sheet(draft))
     # Last, and outside of the output folder's record: from here on it is the user's.
-    write_text(manifest, signed(session_text(draft)))
-    return Made(draft, manifest, out / SHEET)
+    return Made(draft, write_manifest(draft, signed(session_text(draft))), out / SHEET)
 
 
-def _is_as_written(manifest: Path) -> bool:
-    """Whether a session.toml is a file of its own that init wrote and nobody changed."""
-    if manifest.is_symlink() or not manifest.is_file():
-        return False
-    return is_unedited(manifest.read_bytes().decode("utf-8", "replace"))
+def write_manifest(draft: Draft, text: str) -> Path:
+    """Write a draft's session.toml, and return its path.
+
+    Raises SceneError, and leaves what was there: the lens is known in part, or what was written cannot be read again.
+    """
+    draft.known_camera()
+    manifest = draft.folder / MANIFEST
+    before = manifest.read_bytes() if manifest.is_file() else None
+    write_text(manifest, text)
+    try:
+        load_session(manifest)
+    except SceneError:
+        manifest.unlink() if before is None else manifest.write_bytes(before)
+        raise
+    return manifest
+
+
+def _said_before(manifest: Path) -> Answers:
+    """Return what a session.toml that is written anew says; nothing where there is none."""
+    with suppress(SceneError):
+        known = parse(toml_tables(manifest))[0] if manifest.is_file() else None
+        return Answers.said_in(known) if known else Answers()
+    return Answers()
 
 
 def check_free(files: FolderFiles) -> None:
-    """Raise SessionError where session.toml is there already and not as init wrote it, or cannot be written."""
+    """Raise SessionError where session.toml is there already and not as rgbn wrote it, or cannot be written."""
     manifest = files.folder / MANIFEST
-    if os.path.lexists(manifest) and not _is_as_written(manifest):
+    own = not manifest.is_symlink() and manifest.is_file()
+    if os.path.lexists(manifest) and not (own and is_unedited(manifest.read_bytes().decode("utf-8", "replace"))):
         raise SessionError(
             f"{manifest}: is there already, and is not written over. Correct it by hand, or rename it and run "
-            f"rgbn init {files.folder} again."
+            f"rgbn init {shlex.quote(str(files.folder))} again."
         )
     if not os.access(files.folder, os.W_OK):
         raise SessionError(f"{files.folder}: cannot be written. Copy the folder to a place of your own.")

@@ -1,6 +1,7 @@
 """The unit of a scan, by the size that the object has in the picture beside balls of known diameter."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,11 +30,11 @@ class ScanSize(NamedTuple):
 
     def told(self, unit: Unit) -> str:
         """Return the size in words."""
-        millimetres = " x ".join(f"{UNITS_MM[unit] * side:.0f}" for side in self.sides)
-        sides = " x ".join(f"{side:.3g}" for side in self.sides)
-        return f"{self.vertices:,} vertices, " + (f"{millimetres} mm" if unit != "unknown" else f"{sides} of its unit")
+        sides = " x ".join(f"{UNITS_MM[unit] * side:.4g}" for side in self.sides)
+        return f"{self.vertices:,} vertices, {sides} {'of its unit' if unit == 'unknown' else 'mm'}"
 
 
+@lru_cache(maxsize=16)
 def read_scan(path: Path) -> ScanSize:
     """Return how large a scan is, freed of dust; AlignError for one that cannot be read."""
     from align.scan.mended_scan import load_scan

@@ -1,40 +1,36 @@
-"""The commented session.toml of a draft."""
+"""The commented text of a draft's session.toml."""
 
+import textwrap
 from collections.abc import Iterator
 from datetime import date
-from pathlib import Path
 from typing import Any
 
-from capture.survey.folder_files import pattern_of
-from formats.toml_text import toml_value
+from capture.session.manifest import TABLES, Manifest, SphereTable
+from formats.toml_text import toml_text
 from scene.current import fingerprint
-from shoot.init.draft import Draft, DraftBall
+from scene.reading import shortened
+from shoot.init.draft import Draft
+from shoot.init.draft_notes import notes_of
 
-COLUMN = 44
-"""Where comments begin."""
-HEADLINE = "# Written by rgbn init on {day}. Correct what is wrong; rgbn only reads it."
-PURPOSE = {
-    "flash": "one light each",
-    "ambient": "flash off, subtracted",
-    "dark": "lens covered",
-    "flat": "white surface, divided by",
-}
-SIGNED = "# As rgbn init wrote it: "
+HEADLINE = "# Written by {by} on {day}. Correct what is wrong; rgbn only reads it."
+SIGNED = "# As rgbn wrote it: "
 """What stands before the fingerprint of all that is above: a file in which nothing was changed is written anew."""
-SQUARE_MM = 20.0
-"""Nobody was asked for it: the size of its squares does not change the camera."""
+WIDE = 112
+"""Letters of a line of what is assumed."""
+BESIDE = ("frames", "spheres", "object.scan_unit")
+"""Keys beside which stands what was found; beside others, what they are for."""
+LONGEST = 1000
+"""Letters of a sentence there: names of files are as long as they like."""
 
 
-def session_text(draft: Draft) -> str:
-    """Return the text of session.toml."""
-    lines = [HEADLINE.format(day=date.today().isoformat()), *_key("name", draft.name), "", "[frames]", *_frames(draft)]
-    lines += _camera(draft)
-    for ball in draft.balls:
-        lines += ["", *_ball(ball, draft.folder)]
-    if draft.lights:
-        lines += ["", "[lights]", *_key("file", _name(draft.lights, draft.folder))]
-    about = [*_object(draft)]
-    return "\n".join([*lines, *(["", "[object]", *about] if about else []), ""])
+def session_text(draft: Draft, by: str = "rgbn init") -> str:
+    """Return the text of session.toml, with what is assumed or missing above its tables."""
+    head = [HEADLINE.format(by=by, day=date.today().isoformat())]
+    for told in (f"camera: {draft.camera_told}", *notes_of(draft)):
+        head += textwrap.wrap(shortened(told, LONGEST), WIDE, initial_indent="# - ", subsequent_indent="#   ")
+    tables, facts = _tables(draft.written), dict(facts_of(draft))
+    comments = {path: text for path, text in facts.items() if path.startswith(BESIDE)}
+    return "\n".join([*head, toml_text(tables, {**dict(_purposes(tables)), **comments})])
 
 
 def signed(text: str) -> str:
@@ -48,70 +44,49 @@ def is_unedited(text: str) -> bool:
     return bool(mark) and text == signed(above)
 
 
-def _frames(draft: Draft) -> Iterator[str]:
-    for role, purpose in PURPOSE.items():
-        if files := draft.photographs.get(role):
-            size = f", {draft.width} x {draft.height} px" if role == "flash" else ""
-            yield from _key(role, pattern_of(files, draft.folder), f"{len(files)}, {purpose}{size}")
-    if draft.linear is not None:
-        told = "values are proportional to light" if draft.linear else "sRGB-encoded, as cameras write 8 bits"
-        yield from _key("linear", draft.linear, told)
+def _tables(manifest: Manifest) -> dict[str, Any]:
+    """Return the document as it is written: what was said, a glob alone without brackets."""
+
+    def told(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: told(part) for key, part in value.items()}
+        if isinstance(value, list) and len(value) == 1 and isinstance(value[0], str):
+            return value[0]
+        return [told(part) for part in value] if isinstance(value, list) else value
+
+    tables = told(manifest.model_dump(exclude_unset=True, exclude_none=True))
+    return {key: value for key, value in tables.items() if value != {}}
 
 
-def _camera(draft: Draft) -> Iterator[str]:
-    yield ""
-    if draft.board is not None:
-        board, key = draft.board, "chessboard" if draft.board.dictionary is None else "charuco"
-        yield f"[camera]  # {draft.camera_told}"
-        yield from _key(key, pattern_of(draft.photographs["board"], draft.folder))
-        marker = {} if board.marker_share is None else {"marker_mm": round(SQUARE_MM * board.marker_share, 2)}
-        name = {} if board.dictionary is None else {"dictionary": board.dictionary}
-        table = {"squares": list(board.squares), "square_mm": SQUARE_MM, **marker, **name}
-        text = ", ".join(f"{key} = {toml_value(value)}" for key, value in table.items())
-        yield f"board = {{ {text} }}  # their size does not change the camera"
-        return
-    lens = {key: value for key, value in vars(draft.lens).items() if value is not None and key != "distortion"}
-    if not lens:
-        yield f"# [camera]: {draft.camera_told}"
-        return
-    yield f"[camera]  # {draft.camera_told}"
-    for key, value in lens.items():
-        yield from _key(key, value)
+def _purposes(tables: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield the first sentence of each key's description."""
+    for table, keys in tables.items():
+        for key in keys if isinstance(keys, dict) else ():
+            yield f"{table}.{key}", (TABLES[table].model_fields[key].description or "").split(". ")[0].rstrip(".")
 
 
-def _ball(ball: DraftBall, folder: Path) -> Iterator[str]:
-    (u, v), radius = ball.center_px, ball.radius_px
-    found = f"found at ({u:.0f}, {v:.0f}) px, radius {radius:.0f} px" if radius and not ball.by_hand else ""
-    yield f"[[spheres]]{f'  # {found}' if found else ''}"
-    yield from _key("kind", ball.kind)
-    if ball.diameter_mm is None:
-        yield "# diameter_mm = 76.0  not known: without it there are directions, but no positions"
-    else:
-        yield from _key("diameter_mm", ball.diameter_mm)
-    if ball.by_hand:
-        yield from _key("center_px", [round(u, 1), round(v, 1)], "placed by hand")
-        yield from _key("radius_px", round(radius, 1))
-    if ball.files:
-        yield from _key("frames", pattern_of(list(ball.files), folder), "its own photographs, in the same order")
+def facts_of(draft: Draft) -> Iterator[tuple[str, str]]:
+    """Yield what was found and how it is known, each with the key of session.toml that says it."""
+    manifest = draft.manifest
+    for role, files in draft.photographs.items():
+        shown = files[0].name if len(files) == 1 else f"{files[0].name} to {files[-1].name}"
+        size = f", {draft.width} x {draft.height} px" if role == "flash" else ""
+        yield f"camera.{role}" if role == "board" else f"frames.{role}", f"{len(files)}: {shown}{size}"
+    yield "camera", draft.camera_told
+    for number, ball in enumerate(manifest.spheres):
+        known = f"{ball.diameter_mm:.4g} mm" if ball.diameter_mm else "diameter_mm not known"
+        yield f"spheres[{number}]", f"{ball.kind}, {known}; {_place_told(draft, ball)}"
+    for table, key in (("lights", "file"), ("object", "mask"), ("object", "scan"), ("object", "normals")):
+        if name := getattr(getattr(manifest, table), key, None):
+            yield f"{table}.{key}", name
+    if manifest.object.scan:
+        yield "object.scan_unit", draft.scan_told
 
 
-def _object(draft: Draft) -> Iterator[str]:
-    folder = draft.folder
-    if draft.mask:
-        yield from _key("mask", _name(draft.mask, folder))
-    if draft.scan:
-        yield from _key("scan", _name(draft.scan, folder), draft.scan_told)
-        yield from _key("scan_unit", draft.unit, draft.unit_told)
-    if draft.normals:
-        yield from _key("normals", _name(draft.normals, folder), "registered ground truth")
-
-
-def _key(key: str, value: Any, comment: str = "") -> Iterator[str]:
-    line = f"{key} = {toml_value(value)}"
-    yield f"{line:{COLUMN}}# {comment}" if comment and "\n" not in line else line
-
-
-def _name(path: Path, folder: Path) -> str:
-    found = pattern_of([path], folder)
-    # A single file's name is no glob: its brackets stand for themselves.
-    return str(found).replace("[[]", "[").replace("[*]", "*").replace("[?]", "?")
+def _place_told(draft: Draft, ball: SphereTable) -> str:
+    if ball.frames:
+        return "in its own photographs, in the flash frames' order"
+    if ball.center_px is None or ball.radius_px is None:
+        return "to be found"
+    (u, v), how = ball.center_px, "found" if draft.is_found(ball) else "placed by hand"
+    return f"{how} at ({u:.0f}, {v:.0f}) px, radius {ball.radius_px:.0f} px"

@@ -13,11 +13,11 @@ from calibrate.unknown_focal import with_unknown_focal
 from capture.camera.exif import Exif
 from capture.camera.focal_length import camera_from_lens
 from capture.camera.session_camera import usual_camera
+from capture.session.manifest import SphereTable
 from scene.camera import Camera
 from scene.errors import CalibrationError, SceneError
 from scene.frames import Frames
 from shoot.init.answers import Asking
-from shoot.init.draft import DraftBall
 from shoot.init.draft_balls import drafted, with_diameters
 
 FIRST, AGAIN = 4, 3
@@ -44,7 +44,7 @@ class LightsSoFar:
         self.found: Calibration | None = None
 
     @property
-    def balls(self) -> list[DraftBall] | None:
+    def balls(self) -> list[SphereTable] | None:
         """The balls as `init` writes them, without diameters; None where none is found."""
         return drafted([ball.sphere for ball in self._balls], self._step) if self._balls else None
 

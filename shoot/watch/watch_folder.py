@@ -5,13 +5,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from capture.photographs.kept import kept_folder
 from capture.session.globs import kind_of
 from capture.survey.folder_files import FEWEST, files_below, sorted_files
 from capture.survey.hot_folder import ALONE_S, HotFolder, list_photographs, look_of
-from capture.survey.small_pictures import frames_of
 from lab.progress import say
 from lab.run import run_session
 from lab.run_log import logged
@@ -24,7 +24,7 @@ from shoot.init.answers import Answers, Asking
 from shoot.init.draft import Draft
 from shoot.init.draft_notes import notes_of
 from shoot.init.init_session import write_session
-from shoot.init.prepare import completed, encoding_of
+from shoot.init.prepare import begun, completed, encoding_of
 from shoot.init.session_text import is_unedited
 from shoot.watch.shoot import Shoot
 from shoot.watch.shots import Shot
@@ -187,18 +187,14 @@ def _draft_of(folder: Path, shoot: Shoot, asking: Asking, taken: Taken) -> Draft
     frames = {shot.digest for shot in (*flash, *ambient)}
     notes = [f"{taken.shots[digest].name}: {text}" for digest, text in shoot.left_out.items() if digest not in frames]
     photographs = {role: [shot.path for shot in there(role)] for role in shoot.roles}
-    first, (linear, _) = flash[0].small, encoding_of(flash[0].path, asking)
-    draft = Draft(
-        folder, {role: paths for role, paths in photographs.items() if paths}, first.width, first.height,
-        frames_of([shot.small for shot in flash], [shot.small for shot in ambient]), first.step,
-        exif=tuple(shot.exif for shot in flash), linear=linear, notes=(*notes, *taken.unreadable),
-    )  # fmt: skip
+    linear, _ = encoding_of(flash[0].path, asking)
+    small, unlit = [shot.small for shot in flash], [shot.small for shot in ambient]
+    draft = begun(folder, photographs, small, unlit, linear=linear, notes=(*notes, *taken.unreadable))
     files, balls = sorted_files(files_below(folder), folder), shoot.lights_so_far.balls
     try:
         return completed(draft, files, asking, balls)
     except SessionError as error:
         # The shoot is over: a diameter that does not fit is put right in session.toml.
         say(f"warning: {error}", always=True)
-        said = asking.answers
-        plain = Asking(Answers(unit=said.unit, lens=said.lens, linear=said.linear), silent=True)
+        plain = Asking(replace(asking.answers, chrome=(), white=()), silent=True)
         return completed(draft.noting(str(error)), files, plain, balls)

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,10 +23,8 @@ from scene.frames import decode
 from scene.origin import Origin
 from shoot.init.answers import Answers, Asking
 from shoot.init.contact_sheet import MOST
-from shoot.init.draft import Draft
-from shoot.init.prepare import Progress, prepare
-
-ROLES = ("flash", "ambient", "dark", "flat", "board")
+from shoot.init.draft import ROLES, Draft
+from shoot.init.prepare import prepare
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +33,6 @@ class FoundCapture:
 
     Parameters
     ----------
-    files : FolderFiles
     draft : Draft
     small : dict of Small
         Every photograph that can be read, whatever it is used for, in natural order.
@@ -42,7 +40,6 @@ class FoundCapture:
         Of the flash frames, linear, small.
     """
 
-    files: FolderFiles
     draft: Draft
     small: dict[Path, Small]
     mean: NDArray[np.float32]
@@ -69,7 +66,7 @@ class FoundCapture:
         return tuple(self.exposure.develop(shrink(decode(one.codes), CELL_PX)) for one in self.small.values())
 
 
-def look(files: FolderFiles, progress: Progress) -> FoundCapture:
+def look(files: FolderFiles, progress: "Told") -> FoundCapture:
     """Look at a folder; progress is told of the photographs, which are read first.
 
     Raises
@@ -77,9 +74,9 @@ def look(files: FolderFiles, progress: Progress) -> FoundCapture:
     SceneError
         As `shoot.init.prepare.prepare`.
     """
-    draft = prepare(files, Asking(Answers(), silent=True), progress)
+    draft = prepare(files, Asking(Answers(), silent=True), nullcontext(progress))
     mean = draft.small.some(MOST).read().mean(axis=0)
-    return FoundCapture(files, draft, _small(files, draft), mean)
+    return FoundCapture(draft, _small(files, draft), mean)
 
 
 def _small(files: FolderFiles, draft: Draft) -> dict[Path, Small]:
@@ -88,12 +85,11 @@ def _small(files: FolderFiles, draft: Draft) -> dict[Path, Small]:
         path: Small(path, codes, draft.width, draft.height, draft.step, frames.is_mosaic)
         for path, codes in zip(flash, frames.codes, strict=True)
     }
-    listed = {
-        path for paths in (files.photographs, draft.photographs) for role in ROLES for path in paths.get(role, [])
-    }
+    roles = (*ROLES, "board")
+    listed = {path for some in (files.photographs, draft.photographs) for role in roles for path in some.get(role, [])}
     others = sorted(listed - found.keys(), key=natural_key)
     if others:
-        read, _ = read_small(others, "srgb" if draft.linear is False else "linear")
+        read, _ = read_small(others, "srgb" if draft.manifest.frames.linear is False else "linear")
         found |= {one.path: one for one in read}
     return {path: found[path] for path in sorted(found, key=natural_key)}
 
@@ -113,7 +109,6 @@ class Looking:
             raise SceneError(f"--out {out}: there are {len(folders)} objects, each with a folder of its own: out/NAME.")
         self.folders, self._out, self._is_parent = tuple(folders), out, is_parent
         self._found: dict[Path, Future[FoundCapture]] = {}
-        self._told: dict[Path, list[Told]] = {}
         self._lock = threading.Lock()
 
     def out_of(self, files: FolderFiles) -> Path:
@@ -126,35 +121,37 @@ class Looking:
     def ask(self, files: FolderFiles, told: Told, done: Callable[["Future[FoundCapture]"], Any]) -> None:
         """Have a folder looked at, in a thread of its own.
 
-        told: Called with how many photographs are read, and of how many. done: Called with what was found, or why not.
+        told: Called with how many photographs are read, and of how many, by who asked first. done: Called with what was
+        found, or why not.
         """
-        folder = files.folder
         with self._lock:
+            future = self._found.get(files.folder)
             # What failed may have been mended.
-            is_new = folder not in self._found or (self._found[folder].done() and self._found[folder].exception())
-            if is_new:
-                self._found[folder], self._told[folder] = Future(), []
-            self._told[folder].append(told)
-            future = self._found[folder]
+            is_new = future is None or (future.done() and future.exception() is not None)
+            if future is None or is_new:
+                future = self._found[files.folder] = Future()
         if is_new:
             # A daemon: whoever ends the studio does not wait for it.
-            threading.Thread(target=self._look, args=(files, future), daemon=True).start()
+            threading.Thread(target=_fulfil, args=(future, files, told), daemon=True).start()
         future.add_done_callback(done)
+
+    def found_in(self, folder: Path) -> FoundCapture | None:
+        """Return what was found in a folder; None before it was looked at, and after it is forgotten."""
+        with self._lock:
+            future = self._found.get(folder)
+        return future.result() if future and future.done() and not future.exception() else None
 
     def forget(self, folder: Path) -> None:
         """Let go of what was found in a folder: its photographs are hundreds of megabytes."""
         with self._lock:
             if folder in self._found and self._found[folder].done():
-                del self._found[folder], self._told[folder]
+                del self._found[folder]
 
-    def _look(self, files: FolderFiles, future: "Future[FoundCapture]") -> None:
-        def progress(done: int, total: int) -> None:
-            for told in list(self._told[files.folder]):
-                told(done, total)
 
-        try:
-            found = look(files, progress)
-        except BaseException as fault:
-            future.set_exception(fault)
-        else:
-            future.set_result(found)
+def _fulfil(future: "Future[FoundCapture]", files: FolderFiles, told: Told) -> None:
+    try:
+        found = look(files, told)
+    except BaseException as fault:
+        future.set_exception(fault)
+    else:
+        future.set_result(found)

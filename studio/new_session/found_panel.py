@@ -5,9 +5,9 @@ import re
 from pathlib import Path
 
 from lab.session_place import MANIFEST
-from scene.spheres import KINDS
 from shoot.init.draft import Draft
 from shoot.init.draft_notes import notes_of
+from shoot.init.session_text import facts_of
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.widgets import code, fenced, plain
 
@@ -36,7 +36,7 @@ class FoundPanel:
             told = "has a session.toml, which stays as it is." if self._open.visible else window.state
             self._state.content = f"{code(str(window.files.folder))}\n\n**{plain(told)}**"
         else:
-            self._state.content = found_text(window.draft)
+            self._state.content = found_text(window.capture)
 
 
 def _name(folder: Path, window: NewSessionWindow) -> str:
@@ -49,45 +49,24 @@ def _name(folder: Path, window: NewSessionWindow) -> str:
 
 def found_text(draft: Draft) -> str:
     """Return what was found, as Markdown."""
-    roles = ", ".join(f"{len(paths)} {role}" for role, paths in draft.photographs.items())
-    rows = [("photographs", f"{roles}; {draft.width} x {draft.height} px"), ("balls", _balls_text(draft))]
-    rows.append(("camera", draft.camera_told))
-    if draft.scan:
-        rows.append(("scan", f"{draft.scan.name}, {draft.scan_told}"))
-    rows += [(what, path.name) for what, path in
-             (("mask", draft.mask), ("lights", draft.lights), ("normals", draft.normals)) if path]  # fmt: skip
     lines = [f"{code(str(draft.folder))}", "", "| | |", "|---|---|"]
-    lines += [f"| **{what}** | {plain(text)} |" for what, text in rows]
+    lines += [f"| **{what}** | {plain(text)} |" for what, text in facts_of(draft)]
     count = len(notes_of(draft))
     notes = f"⚠ {count} missing or assumed: see **session.toml**." if count else "Nothing is missing, nothing assumed."
     return "\n".join([*lines, "", notes])
 
 
-def _balls_text(draft: Draft) -> str:
-    told = []
-    for kind in KINDS:
-        own = [ball for ball in draft.balls if ball.kind == kind]
-        known = sorted({f"{ball.diameter_mm:g} mm" if ball.diameter_mm else "diameter not known" for ball in own})
-        apart = ", shot apart" if any(ball.files for ball in own) else ""
-        told += [f"{len(own)} {kind} ({', '.join(known)}{apart})"] if own else []
-    return "; ".join(told) or "none"
-
-
 class TextPanel:
-    """What is assumed, and what would be written."""
+    """What would be written; what is assumed stands above it, in the file as here."""
 
     def __init__(self, window: NewSessionWindow) -> None:
-        self._window, gui = window, window.client.gui
-        self._notes, self._text = gui.add_markdown(""), gui.add_markdown("")
+        self._window, self._text = window, window.client.gui.add_markdown("")
 
     def refresh(self) -> None:
         """Follow the window."""
-        if self._window.capture is None:
-            return
-        notes = [f"- ⚠ {plain(note)}" for note in notes_of(self._window.draft)]
-        self._notes.content = "\n".join(["**What is missing or assumed**", "", *notes] if notes else [])
-        # The columns of comments would be cut off here.
-        self._text.content = fenced(re.sub(r" {2,}#", "  #", self._window.text), "toml")
+        if self._window.capture is not None:
+            # The columns of comments would be cut off here.
+            self._text.content = fenced(re.sub(r"(?<=\S) {2,}#", "  #", self._window.text), "toml")
 
 
 class WritePanel:

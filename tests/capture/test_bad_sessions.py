@@ -1,7 +1,9 @@
 """Sessions that break a parser, a file system or physics: one message, with the key where there is one."""
 
 import copy
+import glob
 import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -10,7 +12,7 @@ import pytest
 
 from capture.session.globs import MOST_FOLDERS, expand
 from capture.session.manifest import TABLES
-from capture.session.manifest_faults import parse
+from capture.session.manifest_file import parse
 from capture.session.session import load_session
 from scene.errors import SessionError
 from scene.files import write_png
@@ -42,58 +44,17 @@ def told(folder, text):
         ('[frames]\nflash = "' + "*a" * 5000 + '"', "frames.flash[0]: found '*a"),
         (FLASH + '[[spheres]]\nkind = "white"\n' * 2000, "spheres: found ["),
         ("a = " + "[" * 100_000, "nested too deeply"),
-        ("a" + ".a" * 5000 + " = 1", "nested too deeply"),
         (FLASH + "x = " + "[" * 300 + "]" * 300, "frames.x: unknown key"),
         ("# " + "x" * (2 << 20), "1 MB are the most"),
         (FLASH + "gamma = " + "9" * 5000, "is not TOML"),
-        (FLASH + 'gamma = "' + "x" * 100_000 + '"', "frames.gamma: found 'xxx"),
+        (FLASH + CAMERA.replace("fx = 70", "fx = 1e5"), "camera.fx: found 100000 px for a picture of 60 px"),
+        (FLASH + CAMERA.replace("cx = 30", "cx = nan"), "camera.cx: found nan; expected a finite number"),
+        (FLASH + CAMERA + "distortion = [900, 0, 0, 0, 0]", "camera.distortion: found [900.0"),
     ],
-    ids=[
-        "many globs",
-        "long glob",
-        "many balls",
-        "deep list",
-        "deep key",
-        "deep value",
-        "huge",
-        "long number",
-        "long text",
-    ],
+    ids=lambda value: value if len(value) < 60 else "",
 )
-def test_deep_and_huge_files(folder, text, part):
+def test_deep_and_huge_files_and_cameras_beyond_physics(folder, text, part):
     assert part in told(folder, text)
-
-
-@pytest.mark.parametrize(
-    ("text", "part"),
-    [
-        (CAMERA.replace("fx = 70", "fx = 1e5"), "camera.fx: found 100000 px for a picture of 60 px"),
-        (CAMERA.replace("fy = 70", "fy = 2"), "camera.fy: found 2 px"),
-        (CAMERA.replace("fx = 70", "fx = inf"), "camera.fx: found inf; expected a finite number"),
-        (CAMERA.replace("cx = 30", "cx = nan"), "camera.cx: found nan; expected a finite number"),
-        (CAMERA + "distortion = [0.1, nan, 0, 0, 0]", "camera.distortion[1]: found nan"),
-        (CAMERA + "distortion = [900, 0, 0, 0, 0]", "camera.distortion: found [900.0"),
-        (CAMERA.replace("width = 60", "width = 9000000000"), "camera.width: found 9000000000; expected 1 to 100000"),
-        ('[[spheres]]\nkind = "chrome"\ndiameter_mm = inf', "spheres[0].diameter_mm: found inf"),
-        ('[[spheres]]\nkind = "chrome"\ndiameter_mm = 76e9', "expected 0.1 to 10000: millimetres"),
-        (
-            '[[spheres]]\nkind = "chrome"\ncenter_px = [1e300, 2]\nradius_px = 3',
-            "spheres[0].center_px[0]: found 1e",
-        ),
-        ("[object]\nscan_ball_diameter_mm = 1e-9", "object.scan_ball_diameter_mm: found 1e-09"),
-        ("gamma = 1e9", "frames.gamma: found 1000000000.0"),
-    ],
-)
-def test_numbers_beyond_physics(folder, text, part):
-    assert part in told(folder, FLASH + text)
-
-
-def examples(table):
-    return {key: field.examples[0] for key, field in TABLES[table].model_fields.items()}
-
-
-WHOLE = {name: examples(name) for name in ("frames", "camera", "lights", "object")} | {"spheres": [examples("spheres")]}
-"""Every key, with its example."""
 
 
 def numbers(value, path=()):
@@ -105,36 +66,28 @@ def numbers(value, path=()):
         yield path
 
 
-@pytest.mark.parametrize("path", list(numbers(WHOLE)))
-def test_every_number_has_bounds(path):
-    """Of the keys to come, too."""
-    assert parse(WHOLE)[1] == []
+def test_every_number_has_bounds():
+    """Of the keys to come, too; all that are at fault are told at once."""
+    known = {name: {key: field.examples[0] for key, field in table.model_fields.items()} for name, table in
+             TABLES.items() if name in ("frames", "camera", "lights", "object", "spheres")}  # fmt: skip
+    whole = known | {"spheres": [known["spheres"]]}
+    assert parse(whole)[1] == []
     for number in (1e300, -1e300, 10**30, -(10**30), 1e9, -1e9):
-        data = copy.deepcopy(WHOLE)
-        holder = data
-        for part in path[:-1]:
-            holder = holder[part]
-        holder[path[-1]] = number
-        where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).lstrip(".")
-        assert [fault for fault in parse(data)[1] if fault.startswith(f"{where}: found")]
+        data, paths = copy.deepcopy(whole), list(numbers(whole))
+        for path in paths:
+            holder = data
+            for part in path[:-1]:
+                holder = holder[part]
+            holder[path[-1]] = number
+        faults = parse(data)[1]
+        assert len(faults) == len(paths) > 15
+        for path in paths:
+            where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).lstrip(".")
+            assert [fault for fault in faults if fault.startswith(f"{where}: found")], where
 
 
-def test_all_of_them_at_once(folder):
-    text = CAMERA.replace("fx = 70", "fx = inf") + '[[spheres]]\nkind = "chrome"\ndiameter_mm = 76e9\n'
-    message = told(folder, FLASH + text)
-    assert "2 faults" in message
-    assert "camera.fx" in message
-    assert "spheres[0].diameter_mm" in message
-
-
-def test_lenses_that_there_are_pass(folder):
-    for line in ("distortion = [-0.35, 0.2, 0.001, -0.001, -0.08]", ""):
-        (folder / "session.toml").write_text(FLASH + CAMERA + line)
-        assert load_session(folder).camera is not None
-
-
-def test_a_link_to_its_own_folder_shows_each_photograph_once(folder):
-    """glob.glob went around it 40 times: 247 files for 7."""
+def test_a_link_to_its_own_folder_shows_each_photograph_once(folder, tmp_path_factory):
+    """glob.glob went around it 40 times: 247 files for 7. A link to another folder is followed."""
     (folder / "sub").mkdir()
     (folder / "sub" / "up").symlink_to(folder)
     (folder / "again").symlink_to(folder / "sub")
@@ -143,41 +96,15 @@ def test_a_link_to_its_own_folder_shows_each_photograph_once(folder):
         assert sorted({path.resolve() for path in files}) == sorted(path.resolve() for path in files)
         assert (len(files), faults) == (7, [])
     assert expand(["**/*.png"], folder)[0][0] == folder / "flash_0.png"
+    other = tmp_path_factory.mktemp("session")
+    (other / "raw").symlink_to(folder)
+    assert expand(["**/flash_0.png"], other) == ([other / "raw" / "flash_0.png"], [])
 
 
-def test_a_linked_folder_below_is_followed(tmp_path):
-    (tmp_path / "card").mkdir()
-    write_png(tmp_path / "card" / "flash_0.png", np.zeros((2, 2, 3), np.uint8))
-    (tmp_path / "session").mkdir()
-    (tmp_path / "session" / "raw").symlink_to(tmp_path / "card")
-    files, faults = expand(["**/*.png"], tmp_path / "session")
-    assert (files, faults) == ([tmp_path / "session" / "raw" / "flash_0.png"], [])
-
-
-@pytest.mark.parametrize(
-    "pattern",
-    [
-        *(
-            "**",
-            "**/*",
-            "**/*.png",
-            "a/**/*.png",
-            "*/**/f*",
-            "a**/*.png",
-            "**/b/*.png",
-            "a/**",
-            "./**/*.png",
-            "**/**/*.png",
-        ),
-        *("*.png", "a/*", "[ab]/*.png", "gone/**/*.png", ".hidden/*.png", "../*/a/*.png", "**/.*"),
-    ],
-)
-def test_globs_match_what_they_match_in_the_shell(tmp_path, pattern):
+def test_globs_match_what_they_match_in_the_shell(tmp_path):
     """Without links the files are glob.glob's own."""
-    import glob
-
     root = tmp_path / "root"
-    for name in (
+    for name in [
         "f0.png",
         "a/f1.png",
         "a/b/f2.png",
@@ -186,13 +113,15 @@ def test_globs_match_what_they_match_in_the_shell(tmp_path, pattern):
         ".hidden/f5.png",
         "ab/f6.png",
         "a/.f7.png",
-    ):
+    ]:
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_bytes(b"")
-    for absolute in ("", f"{root}/"):
-        expected = {root / name for name in glob.glob(absolute + pattern, root_dir=root, recursive=True)}
-        found, _ = expand([absolute + pattern], root)
-        assert {path.resolve() for path in found} == {path.resolve() for path in expected if path.is_file()}
+    patterns = "** **/* **/*.png a/**/*.png */**/f* a**/*.png **/b/*.png a/** ./**/*.png **/**/*.png *.png a/*"
+    for pattern in [*patterns.split(), "[ab]/*.png", "gone/**/*.png", ".hidden/*.png", "../*/a/*.png", "**/.*"]:
+        for absolute in ("", f"{root}/"):
+            expected = {root / name for name in glob.glob(absolute + pattern, root_dir=root, recursive=True)}
+            found, _ = expand([absolute + pattern], root)
+            assert {path.resolve() for path in found} == {one.resolve() for one in expected if one.is_file()}, pattern
 
 
 def test_a_glob_through_a_whole_disk_ends(tmp_path, monkeypatch):
@@ -229,13 +158,11 @@ def test_a_name_that_is_no_text(folder):
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="needs to become someone else")
 def test_an_unreadable_folder(folder):
     """As somebody who may not look into it."""
-    import subprocess
-
     (folder / "session.toml").write_text(FLASH.replace("flash_*", "closed/*"))
     (folder / "closed").mkdir(mode=0o000)
     code = (
         "import os, sys; sys.path.insert(0, sys.argv[1])\n"
-        "import capture.session.manifest, capture.session.resolve, capture.session.session as s\n"
+        "import capture.session.manifest_file, capture.session.resolve, capture.session.session as s\n"
         "from pathlib import Path; os.setgid(65534); os.setuid(65534)\n"
         "for place in sys.argv[2:]:\n"
         "    try: s.load_session(Path(place))\n"
@@ -250,16 +177,3 @@ def test_an_unreadable_folder(folder):
     )  # fmt: skip
     assert done.stderr == ""
     assert done.stdout.count("told") == 2
-
-
-def test_a_list_of_many_names_is_read_in_no_time(tmp_path):
-    """Counting each name among all took as long as the square of their number."""
-    import time
-
-    from capture.session.globs import frame_names
-
-    files = [tmp_path / f"{index % 2}" / f"flash_{index // 2}.png" for index in range(40_000)]
-    begin = time.perf_counter()
-    names = frame_names(files)
-    assert time.perf_counter() - begin < 5
-    assert names[:3] == ["0_flash_0", "1_flash_0", "0_flash_1"]

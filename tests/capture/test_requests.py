@@ -1,7 +1,6 @@
 """What calibration and alignment are given: balls asked for, balls shot apart, masks."""
 
 import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -59,7 +58,9 @@ def test_it_is_decoded_again_only_when_something_changed(apart):
     first = codes.stat().st_mtime_ns
     sphere_requests(session, store)
     assert codes.stat().st_mtime_ns == first
+    # An older photograph replaces a newer one.
     linear_png(session.spheres[0].frames[1], balls[0] * 0.5)
+    os.utime(session.spheres[0].frames[1], ns=(10**18, 10**18))
     (request,), _ = sphere_requests(session, store)
     assert request.frames is not None
     assert np.abs(request.frames.frame(1) - balls[0] * 0.5).max() < 2e-5
@@ -67,17 +68,6 @@ def test_it_is_decoded_again_only_when_something_changed(apart):
     decode(session, store)
     sphere_requests(session, store)
     assert codes.stat().st_mtime_ns > second, "the session was decoded anew: a setting may have changed"
-
-
-def test_an_older_photograph_replaces_a_newer_one(apart):
-    session, store, balls = apart()
-    sphere_requests(session, store)
-    victim = session.spheres[0].frames[1]
-    linear_png(victim, balls[0] * 0.5)
-    os.utime(victim, ns=(10**18, 10**18))
-    (request,), _ = sphere_requests(session, store)
-    assert request.frames is not None
-    assert np.abs(request.frames.frame(1) - balls[0] * 0.5).max() < 2e-5
 
 
 def test_what_is_suspicious_about_a_ball_is_said_each_time(apart):
@@ -91,18 +81,26 @@ def test_what_is_suspicious_about_a_ball_is_said_each_time(apart):
         assert same.startswith("spheres[1]: flash_000 and flash_003 ")
 
 
-def test_balls_are_decoded_where_one_says(apart):
-    session, store, _ = apart()
-    with ThreadPoolExecutor(1) as executor:
-        submitted = []
-        submit, executor.submit = executor.submit, lambda *job: submitted.append(job) or submit(*job)
-        sphere_requests(session, store, executor=executor)
-    assert len(submitted) == 3
-
-
 def test_a_ball_of_another_size(apart):
     session, store, _ = apart(size=(48, 64))
     with pytest.raises(SessionError, match=r"spheres\[0\]\.frames.*64 x 48.*80 x 60"):
+        sphere_requests(session, store)
+
+
+@pytest.mark.parametrize(
+    ("circle", "told"),
+    [
+        ("center_px = [400, 20]\nradius_px = 10", r"spheres\[1\]\.center_px"),
+        # Its outline was looked for in gigabytes, for minutes.
+        (
+            "center_px = [40, 20]\nradius_px = 81",
+            r"radius_px: found 81, larger than the picture of 80 x 60",
+        ),
+    ],
+)
+def test_hints_that_no_picture_has(apart, circle, told):
+    session, store, _ = apart(f'[[spheres]]\nkind = "white"\n{circle}')
+    with pytest.raises(SessionError, match=told):
         sphere_requests(session, store)
 
 
@@ -113,19 +111,6 @@ def test_hints_follow_superpixels(apart, half, center, radius):
     hint = sphere_requests(session, store)[0][1]
     assert hint.center_px == center
     assert hint.radius_px == radius
-
-
-def test_hints_outside_of_the_picture(apart):
-    session, store, _ = apart('[[spheres]]\nkind = "white"\ncenter_px = [400, 20]\nradius_px = 10')
-    with pytest.raises(SessionError, match=r"spheres\[1\]\.center_px"):
-        sphere_requests(session, store)
-
-
-def test_a_ball_larger_than_the_picture(apart):
-    """Its outline was looked for in gigabytes, for minutes."""
-    session, store, _ = apart('[[spheres]]\nkind = "white"\ncenter_px = [40, 20]\nradius_px = 81')
-    with pytest.raises(SessionError, match=r"spheres\[1\]\.radius_px: found 81, larger than the picture of 80 x 60"):
-        sphere_requests(session, store)
 
 
 def test_masks(tmp_path):
@@ -142,18 +127,13 @@ def test_masks(tmp_path):
     write_png(path, np.kron(truth, np.ones((2, 2), bool)))
     assert np.array_equal(read_mask(path, 8, 10), truth), "a full-size mask of superpixels"
 
-
-@pytest.mark.parametrize(("shape", "part"), [((8, 11), "11 x 8 px, the frames 10 x 8"), ((8, 10), "empty")])
-def test_masks_that_cannot_do(tmp_path, shape, part):
-    write_png(tmp_path / "mask.png", np.zeros(shape, np.uint8))
-    with pytest.raises(SessionError, match=part):
-        read_mask(tmp_path / "mask.png", 8, 10)
-
-
-def test_a_mask_that_is_no_picture(tmp_path):
-    (tmp_path / "mask.png").write_bytes(b"no")
+    for shape, part in (((8, 11), "11 x 8 px, the frames 10 x 8"), ((8, 10), "empty")):
+        write_png(path, np.zeros(shape, np.uint8))
+        with pytest.raises(SessionError, match=part):
+            read_mask(path, 8, 10)
+    path.write_bytes(b"no")
     with pytest.raises(SessionError, match="mask cannot be read"):
-        read_mask(tmp_path / "mask.png", 8, 10)
+        read_mask(path, 8, 10)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 
-from capture.session.globs import natural_key
 from capture.session.session import load_session
 from capture.session.session_types import Board
 from scene.camera import Camera
@@ -20,6 +19,7 @@ def folder(tmp_path):
         write_png(tmp_path / f"{name}.png", np.full((4, 6), 9, np.uint8))
     (tmp_path / "object.ply").write_text("ply")
     (tmp_path / "lights.lp").write_text("0")
+    (tmp_path / "a.dng").write_bytes(b"x")
     return tmp_path
 
 
@@ -86,7 +86,7 @@ def test_every_key_arrives(folder):
     )
     assert session.names == ("flash_10", "flash_9"), "the globs in their order, flash_2 skipped"
     assert session.kept == (0, 2)
-    assert session.photographed == 3
+    assert (session.photographed, session.encoding_stated) == (3, True)
     assert session.ambient == (folder / "dusk.png",)
     assert session.encoding == 1.8
     assert session.half
@@ -118,24 +118,6 @@ def test_the_unit_of_a_scan_is_what_is_written_else_the_format_s(folder, scan, u
     assert load(folder, FLASH + f'[object]\nscan = "{scan}"\n{line}').scan_unit == expected
 
 
-def test_one_word_of_skip_may_leave_out_several_frames(folder):
-    for part in ("day", "night"):
-        (folder / part).mkdir()
-        for i in (1, 2):
-            write_png(folder / part / f"f_{i}.png", np.full((4, 6), 9, np.uint8))
-    session = load(folder, '[frames]\nflash = ["day/*.png", "night/*.png"]\nskip = ["f_1"]')
-    assert (session.names, session.kept, session.photographed) == (("day_f_2", "night_f_2"), (1, 3), 4)
-
-
-@pytest.mark.parametrize(
-    ("line", "encoding"), [("linear = true", "linear"), ("linear = false", "srgb"), ("gamma = 2.2", 2.2)]
-)
-def test_encoding(folder, line, encoding):
-    session = load(folder, FLASH + line)
-    assert session.encoding == encoding
-    assert session.encoding_stated
-
-
 def test_a_board(folder):
     board = '{ squares = [11, 8], square_mm = 15, marker_mm = 11, dictionary = "D" }'
     text = f'[camera]\ncharuco = "ball_*.png"\nboard = {board}'
@@ -144,12 +126,9 @@ def test_a_board(folder):
     assert (len(camera.files), camera.squares, camera.square_mm) == (3, (11, 8), 15)
 
 
-@pytest.mark.parametrize("name", ["", " ", ".", "..", "../other", "/tmp/x", "a/b", "a\\b", "C:x", "a\0b"])
-def test_names_that_would_lead_elsewhere(folder, name):
-    assert "name: found" in faults_of(folder, f"name = {json.dumps(name)}\n{FLASH}")
-
-
-def test_a_name_may_hold_what_is_no_path(folder):
+def test_names_that_would_lead_elsewhere(folder):
+    for name in ("", " ", ".", "..", "../other", "/tmp/x", "a/b", "a\\b", "C:x", "a\0b"):
+        assert "name: found" in faults_of(folder, f"name = {json.dumps(name)}\n{FLASH}")
     assert load(folder, f'name = "Büste v1.2 (a..b)"\n{FLASH}').name == "Büste v1.2 (a..b)"
 
 
@@ -193,34 +172,26 @@ def test_all_faults_at_once(folder):
     [
         ("", ["frames: missing"]),
         ("[frames]\nlinear = true", ["frames.flash: missing"]),
-        ("[frames\n", ["TOML", "line 1"]),
-        ('[frames]\nflash = "FLASH_*.png"', ["Upper and lower case", "flash_"]),
-        ('[frames]\nflash = "raw/*.png"', ["folder", "raw", "does not exist"]),
         ('[frames]\nflash = "*.lp"', ["lights.lp is no photograph"]),
         ('[frames]\nflash = ["flash_*.png", "flash_2.png"]', ["flash_2.png a second time"]),
-        ('[frames]\nflash = "*.png"\nambient = "dusk.png"', ["dusk.png is also among frames.flash"]),
-        (FLASH + "scan_unit = 1", ["frames.scan_unit: unknown key. It belongs under [object]"]),
         (FLASH + "linear = true\ngamma = 2.2", ["frames.gamma", "Keep one"]),
+        ('[frames]\nflash = "[af]*"', ["1 .dng and 3 .png"]),
+        (FLASH + 'ambient = "*.dng"', ["of another kind"]),
+        ('[frames]\nflash = "a.dng"\nlinear = false', ["linear by themselves"]),
         (FLASH + 'skip = ["flash_2", "flash_9", "flash_10"]', ["leaves none"]),
-        (FLASH + '[camera]\nfx = "wide"', ["camera.fx: found 'wide'", "number"]),
-        (FLASH + "[camera]\nwidth=6\nheight=4\nfx=7\nfy=7\ncx=60\ncy=2", ["camera.cx", "outside"]),
         (FLASH + '[camera]\ncharuco = "ball_*.png"', ["camera.board: missing"]),
         (FLASH + '[camera]\ncharuco = "ball_*.png"\nboard = { squares = [9, 6] }', ["camera.board.marker_mm: missing"]),
         (FLASH + '[camera]\nchessboard = "ball_*.png"\nfx = 70', ["camera.board: missing", "found fx beside a board"]),
         (FLASH + "[camera]\nwidth = 6\nfx = 7", ["camera.height: missing", "go together"]),
-        (FLASH + "[camera]\ncx = 6\nfx = 7", ["camera.cy: missing"]),
         (FLASH + "[camera]\nfy = 7", ["camera.fx: missing"]),
         (FLASH + "[camera]\nfocal_mm = 50\nsensor_mm = 36\npixel_um = 4", ["found sensor_mm, pixel_um"]),
         (FLASH + "[camera]\nfocal_mm = 8333\nsensor_mm = 36", ["camera.focal_mm: found 8333", "1 to 3000"]),
         (FLASH + '[[spheres]]\nkind = "white"\nradius_px = 3', ["spheres[0].center_px: missing"]),
         (FLASH + '[[spheres]]\nkind = "white"\nframes = "ball_[12].png"', ["matches 2 files, frames.flash 3"]),
-        (FLASH + '[object]\nmask = "mask.pgn"', ["object.mask: there is no file", "Did you mean mask.png?"]),
         (FLASH + '[lights]\nfile = "mask.png"', ["lights.file: mask.png cannot be read", ".lp, .json, .txt"]),
         (FLASH + '[object]\nscan = "mask.png"', ["object.scan: mask.png cannot be read", ".ply, .obj"]),
         (FLASH + '[object]\npicks = "mask.png"', ["object.picks: picks are points of a scan, and there is none"]),
-        (FLASH + '[object]\nscan = "object.ply"\npicks = "pick.csv"', ["object.picks: there is no file", "pick.csv"]),
         (FLASH + '[object]\nnormals = "object.ply"', ["object.normals: object.ply cannot be read", ".mat, .txt"]),
-        (FLASH + '[object]\nscan_unit = "um"', ["object.scan_unit: found 'um'", "'inch'"]),
         (FLASH + "[object]\nscan_ball_diameter_mm = 0", ["object.scan_ball_diameter_mm: found 0"]),
         ("version = 2\n" + FLASH, ["version: found 2"]),
     ],
@@ -231,29 +202,11 @@ def test_faults_say_where_and_what_to_do(folder, text, parts):
         assert part in message
 
 
-def test_frames_of_two_kinds(folder):
-    (folder / "flash_2.dng").write_bytes(b"x")
-    assert "1 .dng and 3 .png" in faults_of(folder, '[frames]\nflash = "flash_*"')
-    assert "of another kind" in faults_of(folder, FLASH + 'ambient = "*.dng"')
-
-
-def test_raw_files_are_linear_by_themselves(folder):
-    (folder / "a.dng").write_bytes(b"x")
-    assert "linear by themselves" in faults_of(folder, '[frames]\nflash = "a.dng"\nlinear = false')
-
-
 def test_no_session(tmp_path):
     with pytest.raises(SessionError, match=r"neither session\.toml"):
         load_session(tmp_path)
     with pytest.raises(SessionError, match="no such session"):
         load_session(tmp_path / "elsewhere")
-
-
-def test_natural_order():
-    from pathlib import Path
-
-    names = ["b1", "a10", "a9", "a9b", "a", "A2"]
-    assert [p.name for p in sorted(map(Path, names), key=natural_key)] == ["a", "A2", "a9", "a9b", "a10", "b1"]
 
 
 def test_the_shared_captures_load(shared):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from formats.document_faults import Location, fault_line
 from formats.pictures import read_picture
 from scene.camera import Camera
 from scene.errors import RenderError, SceneError
@@ -58,7 +59,8 @@ def _scene(path: Path, data: dict[str, Any]) -> TwinScene:
         named = _Named(path.parent, tuple(materials) if isinstance(materials, dict) else ())
         table = DescriptionTable.model_validate(data, context=named)
     except ValidationError as error:
-        raise _told(path, [_line(fault) for fault in error.errors(include_url=False)]) from None
+        faults = error.errors(include_url=False)
+        raise _told(path, [fault_line(fault, _meant, hidden=TAGS) for fault in faults]) from None
     objects = tuple(_object(index, one) for index, one in enumerate(table.objects))
     triangles = sum(len(one.mesh.faces) for one in objects)
     if triangles > MOST_TRIANGLES:
@@ -165,23 +167,8 @@ def _told(path: Path, faults: list[str]) -> RenderError:
     return faults_of(str(path), [shortened(fault, 600) for fault in faults])
 
 
-def _line(fault: Any) -> str:
-    # pydantic puts the kind of a table into the path, which no file holds.
-    location = [part for part in fault["loc"] if isinstance(part, int) or part not in TAGS]
-    path = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".")
-    if fault["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-        own = str(location[-1])
-        close = difflib.get_close_matches(own, [key for key in _KEYS if key != own], n=1)
-        hint = f"Did you mean {close[0]}?" if close else "docs/reference/scene-toml.md lists them."
-        return f"{path}: unknown key. {hint}"
-    if fault["type"] == "missing":
-        return f"{path}: missing."
-    message = fault["msg"].removeprefix("Value error, ").replace("Input should be ", "expected ").rstrip(".")
-    if isinstance(getattr(fault.get("ctx", {}).get("error"), "__cause__", None), SceneError):
-        return f"{path}: {fault['ctx']['error']}"
-    if fault["type"].startswith("union_tag"):
-        message = message.replace("_kind()", "'kind'")
-        return f"{path}.kind: {message[0].lower()}{message[1:]}."
-    found = fault["input"]
-    shown = f"a table with {', '.join(found) or 'nothing'}" if isinstance(found, dict) else repr(found)
-    return f"{path}: found {shown}; {message[0].lower()}{message[1:]}."
+def _meant(location: Location) -> str:
+    """Say which key may be meant by one that is unknown."""
+    own = str(location[-1])
+    close = difflib.get_close_matches(own, [key for key in _KEYS if key != own], n=1)
+    return f"Did you mean {close[0]}?" if close else "docs/reference/scene-toml.md lists them."

@@ -3,7 +3,6 @@
 import io
 import shutil
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from scene.store import Store
 from shoot.init.answers import Answers
 from shoot.init.init_session import init_sessions
 
-DIAMETERS = {"chrome": (100.0,), "white": (90.0,)}
+SIZES = {"chrome": (100.0,), "white": (90.0,)}
 FIXTURE = ROOT / "fixtures" / "bumpy"
 
 
@@ -36,43 +35,65 @@ def folder(tmp_path, monkeypatch):
     return place
 
 
-def take_photographs(folder):
-    """Four of noise."""
+@pytest.fixture
+def shared():
+    """Return a path under the shared captures, or skip where they are absent."""
+
+    def at(name):
+        path = ROOT / ".." / "shared" / name
+        if not path.exists():
+            pytest.skip(f"../shared/{name} is absent")
+        return path
+
+    return at
+
+
+@pytest.fixture
+def mine(tmp_path, monkeypatch):
+    """Four photographs of noise."""
+    monkeypatch.chdir(tmp_path)
+    return take_photographs(tmp_path / "my photographs")
+
+
+def take_photographs(place, name="{}", seed=0):
+    """Take four photographs of an object, whose place in the picture the seed tells, in noise."""
+    place.mkdir(parents=True, exist_ok=True)
+    there = np.zeros((40, 60, 1))
+    there[:, 12 * seed : 12 * seed + 12] = 1
     for n in range(4):
-        write_png(folder / f"{n}.png", np.random.default_rng(n).integers(2000, 60000, (40, 60, 3)).astype(np.uint16))
+        noise = np.random.default_rng(n).uniform(2000, 4000, (40, 60, 3))
+        write_png(place / f"{name.format(n)}.png", (noise * (1 + 10 * there)).astype(np.uint16))
+    return place
 
 
 def lay_out(folder):
     return {path.relative_to(folder).as_posix(): path.stat().st_mtime_ns for path in folder.rglob("*")}
 
 
+def balls(session):
+    return sorted((spec.kind, spec.diameter_mm) for spec in session.spheres)
+
+
 @pytest.mark.full
 def test_two_questions_give_the_session_that_was_written_by_hand(folder, monkeypatch, capsys):
     before = lay_out(folder)
     monkeypatch.setattr(sys, "stdin", io.StringIO("100\n90\n"))
-    (made,), questions = init_sessions(folder, Answers())
-    assert questions == 2
+    (made,) = init_sessions(folder, Answers())
+    assert capsys.readouterr().err.count("Enter") == 2
     after = lay_out(folder)
     assert after.pop("session.toml")
     assert after == before, "nothing else is touched"
     ours, theirs = load_session(folder), load_session(FIXTURE)
     # By its light alone the ambient frame is told from the others.
     assert [path.stat().st_size for path in ours.flash] == [path.stat().st_size for path in theirs.flash]
-    assert len(ours.ambient) == 1
-    assert ours.ambient[0].read_bytes() == theirs.ambient[0].read_bytes()
-    assert sorted((s.kind, s.diameter_mm) for s in ours.spheres) == sorted(
-        (s.kind, s.diameter_mm) for s in theirs.spheres
-    )
+    assert [path.read_bytes() for path in ours.ambient] == [path.read_bytes() for path in theirs.ambient]
+    assert balls(ours) == balls(theirs)
     assert (ours.scan_unit, ours.camera) == ("mm", None)
     assert made.sheet.is_file()
     assert any("13 .jpg" in note and "beside a file of the same name" in note for note in made.draft.notes)
-    # What nobody has changed is written anew, with what is known now; a person's own words are not.
-    init_sessions(folder, Answers({"chrome": (60.0,), "white": (58.0,)}, unit="mm"), silent=True)
-    assert {s.diameter_mm for s in load_session(folder).spheres if s.kind == "chrome"} == {60.0}
-    text = (folder / "session.toml").read_text()
-    (folder / "session.toml").write_text(text.replace("60", "61", 1))
-    with pytest.raises(SessionError, match="is there already"):
-        init_sessions(folder, Answers(), silent=True)
+    # What nobody has changed is written anew, with what is known now, and what was said before.
+    init_sessions(folder, Answers(chrome=(60.0,)), silent=True)
+    assert {spec.kind: spec.diameter_mm for spec in load_session(folder).spheres} == {"chrome": 60.0, "white": 90.0}
 
 
 @pytest.mark.full
@@ -82,8 +103,7 @@ def test_lights_without_a_word_about_the_camera(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(
         "capture.camera.exif._exif_of_tags", lambda tags: __import__("capture.camera.exif").camera.exif.Exif()
     )
-    answers = Answers(DIAMETERS)
-    init_sessions(folder, answers, silent=True)
+    init_sessions(folder, Answers(**SIZES), silent=True)
     run_session(folder, "calibrate", out=tmp_path / "unknown")
     run_session(FIXTURE, "calibrate", out=tmp_path / "known")
     unknown, known = Store(tmp_path / "unknown"), Store(tmp_path / "known")
@@ -96,78 +116,63 @@ def test_lights_without_a_word_about_the_camera(folder, tmp_path, monkeypatch):
     assert np.median(off) < np.rad2deg(16 / true.fx) + np.median(lights.direction_sigma_deg)
 
 
-@pytest.mark.full
-def test_a_tape_tells_the_focal_length(folder):
-    """radius_px = fx radius_mm / distance, to the ball's own depth."""
-    truth = Store(FIXTURE).read_json("truth.json")
-    distance = -float(np.mean([ball["centre_mm"][2] for ball in truth["spheres"]]))
-    answers = Answers(DIAMETERS, distance_mm=distance)
-    init_sessions(folder, answers, silent=True)
-    lens = load_session(folder).camera
-    assert isinstance(lens, Lens)
-    assert lens.fx == pytest.approx(truth["fx"], rel=0.03)
-
-
-def test_from_inside_the_folder_the_sheet_lies_beside_it(tmp_path, monkeypatch):
-    """`rgbn init .`: session.toml was written, and then its output refused, since it lay among what is read."""
-    folder = tmp_path / "mine"
-    folder.mkdir()
-    take_photographs(folder)
-    monkeypatch.chdir(folder)
-    (made,), _ = init_sessions(Path("."), Answers(), silent=True)
-    assert made.sheet == tmp_path / "out" / "mine" / "contact-sheet.png"
+def test_only_its_own_file_is_written_anew(mine, tmp_path, monkeypatch):
+    """And from inside of the folder, `rgbn init .`, its output lies beside it, not among what is read."""
+    manifest = mine / "session.toml"
+    monkeypatch.chdir(mine)
+    said = Answers(focal_mm=50.0, sensor_mm=36.0)
+    for answers in (said, Answers()):
+        (made,) = init_sessions(mine, answers, silent=True)
+        assert load_session(mine).camera == Lens(focal_mm=50.0, sensor_mm=36.0), "as it was said before"
+    assert made.sheet == tmp_path / "out" / mine.name / "contact-sheet.png"
     assert made.sheet.is_file()
-    assert sorted(path.name for path in folder.iterdir()) == [*(f"{n}.png" for n in range(4)), "session.toml"]
-
-
-def test_only_its_own_file_is_written_anew(tmp_path, monkeypatch):
-    folder, manifest = tmp_path / "mine", tmp_path / "mine" / "session.toml"
-    folder.mkdir()
-    take_photographs(folder)
-    monkeypatch.chdir(tmp_path)
-    init_sessions(folder, Answers(), silent=True)
+    assert sorted(path.name for path in mine.iterdir()) == [*(f"{n}.png" for n in range(4)), "session.toml"]
     written = manifest.read_text()
-    init_sessions(folder, Answers(), silent=True)
-    assert manifest.read_text() == written
-    manifest.write_text(written.replace("mine", "cup", 1))
+    manifest.write_text(written.replace("50.0", "51.0", 1))
     with pytest.raises(SessionError, match="is there already"):
-        init_sessions(folder, Answers(), silent=True)
+        init_sessions(mine, Answers(), silent=True)
     # A link leads to a file of another place, whatever that holds.
     (tmp_path / "elsewhere.toml").write_text(written)
     manifest.unlink()
     manifest.symlink_to(tmp_path / "elsewhere.toml")
     with pytest.raises(SessionError, match="is there already"):
-        init_sessions(folder, Answers(), silent=True)
+        init_sessions(mine, Answers(), silent=True)
     assert manifest.is_symlink()
 
 
-def test_nothing_is_written_where_the_output_is_anothers(tmp_path, monkeypatch):
-    folder, other = tmp_path / "mine", tmp_path / "out" / "mine"
-    folder.mkdir()
+def test_nothing_is_written_where_the_output_is_anothers(mine, tmp_path):
+    other = tmp_path / "out" / mine.name
     other.mkdir(parents=True)
     (other / "thesis.txt").write_text("years of work")
-    take_photographs(folder)
     before = lay_out(tmp_path)
-    monkeypatch.chdir(tmp_path)
     with pytest.raises(SceneError, match=r"is not empty \(thesis.txt\)"):
-        init_sessions(folder, Answers(), silent=True)
+        init_sessions(mine, Answers(), silent=True)
     assert lay_out(tmp_path) == before
 
 
-@pytest.mark.parametrize(
-    ("words", "cure"),
-    [
-        (["--chrome", "100;90"], "--chrome 100;90: expected millimetres, as in 76"),
-        (["--white", "0"], "expected millimetres from 0.1"),
-        (["--sensor-mm", "36", "--pixel-um", "4"], "--sensor-mm, --pixel-um: each tells the size of the sensor"),
-        (["--focal-mm", "-5"], "--focal-mm -5: expected a length above 0"),
-        (["--focal-mm", "50", "--distance-mm", "900"], "each tells the focal length"),
-    ],
-)
-def test_answers_that_cannot_be_meant(run_rgbn, tmp_path, words, cure):
-    code, _, said = run_rgbn("init", tmp_path, *words)
-    assert code == 2
-    assert cure in said
+def test_the_command_says_what_to_run_for_each_object(run_rgbn, tmp_path, monkeypatch):
+    """Paths with blanks can be pasted; `next` named one object of several."""
+    for name in ("a cat", "owl"):
+        take_photographs(tmp_path / "all mine" / name)
+    monkeypatch.chdir(tmp_path)
+    code, told, _ = run_rgbn("init", tmp_path / "all mine", "--yes")
+    assert code == 0
+    assert [line for line in told.splitlines() if line.startswith("next")] == [
+        f"next     rgbn process '{tmp_path}/all mine/{name}'" for name in ("a cat", "owl")
+    ]
+    code, _, said = run_rgbn("init", tmp_path / "all mine", "--chrome", "100;90")
+    assert (code, "100;90: expected millimetres, as in 76" in said) == (2, True)
+
+
+def test_several_objects_in_one_folder_are_no_session(mine, tmp_path):
+    for seed, name in enumerate(("cat_{}", "owl_{}", "rock_{}")):
+        take_photographs(tmp_path / "mixed", name, seed)
+    with pytest.raises(SessionError, match=r"several objects \(cat 4, owl 4, rock 4\).*a folder of its own"):
+        init_sessions(tmp_path / "mixed", Answers(), silent=True)
+    for name in ("left_{}", "right_{}"):
+        take_photographs(tmp_path / "same", name)
+    (made,) = init_sessions(tmp_path / "same", Answers(), silent=True)
+    assert len(made.draft.photographs["flash"]) == 8, "two names of one object"
 
 
 @pytest.mark.parametrize(
@@ -189,20 +194,31 @@ def test_what_is_refused(tmp_path, names, words):
 
 
 @pytest.mark.full
-@pytest.mark.slow
-def test_somebody_elses_session_without_its_session_toml(tmp_path, monkeypatch):
-    """What init finds is what the session's own file says."""
-    source = ROOT / ".." / "shared" / "sessions" / "bunny"
-    if not source.is_dir():
-        pytest.skip("../shared/sessions/bunny is absent")
+@pytest.mark.parametrize("place", ["psdata_pig/LightProbe-2", "uw_psm/png"])
+def test_photographs_that_others_took(shared, tmp_path, monkeypatch, place):
+    """A room-lit frame among the flashes hid a ball of 487 px and left one of 8; seven objects have a folder each."""
     monkeypatch.chdir(tmp_path)
-    folder = tmp_path / "bunny"
+    shutil.copytree(shared(f"real/{place}"), tmp_path / "theirs", ignore=shutil.ignore_patterns("*.txt"))
+    made = init_sessions(tmp_path / "theirs", Answers(), silent=True)
+    if place == "uw_psm/png":
+        assert [one.draft.folder.name for one in made] == ["buddha", "cat", "horse", "owl", "rock"]
+        assert all(len(load_session(one.draft.folder).spheres) == 2 for one in made)
+    else:
+        (ball,) = made[0].draft.found
+        assert (ball.kind, ball.radius_px) == ("chrome", pytest.approx(487, rel=0.03))
+        assert any("ref.JPG is brighter" in note for note in made[0].draft.notes)
+
+
+@pytest.mark.full
+@pytest.mark.slow
+def test_somebody_elses_session_without_its_session_toml(shared, tmp_path, monkeypatch):
+    """What init finds is what the session's own file says."""
+    source = shared("sessions/bunny")
+    monkeypatch.chdir(tmp_path)
     for part in ("raw", "scan"):
-        shutil.copytree(source / part, folder / part)
-    answers = Answers({"chrome": (76.0,), "white": (70.0,)}, lens=Lens(focal_mm=50.0, sensor_mm=36.0))
-    init_sessions(folder, answers, silent=True)
-    ours, theirs = load_session(folder), load_session(source)
-    assert sorted((b.kind, b.diameter_mm) for b in ours.spheres) == sorted(
-        (b.kind, b.diameter_mm) for b in theirs.spheres
-    )
+        shutil.copytree(source / part, tmp_path / "bunny" / part)
+    answers = Answers(chrome=(76.0,), white=(70.0,), focal_mm=50.0, sensor_mm=36.0)
+    init_sessions(tmp_path / "bunny", answers, silent=True)
+    ours = load_session(tmp_path / "bunny")
+    assert balls(ours) == balls(load_session(source))
     assert (ours.scan_unit, len(ours.flash), len(ours.ambient)) == ("mm", 12, 1)

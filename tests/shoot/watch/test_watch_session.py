@@ -19,7 +19,7 @@ from shoot.init.answers import Answers
 from shoot.watch.watch_folder import watch_folder
 
 SESSION = Path(__file__).parents[3] / "fixtures" / "bumpy"
-BALLS = Answers({"chrome": (100.0,), "white": (90.0,)})
+BALLS = Answers(chrome=(100.0,), white=(90.0,))
 pytestmark = pytest.mark.full
 
 

@@ -5,18 +5,16 @@ import numpy as np
 import pytest
 
 from capture.camera.exif import Exif
-from capture.survey.folder_files import survey
+from capture.session.manifest import FramesTable, Manifest, SphereTable
 from capture.survey.small_pictures import frames_of, read_small
-from shoot.init.draft import Draft, DraftBall
+from shoot.init.draft import Draft
 from shoot.init.scan_unit import ScanSize
 from studio.new_session.found_capture import FoundCapture
 
-BALLS = (
-    DraftBall("chrome", (20.0, 15.0), 8.0),
-    DraftBall("chrome", (60.0, 15.0), 7.5),
-    DraftBall("white", (20.0, 45.0), 7.0),
+BALLS = tuple(
+    SphereTable(kind=kind, center_px=[u, v], radius_px=radius)
+    for kind, u, v, radius in (("chrome", 20.0, 15.0, 8.0), ("chrome", 60.0, 15.0, 7.5), ("white", 20.0, 45.0, 7.0))
 )
-SCAN = ScanSize(1000, (50.0, 40.0, 30.0))
 
 
 @pytest.fixture
@@ -34,14 +32,14 @@ def folder(tmp_path):
 
 
 @pytest.fixture
-def found(folder):
+def found(folder, monkeypatch):
     """What a look finds there, but for the balls, which noise does not show."""
-    (files,) = survey(folder)
+    monkeypatch.setattr("shoot.init.draft.read_scan", lambda path: ScanSize(1000, (50.0, 40.0, 30.0)))
     flash, ambient = sorted(folder.glob("flash_*")), sorted(folder.glob("ambient_*"))
     small = {one.path: one for one in read_small([*ambient, *flash, folder / "odd.png"], "linear")[0]}
     frames = frames_of([small[path] for path in flash], [small[path] for path in ambient])
-    draft = Draft(
-        folder, {"flash": flash, "ambient": ambient}, 80, 60, frames, 1, exif=(Exif(),), linear=True, balls=BALLS,
-        scan=folder / "jug.ply", scan_size=SCAN, unit="unknown", across_px=30.0, notes=("left out: x.",),
-    )  # fmt: skip
-    return FoundCapture(files, draft, small, frames.read().mean(0))
+    manifest = Manifest(frames=FramesTable(flash=["flash_*.png"], ambient=["ambient_0.png"], linear=True))
+    draft = Draft(manifest, folder, 80, 60, frames, 1, exif=(Exif(),), found=BALLS, across_px=30.0,
+                  notes=("left out: x.",))  # fmt: skip
+    draft = draft.with_balls(BALLS).saying("object", scan="jug.ply")
+    return FoundCapture(draft, small, frames.read().mean(0))

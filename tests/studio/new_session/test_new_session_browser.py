@@ -116,9 +116,12 @@ def test_what_was_found_is_put_right_by_hand(visit, studio, tmp_path):
     # A reload of the page loses nothing.
     visitor.reload(FOUND)
     window = visitor.window
-    assert (len(window.outlines), window.capture.diameters_mm["chrome"]) == (2, 100)
+    assert [ball.diameter_mm for ball in window.outlines] == [100, None]
     visitor.fill("white balls, mm", 90)
-    assert window.draft.unit == "mm", "the balls' diameters tell the scan's unit"
+    assert window.capture.unit == "mm", "the balls' diameters tell the scan's unit"
+    visitor.tab("Object")
+    visitor.settle()
+    visitor.keep("new_session_object")
     visitor.tab("session.toml")
     text = window.text
     visitor.press(FOUND)

@@ -6,15 +6,18 @@ from types import SimpleNamespace
 
 import pytest
 
+from capture.session.manifest import SphereTable
 from capture.session.session import load_session
 from capture.session.session_types import Lens
 from capture.survey.folder_files import survey
 from scene.errors import SceneError
-from studio.new_session import new_session_window
+from shoot.init import init_session
+from shoot.init.draft_notes import notes_of
 from studio.new_session.capture_panels import DiametersPanel, LensPanel, ObjectPanel, PhotographsPanel
 from studio.new_session.found_capture import Looking
 from studio.new_session.found_panel import FoundPanel, TextPanel, WritePanel
 from studio.new_session.new_session_window import NewSessionWindow
+from studio.new_session.photograph_roles import role_of, with_role
 from studio.new_session.photographs_view import PhotographsView
 from studio.photograph.plane import Plane
 from studio.studio_command import studio
@@ -25,18 +28,24 @@ SIZE = Plane(80, 60)
 PANELS = (FoundPanel, DiametersPanel, PhotographsPanel, LensPanel, ObjectPanel, TextPanel, WritePanel, PhotographsView)
 
 
+def looked(looking, files):
+    """Wait until a folder was looked at."""
+    done = Future()
+    looking.ask(files, lambda done, total: None, done.set_result)
+    return done.result(60)
+
+
 @pytest.fixture
 def begun(folder, found, nobody, no_preview, furnish, settle, monkeypatch):
     """Return what makes a window on the folder with its panels, as soon as it was looked at."""
     monkeypatch.setattr("studio.new_session.found_capture.look", lambda files, progress: (progress(1, 2), found)[1])
 
     def furnished(*panels):
-        looking, told = Looking(survey(folder), folder.parent / "out" / "jug"), Future()
+        looking = Looking(survey(folder), folder.parent / "out" / "jug")
         window = NewSessionWindow(nobody(), Workspace.at(folder.parent), no_preview, looking)
         furnish(window, panels)
         window.open(window.files)
-        looking.ask(window.files, lambda done, total: None, told.set_result)
-        assert told.result(60).result() is found
+        assert looked(looking, window.files).result() is found
         settle(window)
         assert window.capture is not None
         return window
@@ -54,21 +63,33 @@ def test_the_panels_write_what_they_show(begun, folder, settle):
         client.says(label, value)
         settle(window)
 
+    def diameters():
+        return [ball.diameter_mm for ball in window.outlines]
+
     say("chrome balls, mm", 40.0)
     say("white balls, mm", 38.5)
-    say("focal length, mm", 50.0)
+    assert not client.input("white balls, mm").disabled
+    assert window.capture.scan_told.endswith("unit mm: the object looks 80 mm large"), "the balls tell the scan's unit"
+    say("scan_unit", "cm")
+    assert any("as with unit mm" in note for note in notes_of(window.capture))
+    say("scan_unit", "(by the object's size)")
+    say("focal_mm", 50.0)
     say("Write session")
     assert "without the size of the sensor" in client.told[-1]
-    say("sensor, mm", 36.0)
+    say("sensor_mm", 3600.0)
+    assert "expected 1 to 250" in client.told[-1]
+    say("sensor_mm", 36.0)
     say("photograph", "flash_2.png")
     say("used for", "not used")
     say("mask", "mask.png")
     say("ball", "2: chrome")
     assert client.input("diameter, mm").value == 40.0, "as the others of its kind"
     say("diameter, mm", 60.0)
-    assert [ball.diameter_mm for ball in window.draft.balls] == [40.0, 60.0, 38.5]
-    say("diameter, mm", 0.0)
-    assert [ball.diameter_mm for ball in window.draft.balls] == [40.0, 40.0, 38.5]
+    assert diameters() == [40.0, 60.0, 38.5]
+    say("kind", "white")
+    assert diameters() == [40.0, 38.5, 38.5], "as those of its new kind"
+    say("Back to the balls as found")
+    assert diameters() == [40.0, 40.0, 38.5]
     client.clicks(client.seen("/photograph/picture"), ray_origin=SIZE.place((21.0, 46.0)) + [0, 0, 5],
                   ray_direction=[0.0, 0.0, -1.0])  # fmt: skip
     settle(window)
@@ -83,7 +104,7 @@ def test_the_panels_write_what_they_show(begun, folder, settle):
     session = load_session(folder)
     assert [path.name for path in session.flash] == ["flash_0.png", "flash_1.png", "flash_3.png", "flash_4.png"]
     rows = [(one.kind, one.diameter_mm, one.center_px, one.radius_px) for one in session.spheres]
-    assert rows == [("chrome", 40.0, (21.0, 15.0), 8.0), ("chrome", 40.0, None, None)]
+    assert rows == [("chrome", 40.0, (21.0, 15.0), 8.0), ("chrome", 40.0, (60.0, 15.0), 7.5)]
     assert session.mask == folder / "mask.png"
     assert (session.scan_unit, session.camera) == ("mm", Lens(focal_mm=50.0, sensor_mm=36.0))
     desk = window.desk
@@ -91,44 +112,52 @@ def test_the_panels_write_what_they_show(begun, folder, settle):
     assert window.capture is None, "nothing here changes it any more"
 
 
-def test_nothing_can_be_written_before_the_folder_was_looked_at(folder, nobody, no_preview):
-    """Nor is the button seen for a moment, before the panel is refreshed first."""
+def test_what_cannot_be_written_is_not(begun, folder, nobody, no_preview, monkeypatch):
+    """Before the folder was looked at, over a file that is there, outside of the workspace, or not to be read again."""
     window = NewSessionWindow(nobody(), Workspace.at(folder.parent), no_preview, Looking(survey(folder)))
     panel = WritePanel(window)
-    button = window.client.input("Write session")
-    assert not button.visible
     panel.refresh()
-    assert not button.visible
+    assert not window.client.input("Write session").visible
     window.close()
     window.wait()
-
-
-def test_a_file_that_is_there_is_not_written_over(begun, folder):
     window = begun()
     (folder / "session.toml").write_text("# mine")
     with pytest.raises(SceneError, match="is there already"):
         window.write()
     assert (folder / "session.toml").read_text() == "# mine"
-    assert window.desk.area == "Open"
-
-
-def test_what_cannot_be_read_again_is_not_left(begun, folder, monkeypatch):
-    def refuse(path):
-        raise SceneError("not a session")
-
-    window = begun()
-    monkeypatch.setattr(new_session_window, "load_session", refuse)
-    with pytest.raises(SceneError, match="not a session"):
-        window.write()
-    assert not (folder / "session.toml").exists()
-
-
-def test_nothing_is_begun_outside_of_the_workspace(begun, folder, tmp_path):
-    window = begun()
+    (folder / "session.toml").unlink()
     window.workspace = Workspace.at(folder)
     with pytest.raises(SceneError, match="lies outside of the workspace"):
         window.write()
+    window.workspace = Workspace.at(folder.parent)
+
+    def refuse(path):
+        raise SceneError("not a session")
+
+    monkeypatch.setattr(init_session, "load_session", refuse)
+    with pytest.raises(SceneError, match="not a session"):
+        window.write()
     assert not (folder / "session.toml").exists()
+    assert window.desk.area == "Open"
+
+
+def test_a_photograph_gets_another_use_where_it_can_have_it(found, folder):
+    draft, small, flash = found.draft, found.small, folder / "flash_3.png"
+    without = with_role(draft, small, flash, "not used")
+    assert role_of(without, flash) == "not used"
+    assert flash not in without.photographs["flash"]
+    assert with_role(without, small, flash, "flash").photographs == draft.photographs
+    assert "ambient" not in with_role(draft, small, folder / "ambient_0.png", "dark").photographs
+    fewer = with_role(without, small, folder / "flash_0.png", "not used")
+    apart = draft.with_balls([SphereTable(kind="chrome", frames=["flash_*.png"])])
+    for one, path, role, told in (
+        (apart, "flash_1.png", "not used", "under frames.skip in session.toml"),
+        (draft, "odd.png", "dark", "40 x 30 px"),
+        (fewer, "flash_1.png", "not used", "3 flash frames are the fewest"),
+        (draft, "odd.png", "board", "a folder called board"),
+    ):
+        with pytest.raises(SceneError, match=told):
+            with_role(one, small, folder / path, role)
 
 
 def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, no_preview, furnish, settle, monkeypatch):
@@ -148,53 +177,35 @@ def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, no_previe
     assert window.files.folder.name == "jug", "where there is something to do"
 
     def turn(files):
-        done = Future()
         window.post(lambda: window.open(files))
-        looking.ask(files, lambda done, total: None, done.set_result)
-        done.result(60)
+        looked(looking, files)
         settle(window)
         settle(window)
 
+    def white():
+        return window.outlines[2].diameter_mm
+
     cup, jug = looking.folders
     turn(jug)
-    window.post(lambda: window.edit(replace(window.capture, diameters_mm={"white": 5.0})))
+    window.post(lambda: window.measure("white", 5.0))
     turn(cup)
     assert window.capture is None
     assert window.client.input("Open its session").visible
     (top / "cup" / "session.toml").unlink()
     turn(cup)
-    assert window.capture.diameters_mm == {}
+    assert white() is None
     turn(jug)
-    assert window.capture.diameters_mm == {"white": 5.0}
+    assert white() == 5.0
     assert not window.client.input("Open its session").visible
     with pytest.raises(SceneError, match="2 objects"):
         Looking(looking.folders, tmp_path / "out")
 
 
-def test_why_nothing_can_be_made_of_a_folder_stays_on_the_page(begun, found, settle, monkeypatch):
-    def fail(files, progress):
-        raise SceneError("jug: 2 of 5 photographs can be read.")
-
-    window = begun(FoundPanel)
-    monkeypatch.setattr("studio.new_session.found_capture.look", fail)
-    window.looking = Looking(window.looking.folders)
-    window.desk.captures.clear()
-    window.post(lambda: window.open(window.files))
-    done = Future()
-    window.looking.ask(window.files, lambda *share: None, done.set_result)
-    done.result(60)
-    settle(window)
-    settle(window)
-    assert "2 of 5 photographs" in window.client.told[-1]
-    assert "2 of 5 photographs" in window.panels[0]._state.content
-    assert not window.panels[0]._bar.visible
-
-
-def test_what_fails_is_told_and_can_be_asked_again(folder, found, monkeypatch):
+def test_what_fails_is_told_and_can_be_asked_again(begun, found, settle, monkeypatch):
     answers = [
-        SceneError("no photograph can be read"),
+        SceneError("jug: 2 of 5 photographs can be read."),
         found,
-        replace(found, draft=replace(found.draft, across_px=None)),
+        replace(found, draft=found.draft.noting("y.")),
     ]
 
     def look(files, progress):
@@ -203,40 +214,39 @@ def test_what_fails_is_told_and_can_be_asked_again(folder, found, monkeypatch):
             raise answer
         return answer
 
+    window = begun(FoundPanel)
     monkeypatch.setattr("studio.new_session.found_capture.look", look)
-    looking, told = Looking(survey(folder)), []
-    for _ in range(3):
-        done = Future()
-        looking.ask(looking.folders[0], lambda *share: None, done.set_result)
-        told.append(done.result(60))
-    assert isinstance(told[0].exception(), SceneError)
-    assert told[1].result() is told[2].result() is found
-    looking.forget(folder)
-    done = Future()
-    looking.ask(looking.folders[0], lambda *share: None, done.set_result)
-    assert done.result(60).result().draft.across_px is None, "it is looked at again"
+    window.looking = looking = Looking(window.looking.folders)
+    window.desk.captures.clear()
+    window.post(lambda: window.open(window.files))
+    settle(window)
+    looked(looking, window.files)
+    settle(window)
+    assert any("2 of 5 photographs" in told for told in window.client.told)
+    assert looked(looking, window.files).result() is looked(looking, window.files).result() is found
+    looking.forget(window.files.folder)
+    assert looked(looking, window.files).result().draft.notes[-1] == "y.", "it is looked at again"
+
+
+def test_typing_and_marking_are_undone_one_by_one(begun, settle):
+    window = begun(*PANELS)
+    window.client.says("chrome balls, mm", 40.0)
+    window.client.says("ball", "2: chrome")
+    window.client.says("Remove this ball")
+    settle(window)
+    assert [ball.diameter_mm for ball in window.outlines] == [40.0, None]
+    window.undo()
+    assert [ball.diameter_mm for ball in window.outlines] == [40.0, 40.0, None]
+    window.undo()
+    assert window.client.input("chrome balls, mm").value == 0.0
+    window.redo()
+    assert [ball.diameter_mm for ball in window.outlines] == [40.0, 40.0, None]
 
 
 def test_no_name_breaks_out_of_the_shown_file():
     shown = fenced('flash = "a```b.png"', "toml")
     assert shown.startswith("````toml\n")
     assert shown.endswith("\n````")
-
-
-def test_typing_and_marking_are_undone_together_or_one_by_one(begun, settle):
-    window = begun(*PANELS)
-    window.client.says("chrome balls, mm", 40.0)
-    window.client.says("ball", "2: chrome")
-    window.client.says("Remove this ball")
-    settle(window)
-    assert (len(window.outlines), window.capture.diameters_mm) == (2, {"chrome": 40.0})
-    window.undo()
-    assert (len(window.outlines), window.capture.diameters_mm) == (3, {"chrome": 40.0})
-    window.undo()
-    assert not window.capture.diameters_mm
-    assert window.client.input("chrome balls, mm").value == 0.0
-    window.redo()
-    assert window.capture.diameters_mm == {"chrome": 40.0}
 
 
 def test_the_command_opens_what_a_path_is(folder, monkeypatch):
