@@ -127,7 +127,7 @@ class Studio:
         with self._lock:
             before = self.window
             self._show(client)
-            if before is not None:
+            if before is not None and before.client.client_id in self._server.get_clients():
                 self._offer(before.client)
 
     def _show(self, client: Any) -> None:
