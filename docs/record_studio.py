@@ -74,7 +74,7 @@ def record(page: Any, address: str) -> Recording:
     """Go from the folder to the report."""
     button = lambda name: page.get_by_role("button", name=name, exact=True)  # noqa: E731
     # Behind a tab's name stand a tick or its warnings; the areas' names come before.
-    tab = lambda name: page.get_by_role("button", name=re.compile(rf"^{name}( .*)?$")).last  # noqa: E731
+    tab = lambda name: page.get_by_role("button", name=re.compile(rf"^{name}( [✓⚠].*)?$")).last  # noqa: E731
     page.set_default_timeout(PATIENCE_MS)
     page.goto(address)
     button("bumpy/").wait_for()

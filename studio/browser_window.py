@@ -4,6 +4,7 @@ import traceback
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -127,7 +128,7 @@ class BrowserWindow:
 
     def post(self, work: Callable[[], Any]) -> None:
         """Do something in the window's thread, after what it is at."""
-        if not self.is_gone:
+        with suppress(RuntimeError):  # It is gone.
             self._thread.submit(self.attempt, work)
 
     def on_input(self, handle: Any, use: Callable[[Any], Any]) -> Any:

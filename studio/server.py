@@ -23,6 +23,7 @@ from studio.new_session.found_panel import FoundPanel, TextPanel, WritePanel
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.new_session.photographs_view import PhotographsView
 from studio.opening import OpenPanel, OpenWindow
+from studio.photograph.waiting import WaitingView
 from studio.review.photograph_view import PhotographView
 from studio.review.review_window import ReviewWindow
 from studio.review.run_panel import RunPanel, WarningsPanel, marks_of
@@ -126,7 +127,7 @@ class Studio:
         with self._lock:
             before = self.window
             self._show(client)
-            if before is not None:
+            if before is not None and before.client.client_id in self._server.get_clients():
                 self._offer(before.client)
 
     def _show(self, client: Any) -> None:
@@ -169,7 +170,8 @@ class Studio:
         if isinstance(window, ReviewWindow):
             self._furnish_session(window)
         elif isinstance(window, NewSessionWindow):
-            window.panels.append(FoundPanel(window))
+            first = lambda: next(iter(window.files.photographs.get("flash", ())), None)  # noqa: E731
+            window.panels += [FoundPanel(window), WaitingView(window, lambda: window.is_looking, first)]
             tabs = TabbedPanels(window, NEW_SESSION_TABS, when=lambda: window.capture is not None)
             window.panels += [tabs, WritePanel(window), PhotographsView(window)]
             window.open(window.files)

@@ -16,13 +16,16 @@ class WorkButtons:
 
     folder: Returns the one that is written. begin: Returns the process' arguments; it raises SceneError where it cannot
     be begun. ended: Called where it ended well, while this window looked on. heard: Called with each line that it says.
+    left_s: Returns how long it will still take, about; None: that is not known.
     """
 
     def __init__(
         self, window: BrowserWindow, label: str, folder: Callable[[], Path], begin: Callable[[], Sequence[str]],
         ended: Callable[[], Any], heard: Callable[[str], Any] = lambda line: None,
+        left_s: Callable[[], float | None] = lambda: None,
     ) -> None:  # fmt: skip
         self._window, self._folder, self._begin, self._ended, self._heard = window, folder, begin, ended, heard
+        self._left_s = left_s
         self._start = window.button(label, self.start, kind="main")
         self._stop = window.button("Stop", self._halt, kind="danger", visible=False)
         self._bar = window.client.gui.add_progress_bar(0, visible=False, animated=True)
@@ -82,7 +85,9 @@ class WorkButtons:
         self._bar.value = 100 * work.share
         if not work.is_over:
             said = "\n".join(f"- {plain(text)}" for text in work.said)
-            self.text.content = f"**{plain(work.label)}**, {time.monotonic() - work.begun_s:.0f} s so far\n\n{said}"
+            left_s, spent_s = self._left_s(), time.monotonic() - work.begun_s
+            left = "" if left_s is None else f", roughly {max(left_s, 5.0) / 60:.1f} min left"
+            self.text.content = f"**{plain(work.label)}**, {spent_s:.0f} s so far{left}\n\n{said}"
         elif work.is_stopped:
             self.text.content = f"Stopped. What is done is kept; **{plain(work.label)}** goes on from there."
         elif work.fault:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,17 +12,17 @@ from numpy.typing import NDArray
 
 from capture.session.session import load_session
 from capture.session.session_types import Session
-from capture.survey.small_pictures import read_small
 from compare.report.facts import Material, all_warnings, read_optional
-from compare.report.pictures import Exposure, Image
+from compare.report.pictures import Exposure, Image, thumbnail
 from lab.session_place import session_of
 from scene.errors import SceneError
-from scene.frames import Frames, decode
+from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.output_folder import read_record
 from scene.spheres import Sphere
 from scene.store import Store
+from studio.photograph.waiting import first_look
 from studio.review.warned import Warned, targets
 from twin.description.object_mesh import ObjectMesh
 
@@ -35,7 +36,9 @@ HEADLINE = "# Written by rgbn studio: the session as its own session.toml has it
 """First line of its session.toml."""
 OWN = "# Its own: "
 """Begins the second line, which names the session that was corrected."""
-UNREADABLE = (OSError, ValueError, KeyError, TypeError, AssertionError, SceneError)
+SMALL_PX = 200
+"""Width of a photograph of which its white is taken."""
+UNREADABLE = (OSError, ValueError, KeyError, TypeError, SceneError)
 """What a part that is missing, or that a killed run left half-made, raises when it is read."""
 
 
@@ -56,7 +59,13 @@ class Review:
         self._steps = {} if record is None else record.done
         self.done = frozenset(self._steps)
         self.session, self.session_path, self.why_no_session = _session(store, session_path)
-        self.material = Material.load(store, {})
+        material = Material.load(store, {})
+        if material.frames is not None and material.lights is None:
+            # As long as no light tells what is white, it is what the photograph itself takes for it.
+            look = Exposure.for_picture(thumbnail(material.frames, 0, SMALL_PX))
+            exposure = Exposure.for_frames(material.frames, white_value=look.balance)
+            material = replace(material, exposure=exposure)
+        self.material = material
         self._balls: tuple[Sphere, ...] = tuple(_readable(store.load_spheres) or ())
         self.spheres: tuple[Sphere, ...] = tuple(sphere for sphere in self._balls if not sphere.apart)
         lights: Lights | None = _readable(store.load_lights)
@@ -147,12 +156,7 @@ class Review:
     @cached_property
     def first_look(self) -> Image | None:
         """The session's first photograph, small, for as long as none is decoded here; None: it cannot be read."""
-        with suppress(*UNREADABLE):
-            assert self.session is not None
-            (small,), _ = read_small(self.session.flash[:1], self.session.encoding)
-            linear = decode(small.codes)
-            return Exposure.for_picture(linear).develop(linear)
-        return None
+        return first_look(self.session.flash[0], self.session.encoding) if self.session else None
 
     @cached_property
     def scan_mesh(self) -> Mesh:

@@ -1,6 +1,7 @@
 """The button that runs the session's steps up to the open tab, what comes of it, and what the steps warned of."""
 
 import re
+import time
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,10 @@ from studio.review.warned import STEPS, Warned
 from studio.widgets import Layers, code, plain
 from studio.work_buttons import WorkButtons
 
+SHARES = {"check": 2, "calibrate": 8, "align": 55, "solve": 3, "twin": 30, "compare": 2}
+"""Of a whole run's time, %, on the demo's session; of another one roughly."""
+FEWEST_PERCENT = 10
+"""Of which the rest is told."""
 MOST = 60
 """Warnings that are listed; more would only be scrolled through."""
 
@@ -24,7 +29,12 @@ class RunPanel:
         self._window = window
         self._what = window.client.gui.add_markdown("")
         self._keep = window.button("Keep", window.write_kept, visible=False, hint="For a later run")
-        self._work = WorkButtons(window, "Run", lambda: window.folder, self._arguments, window.read_again, self._hear)
+        self._spent_s: dict[str, float] = {}
+        """By the steps that ended in this run."""
+        self._last_s, self._waits = 0.0, list[str]()
+        self._work = WorkButtons(
+            window, "Run", lambda: window.folder, self._arguments, window.read_again, self._hear, self._left_s
+        )
         if window.desk.to_run:
             window.desk.to_run = ""
             window.post(lambda: None if self._work.is_busy else self._work.start())
@@ -52,12 +62,22 @@ class RunPanel:
     def _arguments(self) -> list[str]:
         window = self._window
         session = window.session_to_run()
+        self._spent_s, self._waits = {}, list(SHARES)[: list(SHARES).index(STEPS[window.tab]) + 1]
         return ["-m", "studio.studio_run", STEPS[window.tab], str(session.resolve()), str(window.folder)]
 
     def _hear(self, line: str) -> None:
-        ended = re.match(r"(\w+): \d+\.\d s", line)
-        if ended and ended[1] in STEPS.values():
+        ended = re.match(r"(\w+): (\d+\.\d) s", line)
+        if ended and ended[1] in SHARES:
+            self._spent_s[ended[1]], self._last_s = float(ended[2]), time.monotonic()
             self._window.read_again()
+
+    def _left_s(self) -> float | None:
+        """Return how long the steps that are to come take, if they take as large a share as usual."""
+        ended = sum(SHARES[step] for step in self._spent_s)
+        if ended < FEWEST_PERCENT:
+            return None
+        waits = sum(SHARES[step] for step in self._waits if step not in {*self._spent_s, *self._window.review.done})
+        return sum(self._spent_s.values()) * waits / ended - (time.monotonic() - self._last_s)
 
 
 def _programs(folder: Path) -> tuple[str, ...]:

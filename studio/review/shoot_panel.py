@@ -38,8 +38,7 @@ class ShootPanel:
         with self._folder:
             self._text = gui.add_markdown("")
             self._picture = gui.add_image(np.zeros((2, 2, 3), np.uint8), format="png", visible=False)
-        if isinstance(status, dict):
-            threading.Thread(target=self._follow, daemon=True).start()
+        threading.Thread(target=self._follow, daemon=True).start()
 
     def refresh(self) -> None:
         """Show the status where it has changed."""

@@ -217,7 +217,7 @@ class Visitor:
     def tab(self, name):
         """Turn to a tab. Pressed again where the page was still being laid out under the first press."""
         self.interactions += 1
-        tab = self.page.get_by_role("button", name=re.compile(rf"^{name}( .*)?$")).last
+        tab = self.page.get_by_role("button", name=re.compile(rf"^{name}( [✓⚠].*)?$")).last
         for _ in range(PATIENCE_S):
             tab.click(force=True)
             for _ in range(20):

@@ -63,17 +63,13 @@ def test_a_foreign_file_stays_and_so_does_all_else(tmp_path, foreign, was_own):
 
 def test_folders_and_links_in_the_way_stay(tmp_path):
     (tmp_path / "out").mkdir()
-    (tmp_path / "scene.toml").mkdir()
-    (tmp_path / "other").symlink_to(tmp_path / "out")
-    for files in ({"scene_toml": "1"}, {"other": "1"}):
-        with pytest.raises(SceneError, match=NOT_OURS):
-            put(tmp_path, **files)
-    assert (tmp_path / "scene.toml").is_dir()
-    assert (tmp_path / "other").is_symlink()
-    (tmp_path / "meshes").write_text("mine")
-    with pytest.raises(SceneError, match="meshes"):
-        put(tmp_path, meshes__a="1")
-    assert (tmp_path / "meshes").read_text() == "mine"
+    (tmp_path / "mine" / "scene.toml").mkdir(parents=True)
+    (tmp_path / "mine" / "other").symlink_to(tmp_path / "out")
+    (tmp_path / "mine" / "deep").symlink_to(tmp_path / "out")
+    for files in ({"scene_toml": "1"}, {"other": "1"}, {"deep__file": "1"}):
+        with pytest.raises(SceneError, match=f"{NOT_OURS}|a link leads out"):
+            put(tmp_path / "mine", **files)
+    assert not list((tmp_path / "out").iterdir())
 
 
 def test_a_folder_that_nothing_came_into_is_not_left(tmp_path):
@@ -95,18 +91,6 @@ def test_the_files_panel_writes_over_no_foreign_file(foreign, nobody, furnish, s
     settle(window)
     assert "rgbn did not write it" in window.client.told[-1], window.client.told
     assert (tmp_path / "mine" / foreign).read_text() == "mine"
-
-
-def test_what_is_sent_takes_no_others_name(tmp_path):
-    place = Workspace.at(tmp_path)
-    (tmp_path / "uploads").mkdir()
-    (tmp_path / "uploads" / "a.ply").write_bytes(b"mine")
-    assert place.keep_upload("a.ply", b"sent") == "uploads/a_2.ply"
-    assert place.keep_upload("../a.ply", b"sent") == "uploads/a_2.ply", "the same again is there already"
-    assert place.keep_upload("a.ply", b"sent later") == "uploads/a_3.ply"
-    assert (tmp_path / "uploads" / "a.ply").read_bytes() == b"mine"
-    with pytest.raises(SceneError, match="is empty"):
-        place.keep_upload("b.ply", b"")
 
 
 SAVES = """

@@ -47,20 +47,14 @@ def test_only_its_own_page_may_speak_to_it(studio):
     for headers in (
         {},
         {"Origin": f"http://{own}"},
-        {"Host": f"localhost:{port}", "Origin": f"http://localhost:{port}"},
+        {"Host": "localhost:9", "Origin": "http://localhost:9"},
     ):
         status, _, page = asked(studio, **headers)
         assert (status, b"rgbn studio" in page) == (200, True), headers
     stranger, neighbour = "http://example.org", f"http://127.0.0.1:{port + 1}"
     for origin in (stranger, neighbour, f"https://{own}", "null", "", [f"http://{own}", stranger]):
         assert asked(studio, Origin=origin)[0] == 403, origin
-    for host in (
-        f"example.org:{port}",
-        "127.0.0.1",
-        f"127.0.0.1:{port + 1}",
-        f"127.0.0.1.example.org:{port}",
-        [own, own],
-    ):
+    for host in (f"example.org:{port}", f"127.0.0.1.example.org:{port}", "", [own, own]):
         assert asked(studio, Host=host)[0] == 403, host
     for path in ("/../../etc/passwd", "/%2e%2e/x", "/no/such/page", "//x"):
         assert asked(studio, path)[0] == 404, path

@@ -41,15 +41,16 @@ def test_what_is_inside_is_found(place):
 )
 def test_uploads_are_kept_under_a_plain_name(place, sent, kept):
     assert place.keep_upload(sent, b"content") == kept
+    assert place.keep_upload(sent, b"content") == kept, "the same again is there already"
+    assert place.keep_upload(sent, b"another") == kept.replace(".", "_2."), "another takes no other's name"
     assert (place.root / kept).read_bytes() == b"content"
 
 
-@pytest.mark.parametrize("sent", ["a.exe", "a", ".ply", "x.toml", "a.pkl"])
-def test_other_uploads_are_refused(place, sent):
-    before = sorted(place.root.rglob("*"))
+@pytest.mark.parametrize(("sent", "content"), [("a.exe", b"1"), (".ply", b"1"), ("x.toml", b"1"), ("b.ply", b"")])
+def test_other_uploads_are_refused(place, sent, content):
     with pytest.raises(SceneError, match="expected one of"):
-        place.keep_upload(sent, b"content")
-    assert sorted(place.root.rglob("*")) == before
+        place.keep_upload(sent, content)
+    assert not (place.root / "uploads").exists()
 
 
 def test_a_folder_for_a_scene_is_in_the_workspace(place):

@@ -6,7 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
+from compare.report.pictures import Exposure
 from scene.errors import SceneError
+from scene.frames import Frames
 from scene.lights import Lights
 from scene.output_folder import open_record
 from studio.review.folder import Review
@@ -87,6 +89,17 @@ def test_the_first_photograph_is_shown_before_any_is_decoded(made, tmp_path):
     shown = photograph(review, 0, Look()).astype(int)
     assert shown.shape == (60, 80, 3)
     assert shown[:, 50:].mean() > shown[:, :30].mean() + 20
+
+
+def test_before_the_lights_are_known_no_photograph_has_a_cast(made):
+    """A sensor's greens are brighter: what the photograph takes for white takes the cast away."""
+    frames = Frames.from_linear(made.lights.names, made.linear[[0] * 5] * [0.5, 1.0, 0.6])
+    made.store.save_frames(frames)
+    (made.folder / "lights.json").unlink()
+    review = Review(made.folder, made.session)
+    white = Exposure.for_picture(made.linear[0] * [0.5, 1.0, 0.6]).balance
+    np.testing.assert_allclose(review.material.exposure.balance, white / white.mean(), rtol=0.05)
+    assert white[1] / white[0] > 1.2
 
 
 def test_a_warning_goes_to_what_it_names(made):

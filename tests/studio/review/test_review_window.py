@@ -21,6 +21,7 @@ from studio.photograph import outline_marks, photograph_window
 from studio.photograph.outline_marks import KNOB, OutlineMarks
 from studio.photograph.outlines import moved
 from studio.photograph.plane import ROOT
+from studio.review import run_panel
 from studio.review.photograph_view import PhotographView
 from studio.review.review_window import ReviewWindow
 from studio.review.run_panel import RunPanel, WarningsPanel
@@ -204,6 +205,22 @@ def test_a_run_takes_what_was_corrected_and_the_session_as_it_is_now(reviewing, 
     assert run("Run up to Balls")[0].spheres[0].center_px == (40.0, 30.0), "what was kept stays so"
     window.forget()
     assert run("Run up to Balls")[0].folder == made.session
+
+
+def test_how_long_a_run_still_takes_is_told_from_the_steps_that_ended(reviewing, made, monkeypatch):
+    """A tenth of the usual time took 10 s: the 90 % that are to come take 90 s, less what has gone by since."""
+    with open_record(made.folder) as record:
+        record.forget(["check", "calibrate", "align", "solve", "twin"])
+    window, now = reviewing(RunPanel), SimpleNamespace(monotonic=lambda: 5.0)
+    monkeypatch.setattr(run_panel, "time", now)
+    (panel,) = window.panels
+    window.open_tab("Verdict")
+    panel._arguments()
+    panel._hear("check: 2.0 s")
+    assert panel._left_s() is None, "too little is known"
+    panel._hear("calibrate: 8.0 s, 1 warnings")
+    now.monotonic = lambda: 12.0
+    assert panel._left_s() == pytest.approx(90 - 7)
 
 
 def test_corrections_are_undone_and_outlive_the_window(reviewing, made):
