@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 from weakref import WeakSet
 
-from lab.cluster_unit import AGAIN, pack
+from lab.cluster_unit import AGAIN, HERE, pack
 from lab.progress import say
 from scene.current import blocks_digest, code_fingerprint, libraries
 from scene.errors import ClusterError, SceneError
@@ -171,7 +171,7 @@ class Cluster(Executor):
             raise self.lost() from error
         for address, answer in sorted(found.items()):
             if isinstance(answer, ClusterError):
-                raise answer
+                raise ClusterError(str(answer).replace(HERE, address, 1))
             if answer is not None:
                 raise self._told(f"worker {address} cannot be asked what it has ({answer}). Start it again.")
         threading.Thread(target=self._watch, daemon=True).start()

@@ -21,6 +21,7 @@ from scene.errors import ClusterError
 LARGE = 1 << 16
 """Bytes; a larger array goes as a file."""
 AGAIN = "What is done is kept: run the same command again."
+HERE = "at this address"
 _fit: set[str] = set()
 """Of runs for which this process was found fit."""
 
@@ -48,8 +49,6 @@ def serve(run: dict[str, Any], unit: bytes) -> Any:
 
 def refuse(run: dict[str, Any]) -> None:
     """Raise ClusterError where this process would not give what the one that started the run gives."""
-    from distributed import get_worker
-
     if run["id"] in _fit:
         return
     (root, code, found), reasons = _own(), []
@@ -66,10 +65,20 @@ def refuse(run: dict[str, Any]) -> None:
         return
     more = [f"{len(reasons) - 3} more"] if len(reasons) > 3 else []
     raise ClusterError(
-        f"--scheduler {run['scheduler']}: worker {get_worker().address} on {socket.gethostname()} would not do as this "
+        f"--scheduler {run['scheduler']}: worker {_address()} on {socket.gethostname()} would not do as this "
         f"computer does: {'; '.join([*reasons[:3], *more])}. Give it the same rgbn, the same libraries (`make setup`) "
         f"and the same folders under the same paths; start it again. {AGAIN}"
     )
+
+
+def _address() -> str:
+    """Return where this worker is; `HERE` where it is asked apart from its units: then the client knows it."""
+    from distributed import get_worker
+
+    try:
+        return get_worker().address
+    except ValueError:
+        return HERE
 
 
 @cache

@@ -205,7 +205,7 @@ class Settings(TwinSettings, SessionSolving):
         kept = record.notes.get(NOTE, {})
         with reading(record.folder / PLACE, "does not say how the folder was made", do="Choose another with --out."):
             external, truth = kept.get("external"), kept.get("truth")
-            lists = {"external": external and tuple(external), "truth": truth and Path(truth)}
+            lists = {"external": None if external is None else tuple(external), "truth": truth and Path(truth)}
             return cls(**{**kept, **lists})
 
     def but(self, *others: Solving | TwinSettings | None) -> "Settings":

@@ -4,7 +4,6 @@ from typing import Any
 
 from lab import steps
 from lab.job import Job, Step
-from lab.trust_step import trust
 from lab.twin_step import twin
 from scene.light_text import FILENAMES, INTENSITIES
 
@@ -56,7 +55,7 @@ STEPS = {
         Step("calibrate", steps.calibrate, ("check",), _light_inputs, (EXPORTED,)),
         Step("align", steps.align, ("calibrate",), _object_inputs, (EXPORTED,)),
         Step("solve", steps.solve, ("align",), _methods),
-        Step("trust", trust, ("solve",), lambda job: []),
+        Step("trust", steps.trust, ("solve",), lambda job: []),
         Step("twin", twin, ("solve",), lambda job: [*_methods(job), job.twin]),
         Step("compare", steps.compare, ("twin",), _judged_by, (REPORTED,)),
     )

@@ -9,7 +9,7 @@ from lab.job import Job, Outcome
 from lab.progress import alive, progress_bar
 from lab.registration import frame_files, median_or_none, register_scan
 from scene.camera import Camera
-from scene.errors import AlignError, CalibrationError, SessionError
+from scene.errors import AlignError, CalibrationError, SceneError, SessionError
 from scene.files import move, write_json
 from scene.frames import Frames
 from scene.lights import Lights, check_count
@@ -227,6 +227,30 @@ def solve_all(job: Job, store: Store, label: str, methods: Sequence[str]) -> tup
         # The next method's maps need its place.
         del estimate
     return {"methods": table}, warnings
+
+
+@alive("trust")
+def trust(job: Job) -> Outcome:
+    """Find which method predicts frames best that it is not given, and how far the others are from it."""
+    from solve.frame_intensities import corrected
+    from solve.trust import trust as judge
+
+    store = job.store
+    frames, camera, mask = store.load_frames(), store.load_camera(), store.load_mask()
+    lights, _ = corrected(frames, store.load_lights(), camera, mask)
+    answers = {name: store.read_array("normals", f"{name}.npy") for name in job.methods}
+    try:
+        found = judge(frames, lights, camera, mask, answers, profile=job.profile)
+    except SceneError as error:
+        return Outcome({}, [str(error)])
+    result = {
+        "recommended": found.recommended,
+        "level": found.level,
+        "relative_rmse": found.relative_rmse,
+        "doubts": found.doubts,
+        "methods": {name: row._asdict() for name, row in found.methods.items()},
+    }
+    return Outcome(result, [f"trust: {text}" for text in found.doubts])
 
 
 @alive("compare")

@@ -71,7 +71,7 @@ class Taken:
         fresh : list of Shot
             Those of which nothing was said before.
         is_changed : bool
-            Whether one is new, gone, or called otherwise.
+            Whether one that counted before is gone, or called otherwise.
         """
         fresh: list[Shot] = []
         read: list[Shot] = []
@@ -89,8 +89,9 @@ class Taken:
                     fresh.append(shot)
         before, self.shots = self.shots, self._counted(files)
         self._tell_names(before, read)
-        paths = [{digest: shot.path for digest, shot in some.items()} for some in (before, self.shots)]
-        return [shot for shot in fresh if shot.digest in self.shots], paths[0] != paths[1]
+        paths = {digest: shot.path for digest, shot in self.shots.items()}
+        is_changed = any(paths.get(digest) != shot.path for digest, shot in before.items())
+        return [shot for shot in fresh if shot.digest in self.shots], is_changed
 
     def _is_due(self, whole: Whole, now: float) -> bool:
         one = self._unread.get(whole)

@@ -131,10 +131,11 @@ def _loop(
         if hot.is_there != was_there:
             was_there = hot.is_there
             screen.note("the folder is there again" if was_there else "the folder is gone; waiting for it to return")
+        counted = len(taken.shots)
         fresh, is_changed = taken.renew(files, start)
         warnings: list[str] = []
-        if fresh or is_changed:
-            warnings = shoot.judge(list(taken.shots.values()), fit_all=not fresh)
+        if is_changed or len(taken.shots) > counted:
+            warnings = shoot.judge(list(taken.shots.values()), fit_all=is_changed)
             for shot in fresh:
                 say(f"{shot.name}: {shoot.role_of(shot)} ({clock() - start:.1f} s)")
             is_judged, last = False, clock()

@@ -46,15 +46,6 @@ def test_given_normals_are_the_probe(hills):
     assert "judged too kindly" in texts
 
 
-def test_without_normals_the_lights_are_unknown_and_that_is_said(hills):
-    (hills / "session.toml").write_text('[frames]\nflash = "f*.png"\nlinear = true\n')
-    command = [*COMMAND, "calibrate", str(hills), "--out", str(hills.with_name(f"{hills.name}-out"))]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr
-    assert "no ball found" in run.stdout + run.stderr
-    assert json.loads((hills.with_name(f"{hills.name}-out") / "lights.json").read_text())["model"] == "unknown"
-
-
 def test_balls_that_are_asked_for_must_be_there(hills):
     (hills / "session.toml").write_text('[frames]\nflash = "f*.png"\nlinear = true\n[[spheres]]\nkind = "chrome"\n')
     command = [*COMMAND, "calibrate", str(hills), "--out", str(hills.with_name(f"{hills.name}-out"))]

@@ -245,7 +245,7 @@ def test_no_order_of_verbs_sessions_and_folders_loses_results(quick, seed):
 
 def test_settings_come_back_as_they_were_kept(tmp_path):
     other = Settings("ls", None, ("a=b {data} {out}",), 3.5, False, False, "many", 0.02, True, False, None, tmp_path)
-    for settings in (Settings(), other):
+    for settings in (Settings(), Settings(external=()), other):
         with open_record(tmp_path / "out") as record:
             settings.keep(record)
         assert Settings.of(read_record(tmp_path / "out")) == settings
