@@ -98,14 +98,6 @@ def test_a_box_stays_inside_and_holds_what_it_is_around():
     assert Box.of_mask(np.zeros((5, 6), bool), margin=0.1) == Box(0, 0, 6, 5)
 
 
-def test_a_checkerboard_takes_turns():
-    board = pictures.checkerboard(np.zeros((64, 64, 3), np.uint8), np.full((64, 64, 3), 9, np.uint8))
-    assert board[0, 0, 0] == 0
-    assert board[0, 8, 0] == 9
-    assert board[8, 8, 0] == 0
-    assert board.mean() == 4.5
-
-
 @pytest.mark.parametrize(("photograph", "kind"), [(True, "jpeg"), (False, "png")])
 def test_a_data_uri_is_the_picture(photograph, kind):
     image = np.full((8, 8, 3), [200, 100, 30], np.uint8)
