@@ -77,7 +77,7 @@ def speed_chart(
     parts += [line(tie, "#aaa") for tie in ties]
     sizes = np.array([(_text_width(name) + 4, FONT + 3) for name in named])
     room = (FRAME.left + 2, FRAME.top, FRAME.right + 8, FRAME.bottom - 2)
-    middles = place_labels(np.array([*named.values()]), sizes, room)
+    middles = place_labels(np.array([*named.values()]), sizes, room, np.array([*at.values()]))
     for place, middle, size in zip(named.values(), middles, sizes, strict=True):
         # A line from the name to its point where the two are apart.
         edge = np.clip(place, middle - size / 2, middle + size / 2)
@@ -146,11 +146,11 @@ def _text_width(words: str) -> float:
     return FONT * (0.56 * len(words) + 0.2 * wide)
 
 
-def place_labels(points: Array, sizes: Array, room: tuple[float, float, float, float]) -> Array:
+def place_labels(points: Array, sizes: Array, room: tuple[float, float, float, float], marks: Array) -> Array:
     """Return the middles (N, 2) of the names, (N, 2) wide and high, of points (N, 2): beside them, none on another.
 
     Each in turn, from top to bottom, takes the free place that is nearest to its point: right of it, else left, higher
-    or lower; all lie in `room` (left, top, right, bottom).
+    or lower, off the marks (M, 2) where that can be; all lie in `room` (left, top, right, bottom).
     """
     left, top, right, bottom = room
     middles = np.full_like(points, np.nan, float)
@@ -160,7 +160,7 @@ def place_labels(points: Array, sizes: Array, room: tuple[float, float, float, f
         tried = np.array([(points[i, 0] + side * (half[0] + GAP), v) for side in (1, -1) for v in rows])
         cost = np.abs(tried[:, 1] - points[i, 1]) + np.repeat([0.0, LEFT], len(rows))
         cost += TAKEN * ((tried[:, 0] - half[0] < left) | (tried[:, 0] + half[0] > right))
-        aside = np.maximum(np.abs(tried[:, None] - points) - half, 0)
+        aside = np.maximum(np.abs(tried[:, None] - marks) - half, 0)
         cost += ON_MARK * (np.linalg.norm(aside, axis=-1) < RADIUS).sum(1)
         there = np.isfinite(middles[:, 0])
         over = np.abs(tried[:, None] - middles[there]) < (sizes[i] + sizes[there]) / 2

@@ -1,6 +1,8 @@
 """How a normal map is wrong: what of its error a flip, a bas-relief, a turn, a lean or a linear map would explain."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,18 +74,15 @@ def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_] | None) 
     if not known.any():
         return FourWays(np.nan, np.nan, np.nan, np.nan, False)
     n, t = normals[known].astype(np.float64), truth[known].astype(np.float64)
-    raw, other = _mean(n, t), _mean(n * MIRROR, t)
-    mirrored = other < raw
+    raw, other = _off(n, t, np.mean), _off(n * MIRROR, t, np.mean)
+    start = np.diag(MIRROR) if other < raw else np.eye(3)
     some = slice(None, None, max(1, len(n) // MOST_PIXELS))
-    best, relief = min(
-        [(min(raw, other), np.diag(MIRROR) if mirrored else np.eye(3))]
-        + [(_mean(n @ g, t), g) for g in _reliefs(n[some], t[some])],
-        key=lambda each: each[0],
-    )
+    reliefs = [(_off(n @ g, t, np.mean), g) for g in _reliefs(n[some], t[some])]
+    best, relief = min([(min(raw, other), start), *reliefs], key=lambda each: each[0])
     linear = [relief, np.asarray(np.linalg.lstsq(n[some], t[some], rcond=None)[0], np.float64)]
     linear = [_square(_fit(n[some], t[some], _square, start.ravel())) for start in linear]
-    least = min([best, *(_mean(n @ matrix, t) for matrix in linear)])
-    return FourWays(raw, min(raw, other), best, least, mirrored)
+    least = min([best, *(_off(n @ matrix, t, np.mean) for matrix in linear)])
+    return FourWays(raw, min(raw, other), best, least, other < raw)
 
 
 def error_kinds(normals: NDArray, truth: NDArray) -> dict[str, float]:
@@ -103,31 +102,25 @@ def error_kinds(normals: NDArray, truth: NDArray) -> dict[str, float]:
         half the range between its quartiles. NaN where nothing is known.
     """
     known = np.isfinite(normals[:, 0]) & np.isfinite(truth[:, 0])
-    names = ("flip_deg", "relief_deg", "turn_deg", "tilt_deg", "tilt_spread_deg")
     if not known.any():
-        return dict.fromkeys(names, np.nan)
+        return dict.fromkeys(("flip_deg", "relief_deg", "turn_deg", "tilt_deg", "tilt_spread_deg"), np.nan)
     n, t = normals[known].astype(np.float64), truth[known].astype(np.float64)
-    raw = _median(n, t)
-    flip = min(raw, _median(n * MIRROR, t))
+    raw, other = _off(n, t, np.nanmedian), _off(n * MIRROR, t, np.nanmedian)
     some = slice(None, None, max(1, len(n) // MOST_PIXELS))
-    reliefs = (_median(n @ g, t) for g in _reliefs(n[some], t[some]))
-    tilt = _zenith_deg(n) - _zenith_deg(t)
-    low, middle, high = np.quantile(tilt, [0.25, 0.5, 0.75])
-    turned = _median(n @ _turn(n[some], t[some]), t)
-    values = (flip, min(flip, *reliefs), min(raw, turned), middle, (high - low) / 2)
-    return {name: float(value) for name, value in zip(names, values, strict=True)}
+    reliefs = [_off(n @ g, t, np.nanmedian) for g in _reliefs(n[some], t[some])]
+    zenith_deg = (np.degrees(np.arctan2(np.hypot(one[:, 0], one[:, 1]), one[:, 2])) for one in (n, t))
+    low, middle, high = np.quantile(np.subtract(*zenith_deg), [0.25, 0.5, 0.75])
+    return {
+        "flip_deg": min(raw, other),
+        "relief_deg": min(raw, other, *reliefs),
+        "turn_deg": min(raw, _off(n @ _turn(n[some], t[some]), t, np.nanmedian)),
+        "tilt_deg": float(middle),
+        "tilt_spread_deg": float(high - low) / 2,
+    }
 
 
-def _median(n: Array, truth: Array) -> float:
-    return float(np.nanmedian(angular_error_deg(unit(n), truth)))
-
-
-def _mean(n: Array, truth: Array) -> float:
-    return float(np.mean(angular_error_deg(unit(n), truth)))
-
-
-def _zenith_deg(n: Array) -> Array:
-    return np.degrees(np.arctan2(np.hypot(n[:, 0], n[:, 1]), n[:, 2]))
+def _off(n: Array, truth: Array, middle: Callable[[Array], Any]) -> float:
+    return float(middle(angular_error_deg(unit(n), truth)))
 
 
 def _reliefs(n: Array, truth: Array) -> list[Array]:

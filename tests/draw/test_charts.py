@@ -42,7 +42,7 @@ def test_no_name_lies_on_another_even_where_all_points_are_one(spread):
     rng = np.random.default_rng(10_101)
     points = np.clip([350, 180] + spread * rng.normal(size=(16, 2)), 5, [695, 355])
     sizes = np.stack([rng.uniform(20, 110, 16), np.full(16, 16.0)], -1)
-    middles = place_labels(points, sizes, ROOM)
+    middles = place_labels(points, sizes, ROOM, points)
     assert overlaps(middles, sizes) == 0
     assert (middles - sizes / 2 >= [0, 0]).all()
     assert (middles + sizes / 2 <= [700, 360]).all()
@@ -51,7 +51,7 @@ def test_no_name_lies_on_another_even_where_all_points_are_one(spread):
 def test_a_name_keeps_to_its_own_point_and_off_all_marks():
     points = np.array([[100.0, 100], [140, 100], [400, 300]])
     sizes = np.full((3, 2), [30.0, 16.0])
-    middles = place_labels(points, sizes, ROOM)
+    middles = place_labels(points, sizes, ROOM, points)
     away = np.maximum(np.abs(middles[:, None] - points) - sizes[:, None] / 2, 0)
     distance = np.linalg.norm(away, axis=-1)
     assert (distance.argmin(1) == [0, 1, 2]).all()
