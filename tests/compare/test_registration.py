@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from compare.report import pictures, registration_pictures
-from compare.report.page import pieces
 from compare.report.pictures import Box, Exposure
 from scene.frames import Frames
 from scene.lights import Lights
@@ -106,11 +105,3 @@ def test_all_pictures_are_written_and_read_back(tmp_path):
     # Red, green, blue, as it was drawn.
     assert (np.abs(read.astype(int) - registration_pictures.SCAN_COLOUR).max(-1) < 40).sum() > 500
     assert registration_pictures.read_picture(store, "none") is None
-
-
-def test_the_slider_works_by_keyboard_and_fetches_nothing():
-    html = pieces().wiper("data:a", "a <b>", "data:c", "c", "caption")
-    assert 'type="range"' in html
-    assert 'aria-label="a &lt;b&gt; or c"' in html
-    assert "<b>" not in html
-    assert "http" not in html
