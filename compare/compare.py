@@ -81,7 +81,7 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         "has_truth": truth is not None,
         "truth": None,
         "mask_pixels": None if mask is None else int(mask.sum()),
-        "methods": {name: {"real": None, "twin": None} for name in names},
+        "methods": {name: {"real": None, "twin": None, "median_to_others_deg": None} for name in names},
         "level": {"best": None, "level": []},
         "histogram_edges_deg": None,
         "error_scale_deg": None,
@@ -94,8 +94,8 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         "warnings": [],
     }
     for name, row in result["methods"].items():
-        apart = [pair["median_deg"] for pair in between if name in (pair["a"], pair["b"])]
-        row["median_to_others_deg"] = float(np.median(apart)) if apart else None
+        if apart := [pair["median_deg"] for pair in between if name in (pair["a"], pair["b"])]:
+            row["median_to_others_deg"] = float(np.median(apart))
     written: set[str] = set()
     if truth is None:
         # A plain statement: that there is no truth was warned of where it should have come from.
@@ -178,15 +178,12 @@ def _histograms(store: Store, result: dict[str, Any], end: float) -> set[str]:
 
 def _level(store: Store, result: dict[str, Any]) -> None:
     """Fill in how uncertain the medians on the photographs are, and which methods are level with the best."""
-    errors = {
-        name: thinned(np.load(store.path("compare", f"error_real_{name}.npy"), mmap_mode="r"))
-        for name, row in result["methods"].items()
-        if row["real"]
-    }
-    found = level_methods(errors, result["truth"]["sigma_deg_median"])
-    for name, sigma in found.pop("median_sigma_deg").items():
+    judged = [name for name, row in result["methods"].items() if row["real"]]
+    places = {name: store.path("compare", f"error_real_{name}.npy") for name in judged}
+    errors = {name: thinned(np.load(place, mmap_mode="r")) for name, place in places.items()}
+    result["level"] = level_methods(errors, result["truth"]["sigma_deg_median"])
+    for name, sigma in result["level"].pop("median_sigma_deg").items():
         result["methods"][name]["median_sigma_deg"] = sigma
-    result["level"] = found
 
 
 def _open(store: Store, place: str, name: str) -> Normals | None:

@@ -1,6 +1,6 @@
 """Lights: where they stand, how bright they are, how well that is known. Each takes `scene.lights.Lights.facts`."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from math import ceil, cos, radians, sin
 from typing import Any
 
@@ -34,39 +34,9 @@ def directions(lights: dict[str, Any]) -> Drawing:
         azimuth, radius = radians(row["azimuth_deg"]), RIM * row["zenith_deg"] / rim_deg
         u, v = middle + radius * cos(azimuth), middle - radius * sin(azimuth)
         told = f"{row['name']}: {row['zenith_deg']:.1f}° from the camera's axis, azimuth {row['azimuth_deg']:.1f}°"
-        parts += _marked(u, v, number, told, numbered=len(rows) <= MOST_NUMBERED)
+        parts.append(circle(u, v, 6, LIGHT, told, stroke="#333"))
+        parts.append(text(u, v - 9, str(number), size=12) if len(rows) <= MOST_NUMBERED else "")
     return svg(SIZE, SIZE, parts, label="Directions of the lights as the camera sees them")
-
-
-def positions(lights: dict[str, Any]) -> Drawing:
-    """Return the near lights in millimetres, as the camera sees them and from above."""
-    rows, centre = lights["frames"], lights["reference_point_mm"]
-    points = {"camera": [0.0, 0.0, 0.0], "object's centre": centre}
-    every = [*points.values(), *(row["position_mm"] for row in rows)]
-    # Right and up; right and away from the camera, which stands at the foot.
-    views: dict[str, Callable[[list[float]], float]] = {"y, up (mm)": lambda p: p[1], "−z, away (mm)": lambda p: -p[2]}
-    wide = (max(p[0] for p in every) - min(p[0] for p in every)) or 1.0
-    parts = []
-    for number, (title, up) in enumerate(views.items()):
-        frame = Frame(70 + 400 * number, 20, 400 + 400 * number, 350)
-        low, high = min(map(up, every)), max(map(up, every))
-        reach = max(wide, high - low) * 1.15
-        x, y = (
-            Axis(middle - reach / 2, middle + reach / 2, start, end, False, _ticks(middle - reach / 2, reach))
-            for middle, start, end in (
-                ((max(p[0] for p in every) + min(p[0] for p in every)) / 2, frame.left, frame.right),
-                ((low + high) / 2, frame.bottom, frame.top),
-            )
-        )
-        parts += axes(x, y, frame, x_title="x, right (mm)", y_title=title)
-        for name, place in points.items():
-            parts += [circle(x.at(place[0]), y.at(up(place)), 5, COLOURS[0], name)]
-            parts += [text(x.at(place[0]) + 8, y.at(up(place)) + 4, name, "start", 11)]
-        for light, row in enumerate(rows, 1):
-            place = row["position_mm"]
-            told = "{}: x {:.0f}, y {:.0f}, z {:.0f} mm".format(row["name"], *place)
-            parts += _marked(x.at(place[0]), y.at(up(place)), light, told, numbered=len(rows) <= MOST_NUMBERED)
-    return svg(830, 400, parts, label="Positions of the lights, from the camera and from above")
 
 
 def intensities(lights: dict[str, Any]) -> Drawing:
@@ -101,14 +71,3 @@ def _over_lights(marks: list[tuple[float, float, float, str, str]], count: int, 
             parts.append(line([(x.at(at), y.at(value - sigma)), (x.at(at), y.at(value + sigma))], colour, told))
         parts.append(circle(x.at(at), y.at(value), 3.5, colour, told))
     return svg(450, 240, parts, label=label)
-
-
-def _marked(u: float, v: float, number: int, told: str, *, numbered: bool) -> list[str]:
-    return [circle(u, v, 6, LIGHT, told, stroke="#333"), text(u, v - 9, str(number), size=12) if numbered else ""]
-
-
-def _ticks(low: float, reach: float) -> list[tuple[float, str]]:
-    """Return round numbers, about five, from `low` on over `reach`."""
-    axis = Axis.over([[0.0, reach]], 0, 1, log=False)
-    step = axis.ticks[1][0] - axis.ticks[0][0]
-    return [(k * step, f"{k * step:g}") for k in range(ceil(low / step), int((low + reach) // step) + 1)]

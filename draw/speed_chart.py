@@ -17,10 +17,8 @@ FONT = 13
 COLOURS = {"calibrated": "#0072B2", "uncalibrated": "#D55E00", "external": "#00795a"}
 """A second sign beside the shape; after [Okabe2008], the green darkened for thin outlines."""
 FRONT = {"stroke_width": 1.5, "stroke_dasharray": "2 4"}
-GAPS = (7.0, 16.0, 28.0, 42.0, 58.0, 78.0, 100.0, 130.0)
-"""Distances, pixels, between a point and its name that are tried, in 24 directions."""
-OVERLAP, OUTSIDE, ON_MARK, FOREIGN = 1e6, 1e6, 400.0, 120.0
-"""What a name's place costs, pixels of distance: on another name, off the chart, on a mark, nearer to another mark."""
+GAP, LEFT, ON_MARK, TAKEN = 8.0, 4.0, 60.0, 1e6
+"""Pixels between a point and its name; what a name costs left of its point, on a mark, on another name or outside."""
 
 
 @dataclass(frozen=True)
@@ -149,27 +147,22 @@ def _text_width(words: str) -> float:
 
 
 def place_labels(points: Array, sizes: Array, room: tuple[float, float, float, float], marks: Array) -> Array:
-    """Return the middles (N, 2) of the names, (N, 2) wide and high, of points (N, 2): none on another, all in `room`.
+    """Return the middles (N, 2) of the names, (N, 2) wide and high, of points (N, 2): beside them, none on another.
 
-    Names avoid all marks (M, 2). Each in turn, the most crowded first, takes the cheapest place around its point; only
-    where the room (left, top, right, bottom) is too full for them all does one lie on another.
+    Each in turn, from top to bottom, takes the free place that is nearest to its point: right of it, else left, higher
+    or lower, off the marks (M, 2) where that can be; all lie in `room` (left, top, right, bottom).
     """
-    # Right and left first, as one reads.
-    angle = np.arange(24) * 2 * np.pi / 24
-    around, gap = np.tile(np.stack([np.cos(angle), -np.sin(angle)], -1), (len(GAPS), 1)), np.repeat(GAPS, 24)
-    distances = np.linalg.norm(points[:, None] - points, axis=-1)
-    crowded = np.argsort(np.sort(distances, axis=1)[:, :5].sum(1), kind="stable")
+    left, top, right, bottom = room
     middles = np.full_like(points, np.nan, float)
-    for i in crowded:
-        point, half = points[i], sizes[i] / 2
-        place = point + around * (half + gap[:, None])
-        # From a name's box to each mark, and to its own point.
-        aside = np.linalg.norm(np.maximum(np.abs(place[:, None] - marks) - half, 0), axis=-1)
-        own = np.linalg.norm(np.maximum(np.abs(place - point) - half, 0), axis=-1)
-        foreign = np.linalg.norm(marks - point, axis=1) > 1e-6
-        cost = gap + OUTSIDE * ((place - half < room[:2]).any(1) | (place + half > room[2:]).any(1))
-        cost += ON_MARK * (aside < RADIUS + 1).sum(1) + FOREIGN * (aside[:, foreign] < own[:, None]).any(1)
+    for i in np.argsort(points[:, 1], kind="stable"):
+        half = sizes[i] / 2
+        rows = np.arange(top + half[1], bottom - half[1], 2.0)
+        tried = np.array([(points[i, 0] + side * (half[0] + GAP), v) for side in (1, -1) for v in rows])
+        cost = np.abs(tried[:, 1] - points[i, 1]) + np.repeat([0.0, LEFT], len(rows))
+        cost += TAKEN * ((tried[:, 0] - half[0] < left) | (tried[:, 0] + half[0] > right))
+        aside = np.maximum(np.abs(tried[:, None] - marks) - half, 0)
+        cost += ON_MARK * (np.linalg.norm(aside, axis=-1) < RADIUS).sum(1)
         there = np.isfinite(middles[:, 0])
-        over = np.abs(place[:, None] - middles[there]) < (sizes[i] + sizes[there]) / 2
-        middles[i] = place[np.argmin(cost + OVERLAP * over.all(-1).sum(1))]
+        over = np.abs(tried[:, None] - middles[there]) < (sizes[i] + sizes[there]) / 2
+        middles[i] = tried[np.argmin(cost + TAKEN * over.all(-1).sum(1))]
     return middles

@@ -236,32 +236,27 @@ class Lights:
 
         return data_frame(self.rows())
 
-    def plot(self, what: Literal["directions", "intensities", "sigmas", "positions"] = "directions") -> "Drawing":
+    def plot(self, what: Literal["directions", "intensities", "sigmas"] = "directions") -> "Drawing":
         """Return a drawing of the lights, which a notebook shows.
 
         Parameters
         ----------
-        what : {"directions", "intensities", "sigmas", "positions"}
+        what : {"directions", "intensities", "sigmas"}
             The hemisphere as the camera sees it; each light's relative intensities, or the standard deviation of its
-            direction in degrees; the places of near lights in mm, as the camera sees them and from above.
+            direction in degrees.
 
         Raises
         ------
         SceneError
-            Positions of distant lights, directions of unknown ones, or another word.
+            Directions of unknown lights, or another word.
         """
         from draw import light_charts
 
-        words = ("directions", "intensities", "sigmas", "positions")
+        words = ("directions", "intensities", "sigmas")
         if what not in words:
             raise SceneError(f"lights.plot({what!r}): there are {', '.join(words)}.")
         if what == "directions" and self.is_unknown:
             raise SceneError('lights.plot("directions"): they are unknown: no ball was found, and no file gives them.')
-        if what == "positions" and self.positions_mm is None:
-            raise SceneError(
-                'lights.plot("positions"): the lights are distant: they have directions only. Positions come from '
-                "balls whose diameter_mm is given in session.toml."
-            )
         return getattr(light_charts, what)(self.facts())
 
     def __repr__(self) -> str:

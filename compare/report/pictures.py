@@ -202,13 +202,6 @@ def ball_box(sphere: Sphere, outline: NDArray, *, width: int, height: int) -> Bo
     return Box.around(known.min(0), known.max(0), width=width, height=height, margin=0.1)
 
 
-def checkerboard(a: Image, b: Image, squares: int = 8) -> Image:
-    """Return squares of `a` and `b` in turn: edges and shading run on across them where the two agree."""
-    side = max(4, a.shape[1] // squares)
-    v, u = np.mgrid[0 : a.shape[0], 0 : a.shape[1]]
-    return np.where((((u // side) + (v // side)) % 2 == 0)[..., None], a, b)
-
-
 def contours(mask: NDArray[np.bool_], box: Box) -> list[NDArray[np.float64]]:
     """Return the outlines of a mask's regions, each (K, 2), in pixels of the crop whose corner is (0, 0).
 

@@ -1,4 +1,4 @@
-"""Pictures that show whether a scan lies where the object is: outline, wipe, checkerboard, sigma."""
+"""Pictures that show whether a scan lies where the object is: outline, wipe, sigma."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -87,7 +87,7 @@ def write_pictures(
     mask: NDArray[np.bool_],
     sigma_deg: NDArray,
 ) -> None:
-    """Write the pictures of a registration to align/: photograph, shaded, outline, outline_zoom, checkerboard, sigma.
+    """Write the pictures of a registration to align/: photograph, shaded, outline, outline_zoom, sigma.
 
     `strokes` (K, 2, 2): both ends, pixels, of short strokes along the scan's outline. `shading`: frame, pixels
     (h, w, 2) -> shading (h, w); see `views`. `mask` (H, W): the object. `sigma_deg` (H, W): of the ground-truth
@@ -105,7 +105,6 @@ def write_pictures(
         "shaded": both.shaded,
         "outline": outline_picture(both.photograph, box, strokes),
         "outline_zoom": zoom_picture(frames, exposure, lights.directions, strokes),
-        "checkerboard": pictures.checkerboard(both.photograph, both.shaded),
         "sigma": pictures.with_colour_scale(coloured, end, "sigma of the ground truth; rose: no normal"),
     }
     for name, image in images.items():

@@ -89,7 +89,7 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
 def placed(material: Material) -> Summary:
     """Return the pictures that show whether the scan lies where the object is, or under `missing` why there are none.
 
-    registered: there is a pose. As HTML, where they are there: outline, zoom, squares, sigma (its scale ends at
+    registered: there is a pose. As HTML, where they are there: outline, zoom, sigma (its scale ends at
     sigma_end degrees); wiper: the values of the macro of pieces.html.
     """
     frames, mask, truth = material.frames, material.mask, material.map_of("normals", "truth")
@@ -130,9 +130,6 @@ def placed(material: Material) -> Summary:
         said = page.say("registration", "wiper" if registered else "wiper without scan", name=frames.names[index])
         shaded = "shaded scan" if registered else "shaded ground truth"
         found["wiper"] = (uris[0], "photograph", uris[1], shaded, said)
-        board = pictures.checkerboard(both.photograph, both.shaded)
-        alt = "checkerboard of photograph and shaded scan"
-        found["squares"] = Markup(page.picture(board, alt, page.say("registration", "squares"), photograph=True))
     if zoom is not None:
         found["zoom"] = Markup(page.picture(zoom, "four stretches of the outline", page.say("registration", "zoom")))
     sigma = material.map_of("normals", "truth_sigma")

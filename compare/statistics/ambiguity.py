@@ -69,18 +69,15 @@ def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_] | None) 
     if not known.any():
         return FourWays(np.nan, np.nan, np.nan, np.nan, False)
     n, t = normals[known].astype(np.float64), truth[known].astype(np.float64)
-    raw, other = _mean(n, t), _mean(n * MIRROR, t)
-    mirrored = other < raw
+    raw, other = _mean(n, t, np.mean), _off(n * MIRROR, t)
+    start = np.diag(MIRROR) if other < raw else np.eye(3)
     some = slice(None, None, max(1, len(n) // MOST_PIXELS))
-    best, relief = min(
-        [(min(raw, other), np.diag(MIRROR) if mirrored else np.eye(3))]
-        + [(_mean(n @ g, t), g) for g in _reliefs(n[some], t[some])],
-        key=lambda each: each[0],
-    )
+    reliefs = [(_mean(n @ g, t), g) for g in _reliefs(n[some], t[some])]
+    best, relief = min([(min(raw, other), start), *reliefs], key=lambda each: each[0])
     linear = [relief, np.asarray(np.linalg.lstsq(n[some], t[some], rcond=None)[0], np.float64)]
     linear = [_square(_fit(n[some], t[some], _square, start.ravel())) for start in linear]
     least = min([best, *(_mean(n @ matrix, t) for matrix in linear)])
-    return FourWays(raw, min(raw, other), best, least, mirrored)
+    return FourWays(raw, min(raw, other), best, least, other < raw)
 
 
 def _mean(n: Array, truth: Array) -> float:

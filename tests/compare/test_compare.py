@@ -2,7 +2,6 @@
 
 import json
 
-import cv2
 import numpy as np
 import pytest
 
@@ -149,13 +148,6 @@ def test_an_unanswered_half_shows_as_coverage_and_a_method_without_answers_is_na
     assert any("tv (real): no pixel" in text for text in result["warnings"])
 
 
-def test_the_seeds_order_and_a_choice_of_methods(store, write_normals):
-    for name in ("tv", "mine", "hsh", "ls"):
-        write_normals(store, name, some_truth())
-    assert list(compare(store)["methods"]) == ["ls", "hsh", "tv", "mine"]
-    assert list(compare(store, methods=("mine", "hsh", "rpca"))["methods"]) == ["hsh", "mine"]
-
-
 def test_maps_of_a_former_run_do_not_stay(store, write_normals):
     save_truth(store, some_truth())
     for name in ("ls", "hsh"):
@@ -196,20 +188,3 @@ def test_bands_give_what_the_whole_gives(store, write_normals, monkeypatch):
         whole["methods"]["ls"].pop("real_median_unrotated_deg"), rel=1e-6
     )
     assert bands == whole
-
-
-def test_the_error_picture_carries_its_scale(store, write_normals):
-    truth = some_truth(120, 400)
-    save_truth(store, truth)
-    write_normals(store, "ls", tilted(truth, np.linspace(0, 20, 400)[None]))
-    end = compare(store)["error_scale_deg"]
-    assert end == 20
-    picture = cv2.imread(str(store.path("compare", "error_real_ls.png")))[..., ::-1]
-    assert picture.shape[1] == 400
-    assert picture.shape[0] > 140
-    # The map's own columns run over the same colours as the scale below it: dark blue to yellow.
-    scale = picture[120 + 10]
-    assert picture[60, 2, 2] > picture[60, 2, 0]
-    assert picture[60, -2, 0] > picture[60, -2, 2]
-    # It runs over the middle 88 % of the width: 0 at column 24, 10 degrees at 200, 20 at 375.
-    np.testing.assert_allclose(scale[[24, 200, 375]].astype(int), picture[60, [0, 200, 399]].astype(int), atol=3)

@@ -44,11 +44,6 @@ def test_the_error_colours_rise_evenly_in_lightness_and_stop_at_the_end():
     assert (pictures.error_picture(np.array([[np.nan]]), 10.0) == pictures.PAPER).all()
 
 
-@pytest.mark.parametrize(("value", "end"), [(0.2, 1), (4.9, 5), (5.0, 5), (5.1, 10), (61, 90), (400, 180)])
-def test_scales_end_at_round_numbers(value, end):
-    assert pictures.colour_scale_end(value) == end
-
-
 def test_one_exposure_for_all_frames_and_the_white_balls_colour():
     linear = np.full((2, 40, 60, 3), 0.2) * np.array([1.0, 0.8, 0.5])
     linear[1] *= 0.25
@@ -71,15 +66,6 @@ def test_a_thumbnail_shows_the_cut_and_keeps_its_mean():
     assert small[:, :20].mean() == pytest.approx(0.25, abs=0.02)
 
 
-def test_the_brightest_of_all_frames_collects_highlights_and_the_mean_does_not():
-    linear = np.zeros((4, 10, 10, 3))
-    for i in range(4):
-        linear[i, 5, 2 * i] = 0.8
-    frames, box = frames_of(linear), Box(0, 4, 10, 8)
-    np.testing.assert_allclose(pictures.ball_picture(frames, box, brightest=True)[1, :8:2, 0], 0.8, atol=1e-4)
-    np.testing.assert_allclose(pictures.ball_picture(frames, box, brightest=False)[1, :8:2, 0], 0.2, atol=1e-4)
-
-
 def test_a_contour_runs_through_the_centres_of_the_outermost_pixels():
     mask = np.zeros((50, 60), bool)
     mask[10:20, 30:45] = True
@@ -98,14 +84,6 @@ def test_a_box_stays_inside_and_holds_what_it_is_around():
     assert Box.of_mask(np.zeros((5, 6), bool), margin=0.1) == Box(0, 0, 6, 5)
 
 
-def test_a_checkerboard_takes_turns():
-    board = pictures.checkerboard(np.zeros((64, 64, 3), np.uint8), np.full((64, 64, 3), 9, np.uint8))
-    assert board[0, 0, 0] == 0
-    assert board[0, 8, 0] == 9
-    assert board[8, 8, 0] == 0
-    assert board.mean() == 4.5
-
-
 @pytest.mark.parametrize(("photograph", "kind"), [(True, "jpeg"), (False, "png")])
 def test_a_data_uri_is_the_picture(photograph, kind):
     image = np.full((8, 8, 3), [200, 100, 30], np.uint8)
@@ -113,35 +91,3 @@ def test_a_data_uri_is_the_picture(photograph, kind):
     assert head == f"data:image/{kind};base64"
     back = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     np.testing.assert_allclose(back.astype(int), image, atol=4)
-
-
-def test_a_tall_object_is_not_shown_larger_than_a_wide_one():
-    assert Box(0, 0, 4000, 3000).shown_width(1000) == 1000
-    assert Box(0, 0, 1000, 4000).shown_width(1000) == 500
-
-
-def test_a_mirrors_edge_is_seen_and_so_are_the_highlights_of_single_frames():
-    """A ball that mirrors the table: at the edge the brightness steps by 6 %, the dark room is in its middle."""
-    v, u = np.mgrid[0:120, 0:120]
-    radius = np.hypot(u - 60, v - 60)
-    mean = np.where(radius < 48, 0.047, 0.05) * np.where(radius < 36, 0.02, 1)
-    mean = np.repeat(mean[..., None], 3, -1)
-    brightest = 2 * mean
-    # One of sixty frames: in the mean it is dimmer than the table.
-    brightest[58:62, 70:74] = 0.9
-    mean[58:62, 70:74] += 0.9 / 60
-    shown = pictures.mirror_picture(mean, brightest)[..., 0].astype(int)
-    table, rim, room = shown[3, 3], shown[60, 18], shown[60, 40]
-    assert table - rim > 40
-    assert rim - room > 40
-    assert shown[60, 72] - rim > 40
-    # By one exposure for all frames the edge would be a step of a few codes.
-    exposure = Exposure(0.5, np.ones(3))
-    codes = exposure.develop(mean).astype(int)[..., 0]
-    assert codes[3, 3] - codes[60, 18] < 5
-
-
-def test_a_crop_without_contrast_or_without_light_still_has_a_picture():
-    for value in (0.0, 0.3):
-        flat = np.full((9, 9, 3), value)
-        assert pictures.mirror_picture(flat, flat).shape == (9, 9, 3)

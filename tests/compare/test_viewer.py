@@ -124,20 +124,6 @@ def test_the_first_screen_is_one_screen_and_the_rest_is_folded(visit):
     assert page.locator("details:not([open])").count() > 5
 
 
-def test_the_style_of_print_and_of_a_phone(visit):
-    """Rules behind a fault of the style sheet are passed over without a word."""
-    columns = "getComputedStyle(document.querySelector('.pair')).gridTemplateColumns.split(' ').length"
-    page = visit(PHONE)
-    assert page.evaluate(columns) == 1
-    page.set_viewport_size(DESK)
-    assert page.evaluate(columns) == 2
-    assert page.locator("nav").is_visible()
-    page.emulate_media(media="print")
-    assert not page.locator("nav").is_visible()
-    assert not page.locator("#viewer").is_visible()
-    assert page.locator(".first").is_visible()
-
-
 def test_the_pointer_reads_what_numpy_has(viewer, session, shown):
     """A swapped axis, a shifted box or a wrong scale would show at one of these pixels."""
     store, grid = session.store, shown[1].grid
