@@ -17,8 +17,8 @@ from pathlib import Path
 from benchmarks.harness import commit, rounded, run, tables
 
 LEFT_OUT = (
-    "calibration/peers", "calibration/balls", "calibration/scan as probe", "methods/light distance",
-    "methods/intensities", "methods/four ways", "sweeps/round-off", "sweeps/stability", "twin/engines",
+    "calibration/balls", "calibration/scan as probe", "methods/light distance",
+    "methods/intensities", "methods/four ways", "sweeps/stability", "twin/engines",
     "robustness/memory",
 )  # fmt: skip
 """Tables of no step's own figures, or whose time is too long here; measured where they are named."""

@@ -113,7 +113,7 @@ class Table:
 
 
 MODULES = (
-    "calibration", "peers", "probe", "real_captures", "sessions", "registration", "methods", "unknown_lights",
+    "calibration", "probe", "real_captures", "sessions", "registration", "methods", "unknown_lights",
     "trust", "twin", "materials", "truth", "counterparts", "sweeps", "faults", "robustness", "memory",
 )  # fmt: skip
 """Files of this folder that list `TABLES`, in the order in which they are measured."""

@@ -13,18 +13,17 @@ from pyarrow import parquet
 from benchmarks.benchmark_findings import GAPS, agreement, answers, benchmark_statistics, verdict_of
 from benchmarks.harness import ROOT, Figures, Scale, Table, markdown
 from experiments.stagings import CALIBRATED, ONE_FACTOR, SOLVERS, TOLD_WRONGLY, experiments
-from experiments.sweeps.cell import measured, run_cell
+from experiments.sweeps.cell import run_cell
 from experiments.sweeps.sweep import sweep
 from experiments.sweeps.sweep_statistics import GROUP, breaks, levels, statistics
 from experiments.tables import Results, results
 from lab.options import Staging
-from solve.solve import solve
 
 OUT = ROOT / "out" / "sweeps"
 STAGINGS: tuple[Staging, ...] = ("benchmark", "one-factor")
 PROFILES = ("default", "seed")
 UNDEFINED = {("images", "hsh", "seed"), ("ring", "hsh", "seed")}
-"""Experiment, method, profile: round-off decides, see the table `round-off`; they are in no comparison."""
+"""Experiment, method, profile: round-off decides, for the harmonics have no inverse; they are in no comparison."""
 SETS = {
     "the four calibrated": CALIBRATED,
     "without Lsq, whose range was fitted": tuple(one for one in CALIBRATED if one != "ls"),
@@ -153,44 +152,6 @@ def _agreements(scale: Scale) -> list[AgreementRow]:
 
 
 @dataclass(frozen=True)
-class RoundOffRow:
-    """Plain HSH at one level: least and greatest mean error when the lights are moved by 1e-15, in all ways."""
-
-    staging: str
-    experiment: str
-    level: str
-    least_deg: float
-    most_deg: float
-
-
-def _moved(staging: Staging, name: str, side: int, draws: int) -> list[RoundOffRow]:
-    from experiments.photographs import one_thread, photograph
-
-    cells, rows = list(replace(experiments(staging)[name], seeds=1).cells(methods=("hsh",))), []
-    cells = [cell for cell in cells if cell.recipe.shape == cells[0].recipe.shape]
-    for cell in (cells[0], cells[len(cells) // 2], cells[-1]):
-        with one_thread():
-            p, errors = photograph(replace(cell.recipe, side=side)), []
-            for draw in range(draws):
-                by = 1e-15 * np.random.default_rng(draw).standard_normal(p.lights.directions.shape)
-                moved = replace(p.lights, directions=p.lights.directions + by)
-                found = solve("hsh", p.frames, moved, p.camera, p.mask, profile="seed")
-                errors.append(float(measured(p, "hsh", found)[GAPS]))
-        level = cell.value if isinstance(cell.value, str) else f"{cell.value:g}"
-        rows.append(RoundOffRow(staging, name, level, min(errors), max(errors)))
-    return rows
-
-
-def _show_round_off(rows: Sequence[RoundOffRow]) -> str:
-    lines: dict[tuple[str, str], list[str]] = {}
-    for row in rows:
-        told = f"{row.level}: {row.least_deg:.1f} to {row.most_deg:.1f}"
-        lines.setdefault((row.staging, row.experiment), []).append(told)
-    columns = {"staging": "{staging}", "experiment": "{name}", "level: least to greatest mean error": "{levels}"}
-    return markdown(columns, [{"staging": a, "name": b, "levels": "; ".join(some)} for (a, b), some in lines.items()])
-
-
-@dataclass(frozen=True)
 class FindingRow:
     """A statement of the benchmark's text, and whether it holds in a staging and profile."""
 
@@ -301,14 +262,6 @@ TABLES = (
     Table(
         "sweeps", "means", MEASURES, MeanRow, lambda scale: [(scale,)], _means, _show_means, _mean_figures,
         lambda rows: _pictures({f"sweeps-{name}.svg": f"{name}-normals.svg" for name in ONE_FACTOR}),
-    ),
-    Table(
-        "sweeps", "round-off", ("experiments.photographs", "solve.solve"), RoundOffRow,
-        lambda scale: [("one-factor", "ring", 48, 2)] if scale == "small" else [
-            (staging, name, 96, 8 if scale == "full" else 3) for staging in STAGINGS
-            for name in (("ring",) if scale == "gates" else ONE_FACTOR)
-        ],
-        _moved, _show_round_off,
     ),
     Table(
         "findings", "findings", MEASURES, FindingRow, lambda scale: [(scale,)], _findings, _show_findings,

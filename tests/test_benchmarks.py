@@ -13,7 +13,7 @@ from benchmarks import harness
 from benchmarks.harness import run, tables, write
 
 LONG = {
-    "calibration/lights", "calibration/balls", "calibration/peers", "calibration/scan as probe", "registration/poses",
+    "calibration/lights", "calibration/balls", "calibration/scan as probe", "registration/poses",
     "methods/table", "trust/trust", "twin/relighting", "twin/material", "counterparts/pairs", "sweeps/stability",
     "sweeps/agreement", "sweeps/means", "findings/findings", "robustness/kills",
 }  # fmt: skip

@@ -69,7 +69,7 @@ def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_] | None) 
     if not known.any():
         return FourWays(np.nan, np.nan, np.nan, np.nan, False)
     n, t = normals[known].astype(np.float64), truth[known].astype(np.float64)
-    raw, other = _mean(n, t, np.mean), _off(n * MIRROR, t)
+    raw, other = _mean(n, t), _mean(n * MIRROR, t)
     start = np.diag(MIRROR) if other < raw else np.eye(3)
     some = slice(None, None, max(1, len(n) // MOST_PIXELS))
     reliefs = [(_mean(n @ g, t), g) for g in _reliefs(n[some], t[some])]

@@ -35,6 +35,8 @@ HIGHEST_ALBEDO_PERCENT = 200.0
 COLOURS = {"good": "#d3e5f2", "fair": "#7fb2d6", "flipped": "#b04c00", "broken": "#D55E00", "no answer": "#8a8f94"}
 """Of `STATES`: light to dark to another hue, told apart in gray, too."""
 LETTERS = {"flipped": "x", "no answer": "–"}
+WIDE = "grid-template-columns:repeat(auto-fill,minmax(min(420px,100%),1fr))"
+"""Of the charts: two beside each other."""
 BOX = "display:inline-block;width:1.1em;text-align:center;color:white;margin-right:1px"
 
 
@@ -67,7 +69,7 @@ def write_page(
             write_text(folder / f"{one.name}-{name}.svg", chart)
         lost = all_of[(all_of["experiment"] == one.name) & ~all_of["is_ok"]]
         drawn = "".join(f"<figure>{chart}</figure>" for chart in charts.values())
-        body = f'{_pictures(found, one)}<div class="gallery">{drawn}</div>{_without_result(lost)}'
+        body = f'{_pictures(found, one)}<div class="gallery" style="{WIDE}">{drawn}</div>{_without_result(lost)}'
         chapters[one.label] = section(one.name, one.label, body)
     silent = int((~all_of["is_ok"] & ~all_of["has_failed"]).sum())
     said = (

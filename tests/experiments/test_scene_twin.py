@@ -98,19 +98,6 @@ def test_a_scene_is_rendered_photographed_and_processed(plum):
     assert np.nanmedian(error) < 2
 
 
-@pytest.mark.full
-def test_options_of_the_command_line_go_before_the_descriptions(plum):
-    text = SCENE.replace("[camera.sensor]\niso = 200\nneutral = [0.6, 1.0, 0.7]\n", "").replace(
-        'engine = "mitsuba"\n', ""
-    )
-    (plum / "plum.toml").write_text(text)
-    run = rgbn("twin", plum / "plum.toml", "--out", plum / "twin", "--engine", "mitsuba", "--error", "0.2", "--json")
-    assert run.returncode == 0, run.stderr
-    facts = json.loads(run.stdout)
-    assert (facts["engine"], facts["error"]) == ("mitsuba", 0.2)
-    assert [path.suffix for path in load_session(plum / "twin").flash] == [".png"] * 8
-
-
 def test_nothing_of_anybody_elses_is_written_over(plum):
     (plum / "mine").mkdir()
     (plum / "mine" / "session.toml").write_text('[frames]\nflash = "*.png"\n')

@@ -56,17 +56,6 @@ def test_each_verb_shows_its_own_findings_and_leads_to_the_next(run, session):
     assert all(any(line.startswith(text) for line in out.splitlines()) for text in titles.values())
 
 
-def test_the_numbers_of_a_check_are_those_of_the_photographs(run, session, tmp_path):
-    from formats.pictures import read_picture
-
-    _, out, _ = run("check", session)
-    means = [read_picture(path, "linear").mean() for path in sorted(session.glob("flash_*.png"))]
-    low, high = (f"{100 * value:.0f} % (flash_{means.index(value)})" for value in (min(means), max(means)))
-    assert f"{low} to {high} of white" in " ".join(out.split())
-    assert "4 of 32 x 24 px, no ambient frame" in out
-    assert "no pixel" in out
-
-
 def test_more_lights_than_a_screen_holds_are_the_worst_ones_and_a_file(run, session, capsys):
     from rgbn.step_tables import MOST, WORST, light_tables
     from scene.lights import Lights
@@ -109,14 +98,6 @@ def test_quiet_says_warnings_and_errors_alone(run, session, quiet):
     assert said.splitlines() == warnings
 
 
-def test_verbose_says_what_is_current(run, session):
-    assert "is done and current" not in run("solve", session)[2]
-    assert "is done and current" not in run("solve", session)[2]
-    said = run("solve", session, "-v")[2]
-    for step in ("check", "calibrate", "align", "solve"):
-        assert f"{step}: is done and current" in said
-
-
 def test_tables_are_exported_for_a_spreadsheet(run, session):
     code, out, said = run("export", session, "-f", "CSV,lp")
     assert code == 0, said
@@ -137,20 +118,6 @@ def test_tables_are_exported_for_a_spreadsheet(run, session):
     assert {Path(line) for line in out.splitlines()} == {path.resolve() for path in folder.iterdir()}
 
 
-def test_errors_are_exported_where_methods_were_compared(run, session):
-    truth = np.zeros((24, 32, 3), np.float32)
-    truth[..., 2] = 1
-    np.save(session / "truth.npy", truth)
-    text = (session / "session.toml").read_text()
-    (session / "session.toml").write_text(text + 'normals = "truth.npy"\n')
-    assert run("compare", session, "-m", "ls")[0] == 0
-    assert run("export", "out/pear", "-f", "csv")[0] == 0
-    (row,) = table(Path("out/pear/export/statistics.csv"))
-    assert Path("out/pear/statistics.csv").read_text() == Path("out/pear/export/statistics.csv").read_text()
-    told = json.loads(Path("out/pear/summary.json").read_text())["compare"]["methods"]["ls"]["real"]
-    assert (row["method"], float(row["median_deg"])) == ("ls", pytest.approx(told["median_deg"], rel=1e-8))
-
-
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
@@ -169,15 +136,6 @@ def test_a_slip_is_one_message_with_what_there_is(run, words, parts):
     assert said.count("\n") == 1
     for part in parts:
         assert part in said
-
-
-def test_engines_and_profiles_are_read_in_any_case(run, session):
-    code, _, said = run("solve", session, "-m", "LS", "--profile", "Seed")
-    assert code == 0, said
-    assert json.loads(Path("out/pear/summary.json").read_text())["arguments"]["profile"] == "seed"
-    code, _, said = run("twin", session, "--engine", "Many")
-    assert code == 0, said
-    assert json.loads(Path("out/pear/summary.json").read_text())["arguments"]["twin"]["engine"] == "many"
 
 
 @pytest.mark.parametrize("flag", ["-V", "--version"])

@@ -5,7 +5,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -141,53 +140,6 @@ def test_the_report_stands_alone(demo):
     assert 'src="http' not in page
     assert "<script src" not in page
     assert len(page) < 15e6
-
-
-@pytest.mark.full
-def test_a_second_run_is_fast_and_changes_nothing(demo):
-    out = demo[0]
-    before = {path: path.stat().st_mtime_ns for path in out.rglob("*.npy")}
-    start = time.perf_counter()
-    run = subprocess.run([*COMMAND, "demo", "--out", str(out)], capture_output=True, text=True, check=True)
-    assert time.perf_counter() - start < 20
-    assert "align ..." not in run.stderr
-    assert {path: path.stat().st_mtime_ns for path in out.rglob("*.npy")} == before
-
-
-def picks_of(out, scan):
-    """Return eight points of the scan and the pixels at which the photographs show them, rounded to whole ones."""
-    from align.scan.mended_scan import load_scan
-    from scene.store import Store
-
-    mesh, store = load_scan(scan, "mm"), Store(out)
-    pose, camera = store.load_pose(), store.load_camera()
-    front = np.flatnonzero(pose.rotate(mesh.vertex_normals)[:, 2] > 0.5)
-    points = mesh.vertices[front[:: len(front) // 8][:8]]
-    pixels = np.round(camera.project(pose.apply(points)))
-    rows = (",".join(f"{value:.6f}" for value in row) for row in np.hstack([pixels, points]))
-    return "\n".join(["u,v,x,y,z", *rows])
-
-
-@pytest.mark.full
-def test_a_changed_input_is_noticed(tmp_path):
-    """A touched scan, and picks: what they feed is made anew, what they do not feed stays."""
-    session, out = tmp_path / "session", tmp_path / "out"
-    shutil.copytree(FIXTURE, session)
-    subprocess.run([*COMMAND, "align", str(session), "--out", str(out)], check=True, capture_output=True)
-    os.utime(session / "scan" / "object.ply", (1, 1))
-    picks = picks_of(out, session / "scan" / "object.ply")
-    (session / "picks.csv").write_text(picks)
-    text = (session / "session.toml").read_text()
-    (session / "session.toml").write_text(text.replace("[object]", '[object]\npicks = "picks.csv"'))
-    run = subprocess.run(
-        [*COMMAND, "align", str(session), "--out", str(out), "--json"], check=True, capture_output=True, text=True
-    )
-    found = json.loads(run.stdout)["align"]["picks"]
-    assert found["residual_px"] < 1
-    assert found["from_pose_px"] < 5
-    assert not json.loads(run.stdout)["warnings"]
-    assert "align ..." in run.stderr
-    assert "calibrate ..." not in run.stderr
 
 
 @pytest.mark.full

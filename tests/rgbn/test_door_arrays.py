@@ -7,7 +7,7 @@ import pytest
 
 import rgbn
 from scene.camera import Camera
-from scene.errors import CalibrationError, SceneError
+from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
@@ -157,17 +157,3 @@ def test_what_does_not_fit_is_refused_with_a_cure(world, spoil, words):
     images, vectors, _, mask, _ = world
     with pytest.raises(SceneError, match=words):
         rgbn.solve(*spoil(images, vectors, mask))
-
-
-def test_values_outside_of_the_mask_do_not_matter(world):
-    images, vectors, normals, mask, _ = world
-    spoilt = np.where(mask[..., None], images, np.nan)
-    assert off_deg(rgbn.solve(spoilt, vectors, mask.astype(np.uint8) * 255, "ls"), normals, mask) < 0.01
-
-
-def test_too_few_lights_and_unknown_methods_are_refused_as_in_a_session(world):
-    images, vectors, _, mask, _ = world
-    with pytest.raises(CalibrationError, match="at least 3"):
-        rgbn.solve(images[:2], vectors[:2], mask)
-    with pytest.raises(SceneError, match="iterative"):
-        rgbn.solve(images, vectors, mask, "best")

@@ -73,6 +73,7 @@ def test_lights_in_one_line_one_table_and_one_figure_each():
         lights.plot("colours")
 
 
+<<<<<<< HEAD
 def test_many_lights_stay_a_small_table():
     html = near_lights(100)._repr_html_()
     assert html.count("<tr>") == 13
@@ -88,6 +89,8 @@ def test_distant_lights_have_angles_and_columns_of_numbers():
     assert frame["distance_mm"].dtype == float
 
 
+=======
+>>>>>>> experiments
 def uri_picture(html):
     data = re.search(r"base64,([A-Za-z0-9+/=]+)", html)[1]
     return cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from compare.statistics.statistics import angular_statistics, statistics_rows
 from scene.lights import Lights
 
 NAN = np.nan
@@ -46,20 +45,3 @@ def test_a_distant_light_has_no_position():
     row = lights.rows()[0]
     assert [row[name] for name in ("x_mm", "y_mm", "z_mm", "distance_mm", "intensity_sigma")] == [None] * 5
     assert row["elevation_deg"] == pytest.approx(np.degrees(np.arcsin(0.8)))
-
-
-def test_a_row_of_errors_is_a_methods_on_one_kind_of_frames():
-    real, twin = (angular_statistics(np.array(error)) for error in ([1.0, 2, 9], [3.0]))
-    compared = {
-        "methods": {
-            "ls": {"real": real, "twin": twin, "coverage": 0.5, "twin_coverage": 1.0},
-            "tv": {"real": None, "twin": None},
-        }
-    }
-    rows = statistics_rows(compared)
-    assert [(row["method"], row["frames"], row["median_deg"], row["coverage"]) for row in rows] == [
-        ("ls", "real", 2.0, 0.5),
-        ("ls", "twin", 3.0, 1.0),
-    ]
-    assert rows[0]["under_5_deg"] == pytest.approx(2 / 3)
-    assert statistics_rows({}) == []

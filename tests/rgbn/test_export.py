@@ -47,13 +47,3 @@ def test_lights_go_out_and_come_in_again(tmp_path):
     (session / "l.lp").write_text((session / "l.lp").read_text().replace("0.8", "0.9"))
     assert export(session, out, "--format", "lp").returncode == 0
     assert sorted(file.name for file in (out / "export").iterdir()) == ["lights.lp"]
-
-
-@pytest.mark.full
-def test_what_cannot_be_exported_is_refused(tmp_path):
-    session = session_with_lights(tmp_path / "session")
-    for form, message in (("mat", "wants positions in mm"), ("xml", "xml is unknown; there are alicevision")):
-        run = export(session, tmp_path / "out", "--format", form)
-        assert run.returncode == 2
-        assert message in run.stderr
-        assert "Traceback" not in run.stderr

@@ -1,7 +1,6 @@
 """docs/guide/first-session.ipynb runs as it stands, and its tables hold sound numbers."""
 
 import re
-from html import unescape
 from pathlib import Path
 
 import nbformat
@@ -39,15 +38,6 @@ def printed(run, line):
     return "".join(output.text for output in run[line] if output.get("name") == "stdout")
 
 
-def table(run, line):
-    """Return the rows of a cell's DataFrame by column."""
-    rows = [
-        [unescape(cell).strip() for cell in re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row, re.DOTALL)]
-        for row in re.findall(r"<tr[^>]*>(.*?)</tr>", shown(run, line, "text/html"), re.DOTALL)
-    ]
-    return [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
-
-
 @pytest.mark.full
 @pytest.mark.slow
 def test_no_cell_fails_or_warns(run):
@@ -55,33 +45,6 @@ def test_no_cell_fails_or_warns(run):
         for output in outputs:
             assert output.output_type != "error", line
             assert not re.search(r"Warning|Traceback|rgbn: ", output.get("text", "")), line
-
-
-@pytest.mark.full
-def test_the_table_of_lights(run):
-    """Twelve near lights, unit directions, in the rendered scene's distances; a sigma each."""
-    rows = table(run, "session.lights.to_dataframe()")
-    assert [row["name"] for row in rows] == [f"flash_{index:03d}" for index in range(12)]
-    for row in rows:
-        assert sum(float(row[f"direction_{axis}"]) ** 2 for axis in "xyz") == pytest.approx(1, abs=1e-4)
-        assert 600 < float(row["distance_mm"]) < 1500
-        assert 0 < float(row["elevation_deg"]) < 90
-        assert 0 < float(row["direction_sigma_deg"]) < 1
-        assert row["flags"] == ""
-    for channel in "rgb":
-        assert sum(float(row[f"intensity_{channel}"]) for row in rows) / 12 == pytest.approx(1, abs=1e-4)
-
-
-@pytest.mark.full
-def test_the_table_of_errors(run):
-    rows = table(run, "session.errors.to_dataframe()")
-    assert [(row["method"], row["frames"]) for row in rows] == [
-        (method, frames) for method in ("ls", "iterative") for frames in ("real", "twin")
-    ]
-    median = {(row["method"], row["frames"]): float(row["median_deg"]) for row in rows}
-    assert median["iterative", "real"] < median["ls", "real"] < 3
-    for method in ("ls", "iterative"):
-        assert 0.8 < median[method, "twin"] / median[method, "real"] < 1.25
 
 
 @pytest.mark.full

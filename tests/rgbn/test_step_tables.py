@@ -97,16 +97,3 @@ def test_lights_and_balls_are_where_a_tape_measure_finds_them(tmp_path):
     assert rows["chrome"] == ["(600.0,", "40.0)", "45.00", "100", f"{away:.0f}", "0.020"]
     assert away > 1.02 * -ball.center_mm(CAMERA)[2]
     assert "amid the balls" in shown(light_tables(store, moved=False))
-
-
-@pytest.mark.parametrize("columns", [80, 120])
-def test_no_line_is_wider_than_the_terminal(tmp_path, columns):
-    rng = np.random.default_rng(1)
-    toward = np.column_stack([rng.uniform(-0.5, 0.5, (30, 2)), np.ones(30)])
-    flags = (("the highlight lies at the edge of the ball, where it is distorted; look at the frame",),) * 30
-    names = tuple(f"2026-11-23_capture_{i:03d}" for i in range(30))
-    sigma = rng.uniform(0.1, 1, 30)
-    Store(tmp_path).save_lights_json(Lights(names, toward, np.ones((30, 3)), direction_sigma_deg=sigma, flags=flags))
-    text = shown(light_tables(Store(tmp_path), moved=True), columns)
-    assert max(map(len, text.splitlines())) <= columns
-    assert names[int(np.argmax(sigma))] in text, "a frame's name is not broken"

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from lab import progress
-from rgbn.exit_codes import _by_ctrl_c
 
 ROOT = Path(__file__).parents[2]
 FULL = Path("/dev/full")
@@ -31,13 +30,6 @@ def test_standard_output_on_a_full_disk_is_told_once(words):
     assert code == 2
     assert said.count("\n") == 1
     assert "standard output cannot be written (No space left on device)" in said
-
-
-def test_the_summary_too(tmp_path, picture_folder):
-    code, _, said = shell(f"check {picture_folder} --out {tmp_path / 'out'} --json > /dev/full")
-    assert code == 2
-    assert "Traceback" not in said
-    assert "standard output cannot be written" in said
 
 
 @pytest.mark.parametrize(
@@ -103,14 +95,6 @@ def picture_folder(tmp_path):
     return folder
 
 
-def test_a_circle_of_causes_ends():
-    one, two = ValueError("one"), ValueError("two")
-    one.__cause__, two.__cause__ = two, one
-    assert not _by_ctrl_c(one)
-    two.__cause__ = KeyboardInterrupt()
-    assert _by_ctrl_c(one)
-
-
 def test_a_single_long_unit_is_heard_of(monkeypatch, capsys):
     """`calibrate` was silent for 173 s: its units are long, and most of its work is none of them."""
     monkeypatch.setattr(progress, "EVERY_S", 0.1)
@@ -120,21 +104,3 @@ def test_a_single_long_unit_is_heard_of(monkeypatch, capsys):
     lines = capsys.readouterr().err.splitlines()
     assert 4 <= len(lines) <= 9
     assert all(re.fullmatch(r"  calibrate: 1 of 3, \d+ s so far", line) for line in lines)
-
-
-def test_work_that_tells_of_itself_is_not_told_twice(monkeypatch, capsys):
-    monkeypatch.setattr(progress, "EVERY_S", 0.2)
-    with progress.alive("align"), progress.progress_bar("register") as report:
-        for done in range(20):
-            report(done, 20)
-            time.sleep(0.05)
-    lines = capsys.readouterr().err.splitlines()
-    assert 2 <= len(lines) <= 5
-    assert not any("align" in line for line in lines)
-
-
-def test_short_work_says_nothing(capsys):
-    with progress.progress_bar("solve") as report:
-        report(1, 2)
-        report(2, 2)
-    assert capsys.readouterr().err == ""

@@ -113,17 +113,6 @@ def test_without_depth_the_first_methods_normals_are_integrated(near_session, tm
     assert abs(middle + 300) < 15
 
 
-@pytest.mark.full
-def test_a_method_whose_lights_are_far_has_no_depth_and_is_passed_over(tmp_path):
-    session, mesh = photograph(tmp_path / "session", near=False), tmp_path / "ball.ply"
-    run = solve(session, tmp_path / "out", "--method", "ls,near", "--mesh", mesh)
-    assert run.returncode == 0, run.stderr
-    assert "ls," in run.stderr
-    # Integrated normals of a ball are a ball of the size that belongs to its distance.
-    vertices = trimesh.load_mesh(mesh).vertices
-    assert 0.6 * RADIUS_MM < np.ptp(vertices[:, 0]) / 2 < 1.3 * RADIUS_MM
-
-
 @pytest.mark.parametrize(("name", "words"), [("ball.obj", "written as PLY"), ("ball", "written as PLY")])
 def test_another_ending_is_refused_before_the_work(near_session, tmp_path, name, words):
     run = solve(near_session, tmp_path / "out", "--mesh", tmp_path / name)
@@ -131,14 +120,6 @@ def test_another_ending_is_refused_before_the_work(near_session, tmp_path, name,
     assert words in run.stderr
     assert "Traceback" not in run.stderr
     assert not (tmp_path / "out").exists()
-
-
-def test_a_mesh_that_cannot_be_written_is_one_message(near_session, tmp_path):
-    (tmp_path / "file").write_text("no folder")
-    run = solve(near_session, tmp_path / "out", "--method", "ls", "--mesh", tmp_path / "file" / "ball.ply")
-    assert run.returncode == 2, run.stderr
-    assert str(tmp_path / "file") in run.stderr
-    assert "Traceback" not in run.stderr
 
 
 @pytest.mark.full

@@ -55,8 +55,3 @@ def of_the_command(**settings):
 def test_one_blas_thread_by_default_and_the_user_wins():
     assert set(of_the_command()) == {1}
     assert set(of_the_command(OPENBLAS_NUM_THREADS="2")) == {2}
-
-
-def test_the_tests_run_as_the_command_does():
-    """Whoever loads numpy before `scene`, has as many threads as cores in each of two workers."""
-    assert set(threads_of_blas()) <= {1}

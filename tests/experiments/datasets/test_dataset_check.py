@@ -184,16 +184,6 @@ def test_a_missing_file_is_told(dented, name, words):
     assert words in only_fault(dented)
 
 
-def test_what_is_no_number_is_told(dented):
-    text = (dented / POWER).read_text().splitlines()
-    text[2] = "1 nan 1"
-    (dented / POWER).write_text("\n".join(text))
-    assert "row 3 is not finite" in only_fault(dented)
-    text[2] = "1 one 1"
-    (dented / POWER).write_text("\n".join(text))
-    assert "line 3 is '1 one 1'" in only_fault(dented)
-
-
 def test_eight_bits_and_spare_photographs_are_notes(dented):
     for name in photographs(dented):
         change(dented, name, lambda picture: (picture // 256).astype(np.uint8))

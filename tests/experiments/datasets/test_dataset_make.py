@@ -1,10 +1,7 @@
 """What is made: whole or not at all, the same bytes twice, and a truth by which anyone can explain the photographs."""
 
 import hashlib
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -15,7 +12,6 @@ from experiments.catalogue import catalogue
 from experiments.datasets.check import check_dataset
 from experiments.datasets.make import make, make_one, mark_of
 from scene.errors import SceneError
-from scene.normals import angular_error_deg
 from scene.output_folder import open_record
 from twin.engines.variant import SLOW, pick_variant
 
@@ -23,7 +19,6 @@ pytestmark = [
     pytest.mark.render,
     pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here"),
 ]
-RGBN = str(Path(sys.executable).parent / "rgbn")
 SIDE = 40
 
 
@@ -47,22 +42,6 @@ def shelf(tmp_path_factory):
     folder = tmp_path_factory.mktemp("shelf")
     make(folder, [small(name) for name in ("blob-ambient-0.00", "knot-hand-16")], processes=1)
     return folder
-
-
-@pytest.mark.full
-def test_others_solve_it_by_what_the_layout_says(shelf):
-    values, directions, intensities, mask, truth = read(shelf / f"blob-ambient-0.00-{SIDE}px")
-    gray = (values / intensities[:, None, None]).mean(-1)
-    # Least squares over lit samples, of pixels that four lights reach.
-    lit = (gray > 0.03) & mask
-    enough = lit.sum(0) >= 5
-    weights = lit[:, enough]
-    matrix = np.einsum("fp,fi,fj->pij", weights, directions, directions)
-    found = np.linalg.solve(matrix, np.einsum("fp,fi,fp->pi", weights, directions, gray[:, enough])[..., None])[..., 0]
-    error = angular_error_deg(found / np.linalg.norm(found, axis=1, keepdims=True), truth[enough])
-    assert enough.sum() > 0.8 * mask.sum()
-    assert np.median(error) < 0.5
-    assert np.array_equal(np.any(truth != 0, -1), mask)
 
 
 def test_the_true_maps_explain_near_lights(shelf):
@@ -153,13 +132,3 @@ def test_a_fault_of_ours_is_no_fault_of_the_input(tmp_path, monkeypatch):
     fault = TypeError("a slip")
     with pytest.raises(TypeError, match="a slip"):
         make_one(tmp_path, small("blob-ambient-0.00"))
-
-
-def test_an_unknown_name_makes_nothing(tmp_path):
-    done = subprocess.run(
-        [RGBN, "dataset", "make", "pear-roughness-9", "--shelf", str(tmp_path / "shelf")],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 2
-    assert done.stderr.startswith("rgbn: dataset pear-roughness-9: there is none of that name.")
-    assert not (tmp_path / "shelf").exists()

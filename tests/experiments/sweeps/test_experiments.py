@@ -61,12 +61,6 @@ def test_the_benchmark_s_staging_is_its_text_and_its_lsq_column():
     assert len(staged["ring"].levels) == 9
 
 
-def test_a_first_look_sees_gloss():
-    materials = [cell.value for cell in ONE_FACTOR["material"].cells(quick=True)]
-    assert len(materials) == 4
-    assert {"diffuse", "specular"} < set(materials)
-
-
 def test_names_tell_cells_apart():
     cells = [cell for one in ONE_FACTOR.values() for cell in one.cells()]
     keys = [cell.key for cell in cells]

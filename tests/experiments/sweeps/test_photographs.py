@@ -99,16 +99,6 @@ def test_a_hollow_is_brighter_than_its_direct_light():
 
 
 @pytest.mark.full
-def test_wax_keeps_its_light():
-    """Half of the surface is open to a medium that gives back less than all: darker than matte, and smooth."""
-    matte, wax = photograph(replace(PLAIN, side=48)), photograph(replace(PLAIN, side=48, material="diffuse_subsurface"))
-    matte, wax = (p.frames.read()[:, p.mask][..., 1] for p in (matte, wax))
-    lit = matte > 0.1
-    assert 0.5 < wax[lit].mean() / matte[lit].mean() < 1.5
-    assert np.corrcoef(wax[lit], matte[lit])[0, 1] > 0.9
-
-
-@pytest.mark.full
 def test_what_comes_out_of_a_medium_is_photographed_with_noise():
     """Its rendering, a difference, lies below zero here and there: no photon is counted for that."""
     wax = replace(PLAIN, side=48, material="specular_subsurface", depth=4, noise=0.04)
