@@ -61,9 +61,7 @@ def begun(
         notes=tuple(notes),
     )  # fmt: skip
     if boards := photographs.get("board"):
-        draft = draft.noting(
-            f"{len(boards)} photographs of a board are not used: rgbn init looks for the board in them."
-        )
+        draft = draft.noting(f"{len(boards)} shots of a board are not used: rgbn init looks for the board in them.")
     return draft.with_photographs(photographs)
 
 

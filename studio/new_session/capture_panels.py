@@ -8,11 +8,11 @@ from typing import Any
 from capture.session.manifest import TABLES
 from capture.survey.folder_files import name_of
 from scene.spheres import KINDS
-from shoot.init.draft import ROLES, Draft
+from shoot.init.draft import ROLES
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.new_session.photograph_roles import BOARD, UNUSED, role_of, with_role
 from studio.photograph.outline_inputs import OutlineInputs
-from studio.widgets import Inputs, plain
+from studio.widgets import Inputs
 
 MEAN = "(mean of the flash frames)"
 NONE = "(none)"
@@ -70,7 +70,6 @@ class PhotographsPanel:
         )
         self._photograph = gui.add_dropdown("photograph", (MEAN,))
         self._role = gui.add_dropdown("used for", (*ROLES, BOARD, UNUSED), disabled=True)
-        self._counts = gui.add_markdown("")
         window.on_input(self._photograph, lambda name: window.choose(photograph=self._names.get(name), ball=None))
         window.on_input(self._role, self._use)
 
@@ -85,12 +84,6 @@ class PhotographsPanel:
         self._role.disabled = window.photograph is None
         if window.photograph is not None:
             self._role.value = role_of(draft, window.photograph)
-        lines = ["| | | |", "|---|---|---|"]
-        for role in (*ROLES, BOARD, UNUSED):
-            own = [name for name, path in self._names.items() if role_of(draft, path) == role]
-            if own:
-                lines.append(f"| {role} | {len(own)} | {plain(own[0])}{' ...' if len(own) > 1 else ''} |")
-        self._counts.content = "\n".join(lines)
 
     def _use(self, role: str) -> None:
         window, found = self._window, self._window.found
@@ -102,18 +95,15 @@ class PhotographsPanel:
 
 
 class KeysPanel:
-    """Inputs for keys of session.toml, made from their fields: their kind, unit and description.
+    """Inputs for keys of session.toml, made from their fields: their kind and description; what is known stands above.
 
-    keys: Path of each, as in camera.focal_mm. told: Returns what is known of them, as Markdown. files: The files that
-    a key may name.
+    keys: Path of each, as in camera.focal_mm. files: The files that a key may name.
     """
 
     def __init__(
-        self, window: NewSessionWindow, keys: tuple[str, ...], told: Callable[[Draft], str],
-        files: Callable[[str], list[Path]] = lambda path: [],
-    ) -> None:  # fmt: skip
-        self._window, self._text, self._files = window, told, files
-        self._told = window.client.gui.add_markdown("")
+        self, window: NewSessionWindow, keys: tuple[str, ...], files: Callable[[str], list[Path]] = lambda path: []
+    ) -> None:
+        self._window, self._files = window, files
         self._inputs = {path: self._add(path) for path in keys}
 
     def _add(self, path: str) -> Any:
@@ -135,7 +125,6 @@ class KeysPanel:
         draft = self._window.capture
         if draft is None:
             return
-        self._told.content = self._text(draft)
         for path, handle in self._inputs.items():
             table, key = path.split(".")
             said, nothing = getattr(draft.manifest, table), type(handle.value)()
@@ -143,7 +132,11 @@ class KeysPanel:
                 nothing = handle.options[0]
                 if nothing == NONE:
                     handle.options = (NONE, *(name_of(one, draft.folder) for one in self._files(path)))
-            handle.value = getattr(said, key) if said and key in said.model_fields_set else nothing
+            value = getattr(said, key) if said is not None and key in said.model_fields_set else None
+            handle.value = nothing if value is None else value
+            if isinstance(nothing, bool):
+                # How values are coded is a question of some kinds of files only.
+                handle.visible = value is not None
 
     def _say(self, table: str, key: str, value: Any) -> None:
         said = None if value in (0.0, NONE, BY_SIZE) and value is not False else value
@@ -154,8 +147,7 @@ class LensPanel(KeysPanel):
     """The camera."""
 
     def __init__(self, window: NewSessionWindow) -> None:
-        keys = tuple(f"camera.{key}" for key in ("focal_mm", "sensor_mm", "pixel_um", "crop_factor"))
-        super().__init__(window, keys, lambda draft: f"**How it is known:** {plain(draft.camera_told)}")
+        super().__init__(window, tuple(f"camera.{key}" for key in ("focal_mm", "sensor_mm", "pixel_um", "crop_factor")))
         window.client.gui.add_markdown(
             "0: as the photographs say. Shots of a ChArUco board or a chessboard measure all of it."
         )
@@ -166,13 +158,9 @@ class ObjectPanel(KeysPanel):
 
     def __init__(self, window: NewSessionWindow) -> None:
         keys = ("object.scan", "object.scan_unit", "object.mask", "object.normals", "lights.file", "frames.linear")
-        super().__init__(window, keys, self._scan_told, self._candidates)
+        super().__init__(window, keys, self._candidates)
 
     def _candidates(self, path: str) -> list[Path]:
         files = self._window.files
         return {"object.scan": files.scans, "object.mask": files.masks, "object.normals": files.normals,
                 "lights.file": files.lights}[path]  # fmt: skip
-
-    def _scan_told(self, draft: Draft) -> str:
-        self._inputs["frames.linear"].visible = draft.manifest.frames.linear is not None
-        return plain(draft.scan_told)

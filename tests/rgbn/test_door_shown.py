@@ -73,24 +73,6 @@ def test_lights_in_one_line_one_table_and_one_figure_each():
         lights.plot("colours")
 
 
-<<<<<<< HEAD
-def test_many_lights_stay_a_small_table():
-    html = near_lights(100)._repr_html_()
-    assert html.count("<tr>") == 13
-    assert "100 rows" in html
-
-
-def test_distant_lights_have_angles_and_columns_of_numbers():
-    lights = near_lights()
-    distant = Lights(lights.names, lights.directions, lights.intensities)
-    assert repr(distant) == "12 distant lights, 37 degrees from the camera's axis"
-    frame = distant.to_dataframe()
-    assert frame[["x_mm", "distance_mm", "direction_sigma_deg"]].isna().all().all()
-    assert frame["distance_mm"].dtype == float
-
-
-=======
->>>>>>> experiments
 def uri_picture(html):
     data = re.search(r"base64,([A-Za-z0-9+/=]+)", html)[1]
     return cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
