@@ -159,27 +159,6 @@ def test_one_chrome_ball_and_white_balls_show_where_the_lights_are(scene):
     assert np.mean(inside) > 0.85
 
 
-def test_shading_that_is_no_lights_is_left_out(scene):
-    """A white ball in another's shadow shows what the table throws on it."""
-    lights, highlights = scene
-    shading = _shading(lights, np.random.default_rng(8), 1.0)
-    shading.directions[:, 3] = [0.0, 0.0, 1.0]
-    shading.directions[0, 3] = unit(np.array([0.9, -0.4, 0.2]))
-    seen = Observed(
-        CAMERA,
-        _spheres(2),
-        [0.02**2 * np.eye(3)] * 2,
-        highlights[:2],
-        np.full((2, 8), 0.02),
-        REFERENCE,
-        shading=shading,
-    )
-    fit = fit_lights(seen, near=True)
-    assert not fit.shaded[0, 3]
-    assert fit.shaded[:, [0, 1, 2, 4, 5, 6, 7]].all()
-    assert angular_error_deg(fit.directions, lights - REFERENCE).max() < 0.3
-
-
 @pytest.mark.parametrize("near", [True, False])
 @pytest.mark.parametrize("exact", [True, False])
 def test_derivatives(scene, near, exact):
