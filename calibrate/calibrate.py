@@ -23,7 +23,6 @@ from calibrate.photometry.matte_shading import (
     read_surface,
     shading_directions,
 )
-from calibrate.photometry.photometer import covariance_of
 from calibrate.without_balls.from_object import strengths_from_object
 from scene.camera import Camera
 from scene.frames import Frames
@@ -191,10 +190,8 @@ def _with_intensities(
             own = {"directions": shading.directions[0], "direction_sigma_deg": shading.sigma_deg[0]}
             there = replace(lights, **own)
             notes.evidence.append("intensities are read with the white ball's own directions")
-    if covariance is None:
-        covariance = covariance_of(there, np.full(len(there), np.nan))
-    read = intensities_from_white(frames, surfaces, there, covariance, notes, apart_deg=apart)
-    return replace(lights, intensities=read[0], intensity_sigma=read[1], ambient=read[2], white_value=np.ones(3))
+    found = intensities_from_white(frames, surfaces, there, notes, covariance=covariance, apart_deg=apart)
+    return replace(found, directions=lights.directions, direction_sigma_deg=lights.direction_sigma_deg)
 
 
 def _placed(spheres: list[Sphere], notes: Notes) -> list[Sphere]:

@@ -33,42 +33,24 @@ def with_unknown_focal(run: Callable[[Camera], Calibration], camera: Camera) -> 
     Calibration
         Its `camera` says how well the focal length is known; orthographic where the balls do not tell it.
     """
-    guesses: list[float] = []
-    answers: list[float] = []
-    for _ in range(ROUNDS):
-        guess = _next(guesses, answers, camera.fx)
+    guess, before = camera.fx, (0.0, 0.0)
+    for turn in range(ROUNDS):
         found = run(replace(camera, fx=guess, fy=guess))
-        if found.camera is None or found.camera.is_orthographic or found.camera.focal_sigma > KNOWN:
-            return _orthographic(run, camera)
-        guesses.append(guess)
-        answers.append(found.camera.fx)
-        if abs(np.log(answers[-1] / guess)) < max(STILL, found.camera.focal_sigma):
-            return _told(found, found.camera)
-    # Each guess is answered by another: the balls contradict each other.
-    return _orthographic(run, camera)
-
-
-def _next(guesses: list[float], answers: list[float], first: float) -> float:
-    """Return the focal length to try: where the line through the last two answers meets its own guess."""
-    if not guesses:
-        return first
-    if len(guesses) == 1:
-        return answers[0]
-    x, y = np.log(guesses[-2:]), np.log(answers[-2:])
-    slope = float((y[1] - y[0]) / (x[1] - x[0])) if x[1] != x[0] else 0.0
-    return float(np.exp(x[1] + (y[1] - x[1]) / (1 - min(slope, 0.5))))
-
-
-def _told(found: Calibration, camera: Camera) -> Calibration:
-    text = (
-        f"camera: unknown (no [camera] in session.toml, no focal length in EXIF): its focal length, {camera.fx:.0f} "
-        f"px, good to {100 * camera.focal_sigma:.0f} %, is what the balls' outlines and lights ask for. focal_mm and "
-        "sensor_mm under [camera], or shots of a board, would be surer."
-    )
-    return replace(found, camera=replace(camera, source="balls"), warnings=(text, *found.warnings))
-
-
-def _orthographic(run: Callable[[Camera], Calibration], camera: Camera) -> Calibration:
+        told = found.camera
+        if told is None or told.is_orthographic or told.focal_sigma > KNOWN:
+            break
+        x, y = float(np.log(guess)), float(np.log(told.fx))
+        if abs(y - x) < max(STILL, told.focal_sigma):
+            text = (
+                "camera: unknown (no [camera] in session.toml, no focal length in EXIF): its focal length, "
+                f"{told.fx:.0f} px, good to {100 * told.focal_sigma:.0f} %, is what the balls' outlines and lights ask "
+                "for. focal_mm and sensor_mm under [camera], or shots of a board, would be surer."
+            )
+            return replace(found, camera=replace(told, source="balls"), warnings=(text, *found.warnings))
+        # Next where the line through the last two answers meets its own guess.
+        slope = (y - before[1]) / (x - before[0]) if turn and x != before[0] else 0.0
+        guess, before = float(np.exp(x + (y - x) / (1 - min(slope, 0.5)))), (x, y)
+    # The balls do not tell it, or each guess is answered by another: they contradict each other.
     plain = Camera.orthographic(camera.width, camera.height)
     text = (
         "camera: unknown (no [camera] in session.toml, no focal length in EXIF), and the balls do not tell its focal "

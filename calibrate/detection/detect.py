@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.detection.choice import Suspect, choose
-from calibrate.detection.circles import distinct, overlap, static_circles
+from calibrate.detection.circles import distinct, overlap, rank, static_circles
 from calibrate.detection.coarse import Box, Coarse
 from calibrate.detection.evidence import Change, Points, bright_points, changes, shaded
 from calibrate.detection.mirror_outline import (
@@ -217,8 +217,9 @@ def around_hint(coarse: Coarse, hint: Sphere, *, reach_px: float) -> list[Sphere
         return bool(max(off, abs(sphere.radius_px - small.radius_px)) < reach)
 
     circles = [sphere for sphere in static_circles(crop) if near(sphere)]
-    found = distinct(circles)[:MOST_HINTED]
+    found = distinct(sorted(circles, key=rank, reverse=True), px=1, most=MOST_HINTED)
     if hint.kind == "chrome":
         about = circles_about(static_slopes(crop), replace(small, center_px=small.center_px - corner))
-        found = distinct([circle for circle in about if near(circle)][:2] + found[:1])
+        some = [circle for circle in about if near(circle)][:2] + found[:1]
+        found = distinct(sorted(some, key=rank, reverse=True), px=1)
     return [coarse.sphere_to_full(replace(s, kind=hint.kind, center_px=s.center_px + corner)) for s in found]

@@ -96,39 +96,20 @@ def changes(coarse: Coarse) -> list[Change]:
     return out
 
 
-class _Disc(NamedTuple):
-    """The changes on a disc, at the size at which it is looked at."""
-
-    coarse: Coarse
-    sphere: Sphere
-    values: Stack  # (F, h, w) of its box
-    rows: NDArray[np.intp]  # (h, w)
-    columns: NDArray[np.intp]  # (h, w)
-    inside: Mask  # (h, w)
-
-
-def _disc(changes: list[Change], sphere: Sphere) -> _Disc | None:
-    octave = int(np.clip(np.ceil(np.log2(sphere.radius_px / LARGEST_PX)), 0, len(changes) - 1))
-    coarse, change = changes[octave]
-    sphere = coarse.from_full(changes[0].coarse.sphere_to_full(sphere))
-    box = coarse.box(sphere)
-    rows, columns = box.grid
-    if min(rows.shape) < 4:
-        return None
-    (u, v), r = sphere.center_px, sphere.radius_px
-    inside = np.hypot(columns - u, rows - v) < DISC * r
-    return _Disc(coarse, sphere, change[:, *box], rows, columns, inside) if inside.sum() >= FEWEST_PIXELS else None
-
-
 def bright_points(changes: list[Change], sphere: Sphere) -> Points | None:
     """Return the brightest change on the disc; None if too little of it is in the picture.
 
     `sphere` in pixels of the first of the `changes`; its circle is taken for its outline.
     """
-    disc = _disc(changes, sphere)
-    if disc is None:
+    octave = int(np.clip(np.ceil(np.log2(sphere.radius_px / LARGEST_PX)), 0, len(changes) - 1))
+    coarse, change = changes[octave]
+    sphere = coarse.from_full(changes[0].coarse.sphere_to_full(sphere))
+    box = coarse.box(sphere)
+    rows, columns = box.grid
+    inside = np.hypot(columns - sphere.center_px[0], rows - sphere.center_px[1]) < DISC * sphere.radius_px
+    if min(rows.shape) < 4 or inside.sum() < FEWEST_PIXELS:
         return None
-    values = disc.values[:, disc.inside]
+    values = change[:, *box][:, inside]
     best = values.argmax(1)
     peak = values[np.arange(len(values)), best].astype(np.float64)
     # Of the large disc every few pixels say how much of it is bright.
@@ -137,8 +118,8 @@ def bright_points(changes: list[Change], sphere: Sphere) -> Points | None:
     # A mirrored table is noise next to the flash: the contrast's floor keeps 0 / 0 out.
     ninety = np.maximum(np.quantile(some, 0.9, axis=1), 1e-3 * np.maximum(peak, 1e-6))
     lit = peak > LIT_SHARE * np.median(peak)
-    places = np.stack([disc.columns[disc.inside], disc.rows[disc.inside]], -1)
-    track = (places[best] - disc.sphere.center_px) / disc.sphere.radius_px
+    places = np.stack([columns[inside], rows[inside]], -1)
+    track = (places[best] - sphere.center_px) / sphere.radius_px
     travel = float(np.sqrt(np.mean(np.sum((track - track.mean(0)) ** 2, 1))))
     within = float(np.mean(np.hypot(*track.T) < FRONT))
     return Points(float(np.median(area[lit])), float(np.median((peak / ninety)[lit])), travel, within, track)

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.known_lights.read_known import lacks_intensities
-from calibrate.without_balls.from_object import CANDIDATES, varied
+from calibrate.without_balls.from_object import CANDIDATES, LIT, varied
 from calibrate.without_balls.probe import read_probe
-from calibrate.without_balls.semicalibrated_start import LIT
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights

@@ -16,7 +16,6 @@ from calibrate.lights.directions import mirrored_rays
 from calibrate.lights.highlight import find_spots
 from calibrate.photometry.from_white import intensities_from_white
 from calibrate.photometry.matte_shading import brightness_beside, read_surface, shading_directions
-from calibrate.photometry.photometer import covariance_of
 from calibrate.without_balls.from_object import strengths_from_object
 from scene.camera import Camera
 from scene.errors import CalibrationError
@@ -97,10 +96,8 @@ def _with_intensities(frames: Frames, camera: Camera, balls: list[Ball], lights:
     """Read on the white balls, else on the object, the intensities that the lights' file does not have."""
     surfaces = [read_surface(ball.frames, camera, ball.sphere) for ball in balls if ball.sphere.kind == "white"]
     if surfaces:
-        covariance = covariance_of(lights, np.full(len(lights), np.nan))
-        intensities, sigma, ambient = intensities_from_white(frames, surfaces, lights, covariance, notes)
+        lights = intensities_from_white(frames, surfaces, lights, notes)
         notes.evidence.append("intensities from the white ball, read with the known directions: the file has none")
-        lights = replace(lights, ambient=ambient, white_value=np.ones(3))
     else:
         lacking = next(flag for flags in lights.flags for flag in flags if flag.endswith(NO_INTENSITIES))
         own = Notes(notes.evidence)
@@ -110,6 +107,6 @@ def _with_intensities(frames: Frames, camera: Camera, balls: list[Ball], lights:
                 f"{lacking}, and there is {EQUALLY_BRIGHT} State a white ball ([[spheres]]), or give a lights.json."
             )
             return lights
-        intensities, sigma = read
+        lights = replace(lights, intensities=read[0], intensity_sigma=read[1])
         notes.warnings.extend(f"{lacking}, and there is {text}" for text in own.warnings)
-    return replace(lights, intensities=intensities, intensity_sigma=sigma, flags=without_flag(lights)).normalised()
+    return replace(lights, flags=without_flag(lights)).normalised()

@@ -1,6 +1,8 @@
-"""Distant or near lights."""
+"""Distant or near lights, and whose fault it is when the balls contradict each other."""
 
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,12 +10,19 @@ from numpy.typing import NDArray
 from calibrate.calibration import Notes
 from calibrate.lights.adjustment import Observed
 from calibrate.lights.positions import INLIER_SIGMAS, LightFit, fit_lights
-from scene.normals import unit
+from calibrate.silhouette.outline import difference
+from scene.normals import angular_error_deg, unit
 
 Array = NDArray[np.float64]
 NEAR_BIC = 10.0  # how much better near lights must explain the highlights before ranges are claimed
-SUSPICIOUS = 2.5  # times the stated sigmas by which highlights and outlines may miss before it is said
+CULPRIT_BIC = 16.0  # the same before one of some ten numbers, which users rarely state wrongly, is blamed
+SUSPICIOUS = 2.5  # times the stated sigmas by which highlights and outlines may miss before somebody is asked why
+EXPLAINS = 0.5  # share of the misfit that one suspect must explain, alone, to be named
+AS_GOOD = 0.1  # of what it explains, by which other suspects may explain less and be named, too
+NOTABLE = 0.02  # relative change from which a diameter or a focal length is called wrong
+MANY = 0.25  # share of the highlights left out from which it is no longer the highlights' fault
 DOUBT = 0.5  # relative sigma of a diameter that nobody stated
+LOOSE = 0.1  # radii, sigma of an outline that is suspected
 DISAGREE_DEG = 0.5
 
 
@@ -54,6 +63,10 @@ def choose_model(seen: Observed, notes: Notes) -> LightFit:
     if not gain > NEAR_BIC:
         notes.evidence.append(f"distant lights: ranges would not explain the highlights better (dBIC {gain:.0f})")
         return _judged(distant, notes)
+    # One wrong outline among many good highlights hides in the mean.
+    missed = near.misfit > SUSPICIOUS or near.outline_chi2.max() > INLIER_SIGMAS**2
+    if has_scale and len(spheres) > 1 and (missed or _left_out(near, seen.highlights) > MANY):
+        near = _with_culprit(near, scaled, notes)
     nearest, farthest = near.distance_mm.min(), near.distance_mm.max()
     if has_scale:
         notes.evidence.append(
@@ -98,30 +111,94 @@ def _with_diameters(seen: Observed) -> Observed:
     return replace(seen, spheres=spheres, diameter_sigma=np.array([0.0, *[DOUBT] * (len(spheres) - 1)]))
 
 
+class _Suspect(NamedTuple):
+    """The fit in which one number is free, how far it went, relative or px, and what that says."""
+
+    fit: LightFit
+    change: float
+    text: str
+
+
+def _suspects(seen: Observed) -> Iterator[_Suspect]:
+    """Free one diameter, one outline or the focal length after the other."""
+    assert seen.diameter_sigma is not None
+    for i, sphere in enumerate(seen.spheres):
+        doubted, loose = seen.diameter_sigma.copy(), list(seen.covariances)
+        doubted[i], loose[i] = DOUBT, np.eye(3) * (LOOSE * sphere.radius_px) ** 2
+        one = fit_lights(replace(seen, diameter_sigma=doubted), near=True)
+        found = 2 * one.spheres[i].radius_mm
+        text = f"chrome ball {i + 1} is {found:.1f} mm across, not {sphere.diameter_mm:g}"
+        yield _Suspect(one, abs(np.log(found / (2 * sphere.radius_mm))), text)
+        one = fit_lights(replace(seen, covariances=loose), near=True)
+        du, dv, larger = difference(one.spheres[i], sphere)
+        moved = max(float(np.hypot(du, dv)), abs(larger))
+        yield _Suspect(one, moved, f"chrome ball {i + 1}'s outline is {moved:.1f} px off")
+    camera = seen.camera
+    if not camera.focal_sigma:
+        one = fit_lights(replace(seen, camera=replace(camera, focal_sigma=DOUBT)), near=True)
+        text = f"the camera's focal length is {one.camera.fx:.0f} px, not {camera.fx:.0f}"
+        yield _Suspect(one, abs(np.log(one.camera.fx / camera.fx)), text)
+
+
+def _with_culprit(near: LightFit, seen: Observed, notes: Notes) -> LightFit:
+    """Return the fit in which one diameter, one outline or the focal length is free, if that alone explains the rest.
+
+    Three balls show which it is; two, only that they contradict each other. Highlights of which all are blurred alike
+    miss by more than was stated, too: with their common scale unknown, n observations to spare prefer the suspect by
+    n log(chi^2 / chi^2 with it), which must be much.
+    """
+    suspects = sorted((s for s in _suspects(seen) if s.change > NOTABLE), key=lambda s: s.fit.chi2_all)
+    if not suspects or suspects[0].fit.chi2_all > EXPLAINS * near.chi2_all:
+        return near
+    best = suspects[0].fit
+    if near.freedom * np.log(near.chi2_all / best.chi2_all) < CULPRIT_BIC:
+        return near
+    slack = AS_GOOD * (near.chi2_all - best.chi2_all) + NEAR_BIC * best.scale**2
+    equal = [s for s in suspects if s.fit.chi2_all - best.chi2_all < slack]
+    guess = ", which is a guess: check diameter_mm of every ball, and the camera." if len(equal) > 1 else "."
+    miss = max(near.misfit, float(np.sqrt(near.outline_chi2.max() / 3)))
+    notes.warnings.append(
+        f"the chrome balls contradict each other: highlights and outlines miss by {miss:.1f} times what was "
+        f"expected, unless {' or '.join(s.text for s in equal)}. The lights are as if {suspects[0].text}{guess}"
+    )
+    return _unsure(best, [s.fit for s in equal[1:]])
+
+
+def _unsure(fit: LightFit, others: list[LightFit]) -> LightFit:
+    """Widen the lights' sigmas by how far the other fits, as good as this one, have them elsewhere."""
+    turn, stretch, covariance = fit.direction_sigma_deg, fit.range_sigma, np.asarray(fit.position_covariance_mm2)
+    for other in others:
+        assert fit.positions_mm is not None
+        assert other.positions_mm is not None
+        turn = np.hypot(turn, angular_error_deg(fit.directions, other.directions) / 2)
+        stretch = np.hypot(stretch, np.log(other.distance_mm / fit.distance_mm) / 2)
+        half = (other.positions_mm - fit.positions_mm) / 2
+        covariance = covariance + half[:, :, None] * half[:, None, :]
+    return replace(fit, direction_sigma_deg=turn, range_sigma=stretch, position_covariance_mm2=covariance)
+
+
+def _left_out(fit: LightFit, highlights: Array) -> float:
+    """Return the share of highlights that the fit does not believe, among those that it could check."""
+    seen = np.isfinite(highlights[..., 0])
+    shared = seen & (seen.sum(0) > 1)
+    return float((shared & ~fit.used).sum() / max(shared.sum(), 1))
+
+
 def _judged(fit: LightFit, notes: Notes) -> LightFit:
-    """Say how well the highlights fit; widen the sigmas of lights on which the balls contradict each other."""
+    """Say how well the highlights fit."""
     rms = float(np.sqrt(np.nanmean(fit.residual_px**2)))
     radius = np.array([s.radius_px for s in fit.spheres])[:, None]
     # A mirror turns twice as far as its normal.
     miss_deg = float(np.rad2deg(np.sqrt(np.nanmean((2 * fit.residual_px / radius) ** 2))))
     notes.evidence.append(f"highlights fit to {rms:.2f} px rms, {fit.scale:.1f} times what was stated of them")
-    # One wrong outline among many good highlights hides in the mean.
-    outline = float(np.sqrt(fit.outline_chi2.max() / 3))
-    if not (fit.misfit > SUSPICIOUS and miss_deg > DISAGREE_DEG) and outline < INLIER_SIGMAS:
-        return fit
-    hint = "check diameter_mm of every ball, and the camera's focal length"
-    if fit.positions_mm is None and not all(s.diameter_mm for s in fit.spheres):
-        hint = "near lights? Give diameter_mm and a camera"
-    # The highlights' own scatter is in the sigmas already.
-    times = max(fit.misfit / fit.scale, outline, 1.0)
-    notes.warnings.append(
-        f"the chrome balls contradict each other: highlights miss by {rms:.1f} px rms, highlights and outlines by "
-        f"{max(fit.misfit, outline):.1f} times what was expected; {hint}. The stated sigmas are wider accordingly."
-    )
-    covariance = fit.position_covariance_mm2
-    return replace(
-        fit,
-        direction_sigma_deg=times * fit.direction_sigma_deg,
-        range_sigma=times * fit.range_sigma,
-        position_covariance_mm2=None if covariance is None else times**2 * covariance,
-    )
+    if fit.misfit > SUSPICIOUS and miss_deg > DISAGREE_DEG:
+        hint = (
+            "check their diameters and the camera's focal length"
+            if fit.positions_mm is not None or all(s.diameter_mm for s in fit.spheres)
+            else "near lights? Give diameter_mm and a camera"
+        )
+        notes.warnings.append(
+            f"the chrome balls disagree on the lights: highlights miss by {rms:.1f} px rms, "
+            f"{fit.scale:.1f} times what was expected; {hint}. The stated sigma is widened accordingly."
+        )
+    return fit

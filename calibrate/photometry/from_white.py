@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from calibrate.calibration import Notes, leave_out
 from calibrate.photometry.matte_shading import Surface
-from calibrate.photometry.photometer import PARTLY, Photometry, measure
+from calibrate.photometry.photometer import PARTLY, Photometry, covariance_of, measure
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
@@ -39,16 +39,19 @@ def intensities_from_white(
     frames: Frames,
     surfaces: list[Surface],
     lights: Lights,
-    covariance: Array,
     notes: Notes,
     *,
+    covariance: Array | None = None,
     apart_deg: float = 0.0,
-) -> tuple[Array, Array, Array]:
-    """Return intensities (F, 3), relative sigma (F,) and ambient (3,), as pixel values on the first white ball.
+) -> Lights:
+    """Return the lights with intensities, their sigma, and the ambient light, as pixel values on the first white ball.
 
-    `lights` and their `covariance` (F, 3, 3): see `measure`; `apart_deg` is what `compare_with_chrome` found.
+    `covariance` (F, 3, 3): see `measure`; by the lights' sigmas where it is not known. `apart_deg` is what
+    `compare_with_chrome` found.
     """
     read = []
+    if covariance is None:
+        covariance = covariance_of(lights)
     for number, surface in enumerate(surfaces):
         name = "the white ball" if len(surfaces) == 1 else f"white ball {number + 1}"
         light = measure(surface, lights, covariance)
@@ -89,7 +92,9 @@ def intensities_from_white(
                 f"(median frame {usual:.1%}): partly in another's shadow, or glared at?"
             )
             notes.warnings.append(told)
-    return *_together(read, shadowed), read[0].ambient
+    intensities, sigma = _together(read, shadowed)
+    ambient = read[0].ambient
+    return replace(lights, intensities=intensities, intensity_sigma=sigma, ambient=ambient, white_value=np.ones(3))
 
 
 def _doubt(

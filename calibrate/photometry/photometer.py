@@ -45,17 +45,13 @@ class Photometry(NamedTuple):
         return float(np.nanmedian(self.misfit)) if np.isfinite(self.misfit).any() else 0.0
 
 
-def covariance_of(lights: Lights, range_sigma: Array) -> Array:
-    """Return the covariance (F, 3, 3) of positions, mm^2, or of unit directions, that the lights' sigmas make.
-
-    `range_sigma` (F,) is relative, NaN where it is not known.
-    """
+def covariance_of(lights: Lights) -> Array:
+    """Return the covariance (F, 3, 3) of positions, mm^2, or of unit directions, that the directions' sigmas make."""
     along = lights.directions[:, :, None] * lights.directions[:, None, :]
     across = np.deg2rad(np.nan_to_num(lights.direction_sigma_deg))[:, None, None] ** 2 * (np.eye(3) - along)
     if lights.positions_mm is None:
         return across
-    distance = np.linalg.norm(lights.positions_mm - lights.reference_point_mm, axis=1)[:, None, None]
-    return distance**2 * (across + np.nan_to_num(range_sigma)[:, None, None] ** 2 * along)
+    return np.sum((lights.positions_mm - lights.reference_point_mm) ** 2, 1)[:, None, None] * across
 
 
 def measure(surface: Surface, lights: Lights, covariance: Array | None = None) -> Photometry:

@@ -7,7 +7,7 @@ import pytest
 
 from calibrate.calibrate import calibrate
 from calibrate.photometry.matte_shading import contradicts_kind
-from fixtures.ball_scene import Solid, dust, radiance, scratches
+from fixtures.ball_scene import Solid, radiance
 from scene.errors import CalibrationError
 from scene.frames import Frames
 from scene.lights import Lights
@@ -111,7 +111,7 @@ def test_of_two_chrome_balls_a_wrong_diameter_is_a_contradiction(shot, frames):
     world = shot[0]
     found = calibrate(frames, world.camera, _asked(world, scale=[1, 0.9]))
     _right(world, found, strength=0.01)
-    _said(found, "the chrome balls contradict each other", "check diameter_mm")
+    _said(found, "the chrome balls contradict each other", "not 68.4", "which is a guess", "check diameter_mm")
     assert not any("frames.linear" in warning for warning in found.warnings), "a curve is not what explains it best"
     reference = found.lights.reference_point_mm
     off = angular_error_deg(found.lights.directions, world.truth(reference)[0])
@@ -279,17 +279,3 @@ def test_a_ball_of_the_other_kind_is_named(small):
         assert told
         assert f"said to be {other}" in told
         assert f"If it is {sphere.kind}" in told
-
-
-@pytest.mark.full
-def test_dusty_and_scratched_balls(small):
-    world = small((-215, -110), (220, 130))
-    rng = np.random.default_rng(10007)
-    for ball in world.balls[:2]:
-        specks = dust(rng, 150, radius_mm=1.5, ball_mm=38)
-        ball.marks = np.concatenate([specks, scratches(rng, 25, width_mm=0.5, ball_mm=38)])
-    found = calibrate(_exposed(radiance(world, blur_px=0.6)[0]), world.camera, _asked(world))
-    angle, off = _errors(world, found)
-    wrong = (angle > 1 + 3 * found.lights.direction_sigma_deg) | (off > 0.05)
-    for name in np.array(found.lights.names)[wrong]:
-        _said(found, name)

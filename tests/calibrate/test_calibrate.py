@@ -116,6 +116,8 @@ def test_one_wrong_diameter_of_two_is_noticed(table, wrong):
     requests[wrong] = replace(requests[wrong], diameter_mm=1.07 * requests[wrong].diameter_mm)
     warning = calibrate(frames, world.camera, requests).warnings[0]
     assert "contradict each other" in warning
+    assert "chrome ball 1 is" in warning
+    assert "chrome ball 2 is" in warning
     assert "check diameter_mm" in warning
 
 

@@ -48,23 +48,6 @@ def test_every_ball_is_found_and_no_other(table):
 
 
 @pytest.mark.full
-def test_a_shrunken_stack_finds_the_same_balls(table, monkeypatch):
-    """Coarse to fine: searched at half size, fitted at full size."""
-    world, frames = table
-    monkeypatch.setattr("calibrate.detection.coarse.LONGEST_SIDE_PX", 300)
-    coarse = shrink(frames, world.camera)
-    assert coarse.factor == 2
-    assert coarse.images.shape == (len(frames), 200, 300)
-    center = world.camera.project(world.balls[0].center)
-    np.testing.assert_allclose(coarse.to_full(coarse.camera.project(world.balls[0].center)), center, atol=1e-9)
-    found, _ = detect(frames, world.camera, coarse, wanted={"white": 1})
-    kind, center, radius = _truth(world)[2]
-    assert [one.sphere.kind for one in found] == [kind]
-    np.testing.assert_allclose(found[0].sphere.center_px, center, atol=0.15)
-    assert found[0].sphere.radius_px == pytest.approx(radius, abs=0.3)
-
-
-@pytest.mark.full
 def test_a_forgotten_mirror_is_named_where_it_stands(table):
     world, frames = table
     balls, _, warnings = find_balls(frames, world.camera, [SphereRequest("chrome", 76.0), SphereRequest("white", 70.0)])

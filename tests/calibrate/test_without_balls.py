@@ -7,9 +7,8 @@ import pytest
 
 from calibrate.calibration import Notes
 from calibrate.without_balls.from_normals import MISFIT, lights_from_normals
-from calibrate.without_balls.from_object import strengths_from_object
+from calibrate.without_balls.from_object import intensities_from_object, strengths_from_object
 from calibrate.without_balls.probe import read_probe
-from calibrate.without_balls.semicalibrated_start import intensities_from_object
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
