@@ -135,14 +135,6 @@ def test_a_sensitivity_of_more_than_16_bits(tmp_path, tag):
     assert read_exif(tmp_path / "a.rw2").iso == 204800
 
 
-def test_a_small_picture_in_front_is_not_the_photograph(tmp_path):
-    """A DNG's first directory is a preview: its width would make 140 pixels per millimetre 3400."""
-    plane = [(41486, 5, (3552, 1)), (41488, 3, [2])]
-    for name, first, width in (("a.dng", [(254, 4, [1])], None), ("a.tif", [(254, 4, [0])], 256), ("b.tif", [], 256)):
-        (tmp_path / name).write_bytes(tiff("<", [*FIRST, (256, 4, [256]), *first], plane))
-        assert read_exif(tmp_path / name).width_px == width
-
-
 def test_damaged_files_say_what_is_left_and_nothing_else(tmp_path, capfd):
     """Bits turned, bytes cut, counts without end: None, in the time of reading."""
     rng = np.random.default_rng(0)

@@ -41,9 +41,3 @@ def test_a_soft_frame_is_named_and_sound_ones_are_not():
     assert focus_warnings(*frames_of(0.0)) == []
     (told,) = focus_warnings(*frames_of(2 * SOFT_PX))
     assert told.startswith(f"f{BLURRED}: is softer than the other frames")
-
-
-def test_few_frames_and_bare_walls_tell_nothing():
-    assert np.isnan(blur_px(*frames_of(2.0, count=3))).all()
-    bare = Frames.from_linear(tuple("abcdef"), np.random.default_rng(1).normal(0.3, 0.01, (6, 240, 320, 3)))
-    assert focus_warnings(bare, [facts_of(codes) for codes in bare.codes]) == []

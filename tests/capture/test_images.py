@@ -23,26 +23,10 @@ def write(path, values):
     return path
 
 
-@pytest.mark.parametrize("suffix", [".png", ".tif", ".ppm"])
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_integer_files(tmp_path, suffix, dtype):
-    white = np.iinfo(dtype).max
-    values = (rgb() * white).round().astype(dtype)
-    linear = decode(read_image(write(tmp_path / f"a{suffix}", values), "linear").codes)
-    assert np.abs(linear - values / white).max() < CODE
-
-
 def test_a_real_tga_is_its_png(shared):
     tga = shared("real/uw_psm/tga_chrome/chrome.3.tga")
     png = shared("real/uw_psm/png/chrome/chrome.3.png")
     assert np.array_equal(read_image(tga, "linear").codes, read_image(png, "linear").codes)
-
-
-def test_twelve_bits_in_a_pgm(tmp_path):
-    values = (rgb()[..., 0] * 4095).round().astype(">u2")
-    (tmp_path / "a.pgm").write_bytes(b"P5\n# by a camera\n17 12\n4095\n" + values.tobytes())
-    linear = decode(read_image(tmp_path / "a.pgm", "linear").codes)[..., 0]
-    assert np.abs(linear - values / 4095).max() < CODE
 
 
 def test_orientation_is_not_applied(tmp_path):

@@ -95,19 +95,6 @@ def test_sigma_needs_a_fourth_sample_and_vanishes_without_noise():
     assert exact.sigma_deg.max() < 0.01
 
 
-def test_lights_from_nearly_one_plane_and_dark_pixels_are_said():
-    seen = lights()
-    flat = seen.directions * [1, 0.04, 1]
-    narrow = Lights(seen.names, flat / np.linalg.norm(flat, axis=1, keepdims=True), seen.intensities)
-    images, _ = plane(narrow)
-    found = run("ls", Frames.from_linear(seen.names, images), narrow)
-    assert np.median(found.condition) > 20
-    assert any("nearly one plane" in text for text in found.warnings)
-    images, _ = plane(seen)
-    images[2:, :20] = 0.0
-    assert any("fewer than three lit" in t for t in run("ls", Frames.from_linear(seen.names, images), seen).warnings)
-
-
 @pytest.mark.parametrize("is_mosaic", [False, True])
 @pytest.mark.parametrize("coded", [True, False])
 def test_samples_are_what_frames_reads(is_mosaic, coded):

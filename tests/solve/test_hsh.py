@@ -29,19 +29,6 @@ def normals_near_the_axis(count, seed=0):
     return n / np.linalg.norm(n, axis=1, keepdims=True)
 
 
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_the_basis_is_orthonormal_on_the_hemisphere(order):
-    """Gauss-Legendre in z, which is uniform on the sphere, times even azimuths."""
-    nodes, weights = np.polynomial.legendre.leggauss(40)
-    z, w = 0.5 * (nodes + 1), 0.5 * weights
-    azimuth = np.arange(32) * 2 * np.pi / 32
-    across = np.sqrt(1 - z**2)
-    x, y = across[:, None] * np.cos(azimuth), across[:, None] * np.sin(azimuth)
-    basis = hsh.harmonics(np.stack([x, y, np.broadcast_to(z[:, None], x.shape)], -1).reshape(-1, 3), order)
-    area = np.repeat(w, 32) * 2 * np.pi / 32
-    np.testing.assert_allclose(basis.T @ (area[:, None] * basis), np.eye((order + 1) ** 2), atol=1e-6)
-
-
 def test_lambertian_samples_are_exact_by_default_and_nearly_so_by_three_lights():
     directions, normals = lights(48, 0.5, 0.98), normals_near_the_axis(100)
     samples = 0.4 * normals @ directions.T

@@ -90,28 +90,6 @@ def test_a_step_keeps_its_height_free():
     assert np.std(surface.z_mm[:, 5 : SIZE // 2 - 5]) < 0.2 * 5.0
 
 
-def test_parts_that_do_not_touch_get_the_median_each_and_gaps_are_left_out():
-    points, normals = plane(ORTHOGRAPHIC, (0.2, 0.1, 1))
-    mask = np.ones((SIZE, SIZE), bool)
-    mask[:, 30] = False
-    normals = normals.copy()
-    normals[5, 5] = np.nan
-    surface = integrate(normals, mask, ORTHOGRAPHIC, z_mm=-600.0)
-    assert np.isnan(surface.z_mm[5, 5])
-    assert abs(np.nanmedian(surface.z_mm[:, :30]) + 600) < 1e-6
-    assert abs(np.nanmedian(surface.z_mm[:, 31:]) + 600) < 1e-6
-    slope = np.diff(surface.z_mm, axis=1)[:, 8:28]
-    np.testing.assert_allclose(slope, np.diff(points[..., 2], axis=1)[:, 8:28], atol=1e-4)
-
-
-def test_normals_that_face_away_are_taken_as_edge_on():
-    _, normals, mask = ball_seen(PERSPECTIVE, (0.0, 0.0, -600.0), 90.0, rim=0.2)
-    normals = normals.copy()
-    normals[mask & (normals[..., 2] < 0.4)] *= [1, 1, -1]
-    surface = integrate(normals, mask, PERSPECTIVE, z_mm=-550.0)
-    assert np.isfinite(surface.z_mm[mask]).all()
-
-
 def test_faults_are_named():
     normals = np.full((SIZE, SIZE, 3), np.nan)
     with pytest.raises(SceneError, match="no pixel"):

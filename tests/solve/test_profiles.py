@@ -38,17 +38,6 @@ def test_every_method_has_the_seeds_profile_with_the_same_names(method):
         found.settings("x")
 
 
-def test_in_deep_shadow_unguarded_trimming_throws_the_good_samples_away():
-    """Ten of sixteen samples are in cast shadow: the default finds the six, the seed's reading trims them."""
-    samples = 0.5 * cap()[:, 2][None].repeat(COUNT, 0)
-    for i, row in enumerate(samples):
-        row[(np.arange(10) + i) % COUNT] = 0.002
-    normals, used = fitted("iterative", samples)
-    assert away_deg(normals).max() < 0.1
-    assert (used.sum(1) == 6).all()
-    assert np.median(away_deg(fitted("iterative", samples, profile="seed")[0])) > 5
-
-
 def test_the_seeds_least_squares_keeps_what_is_clipped():
     samples = 1.5 * cap()[:, 2][None]
     clipped = samples > 1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scene.camera import Camera
-from solve.surface.integration import integrate, surface_at
+from solve.surface.integration import surface_at
 from solve.surface.surface_mesh import mesh_of
 
 SIZE = 40
@@ -54,15 +54,3 @@ def test_no_face_bridges_a_step_or_a_hole_and_none_is_missing(stepped):
     # The hole takes eight triangles away and leaves four corners cut off.
     assert len(mesh.faces) == whole - 8 + 4
     assert len(np.unique(np.sort(mesh.faces, 1), axis=0)) == len(mesh.faces)
-
-
-def test_a_known_depth_and_its_own_integration_are_torn_alike(stepped):
-    points, normals, _ = stepped
-    known = surface_at(points[..., 2], normals, CAMERA)
-    assert np.isfinite(known.gap_right[:, 24]).all()
-    assert (known.gap_right[:, 24] > 2).all()
-    assert np.nanmax(np.where(np.isfinite(known.gap_down), known.gap_down, np.nan)) < 1e-9
-    smooth = np.where(np.arange(SIZE) < 25, points[..., 2], np.nan)
-    mask = np.isfinite(smooth)
-    again = integrate(normals, mask, CAMERA, z_mm=float(np.nanmedian(smooth)))
-    np.testing.assert_allclose(again.z_mm[mask], smooth[mask], atol=1e-3)

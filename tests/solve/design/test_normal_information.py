@@ -44,14 +44,6 @@ def test_an_even_ring_at_54_7_degrees_is_the_optimum(count):
     assert min(trace(upper(rng, count)) for _ in range(200)) > 9 * NOISE**2 / count
 
 
-def test_a_flash_in_shadow_adds_nothing_and_two_flashes_tell_no_normal():
-    vectors = ring(4, 50)
-    seen = np.array([[1], [1], [1], [0]], bool)
-    assert information(vectors, NOISE, seen) == pytest.approx(information(vectors[:3], NOISE))
-    assert np.isnan(inverted(information(vectors[:2], NOISE))).all()
-    assert np.isnan(sigma_of_normals(np.array([[0, 0, 1.0]]), inverted(information(vectors[:2], NOISE)))).all()
-
-
 def test_sigma_is_that_of_least_squares_with_any_weights_by_monte_carlo():
     rng = np.random.default_rng(1)
     vectors, noise, weights = upper(rng, 12), rng.uniform(0.002, 0.01, (12, 1)), rng.uniform(0, 1, (12, 1))

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from fixtures.lit_surfaces import even_cap
 from scene.errors import CalibrationError
@@ -13,7 +12,6 @@ from solve.problem import Problem
 from solve.samples import Geometry, Samples
 from solve.uncalibrated import entropy, ldr, tv
 from solve.uncalibrated.front_end import FrontEnd, family
-from solve.uncalibrated.tv import geometric_median
 
 METHODS = {"ldr": ldr, "entropy": entropy, "tv": tv}
 SIZE = 72
@@ -68,21 +66,6 @@ def started_elsewhere(monkeypatch, module, mu, nu, depth):
         return replace(found, b=b, lights=lights)
 
     monkeypatch.setattr(module, "family", other)
-
-
-@pytest.mark.parametrize("robust", [True, False])
-def test_pseudo_normals_are_the_true_ones_up_to_a_bas_relief_transform(scene, robust):
-    _, normals, _, mask = scene
-    directions = even_cap(40, 15)
-    gray = photographs(dome()[0], mask, directions)
-    lit = (normals @ directions.T > 0.02).all(1)
-    found = family(samples_of(gray), mask, FrontEnd(robust=robust, smooth_px=1.0))
-    matrix = np.linalg.lstsq(found.b[lit], normals[lit], rcond=None)[0]
-    assert error(found.b @ matrix, normals)[lit].mean() < (0.01 if robust else 1)
-    matrix = matrix / matrix[0, 0]
-    # [1 0 0; 0 1 0; mu nu lambda], and mu, nu, lambda are anything.
-    np.testing.assert_allclose(matrix[:2], [[1, 0, 0], [0, 1, 0]], atol=0.03)
-    assert abs(matrix[2, 2]) > 0.1
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -145,16 +128,6 @@ def test_gloss_and_cast_shadow_are_cleaned_away(scene):
         good, plain = (error(run(name, spoilt, mask, robust=each).b, normals).mean() for each in (True, False))
         assert good < 1.5
         assert plain > 2 * good
-
-
-def test_the_tilt_of_tv_is_the_geometric_median_of_the_slopes():
-    rng = np.random.default_rng(20_014)
-    points = rng.standard_cauchy((400, 2)) + [3, -2]
-    found = geometric_median(points)
-    truth = minimize(lambda c: np.linalg.norm(points - c, axis=1).sum(), [3, -2], method="Nelder-Mead", tol=1e-12).x
-    np.testing.assert_allclose(found, truth, atol=1e-5)
-    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
-    np.testing.assert_allclose(geometric_median(points @ turn + [5, 6]), found @ turn + [5, 6], atol=1e-8)
 
 
 def test_each_says_when_it_should_not_be_believed(scene):
