@@ -48,7 +48,7 @@ def lay(desk: Desk, workspace: Workspace, source: Path, out: Path | None = None)
 
     out: Output folder of a session. Raises SceneError: it cannot be read, or lies outside of the workspace.
     """
-    from twin.description.description_file import read_scene
+    from twin.description.description_file import read_document
 
     if not source.exists():
         # Given as the workspace knows it.
@@ -68,7 +68,7 @@ def lay(desk: Desk, workspace: Workspace, source: Path, out: Path | None = None)
     elif kind == "scene" or source.suffix == ".toml":
         path = workspace.description(str(source.resolve()))
         desk.area = "Scene"
-        found = begun(workspace, read_scene(path), path.parent if path.name == FILE else None)
+        found = begun(workspace, read_document(path), path.parent if path.name == FILE else None)
         # What was made before can be taken back to.
         desk.scene = desk.scene.did(f"open {path.stem}", found.state, 0.0) if desk.scene else found
     else:

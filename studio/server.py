@@ -11,13 +11,11 @@ from scene.errors import SceneError
 from studio.background_process import Works
 from studio.browser_window import BrowserWindow
 from studio.desk import Desk, History
-from studio.editor.camera_panel import CameraPanel, PreviewPanel
 from studio.editor.editor_window import EditorWindow, begun
 from studio.editor.files_panel import FilesPanel
-from studio.editor.lights_panel import LightsPanel
-from studio.editor.materials_panel import MaterialsPanel
-from studio.editor.objects_panel import ObjectsPanel
+from studio.editor.panels import CameraPanel, LightsPanel, MaterialsPanel, ObjectsPanel
 from studio.editor.preview import Preview
+from studio.editor.preview_panel import PreviewPanel
 from studio.editor.scene_view import SceneView
 from studio.guarded_server import GuardedServer
 from studio.new_session.capture_panels import DiametersPanel, LensPanel, ObjectPanel, PhotographsPanel
@@ -37,7 +35,6 @@ from studio.review.shoot_panel import ShootPanel
 from studio.review.spatial_view import SpatialView
 from studio.tabs import Header, TabbedPanels
 from studio.workspace import Workspace
-from twin.description.description import TwinScene
 
 SCENE_TABS = {"Objects": ObjectsPanel, "Material": MaterialsPanel, "Lights": LightsPanel, "Camera": CameraPanel,
               "Dataset": FilesPanel}  # fmt: skip
@@ -47,8 +44,6 @@ NEW_SESSION_TABS = {"Balls": DiametersPanel, "Photographs": PhotographsPanel, "C
                     "Object": ObjectPanel, "session.toml": TextPanel}  # fmt: skip
 PANEL_PX, SHOOT_PX = 430, 820
 """Width of the panels; of a shoot's, which is read from the tripod and has nothing beside it."""
-WARM = -1
-"""The window of nobody."""
 MOST_LEFT = 8
 """Desks of closed windows that wait for the next ones."""
 
@@ -79,7 +74,6 @@ class Studio:
         self._server.scene.configure_default_lights(cast_shadow=False)
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self.preview = Preview()
-        self._is_warm = False
         self._server.on_client_connect(self._come)
         self._server.on_client_disconnect(self._go)
 
@@ -168,7 +162,7 @@ class Studio:
 
     def _new_desk(self) -> Desk:
         first = self._first
-        scene = first.scene and History(replace(first.scene.state, document=replace(first.scene.state.document)))
+        scene = first.scene and History(replace(first.scene.state, saved=replace(first.scene.state.saved)))
         return replace(first, tabs={}, captures={}, sittings={}, scene=scene, works=self._works)
 
     def _window_for(self, client: Any, desk: Desk) -> BrowserWindow:
@@ -179,16 +173,9 @@ class Studio:
             window = NewSessionWindow(*place, desk.looking, desk)
         elif desk.area == "Scene":
             window = EditorWindow(*place, desk.scene or begun(self._workspace, None, None), desk)
-            self._warm(window.scene)
         window = window or OpenWindow(*place, desk)
         window.turn = lambda: self._turn(client, desk)
         return window
-
-    def _warm(self, scene: TwinScene) -> None:
-        """Have kernels compiled while the panels are made."""
-        if not self._is_warm:
-            self._is_warm = True
-            self.preview.request(WARM, scene, 0, lambda drawn: self.preview.forget(WARM))
 
     def _turn(self, client: Any, desk: Desk) -> None:
         """Show a browser its desk's area, in another window."""

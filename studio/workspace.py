@@ -11,6 +11,7 @@ from typing import Any
 
 from scene.errors import SceneError
 from scene.files import write_whole
+from scene.output_folder import read_record
 from scene.reading import reading, text_of
 
 MESHES = (".ply", ".obj", ".stl", ".off", ".glb")
@@ -88,7 +89,7 @@ class Workspace:
         return path.resolve().relative_to(self.root).as_posix()
 
     def listing(self) -> "Listing":
-        """Return what there is to choose from; hidden folders, links and the frames of renderings are left out."""
+        """Return what there is to choose from; hidden folders, links and what rgbn made itself are left out."""
         kinds = {"models": MESHES, "pictures": PICTURES}
         found: dict[str, list[str]] = {kind: [] for kind in (*kinds, "sessions")}
         is_cut = False
@@ -147,7 +148,10 @@ class Workspace:
                 raise SceneError(f"{path}: names {error}") from None
         return path
 
-    def _walk(self, folder: Path, depth: int) -> Iterator[Path]:
+    def _walk(self, folder: Path, depth: int, own: frozenset[Path] = frozenset()) -> Iterator[Path]:
+        record = read_record(folder)
+        if record is not None:
+            own |= {path for work in ("", *record.done) for path in record.files_of(work)}
         try:
             inside = sorted(folder.iterdir())
         except OSError:
@@ -155,10 +159,10 @@ class Workspace:
         for path in inside:
             if path.name.startswith(".") or path.is_symlink():
                 continue
-            if path.is_file():
+            if path.is_file() and (path.name == LIGHTS or path not in own):
                 yield path
-            elif depth and path.is_dir() and path.name not in ("flash", "node_modules", "__pycache__"):
-                yield from self._walk(path, depth - 1)
+            elif depth and path.is_dir() and path.name not in ("node_modules", "__pycache__"):
+                yield from self._walk(path, depth - 1, own)
 
 
 def _files_of(data: Any) -> Iterator[str]:

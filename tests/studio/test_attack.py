@@ -22,7 +22,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 from studio.editor import edits
-from twin.description.description_writer import write_scene
+from twin.description.description_file import write_document
 
 pytestmark = [pytest.mark.full, pytest.mark.render]
 
@@ -44,7 +44,7 @@ GONE = (ConnectionClosed, InvalidHandshake, OSError, TimeoutError, EOFError, Att
 def studio(tmp_path_factory):
     """`rgbn studio` as a person starts it: its address, its process, and what it says."""
     root = tmp_path_factory.mktemp("attacked")
-    write_scene(edits.start_scene(), root / "bench")
+    write_document(edits.start_document(), root / "bench")
     (root / "bench" / "scene.toml").rename(root / "bench" / "s.toml")
     with open(root / "said", "w") as said:
         process = subprocess.Popen(

@@ -24,8 +24,7 @@ from studio.own_files import put_own
 from studio.review.folder import Review
 from studio.server import Studio
 from studio.workspace import MOST_UPLOAD, Workspace
-from twin.description.description_file import read_scene
-from twin.description.description_writer import write_scene
+from twin.description.description_file import read_document, read_scene, write_document
 
 pytestmark = [pytest.mark.render]
 
@@ -205,7 +204,7 @@ def test_a_window_that_is_loaded_again_goes_on_with_its_scene(studio, nobody, mo
 
 
 def resized(width):
-    return lambda scene: edits.with_camera(scene, width=width, height=60, focal_px=200.0, orthographic=False)
+    return lambda document: edits.with_value(document, ("camera", "width"), width)
 
 
 def test_a_browser_that_is_gone_before_its_panels_are_made_leaves_none(studio, nobody, monkeypatch):
@@ -288,9 +287,9 @@ def test_a_report_is_given_out_alone_and_without_rights(studio, tmp_path):
 def test_a_scene_that_another_window_saved_is_not_written_over_unseen(nobody, furnish, settle, tmp_path):
     place, windows = Workspace.at(tmp_path), []
     preview = SimpleNamespace(request=lambda *_: None, forget=lambda _: None)
-    put_own(tmp_path / "a", lambda folder: write_scene(edits.start_scene(), folder))
+    put_own(tmp_path / "a", lambda folder: write_document(edits.start_document(), folder))
     for number in (1, 2):
-        history = begun(place, read_scene(tmp_path / "a" / "scene.toml"), tmp_path / "a")
+        history = begun(place, read_document(tmp_path / "a" / "scene.toml"), tmp_path / "a")
         windows.append(EditorWindow(nobody(number), place, preview, history))
         windows[-1].change("camera", resized(32 * number))
         furnish(windows[-1], [FilesPanel])

@@ -110,8 +110,8 @@ def test_a_convex_body_in_an_even_light_has_reflectance_times_radiance():
     inside = np.hypot(*(np.mgrid[:32, :32] - 15.5)) < 11
     for environment in (
         Environment(ambient=(0.3, 0.2, 0.1)),
-        Environment(np.full((4, 8, 3), 0.2, np.float32) * np.array([3, 2, 1], np.float32), 0.5),
-        Environment(np.full((4, 8, 3), 0.1, np.float32) * np.array([1, 1, 0], np.float32), 1.0, 70, (0.2, 0.1, 0.1)),
+        Environment(Texture(np.full((4, 8, 3), 0.2, np.float32) * np.array([3, 2, 1], np.float32)), 0.5),
+        Environment(Texture(np.full((4, 8, 3), 0.1) * [1, 1, 0]), 1.0, 70, (0.2, 0.1, 0.1)),
     ):
         picture = image(one("sphere", Diffuse((1, 0.5, 0.25)), given=dark, environment=environment), samples=256)
         assert np.allclose(picture[inside].mean(0), np.array([0.3, 0.2, 0.1]) * [1, 0.5, 0.25], rtol=3e-3)
@@ -137,7 +137,7 @@ def test_an_environment_map_shines_from_where_it_is_said_to(row, column, rotate_
         sky[row] = 5.0
     else:
         sky[3:6, column] = 20.0
-    given = Environment(sky, 1.0, rotate_deg)
+    given = Environment(Texture(sky), 1.0, rotate_deg)
     picture = image(one("sphere", GREY, given=lights([0, 0, 1], intensity=0.0), environment=given), samples=64)
     halves = {"top": picture[:16], "bottom": picture[16:], "left": picture[:, :16], "right": picture[:, 16:]}
     means = {name: half.mean() for name, half in halves.items()}
