@@ -22,10 +22,10 @@ from twin.engines.path_tracing import PathTracer
 from twin.engines.variant import SLOW, import_mitsuba, pick_variant
 from twin.material.coat_search import COVERED, CoatSearch, Fit
 from twin.material.fit_material import fit_material
-from twin.material.material_light import material_scene
 from twin.material.material_samples import Samples, samples_of_scan
 from twin.material.reflection_models import coat, matte, reflected
 from twin.material.scan_material import scan_material
+from twin.scan_scene import scan_scene
 from twin.visibility import Sight
 
 SIDE, RADIUS = 64, 27.0
@@ -213,7 +213,7 @@ def test_the_facets_of_a_ball_that_stock_mitsuba_rendered_are_found(roughness: f
     assert abs(fit.surface.roughness / roughness - 1) < 0.03
     assert abs(fit.specularity / 0.6 - 1) < 0.03
     albedo = np.where(mask[..., None], np.full(3, 0.2, np.float32), np.float32(np.nan))
-    (made_of,) = material_scene(sight, fit, albedo, Sampling())[0].materials.values()
+    (made_of,) = scan_scene(sight, albedo, Sampling(), fit=fit)[0].materials.values()
     assert isinstance(made_of, RoughPlastic)
     assert made_of.roughness == fit.surface.roughness
 
