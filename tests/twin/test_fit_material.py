@@ -145,15 +145,6 @@ def test_a_matte_ball_gets_no_coat() -> None:
 
 
 @pytest.mark.full
-def test_brighter_lights_change_nothing_but_the_strength() -> None:
-    lights = dome(8)
-    samples = made(0.2, 0.5, lights)
-    once, twice = (fit_material(replace(samples, values=k * samples.values), lights) for k in (1, 2))
-    assert abs(twice.surface.roughness / once.surface.roughness - 1) < 1e-3
-    assert abs(twice.specularity / (2 * once.specularity) - 1) < 1e-3
-
-
-@pytest.mark.full
 def test_a_white_value_that_is_unknown_leaves_the_channels_free() -> None:
     lights = dome(16, white=None)
     fit = fit_material(made(0.2, 0.5, lights), lights)

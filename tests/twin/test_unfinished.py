@@ -192,17 +192,6 @@ def test_a_mark_tells_what_makes_a_difference_and_nothing_else():
     assert rendering_mark(scene, False) not in marks
 
 
-def test_what_is_no_rendering_of_ours_is_started_anew(tmp_path):
-    folder = tmp_path / "left"
-    for text in ("", "{", '{"mark": "a"}', '{"mark": "a", "notes": {}, "done": [0], "arrays": ["codes"]}'):
-        folder.mkdir()
-        (folder / "rendering.json").write_text(text)
-        kept = Unfinished(folder, "a")
-        assert kept.notes is None
-        assert not kept.done
-        assert not folder.exists()
-
-
 def test_damaged_notes_are_started_anew(tmp_path):
     """Whatever byte of the notes changes, nothing is taken from them, and nothing is raised."""
     kept = Unfinished(tmp_path / "left", "a")

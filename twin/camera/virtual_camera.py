@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from fractions import Fraction
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from scene.files import write_whole
 from twin.description.fields import Level, NotNegative, Positive, Three, checked, key
 
 CFA_PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
-NO_FILTER = "none"
+NO_FILTER: Final = "none"
 
 _SRGB_FROM_XYZ = np.array(
     [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]]
@@ -52,29 +52,20 @@ class Sensor:
         Three, key("k1, k2, k3: 1 + k1 r^2 + k2 r^4 + k3 r^6 of the light in the middle, r = 1 at the corners.")
     ] = (0.0, 0.0, 0.0)
     cfa: Annotated[
-        str,
-        key("Colours of the top left 2 x 2 pixels: RGGB, BGGR, GRBG, GBRG; none: all three everywhere."),
+        Literal["RGGB", "BGGR", "GRBG", "GBRG", "none"],
+        key("Colours of the top left 2 x 2 pixels, row by row; none: all three everywhere."),
     ] = "RGGB"
     neutral: Annotated[
-        Three,
+        tuple[Positive, Positive, Positive],
         key("Raw response to white, at most 1: the DNG's AsShotNeutral. Where it is 1, pixel value 1 is white."),
     ] = (0.58, 1.0, 0.69)
     pixel_um: Annotated[Positive, key("Pixel pitch: the DNG's focal-plane resolution.", "um")] = 5.0
 
     def __post_init__(self) -> None:
-        if self.cfa not in (*CFA_PATTERNS, NO_FILTER):
-            raise RenderError(f"sensor.cfa: found {self.cfa!r}, expected one of {', '.join(CFA_PATTERNS)}, none.")
         if not 0 <= self.black_level < self.white_level <= 65535:
             raise RenderError(
                 f"sensor: black level {self.black_level}, white level {self.white_level}; "
                 "expected 0 <= black < white <= 65535."
-            )
-        noises = (self.read_noise_e, self.adc_noise_dn, self.blur_px)
-        if min(self.full_well_e, self.iso, self.pixel_um, *self.neutral) <= 0 or min(noises) < 0:
-            raise RenderError(
-                f"sensor: full well {self.full_well_e} e-, ISO {self.iso:g}, pixel {self.pixel_um} um and neutral "
-                f"{self.neutral} must be positive, read noise {self.read_noise_e} e-, converter's noise "
-                f"{self.adc_noise_dn} DN and blur {self.blur_px} px not negative."
             )
         if self.falloff(np.linspace(0, 1, 101)).min() <= 0:
             raise RenderError(
