@@ -20,7 +20,6 @@ from twin.engines.many import Many
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.path_tracing import PathTracer
 from twin.engines.variant import SLOW, import_mitsuba, pick_variant
-from twin.material.coat_search import COVERED, CoatSearch, Fit
 from twin.material.fit_material import fit_material
 from twin.material.material_samples import Samples, samples_of_scan
 from twin.material.reflection_models import coat, matte, reflected
@@ -242,11 +241,3 @@ def test_a_rendered_ball_tells_its_material_and_its_shadow_does_not_count() -> N
     assert len(albedo) > 0.5 * mask.sum()
     np.testing.assert_allclose(np.median(albedo, 0), WHITE * [0.5, 0.3, 0.2], rtol=0.02)
     assert 0 < whole.onward_share < 0.1
-
-
-def test_where_no_roughness_explains_more_than_another_it_stays() -> None:
-    """A place without highlights upon a bare body: the best strength is 0 for every roughness, and all are level."""
-    samples = made(0.3, 0.4, dome(12))
-    search = CoatSearch(samples, 0.5 * WHITE, 0 * WHITE, COVERED, about=Fit(coat(0.4, covered=0.0), np.zeros(3), 2))
-    assert search.fit.surface.roughness == pytest.approx(0.4)
-    assert not search.fit.strength.any()

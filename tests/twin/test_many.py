@@ -9,7 +9,7 @@ from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import unit
 from twin.description.description import Sampling, TwinObject, TwinScene
-from twin.description.materials import Conductor, Diffuse, RoughPlastic
+from twin.description.materials import Diffuse, RoughPlastic
 from twin.description.object_mesh import built_in
 from twin.engines.film import Film
 from twin.engines.many import Many
@@ -104,19 +104,6 @@ def test_light_that_went_on_is_what_stock_mitsuba_has_beyond_direct_light():
     # What is not noise: means of 8 x 8 pixels.
     blocks = (through - beyond).reshape(2, 5, 8, 6, 8, 3).mean((2, 4))
     assert np.sqrt(np.mean(blocks**2)) < 0.004 * whole_of.mean()
-
-
-@pytest.mark.full
-@pytest.mark.parametrize(("max_depth", "distribution"), [(3, "ggx"), (5, "ggx"), (3, "beckmann")])
-def test_light_that_a_glossy_ball_throws_on_its_surroundings_is_where_stock_mitsuba_has_it(max_depth, distribution):
-    given = lights([120, 60, 200], near=True)
-    scene = scene_of(*corner(Conductor("Al", 0.3, distribution)), given, max_depth=max_depth)
-    straight, through = rendered(scene, samples=576)
-    both = stock(scene, 576)
-    beyond = both - straight
-    blocks = (through - beyond).reshape(1, 5, 8, 6, 8, 3).mean((2, 4))
-    assert np.sqrt(np.mean(blocks**2)) < 0.006 * both.mean()
-    assert np.allclose(through.mean((1, 2)), beyond.mean((1, 2)), rtol=0.03)
 
 
 def test_neither_bands_nor_threads_change_anything():
