@@ -14,6 +14,7 @@ import rgbn
 from benchmarks.harness import ROOT, markdown, put
 from capture.session.manifest import TABLES, Manifest
 from rgbn.cli import app
+from twin.description import description_file
 
 REFERENCE = ROOT / "docs" / "reference"
 TITLES = {"": "Above all tables", "spheres": "`[[spheres]]`", "camera.board": "`board` of `[camera]`"}
@@ -43,8 +44,47 @@ def keys() -> str:
     return "\n".join(lines)
 
 
+def scene_keys() -> str:
+    """Return a section for each table of a scene description, a row for each key, as Markdown."""
+    lines = []
+    for name, table in description_file.TABLES.items():
+        about = (table.__doc__ or "").split("\n\n")[0].replace("\n", " ").replace("    ", "")
+        lines += [f"### {f'`{name}`' if '[' in name else name or 'Above all tables'}", "", about, ""]
+        rows = [
+            {
+                "key": key, "type": _kind(field), "unit": field.get("unit", ""), "range": _range(field),
+                "default": "required" if field["required"] else _default(field), "what": field.get("description", ""),
+            }
+            for key, field in description_file.keys_of(table).items() if key != "kind"
+        ]  # fmt: skip
+        columns = {"key": "`{key}`", "type": "{type}", "range": "{range}", "unit": "{unit}", "default": "{default}"}
+        lines.append(markdown({**columns, "what it is": "{what}"}, rows))
+    return "\n".join(lines)
+
+
+def _range(field: dict[str, Any]) -> str:
+    """Say which numbers a key takes, of its JSON schema; nothing where only what no scene has is refused."""
+    for one in (field, *field.get("anyOf", []), *field.get("prefixItems", [])[:1]):
+        low, high = one.get("minimum", one.get("exclusiveMinimum")), one.get("maximum", one.get("exclusiveMaximum"))
+        if low is not None and high is not None and low != -high:
+            least = "above 0" if 0 < low < 1e-5 else f"{low:g}"
+            return f"{least} to {high:,g}" if high < 1e6 else least if low else "0 or more"
+    return ""
+
+
 def _kind(field: dict[str, Any]) -> str:
     """Say a key's type in words, of its JSON schema."""
+    if field.get("input") == "colour":
+        return 'number, list of 3, picture or `"vertex"`'
+    if field.get("input") == "share":
+        return "number or picture"
+    if "discriminator" in field.get("items", {}) or "additionalProperties" in field:
+        return "tables"
+    if not field.keys() & {"type", "anyOf", "$ref", "const", "enum"}:
+        return "a file's name"
+    if "prefixItems" in field:
+        inner = _kind(field["prefixItems"][0])
+        return f"list of {field['minItems']} {inner}" + "s" * (not inner.endswith("s"))
     if "$ref" in field or field.get("items", {}).get("$ref"):
         return "list of tables" if "items" in field else "table"
     if "anyOf" in field:
@@ -107,7 +147,8 @@ def _call(function: Any) -> str:
     return f"({', '.join(str(one.replace(annotation=inspect.Parameter.empty)) for one in parameters)})"
 
 
-BLOCKS = {"session-toml.md": ("keys", keys), "verbs.md": ("verbs", verbs), "python.md": ("members", members)}
+BLOCKS = {"session-toml.md": ("keys", keys), "scene-toml.md": ("keys", scene_keys), "verbs.md": ("verbs", verbs),
+          "python.md": ("members", members)}  # fmt: skip
 """By page: the name of its block, and what writes it."""
 
 

@@ -123,7 +123,7 @@ def by_surrounding(scene: TwinScene) -> Images:
 
     film = scene.film()
     lit = replace(scene, environment=Environment(ambient=(1.0, 1.0, 1.0)))
-    light = standing_light(lit, film, "mitsuba", apart=True)
+    light = standing_light(lit, film)
     assert light is not None
     return film.whole(light)
 

@@ -85,6 +85,7 @@ def _render(scene: Any, folder: Store, apart: bool, bar: Bar) -> dict[str, Any]:
             normals,
             shooting=Shooting(scene.sensor, scene.files),
             name=scene.name,
+            ambient=rendered.standing,
             progress=progress,
         )
     return rendered.facts()

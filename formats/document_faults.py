@@ -1,7 +1,7 @@
 """What pydantic finds wrong in a document, session.toml or a scene's, in a line each: key path, found, expected."""
 
 import re
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from scene.errors import SceneError
@@ -28,17 +28,17 @@ def fault_line(
     fault: Mapping[str, Any],
     hint: Callable[[Location], str],
     *,
-    hidden: Container[str] = (),
     missing: Mapping[str, str] | None = None,
     expected: Mapping[str, str] | None = None,
 ) -> str:
     """Return one of pydantic's faults as "key.path: what was found; what is expected."
 
-    hint: Says what an unknown key may mean. hidden: Names that pydantic puts into the path, and no file holds.
+    hint: Says what an unknown key may mean.
     missing: By key path, what to do where it is absent. expected: By key path without numbers, what list or which words
     are expected there, instead of pydantic's words.
     """
-    parts = [part for part in fault["loc"] if isinstance(part, int) or not _is_hidden(part, hidden)]
+    # Validators appear in the path, and no file holds them.
+    parts = [part for part in fault["loc"] if isinstance(part, int) or not part.startswith("function-")]
     path, kind, cause = key_path(parts), fault["type"], fault.get("ctx", {}).get("error")
     if kind in ("extra_forbidden", "unexpected_keyword_argument"):
         return f"{path}: unknown key. {hint(parts)}"
@@ -56,8 +56,3 @@ def fault_line(
     place = re.sub(r"\[\d+\]", "", path)
     wanted = (expected or {}).get(place) if kind in ("list_type", "literal_error") else None
     return f"{path}: found {shortened(shown, 80)}; {wanted or EXPECTED.get(kind, message)}."
-
-
-def _is_hidden(part: str, hidden: Container[str]) -> bool:
-    # Validators and kinds of tables appear in the path.
-    return part.startswith("function-") or part in hidden

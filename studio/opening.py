@@ -68,7 +68,7 @@ def lay(desk: Desk, workspace: Workspace, source: Path, out: Path | None = None)
 
     out: Output folder of a session. Raises SceneError: it cannot be read, or lies outside of the workspace.
     """
-    from twin.description.description_file import read_scene
+    from twin.description.description_file import read_document
 
     if not source.exists():
         # Given as the workspace knows it.
@@ -88,7 +88,7 @@ def lay(desk: Desk, workspace: Workspace, source: Path, out: Path | None = None)
     elif source.suffix == ".toml":
         path = workspace.path(source.resolve())
         desk.area = "Scene"
-        scene = begun(workspace, read_scene(path), path.parent if path.name == FILE else None)
+        scene = begun(workspace, read_document(path), path.parent if path.name == FILE else None)
         # What was made before can be taken back to.
         desk.scene = desk.scene.did(f"open {path.stem}", scene.state, 0.0) if desk.scene else scene
     else:

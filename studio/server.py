@@ -10,13 +10,11 @@ from typing import Any
 from scene.errors import SceneError
 from studio.browser_window import BrowserWindow
 from studio.desk import Desk
-from studio.editor.camera_panel import CameraPanel, PreviewPanel
 from studio.editor.editor_window import EditorWindow, begun
 from studio.editor.files_panel import FilesPanel
-from studio.editor.lights_panel import LightsPanel
-from studio.editor.materials_panel import MaterialsPanel
-from studio.editor.objects_panel import ObjectsPanel
+from studio.editor.panels import CameraPanel, LightsPanel, MaterialsPanel, ObjectsPanel
 from studio.editor.preview import Preview
+from studio.editor.preview_panel import PreviewPanel
 from studio.editor.scene_view import SceneView
 from studio.new_session.capture_panels import DiametersPanel, LensPanel, ObjectPanel, PhotographsPanel
 from studio.new_session.found_panel import FoundPanel, TextPanel, WritePanel
@@ -40,8 +38,6 @@ NEW_SESSION_TABS = {"Balls": DiametersPanel, "Photographs": PhotographsPanel, "C
                     "Object": ObjectPanel, "session.toml": TextPanel}  # fmt: skip
 PANEL_PX, SHOOT_PX = 430, 820
 """Width of the panels; of a shoot's, which is read from the tripod and has nothing beside it."""
-WARM = -1
-"""The window of nobody."""
 ELSEWHERE = "The studio is open in another window, and it has one at a time."
 
 
@@ -69,7 +65,6 @@ class Studio:
             command = server.gui.add_command(label, hotkey="Z", modifier=modifier)
             command.on_trigger(partial(self._press, label.lower()))
         self.preview = Preview()
-        self._is_warm = False
         server.on_client_connect(self._come)
         server.on_client_disconnect(self._go)
 
@@ -153,12 +148,7 @@ class Studio:
         if desk.area == "New session" and desk.looking is not None:
             return NewSessionWindow(*place, desk.looking, desk)
         if desk.area == "Scene":
-            window = EditorWindow(*place, desk.scene or begun(self._workspace, None, None), desk)
-            if not self._is_warm:
-                # Kernels are compiled while the panels are made.
-                self._is_warm = True
-                self.preview.request(WARM, window.scene, 0, lambda drawn: self.preview.forget(WARM))
-            return window
+            return EditorWindow(*place, desk.scene or begun(self._workspace, None, None), desk)
         return OpenWindow(*place, desk)
 
     def _add_panels(self, window: BrowserWindow) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from scene.errors import SceneError
 from scene.files import write_whole
+from scene.output_folder import read_record
 
 MESHES = (".ply", ".obj", ".stl", ".off", ".glb")
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr", ".npy")
@@ -70,7 +71,7 @@ class Workspace:
         return path.resolve().relative_to(self.root).as_posix()
 
     def listing(self) -> Listing:
-        """Return what there is to choose from; hidden folders, links and the frames of renderings are left out."""
+        """Return what there is to choose from; hidden folders, links and what rgbn made itself are left out."""
         walked = list(itertools.islice(self._walk(self.root, depth=4), MOST_WALKED + 1))
         names = {
             "models": [self.name(path) for path in walked if path.suffix.lower() in MESHES],
@@ -80,7 +81,10 @@ class Workspace:
         is_cut = len(walked) > MOST_WALKED or any(len(found) > MOST_FILES for found in names.values())
         return Listing(**{kind: tuple(sorted(found[:MOST_FILES])) for kind, found in names.items()}, is_cut=is_cut)
 
-    def _walk(self, folder: Path, depth: int) -> Iterator[Path]:
+    def _walk(self, folder: Path, depth: int, own: frozenset[Path] = frozenset()) -> Iterator[Path]:
+        record = read_record(folder)
+        if record is not None:
+            own |= {path for work in ("", *record.done) for path in record.files_of(work)}
         try:
             inside = sorted(folder.iterdir())
         except OSError:
@@ -88,10 +92,10 @@ class Workspace:
         for path in inside:
             if path.name.startswith(".") or path.is_symlink():
                 continue
-            if path.is_file():
+            if path.is_file() and (path.name == LIGHTS or path not in own):
                 yield path
-            elif depth and path.is_dir() and path.name not in ("flash", "node_modules", "__pycache__"):
-                yield from self._walk(path, depth - 1)
+            elif depth and path.is_dir() and path.name not in ("node_modules", "__pycache__"):
+                yield from self._walk(path, depth - 1, own)
 
     def keep_upload(self, name: str, content: bytes) -> str:
         """Write what the browser sent into `uploads/`, and return its name in the workspace.

@@ -11,10 +11,10 @@ from formats.pictures import srgb_from_linear
 from scene.errors import RenderError
 from scene.frames import Frames
 from twin.description.description import Sampling
-from twin.material.material_light import material_scene
 from twin.material.material_samples import FEWEST as FEWEST_PIXELS
 from twin.material.material_samples import inner_pixels, samples_at
 from twin.material.scan_material import SAMPLES_AT_ONCE, ScanMaterial, scan_material
+from twin.scan_scene import scan_scene
 from twin.visibility import Sight
 
 Array = NDArray[np.float64]
@@ -33,29 +33,23 @@ class Relighting:
     """Photographs foretold, over three sets of pixels.
 
     fitted, predicted: Names of the frames that the material was fitted to, and of those that were foretold.
-    relative_rmse, relative_rmse_scaled: By the set: `fitted` (samples such as the material is fitted to), `lit` (all of
-        the mask in no shadow of the scan, not clipped), `whole` (all of the mask that is not clipped: cast shadows,
-        light from elsewhere, and outline included). Root of the squared errors' sum over the squared values'. Scaled:
-        each image, and each channel of it, by the factor that suits it best.
-    psnr_db, psnr_scaled_db: Of `whole`, each the mean over images, by kind: `linear` (clipped at white), `hdr` (clipped
-        at four times white, after the gain that makes the photograph's mean that of its sRGB picture) and `ldr` (sRGB).
+    relative_rmse: By the set: `fitted` (samples such as the material is fitted to), `lit` (all of the mask in no shadow
+        of the scan, not clipped), `whole` (all of the mask that is not clipped: cast shadows, light from elsewhere, and
+        outline included). Root of the squared errors' sum over the squared values'.
+    psnr_db: Of `whole`, the mean over images, by kind: `linear` (clipped at white), `hdr` (clipped at four times white,
+        after the gain that makes the photograph's mean that of its sRGB picture) and `ldr` (sRGB).
     """
 
     fitted: tuple[str, ...]
     predicted: tuple[str, ...]
     relative_rmse: dict[str, float]
-    relative_rmse_scaled: dict[str, float]
     psnr_db: dict[str, float]
-    psnr_scaled_db: dict[str, float]
 
     def facts(self) -> dict[str, Any]:
         """Return what the summary keeps of it."""
-        found: dict[str, Any] = {"fitted": self.fitted, "predicted": self.predicted}
-        for end, rmse, decibels in (("", self.relative_rmse, self.psnr_db),
-                                    ("_scaled", self.relative_rmse_scaled, self.psnr_scaled_db)):  # fmt: skip
-            found |= {f"relative_rmse_{name}{end}": value for name, value in rmse.items()}
-            found |= {f"psnr_{name}{end}_db": value for name, value in decibels.items()}
-        return found
+        rmse = {f"relative_rmse_{name}": value for name, value in self.relative_rmse.items()}
+        decibels = {f"psnr_{name}_db": value for name, value in self.psnr_db.items()}
+        return {"fitted": self.fitted, "predicted": self.predicted, **rmse, **decibels}
 
     def __str__(self) -> str:
         """The line that is printed."""
@@ -107,44 +101,31 @@ def relighting(
                 f"{len(known[0])} pixels are lit by three of half of the frames; {FEWEST_PIXELS} are needed."
             )
     found = scan_material(seen, frames.only(first), mask, known=known)
-    scene, _ = material_scene(unseen, found.fit, found.albedo, sampling)
+    scene, _ = scan_scene(unseen, found.albedo, sampling, fit=found.fit)
     photographs = frames.only(others)
-    rmse, rmse_scaled, decibels, decibels_scaled = score(unseen, photographs, render(scene), mask)
-    return Relighting(seen.lights.names, unseen.lights.names, rmse, rmse_scaled, decibels, decibels_scaled)
+    rmse, decibels = score(unseen, photographs, render(scene), mask)
+    return Relighting(seen.lights.names, unseen.lights.names, rmse, decibels)
 
 
 def score(
     sight: Sight, photographs: Frames, predicted: Frames, mask: NDArray[np.bool_]
-) -> tuple[dict[str, float], ...]:
-    """Return relative RMSE, the same scaled, PSNR, and the same scaled; see `Relighting`."""
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return relative RMSE and PSNR; see `Relighting`."""
     rows, columns = np.nonzero(mask)
     sets = _sets(sight, photographs, mask)
     white = _white(photographs, rows, columns)
-    sums, scaled = np.zeros((2, len(MASKS), 2))
-    decibels: list[list[dict[str, float]]] = [[], []]
+    sums = {name: np.zeros(2) for name in MASKS}
+    decibels: list[dict[str, float]] = []
     for index in range(len(photographs)):
         read, clipped = photographs.read_pixels(index, rows, columns)
         value = read.astype(np.float64)
         guess = predicted.read_pixels(index, rows, columns)[0].astype(np.float64)
-        for place, name in enumerate(MASKS):
+        for name, total in sums.items():
             own = ~clipped if name == "whole" else ~clipped & sets[name][:, index]
-            sums[place] += _squares(value[own], guess[own])
-            scaled[place] += _squares(value[own], guess[own] * _factor(value[own], guess[own]))
-        value, guess = value[~clipped] / white, guess[~clipped] / white
-        decibels[0].append(_decibels(value, guess))
-        decibels[1].append(_decibels(value, guess * _factor(value, guess)))
-    rmse = ({n: float(np.sqrt(a / b)) for n, (a, b) in zip(MASKS, of, strict=True)} for of in (sums, scaled))
-    means = ({kind: float(np.mean([one[kind] for one in of])) for kind in of[0]} for of in decibels)
-    return *rmse, *means
-
-
-def _squares(value: Array, guess: Array) -> tuple[float, float]:
-    return float(np.sum((guess - value) ** 2)), float(np.sum(value**2))
-
-
-def _factor(value: Array, guess: Array) -> Array:
-    """Return (3,) by what each channel of a guess is to be multiplied."""
-    return np.sum(value * guess, 0) / np.maximum(np.sum(guess**2, 0), 1e-30)
+            total += np.sum((guess[own] - value[own]) ** 2), np.sum(value[own] ** 2)
+        decibels.append(_decibels(value[~clipped] / white, guess[~clipped] / white))
+    rmse = {name: float(np.sqrt(a / b)) for name, (a, b) in sums.items()}
+    return rmse, {kind: float(np.mean([one[kind] for one in decibels])) for kind in decibels[0]}
 
 
 def _white(photographs: Frames, rows: NDArray, columns: NDArray) -> float:

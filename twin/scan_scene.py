@@ -1,8 +1,8 @@
 """A registered scan with its measured albedo under the session's lights, as a scene description.
 
 What is physical of it: the shape with its cast shadows, near or distant lights, the measured albedo, light that goes
-from one part of the object to another. What is not: gloss (`twin.material.material_light.material_scene` adds it), the
-table and whatever else stands around.
+from one part of the object to another, the gloss of a material that was fitted. What is not: the table and whatever
+else stands around.
 """
 
 from dataclasses import replace
@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import RenderError
+from scene.spheres import WHITE_BALL_ALBEDO
 from twin.description.description import Sampling, TwinObject, TwinScene
 from twin.description.description_check import check_scene
-from twin.description.materials import Diffuse
+from twin.description.materials import Diffuse, Material, RoughPlastic
 from twin.description.object_mesh import ObjectMesh
+from twin.material.fit_material import MaterialFit
 from twin.material.measured_albedo import albedo_at_the_surface, textured_surface
 from twin.visibility import Sight
 
@@ -22,9 +24,10 @@ NAME = "measured_albedo"
 
 
 def scan_scene(
-    sight: Sight, albedo: NDArray[np.float32], sampling: Sampling, *, albedo_depth_mm: float | None = None
-) -> tuple[TwinScene, tuple[str, ...]]:
-    """Return the scene of a session's matte object alone, and what is suspicious about it.
+    sight: Sight, albedo: NDArray[np.float32], sampling: Sampling, *, fit: MaterialFit | None = None,
+    albedo_depth_mm: float | None = None,
+) -> tuple[TwinScene, tuple[str, ...]]:  # fmt: skip
+    """Return the scene of a session's object alone, and what is suspicious about it.
 
     The albedo's white value becomes the lights', so that pixel values are those that the albedo was measured in. The
     white ball is taken to reflect 80 %: that alone decides how strong the interreflections are, never the direct light.
@@ -34,7 +37,10 @@ def scan_scene(
     sight : Sight
         Near lights are rendered as points.
     albedo : (H, W, 3) float32
-        Pixel value under a light of intensity 1 along the normal, NaN where unknown: what a solver measured.
+        Pixel value under a light of intensity 1 along the normal, NaN where unknown: what a solver measured, or of a
+        fitted material's body.
+    fit : MaterialFit or None
+        The material; None: matte.
     albedo_depth_mm : float or None
         The z at which near lights were evaluated when the albedo was measured, if not at the surface itself: a solver
         that knows no shape takes the reference point's.
@@ -64,10 +70,15 @@ def scan_scene(
     if albedo_depth_mm is not None and lights.positions_mm is not None:
         albedo = albedo_at_the_surface(sight, albedo, albedo_depth_mm, film.rows, film.columns)
     textured, texture, white, warnings = textured_surface(sight, albedo, film.rows, film.columns)
+    material: Material = Diffuse(texture)
+    if fit is not None and fit.model != "matte":
+        # Where the white value is unknown, the scene has taken one.
+        specularity = min(float(np.mean(fit.strength)) / float(np.mean(white / WHITE_BALL_ALBEDO)), 1.0)
+        material = RoughPlastic(texture, specularity=specularity, **fit.surface.numbers())
     return replace(
         scene,
         objects=(replace(one, mesh=textured),),
-        materials={NAME: Diffuse(texture)},
+        materials={NAME: material},
         lights=replace(lights, white_value=white),
         name="scene",
     ), warnings

@@ -30,7 +30,6 @@ def session_scene(
     `twin.material.scan_material.ScanMaterial.facts`, of a matte object only model and sentence, warnings, and the
     material if one was fitted.
     """
-    from twin.material.material_light import material_scene
     from twin.material.scan_material import scan_material
     from twin.scan_scene import scan_scene
     from twin.visibility import Sight
@@ -49,7 +48,7 @@ def session_scene(
     if not is_error_given:
         # No more than the scene needs: what the material is wrong by, exact light would not mend.
         sampling = replace(sampling, error=max(sampling.error, ENOUGH * found.relative_rmse))
-    scene, warnings = material_scene(sight, found.fit, found.albedo, sampling)
+    scene, warnings = scan_scene(sight, found.albedo, sampling, fit=found.fit)
     return scene, found.facts(), [*found.warnings, *warnings], found
 
 

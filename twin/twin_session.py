@@ -56,6 +56,7 @@ def write_session(
     *,
     shooting: Shooting = Shooting(),
     name: str | None = None,
+    ambient: NDArray[np.float32] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
     """Write rendered frames, their camera, lights, mask and true normals as a session folder.
@@ -63,7 +64,8 @@ def write_session(
     Parameters
     ----------
     folder : Store
-        Gets session.toml, flash/<name>.png (or .dng, .exr), lights.json with its text forms, mask.png and truth.npy.
+        Gets session.toml, flash/<name>.png (or .dng, .exr), ambient/, lights.json with its text forms, mask.png,
+        truth.npy.
     lights : Lights
         Of the same names, in the same order.
     mask : (H, W) bool
@@ -71,6 +73,8 @@ def write_session(
         Unit normals, camera frame, NaN where unknown.
     name : str or None
         The session's; None: that of the folder around, and "twin".
+    ambient : (H, W, 3) float32 or None
+        Light that stands still and is in every frame: a photograph without flash goes to ambient/.
     progress : callable or None
         Called with (frames written, frames in all).
 
@@ -101,17 +105,16 @@ def write_session(
     # Without millimetres to pixels (orthographic) a normal lens is as good as any.
     pixel_um = Sensor.pixel_um if sensor is None else sensor.pixel_um
     focal_mm = 50.0 if camera.is_orthographic else camera.fx * pixel_um / 1000
+
+    def shoot(file: str, image: NDArray, index: int) -> str:
+        rng, time = np.random.default_rng([shooting.seed, index]), _FIRST_SHOT + timedelta(seconds=2 * index)
+        write_photograph(folder.path(file), image, sensor, rng, focal_mm=focal_mm, time=time)
+        return file
+
+    still = None if ambient is None else shoot(f"ambient/ambient.{files}", ambient, len(frames))
     written = []
     for index, light in enumerate(frames.names):
-        written.append(f"flash/{light}.{files}")
-        write_photograph(
-            folder.path(written[-1]),
-            frames.frame(index),
-            sensor,
-            np.random.default_rng([shooting.seed, index]),
-            focal_mm=focal_mm,
-            time=_FIRST_SHOT + timedelta(seconds=2 * index),
-        )
+        written.append(shoot(f"flash/{light}.{files}", frames.frame(index), index))
         if progress is not None:
             progress(index + 1, len(frames))
     folder.save_lights(lights, files=tuple(written))
@@ -121,7 +124,11 @@ def write_session(
         "version": 1,
         "name": name or f"{folder.folder.resolve().parent.name} twin",
         # One by one: their order is that of lights.json. A name with brackets is no glob.
-        "frames": {"flash": [glob.escape(file) for file in written], "linear": True if files == "png" else None},
+        "frames": {
+            "flash": [glob.escape(file) for file in written],
+            "ambient": still,
+            "linear": True if files == "png" else None,
+        },
         "lights": {"file": "lights.json"},
         "object": {"mask": "mask.png", "normals": "truth.npy"},
     }

@@ -208,7 +208,7 @@ class Adjustment:
         by_pixels, by_shades = (np.zeros((*here.shape, len(x))) for here in (pixels, shades))
         balls, every = np.arange(self.balls), np.arange(self.lights)
 
-        def moved(columns: Array | list[int]) -> tuple[Array, Array]:
+        def moved(columns: NDArray[np.intp] | list[int]) -> tuple[Array, Array]:
             beside = x.copy()
             beside[columns] += STEP
             return (self.residual_pixels(beside) - pixels) / STEP, (self.shading_misses(beside) - shades) / STEP
@@ -236,7 +236,7 @@ class Adjustment:
         """Return the derivatives (F, 3, n) of the positions by all unknowns; a light's by the other lights' are 0."""
         slopes, every = np.zeros((self.lights, 3, len(x))), np.arange(self.lights)
 
-        def difference(columns: Array | list[int]) -> Array:
+        def difference(columns: NDArray[np.intp] | list[int]) -> Array:
             step = np.zeros(len(x))
             step[columns] = STEP
             return (self.positions_at(x + step) - self.positions_at(x - step)) / (2 * STEP)

@@ -95,7 +95,7 @@ def fit_lights(seen: Observed, *, near: bool) -> LightFit:
         if len(contradicted):
             misses, slopes = problem.residual_pixels(x), problem.pixel_slopes(x)[0]
         for f in contradicted:
-            own = slopes[:, f][..., problem.columns_of(f)]
+            own = slopes[:, f][..., problem.columns_of(int(f))]
             good[:, f] = _agreeing(misses[:, f], own, seen.sigma_px[:, f], np.flatnonzero(shown[:, f]))
         problem.used = good & shown
         problem.shaded = _agreeing_shading(problem, x)

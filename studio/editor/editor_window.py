@@ -9,18 +9,19 @@ from typing import Any
 from scene.current import file_digest
 from studio.browser_window import BrowserWindow
 from studio.desk import Desk, History
-from studio.editor.edits import start_scene
+from studio.editor.edits import start_document
 from studio.editor.preview import Drawn, Preview
 from studio.workspace import MOST_FILES, Listing, Workspace
 from twin.description.description import TwinScene
+from twin.description.scene_toml import SceneDocument
 
-Edit = Callable[[TwinScene], TwinScene]
+Edit = Callable[[SceneDocument], SceneDocument]
 FILE = "scene.toml"
 
 
 @dataclass(eq=False)
-class Document:
-    """What is saved as one: the scenes that were made of each other by changes share it.
+class Saved:
+    """What a row of documents is saved as: those that were made of each other by changes share it.
 
     name: What the browser calls the folder that it is to be saved to.
     folder: Where it was opened from, or saved to last; None: nowhere yet.
@@ -34,22 +35,23 @@ class Document:
 
 @dataclass(frozen=True)
 class Edited:
-    """A scene, and what it is saved as."""
+    """A document, and what it is saved as."""
 
-    scene: TwinScene
-    document: Document
+    document: SceneDocument
+    saved: Saved
 
 
-def begun(workspace: Workspace, scene: TwinScene | None, folder: Path | None) -> History[Edited]:
-    """Return the history of a scene, None: a new one, without a past; `folder` is where it was opened from."""
-    scene, digest = scene or start_scene(), None if folder is None else file_digest(folder / FILE)
-    return History(Edited(scene, Document(workspace.name(folder) if folder else scene.name, folder, digest)))
+def begun(workspace: Workspace, document: SceneDocument | None, folder: Path | None) -> History[Edited]:
+    """Return the history of a document, None: a new one, without a past; `folder` is where it was opened from."""
+    document, digest = document or start_document(), None if folder is None else file_digest(folder / FILE)
+    name = workspace.name(folder) if folder else document.name or "scene"
+    return History(Edited(document, Saved(name, folder, digest)))
 
 
 class EditorWindow(BrowserWindow):
     """What a browser makes a scene on. Its panels call `change`; whatever changed, all panels are refreshed.
 
-    history: The scene, and what was done to it; it lies on the desk.
+    history: The document, and what was done to it; it lies on the desk.
     """
 
     area = "Scene"
@@ -61,6 +63,7 @@ class EditorWindow(BrowserWindow):
         self.desk.scene = history
         self.object, self.light, self.picked = 0, 0, "object"
         self.listing, self._is_keeping = Listing(), False
+        self._scene = self.document, self.document.scene()
         self.show_preview: Callable[[Drawn], None] = lambda drawn: None
 
     @property
@@ -70,46 +73,43 @@ class EditorWindow(BrowserWindow):
         return self.desk.scene
 
     @property
+    def document(self) -> SceneDocument:
+        """What is edited."""
+        return self.history.state.document
+
+    @property
     def scene(self) -> TwinScene:
-        return self.history.state.scene
+        """What the document says."""
+        if self._scene[0] is not self.document:
+            self._scene = self.document, self.document.scene()
+        return self._scene[1]
 
     def change(self, label: str, edit: Edit) -> bool:
-        """Make the scene another one; return whether it could be. A fault is told, and the scene stays."""
-        done = self.attempt(lambda: self._do(label, replace(self.history.state, scene=edit(self.scene)), self._input))
+        """Make the document another one; return whether it could be. A fault is told, and the document stays."""
+        done = self.attempt(lambda: self._do(label, replace(self.history.state, document=edit(self.document))))
         # What could not be done is taken out of the input that asked for it.
         self.refresh()
         return done
 
     def drag(self, edit: Edit) -> None:
         """Show in the preview what the scene would be; nothing is kept of it."""
-        self.attempt(lambda: self._request(edit(self.scene)))
+        self.attempt(lambda: self._request(edit(self.document).scene()))
 
     def restore(self, history: History[Any]) -> None:
-        """Take a scene of the past or of the future."""
-        self._slim(history.state.scene)
+        """Take a document of the past or of the future."""
         self._keep(history)
         self.refresh()
 
-    def restart(self, label: str, scene: TwinScene, document: Document) -> None:
-        """Work on another scene. It can be taken back as any change can."""
+    def restart(self, label: str, document: SceneDocument, saved: Saved) -> None:
+        """Work on another document. It can be taken back as any change can."""
         self.object, self.light = 0, 0
-        self._do(label, Edited(scene, document))
+        self._do(label, Edited(document, saved))
         self.refresh()
 
-    def _do(self, label: str, state: Edited, control: Any = None) -> None:
-        self._slim(state.scene)
-        self._keep(self.history.did(label, state, time.monotonic(), control))
-
-    def _slim(self, next_one: TwinScene) -> None:
-        """Let the scene that another takes the place of forget what it has worked out of itself.
-
-        Two hundred scenes would each keep their vertices in the camera frame.
-        """
-        vars(self.scene).pop("points", None)
-        shared = {id(one) for one in next_one.objects}
-        for one in self.scene.objects:
-            if id(one) not in shared:
-                vars(one).pop("placed", None)
+    def _do(self, label: str, state: Edited) -> None:
+        # Raises where the document says no scene.
+        self._scene = state.document, state.document.scene()
+        self._keep(self.history.did(label, state, time.monotonic(), self._input))
 
     def select(self, what: str, index: int) -> None:
         """Give an object or a light the gizmo: `what` is "object" or "light"."""
@@ -140,6 +140,11 @@ class EditorWindow(BrowserWindow):
         self.list_files()
         return name
 
+    def name_of(self, path: Path) -> str:
+        """Return what a file is called: by its place in the workspace, or its name alone."""
+        inside = path.resolve().is_relative_to(self.workspace.root)
+        return self.workspace.name(path) if inside else path.name
+
     def list_files(self) -> None:
         """Look for files in the workspace again; the panels' lists show them at the next refresh."""
         self.listing = self.workspace.listing()
@@ -157,7 +162,7 @@ class EditorWindow(BrowserWindow):
 
     def _keep(self, history: History[Edited]) -> None:
         self.desk.scene = history
-        self.object = min(self.object, len(self.scene.objects) - 1)
+        self.object = min(self.object, len(self.document.objects) - 1)
         self.light = min(self.light, len(self.scene.lights) - 1)
 
     def _request(self, scene: TwinScene) -> None:

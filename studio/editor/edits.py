@@ -1,251 +1,232 @@
-"""What can be done to a scene: functions from one description to the next. None changes what it is given.
+"""What can be done to a scene's document: functions from one to the next. None changes what it is given.
 
-They raise RenderError where the next would be no scene.
+They raise RenderError where the next would be none: what a key may be, its declaration tells.
 """
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import TypeAdapter, ValidationError
 
-from scene.camera import Camera
 from scene.errors import RenderError
-from scene.lights import Lights
 from studio.editor.placement import Placement, matrix_of, placement_of
-from twin.description.description import TwinObject, TwinScene
-from twin.description.light_groups import LightGroup, direction, expand
-from twin.description.materials import Diffuse, Material
-from twin.description.object_mesh import ObjectMesh, built_in
+from twin.description.description import TwinObject
+from twin.description.description_file import faults_in
+from twin.description.light_groups import AreaLight, DistantLight, GridTable, LightGroup, PointLight, SessionLights
+from twin.description.materials import Diffuse, Material, Measured
+from twin.description.object_mesh import built_in
+from twin.description.scene_toml import CameraTable, ObjectTable, SceneDocument
 
 Array = NDArray[np.float64]
+Place = tuple[str | int, ...]
+"""Where a value stands in a document: keys, names and numbers from the top."""
 FILLED = 0.8
 """Share of the picture's width or height that a new object fills."""
-START_MATERIAL = "matte"
+GRAY = (0.5, 0.5, 0.5)
 
 
 @cache
-def start_scene() -> TwinScene:
-    """Return what a new scene is: a matte sphere, whose place the first object takes, in 24 distant lights.
+def start_document() -> SceneDocument:
+    """Return what a new scene is: a matte sphere, whose place the first object takes, in 24 distant lights."""
+    return SceneDocument(
+        name="scene",
+        camera=CameraTable(width=640, height=480, fx=1600.0),
+        objects=(ObjectTable(name="sphere", shape="sphere", material="matte", scale=(60.0, 60.0, 60.0),
+                             translate_mm=(0.0, 0.0, -600.0)),),
+        materials={"matte": Diffuse(GRAY)},
+        lights=(GridTable(name="light", rings=3, around=8),),
+    )  # fmt: skip
 
-    The lights are three rings of eight, 20 to 60 degrees from the camera's axis.
+
+def value_at(document: Any, place: Place) -> Any:
+    """Return what stands at a place; None where there is nothing."""
+    for part in place:
+        if isinstance(part, int):
+            document = document[part]
+        else:
+            document = document.get(part) if isinstance(document, Mapping) else getattr(document, part)
+    return document
+
+
+def with_value(document: Any, place: Place, value: Any) -> Any:
+    """Return the document with another value at a place. Raises RenderError: it may not be; with its key."""
+    if not place:
+        return value
+    (part, *rest), inner = place, value_at(document, place[:1])
+    new = with_value(inner, tuple(rest), value)
+    if isinstance(document, tuple):
+        assert isinstance(part, int)
+        return (*document[:part], new, *document[part + 1 :])
+    if isinstance(document, Mapping):
+        return {**document, part: new}
+    if rest:
+        changed = {str(part): new}
+        return document.model_copy(update=changed) if hasattr(document, "model_copy") else replace(document, **changed)
+    try:
+        return TypeAdapter(type(document)).validate_python(dict(vars(document)) | {str(part): new})
+    except ValidationError as error:
+        raise RenderError("; ".join(faults_in(error))) from None
+
+
+def added(document: SceneDocument, name: str, **source: Any) -> SceneDocument:
+    """Return the document with one object more, before the camera so that it fills most of the picture.
+
+    source: `mesh`, in millimetres as it is, or `shape`, which gets the size of the sphere of a new scene, whose place
+    the first object takes. Its axes are the camera's.
     """
-    camera = Camera(640, 480, 1600.0, 1600.0, 319.5, 239.5, source="scene description")
-    elevation = np.repeat([70.0, 50.0, 30.0], 8)
-    azimuth = np.tile(45.0 * np.arange(8), 3) + np.repeat([0.0, 22.5, 0.0], 8)
-    middle = np.array([0.0, 0.0, -600.0])
-    names = tuple(f"light_{number:03d}" for number in range(24))
-    lights = Lights(names, direction(azimuth, elevation), np.ones((24, 3)), None, middle)
-    matrix = np.diag([60.0, 60.0, 60.0, 1.0])
-    matrix[:3, 3] = middle
-    sphere = TwinObject("sphere", built_in("sphere"), START_MATERIAL, matrix)
-    return TwinScene(camera, (sphere,), {START_MATERIAL: Diffuse((0.5, 0.5, 0.5))}, lights, name="scene")
+    others = () if document.objects == start_document().objects else document.objects
+    size = 60.0 if "shape" in source else 1.0
+    mesh = built_in(source["shape"]) if "shape" in source else source["mesh"]
+    low, high = (size * end for end in (mesh.vertices.min(0), mesh.vertices.max(0)))
+    place = _before_the_camera(document, high - low) - (low + high) / 2
+    one = ObjectTable(
+        name=free_name(name, [one.name for one in others]), material=next(iter(document.materials)),
+        scale=(size, size, size), translate_mm=tuple(place.tolist()), **source,
+    )  # fmt: skip
+    return document.model_copy(update={"objects": (*others, one)})
 
 
-def added(scene: TwinScene, name: str, mesh: ObjectMesh) -> TwinScene:
-    """Return the scene with one object more, before the camera so that it fills most of the picture.
-
-    It is taken in millimetres as it is, its axes are the camera's. The first one takes the place of the sphere that a
-    new scene has; the lights' reference point goes to its middle.
-    """
-    is_first = scene.objects is start_scene().objects
-    low, high = mesh.vertices.min(0), mesh.vertices.max(0)
-    matrix = np.eye(4)
-    matrix[:3, 3] = _before_the_camera(scene.camera, high - low) - (low + high) / 2
-    others = () if is_first else scene.objects
-    names = {one.name for one in others}
-    unique = name if name not in names else next(f"{name} {i}" for i in range(2, 10**6) if f"{name} {i}" not in names)
-    one = TwinObject(unique, mesh, next(iter(scene.materials)), matrix)
-    scene = replace(scene, objects=(*others, one))
-    return centred(scene) if is_first else scene
+def free_name(name: str, taken: Sequence[str | None]) -> str:
+    """Return a name that is not taken: itself, or with a number."""
+    return name if name not in taken else next(f"{name} {i}" for i in range(2, 10**6) if f"{name} {i}" not in taken)
 
 
-def _before_the_camera(camera: Camera, size: Array) -> Array:
+def _before_the_camera(document: SceneDocument, size: Array) -> Array:
     """Return where the middle of a box (3,) stands, that its front fills `FILLED` of the picture in one direction."""
+    camera = document.camera.camera()
     if camera.is_orthographic:
         return np.array([0.0, 0.0, -2 * float(size.max())])
     away = max(size[0] * camera.fx / camera.width, size[1] * camera.fy / camera.height) / FILLED
     return np.array([0.0, 0.0, -float(away + size[2] / 2)])
 
 
-def middle_of(scene: TwinScene) -> Array:
-    """Return the middle (3,) of the box about all objects, mm."""
-    return (scene.points.min(0) + scene.points.max(0)) / 2
+def without(document: SceneDocument, key: str, index: int) -> SceneDocument:
+    """Return the document without one of its `objects` or `lights`, which may not be the only one."""
+    tables = getattr(document, key)
+    if len(tables) == 1:
+        raise RenderError(f"{key}: this is the only one; a scene has at least one.")
+    return document.model_copy(update={key: (*tables[:index], *tables[index + 1 :])})
 
 
-def centred(scene: TwinScene) -> TwinScene:
-    """Return the scene with the lights about the objects' middle: the reference point goes there, and they with it."""
-    lights, middle = scene.lights, middle_of(scene)
-    positions = None if lights.positions_mm is None else lights.positions_mm + middle - lights.reference_point_mm
-    return replace(scene, lights=replace(lights, positions_mm=positions, reference_point_mm=middle))
+def _as_object(table: ObjectTable, matrix: Array) -> TwinObject:
+    return TwinObject(table.name or "", table.own_mesh(), table.material, matrix)
 
 
-def removed(scene: TwinScene, index: int) -> TwinScene:
-    """Return the scene without an object, which may not be the only one."""
-    if len(scene.objects) == 1:
-        raise RenderError(f"objects: {scene.objects[0].name!r} is the only one; a scene has at least one.")
-    return replace(scene, objects=(*scene.objects[:index], *scene.objects[index + 1 :]))
+def placement(document: SceneDocument, index: int) -> Placement:
+    """Return where an object stands."""
+    table = document.objects[index]
+    return placement_of(_as_object(table, table.camera_from_object()))
 
 
-def placed(scene: TwinScene, index: int, placement: Placement) -> TwinScene:
-    """Return the scene with an object where finite numbers say, and factors that are not 0."""
-    numbers = np.concatenate([placement.middle_mm, placement.rotate_deg, placement.scale])
-    if not np.isfinite(numbers).all() or not placement.scale.all():
-        raise RenderError(
-            f"objects[{index}]: place {placement.middle_mm} mm, scale {placement.scale}; expected finite numbers and "
-            "a scale that is not 0."
-        )
-    return _with_object(scene, index, matrix=matrix_of(scene.objects[index], placement))
+def placed(document: SceneDocument, index: int, where: Placement) -> SceneDocument:
+    """Return the document with an object where numbers say; of a matrix that shears they drop that."""
+    return _put(document, index, where, matrix_of(_as_object(document.objects[index], np.eye(4)), where), None)
 
 
-def turned(scene: TwinScene, index: int, middle_mm: Array, rotation: Array) -> TwinScene:
-    """Return the scene with an object moved rigidly, so that its middle and its rotation (3, 3) are these."""
-    one, was = scene.objects[index], placement_of(scene.objects[index])
-    move = np.eye(4)
+def with_matrix(document: SceneDocument, index: int, matrix: Array) -> SceneDocument:
+    """Return the document with an object where a matrix (4, 4) puts it: as scale, turns and move, unless it shears."""
+    where = placement_of(_as_object(document.objects[index], matrix))
+    return _put(document, index, where, matrix, None if where.is_exact else tuple(map(tuple, matrix.tolist())))
+
+
+def _put(document: SceneDocument, index: int, where: Placement, whole: Array, matrix: Any) -> SceneDocument:
+    said = {"scale": where.scale, "rotate_deg": where.rotate_deg, "translate_mm": whole[:3, 3]}
+    new: dict[str, Any] = {"matrix": matrix, "pose": None}
+    for name, values in said.items():
+        new[name] = tuple(values.tolist()) if matrix is None else ObjectTable.model_fields[name].default
+    try:
+        one = ObjectTable.model_validate(dict(document.objects[index]) | new)
+    except ValidationError as error:
+        raise RenderError(f"objects[{index}]: {'; '.join(faults_in(error))}") from None
+    return with_value(document, ("objects", index), one)
+
+
+def turned(document: SceneDocument, index: int, middle_mm: ArrayLike, rotation: Array) -> SceneDocument:
+    """Return the document with an object moved rigidly, so that its middle and its rotation (3, 3) are these."""
+    was, move = placement(document, index), np.eye(4)
     move[:3, :3] = rotation @ was.rotation.T
-    move[:3, 3] = middle_mm - move[:3, :3] @ was.middle_mm
-    return _with_object(scene, index, matrix=move @ one.matrix)
+    move[:3, 3] = np.asarray(middle_mm) - move[:3, :3] @ was.middle_mm
+    return with_matrix(document, index, move @ document.objects[index].camera_from_object())
 
 
-def scaled(scene: TwinScene, index: int, factor: float) -> TwinScene:
-    """Return the scene with an object `factor` times as large, its middle where it is."""
-    if not (math.isfinite(factor) and factor > 0):
+def scaled(document: SceneDocument, index: int, factor: float) -> SceneDocument:
+    """Return the document with an object `factor` times as large, above 0, its middle where it is."""
+    if not factor > 0:
         raise RenderError(f"objects[{index}]: scaled by {factor:g}; expected a factor above 0.")
-    one, was = scene.objects[index], placement_of(scene.objects[index])
-    matrix = one.matrix.copy()
+    was, matrix = placement(document, index), document.objects[index].camera_from_object()
     matrix[:3, :3] *= factor
-    matrix[:3, 3] = was.middle_mm + factor * (one.matrix[:3, 3] - was.middle_mm)
-    return _with_object(scene, index, matrix=matrix)
+    matrix[:3, 3] = was.middle_mm + factor * (matrix[:3, 3] - was.middle_mm)
+    return with_matrix(document, index, matrix)
 
 
-def assigned(scene: TwinScene, index: int, material: str) -> TwinScene:
-    """Return the scene with an object made of one of the scene's materials."""
-    return _with_object(scene, index, material=material)
+def of_kind(kind: type[Material], was: Material, first: Mapping[str, Any]) -> Material:
+    """Return a material of another kind with what the old one has that it has too; the others are the kind's.
 
-
-def with_material(scene: TwinScene, name: str, material: Material) -> TwinScene:
-    """Return the scene with a material, new or in the place of the one of this name, which may not be empty."""
-    if not name.strip():
-        raise RenderError("materials: expected a name that is not empty.")
-    return replace(scene, materials={**scene.materials, name: material})
-
-
-def without_material(scene: TwinScene, name: str) -> TwinScene:
-    """Return the scene without a material, of which no object may be made."""
-    users = [one.name for one in scene.objects if one.material == name]
-    if users:
-        raise RenderError(f"materials.{name}: {', '.join(users)} is made of it. Give that another material first.")
-    return replace(scene, materials={key: value for key, value in scene.materials.items() if key != name})
-
-
-def with_environment(scene: TwinScene, **changes: object) -> TwinScene:
-    """Return the scene with fields of its environment changed: radiance, scale, rotate_deg, ambient."""
-    return replace(scene, environment=replace(scene.environment, **changes))  # type: ignore[arg-type]
-
-
-def with_camera(
-    scene: TwinScene, *, width: int | None = None, height: int | None = None, focal_px: float | None = None,
-    orthographic: bool | None = None,
-) -> TwinScene:  # fmt: skip
-    """Return the scene before another camera; None: as it was, at least one pixel.
-
-    A change of size scales the principal point and keeps the distortion.
+    first: What a kind must have.
     """
-    was = scene.camera
-    width, height = was.width if width is None else width, was.height if height is None else height
-    if width < 1 or height < 1:
-        raise RenderError(f"camera: size {width} x {height} px; expected at least 1 x 1.")
-    focal = float(was.fx) if focal_px is None else focal_px
-    is_parallel = was.is_orthographic if orthographic is None else orthographic
-    projection = "orthographic" if is_parallel else "perspective"
-    sized = was.scaled(width, height, width / was.width, height / was.height)
-    return replace(scene, camera=replace(sized, fx=focal, fy=focal * was.fy / was.fx, projection=projection))
+    fields = {} if isinstance(was, Measured) else vars(was)
+    known = {key: value for key, value in (dict(first) | fields).items() if key in kind.__dataclass_fields__}
+    try:
+        return TypeAdapter(kind).validate_python(known)
+    except ValidationError:
+        # A picture where the other kind has a number.
+        return kind(**{key: value for key, value in known.items() if key != "specularity"})
 
 
-def _with_object(scene: TwinScene, index: int, **changes: object) -> TwinScene:
-    one = replace(scene.objects[index], **changes)  # type: ignore[arg-type]
-    return replace(scene, objects=(*scene.objects[:index], one, *scene.objects[index + 1 :]))
+def tidied(document: SceneDocument) -> SceneDocument:
+    """Return the document without materials of which nothing is."""
+    used = {one.material for one in document.objects}
+    return document.model_copy(update={"materials": {k: v for k, v in document.materials.items() if k in used}})
 
 
-def with_lights(scene: TwinScene, groups: Sequence[LightGroup], folder: Path) -> TwinScene:
-    """Return the scene in these lights alone: a description's [[lights]], a session's file relative to `folder`."""
-    lights, radii = expand(groups, folder, scene.lights.reference_point_mm)
-    return replace(scene, lights=lights, radii_mm=radii)
+def group_of(document: SceneDocument, index: int) -> int:
+    """Return in which group the light of a number stands."""
+    ends = np.cumsum([_count(group) for group in document.lights])
+    return min(int(np.searchsorted(ends, index, "right")), len(ends) - 1)
 
 
-def with_more_lights(scene: TwinScene, groups: Sequence[LightGroup], folder: Path) -> TwinScene:
-    """Return the scene with these lights beside its own, all near or all distant; names that are taken are numbered."""
-    was = scene.lights
-    more, radii = expand(groups, folder, was.reference_point_mm)
-    if (more.positions_mm is None) != (was.positions_mm is None):
-        raise RenderError(
-            f"lights: those of the scene are {was.model}, these are {more.model}; all must be of one sort. Replace "
-            "them, or give these the same."
-        )
-    if not np.array_equal(more.reference_point_mm, was.reference_point_mm):
-        raise RenderError(
-            "lights: a session's lights have their own reference point and stand alone. Replace the others."
-        )
-    names = list(was.names)
-    for name in more.names:
-        names.append(_free(name, set(names)))
-    positions = None
-    if was.positions_mm is not None and more.positions_mm is not None:
-        positions = np.concatenate([was.positions_mm, more.positions_mm])
-    lights = Lights(
-        tuple(names),
-        np.concatenate([was.directions, more.directions]),
-        np.concatenate([was.intensities, more.intensities]),
-        positions,
-        was.reference_point_mm,
-        white_value=was.white_value,
-    )
-    return replace(scene, lights=lights, radii_mm=np.concatenate([scene.radii_mm, radii]))
+def _count(group: LightGroup) -> int:
+    return len(group.lights()) if isinstance(group, SessionLights) else len(group.offsets(np.zeros(3)))
 
 
-def moved_light(scene: TwinScene, index: int, place_mm: ArrayLike) -> TwinScene:
-    """Return the scene with a light at a place (3,): a near one stands there, a distant one shines from that way.
+def singled_out(document: SceneDocument, index: int) -> SceneDocument:
+    """Return the document with the lights of the group of one written out one by one."""
+    group = group_of(document, index)
+    first = sum(map(_count, document.lights[:group]))
+    count = _count(document.lights[group])
+    if count == 1 and isinstance(document.lights[group], PointLight | DistantLight):
+        return document
+    scene = document.scene()
+    lights, singles = scene.lights, []
+    for i in range(first, first + count):
+        common = {"name": lights.names[i], "intensity": tuple(lights.intensities[i].tolist())}
+        if lights.positions_mm is None:
+            singles.append(DistantLight(direction=tuple(lights.directions[i].tolist()), **common))
+        else:
+            common["position_mm"] = tuple(lights.positions_mm[i].tolist())
+            radius = float(scene.radii_mm[i])
+            singles.append(AreaLight(radius_mm=radius, **common) if radius else PointLight(**common))
+    changed: dict[str, Any] = {"lights": (*document.lights[:group], *singles, *document.lights[group + 1 :])}
+    if isinstance(document.lights[group], SessionLights):
+        changed["reference_point_mm"] = tuple(lights.reference_point_mm.tolist())
+    return document.model_copy(update=changed)
 
-    The place may not be the reference point, where the light's intensity is to hold.
+
+def moved_light(document: SceneDocument, index: int, place_mm: ArrayLike) -> SceneDocument:
+    """Return the document with a light at a place (3,): a near one stands there, a distant one shines from that way.
+
+    The place may not be the reference point, where the light's intensity is to hold. Of a group it is singled out.
     """
-    lights, place = scene.lights, np.asarray(place_mm, float)
-    away = place - lights.reference_point_mm
-    distance = float(np.linalg.norm(away))
-    if not np.isfinite(distance) or distance < 1e-6:
-        raise RenderError(f"lights {lights.names[index]}: would stand in the reference point. Move it elsewhere.")
-    positions = None if lights.positions_mm is None else _with_row(lights.positions_mm, index, place)
-    directions = _with_row(lights.directions, index, away / distance)
-    return replace(scene, lights=replace(lights, directions=directions, positions_mm=positions))
-
-
-def with_intensity(scene: TwinScene, index: int, intensity: ArrayLike) -> TwinScene:
-    """Return the scene with a light of another intensity (3,), finite and not negative."""
-    value = np.asarray(intensity, float)
-    if not np.isfinite(value).all() or (value < 0).any():
-        raise RenderError(f"lights {scene.lights.names[index]}: intensity {value}; expected numbers of 0 or more.")
-    intensities = _with_row(scene.lights.intensities, index, value)
-    return replace(scene, lights=replace(scene.lights, intensities=intensities))
-
-
-def without_light(scene: TwinScene, index: int) -> TwinScene:
-    """Return the scene without a light, which may not be the only one."""
-    if len(scene.lights) == 1:
-        raise RenderError("lights: this is the only one; a scene has at least one.")
-    rest = [number for number in range(len(scene.lights)) if number != index]
-    return replace(scene, lights=scene.lights.only(rest), radii_mm=scene.radii_mm[rest])
-
-
-def _free(name: str, taken: set[str]) -> str:
-    if name not in taken:
-        return name
-    stem = name.rstrip("0123456789").rstrip("_") or name
-    return next(f"{stem}_{i:03d}" for i in range(10**6) if f"{stem}_{i:03d}" not in taken)
-
-
-def _with_row(rows: Array, index: int, value: Array) -> Array:
-    changed = rows.copy()
-    changed[index] = value
-    return changed
+    document = singled_out(document, index)
+    place, group = np.asarray(place_mm, float), ("lights", group_of(document, index))
+    if isinstance(value_at(document, group), PointLight):
+        return with_value(document, (*group, "position_mm"), tuple(place.tolist()))
+    away = place - document.scene().lights.reference_point_mm
+    if not np.linalg.norm(away) > 1e-6:
+        raise RenderError("lights: it would stand in the reference point. Move it elsewhere.")
+    one = {"azimuth_deg": None, "elevation_deg": None, "direction": tuple((away / np.linalg.norm(away)).tolist())}
+    return with_value(document, group, value_at(document, group).model_copy(update=one))

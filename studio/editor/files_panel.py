@@ -1,12 +1,11 @@
 """The panel of the files: save; export for Mitsuba, render with a progress bar and a stop button, solve."""
 
-from dataclasses import replace
 from pathlib import Path
 
 from scene.current import file_digest
 from scene.errors import SceneError
-from studio.editor.editor_window import FILE, Document, EditorWindow
-from studio.editor.edits import start_scene
+from studio.editor.editor_window import FILE, EditorWindow, Saved
+from studio.editor.edits import start_document
 from studio.own_files import put_own
 from studio.widgets import code, plain
 from studio.work_buttons import WorkButtons
@@ -18,8 +17,8 @@ class FilesPanel:
     def __init__(self, window: EditorWindow) -> None:
         self._window, gui = window, window.client.gui
         with gui.add_folder("Scene"):
-            self._document = window.history.state.document
-            self._name = gui.add_text("name", self._document.name, hint="Folder in the workspace")
+            self._saved = window.history.state.saved
+            self._name = gui.add_text("name", self._saved.name, hint="Folder in the workspace")
             window.button("Save scene", lambda: window.notify("Saved", window.workspace.name(self._save())))
             window.button("New scene", self._new)
             window.button("Look for files again", self._look)
@@ -30,9 +29,9 @@ class FilesPanel:
 
     def refresh(self) -> None:
         """Show where the scene is saved to, and whether it is rendered."""
-        document = self._window.history.state.document
-        if document is not self._document:
-            self._document, self._name.value = document, document.name
+        saved = self._window.history.state.saved
+        if saved is not self._saved:
+            self._saved, self._name.value = saved, saved.name
         is_made = self._dataset.is_dir() and not self._work.is_busy
         self._work.refresh("Render dataset", is_main=not is_made)
         self._solve.visible = is_made
@@ -40,7 +39,7 @@ class FilesPanel:
     @property
     def _dataset(self) -> Path:
         """Where the scene's dataset is rendered to."""
-        folder = self._window.history.state.document.folder
+        folder = self._window.history.state.saved.folder
         return (folder or self._window.workspace.root / "not saved yet") / "dataset"
 
     def _look(self) -> None:
@@ -50,29 +49,30 @@ class FilesPanel:
     def _save(self) -> Path:
         """Write the scene into its folder, and return the description's path."""
         from twin.description.description_check import check_scene
-        from twin.description.description_writer import write_scene
+        from twin.description.description_file import write_document
 
-        window, document, name = self._window, self._window.history.state.document, self._name.value
-        own = document.folder
+        window, saved, name = self._window, self._window.history.state.saved, self._name.value
+        own = saved.folder
         # The workspace itself may be a scene's folder only where the scene was opened from there.
         folder = own if own and name.strip() == window.workspace.name(own) else window.workspace.folder_for(name)
         if (folder / FILE).exists() and folder != own:
             raise SceneError(f"{name}: holds another scene already. Open that first, or choose another name.")
-        if folder == own and document.digest != file_digest(folder / FILE):
+        if folder == own and saved.digest != file_digest(folder / FILE):
             raise SceneError(
                 f"{name}: was saved elsewhere, or removed, since it was opened here. Save under another name, or open "
                 "it again."
             )
-        scene = replace(window.scene, name=window.scene.name if folder == window.workspace.root else folder.name)
-        check_scene(scene)
-        put_own(folder, lambda place: write_scene(scene, place))
-        document.name, document.folder, document.digest = name, folder, file_digest(folder / FILE)
+        document = window.document
+        if folder != window.workspace.root:
+            document = document.model_copy(update={"name": folder.name})
+        check_scene(window.scene)
+        put_own(folder, lambda place: write_document(document, place))
+        saved.name, saved.folder, saved.digest = name, folder, file_digest(folder / FILE)
         self._look()
         return folder / FILE
 
     def _new(self) -> None:
-        scene = start_scene()
-        self._window.restart("new scene", scene, Document(scene.name))
+        self._window.restart("new scene", start_document(), Saved())
 
     def _export(self) -> None:
         from twin.engines.mitsuba_files import write_mitsuba

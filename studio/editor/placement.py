@@ -1,9 +1,9 @@
-"""Where an object stands, in the numbers that a person turns: the place of its middle, angles, factors."""
+"""Where an object stands, in the numbers that a person turns: the place of its middle, angles, size."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from twin.description.description import TwinObject
@@ -19,12 +19,14 @@ class Placement:
     rotate_deg (3,): About x, then y, then z, the axes standing still.
     scale (3,): Factors along the object's own axes, before it is turned. The first is negative where the matrix
         mirrors.
+    own_mm (3,): Extent of the mesh along its own axes.
     is_exact: False: the matrix shears as well, and these numbers are the nearest without.
     """
 
     middle_mm: Array
     rotate_deg: Array
     scale: Array
+    own_mm: Array
     is_exact: bool = True
 
     @property
@@ -32,11 +34,21 @@ class Placement:
         """(3, 3)."""
         return Rotation.from_euler("xyz", self.rotate_deg, degrees=True).as_matrix()
 
+    @property
+    def size_mm(self) -> Array:
+        """(3,) extent along the object's own axes, as it is."""
+        return np.abs(self.scale) * self.own_mm
 
-def own_middle(one: TwinObject) -> Array:
-    """Return the middle (3,) of an object's bounding box in its own frame."""
-    vertices = one.mesh.vertices
-    return (vertices.min(0) + vertices.max(0)) / 2
+    def sized(self, size_mm: ArrayLike, *, in_proportion: bool) -> "Placement":
+        """Return the placement of another extent (3,); a flat mesh stays flat.
+
+        in_proportion: What was changed of the extent changes the rest too.
+        """
+        was, wanted = self.size_mm, np.asarray(size_mm, float)
+        factors = np.divide(wanted, was, out=np.ones(3), where=was > 0)
+        if in_proportion:
+            factors = np.full(3, factors[np.argmax(np.abs(factors - 1))])
+        return replace(self, scale=self.scale * factors)
 
 
 def placement_of(one: TwinObject) -> Placement:
@@ -46,6 +58,7 @@ def placement_of(one: TwinObject) -> Placement:
     rotation nearest to it (its polar part), and s the lengths.
     """
     linear = one.matrix[:3, :3]
+    low, high = one.mesh.vertices.min(0), one.mesh.vertices.max(0)
     scale = np.linalg.norm(linear, axis=0)
     if np.linalg.det(linear) < 0:
         scale[0] = -scale[0]
@@ -55,14 +68,14 @@ def placement_of(one: TwinObject) -> Placement:
     rotation = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
     # Where y is +-90 degrees, x and z turn about one axis, and z is taken as 0.
     angles = Rotation.from_matrix(rotation).as_euler("xyz", degrees=True, suppress_warnings=True)
-    return Placement(linear @ own_middle(one) + one.matrix[:3, 3], angles, scale, is_exact)
+    return Placement(linear @ ((low + high) / 2) + one.matrix[:3, 3], angles, scale, high - low, is_exact)
 
 
 def matrix_of(one: TwinObject, placement: Placement) -> Array:
     """Return the matrix (4, 4) that gives an object a placement."""
-    matrix = np.eye(4)
+    matrix, vertices = np.eye(4), one.mesh.vertices
     matrix[:3, :3] = placement.rotation * placement.scale
-    matrix[:3, 3] = placement.middle_mm - matrix[:3, :3] @ own_middle(one)
+    matrix[:3, 3] = placement.middle_mm - matrix[:3, :3] @ (vertices.min(0) + vertices.max(0)) / 2
     return matrix
 
 

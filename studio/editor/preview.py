@@ -4,11 +4,11 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from scene.errors import SceneError
-from studio.editor.live_scene import LiveScene, Picture, refining
+from studio.editor.pictures import Picture, first_picture, refining
 from twin.description.description import TwinScene
 
 WIDTH, HEIGHT = 320, 240
@@ -38,9 +38,12 @@ class Drawn:
         return f"{'refined' if self.is_refined else 'first picture'}, {self.seconds:.2f} s"
 
 
-@dataclass
+@dataclass(eq=False)
 class _Request:
-    """What a browser wants to see."""
+    """What a browser wants to see.
+
+    slices: Of the refined picture, once it is begun.
+    """
 
     scene: TwinScene
     light: int
@@ -48,15 +51,6 @@ class _Request:
     at: float
     is_rough_done: bool = False
     slices: Iterator[Picture | None] | None = None
-    """Of the refined picture, once it is begun."""
-
-
-@dataclass
-class _Client:
-    """What is kept of a browser."""
-
-    live: LiveScene = field(default_factory=LiveScene)
-    request: _Request | None = None
 
 
 class Preview:
@@ -67,7 +61,7 @@ class Preview:
     """
 
     def __init__(self) -> None:
-        self._windows: dict[int, _Client] = {}
+        self._requests: dict[int, _Request] = {}
         self._change = threading.Condition()
         self._open = True
         self._thread = threading.Thread(target=self._run, name="preview", daemon=True)
@@ -79,13 +73,13 @@ class Preview:
         window: Whose request. show: Called in the preview's thread with each `Drawn`: the rough one, then the refined.
         """
         with self._change:
-            self._windows.setdefault(window, _Client()).request = _Request(scene, light, show, time.monotonic())
+            self._requests[window] = _Request(scene, light, show, time.monotonic())
             self._change.notify()
 
     def forget(self, window: int) -> None:
-        """Let go what is kept for a browser that went away."""
+        """Let go what a browser asked for that went away."""
         with self._change:
-            self._windows.pop(window, None)
+            self._requests.pop(window, None)
 
     def close(self) -> None:
         """Stop the thread, after the picture that it is at."""
@@ -102,54 +96,53 @@ class Preview:
                     self._change.wait(self._until_still())
                     found = self._next()
                 if not self._open:
-                    self._windows.clear()
+                    self._requests.clear()
                     return
             assert found is not None
             window, request = found
-            drawn = self._drawn(window, request)
+            drawn = self._drawn(request)
             if drawn is None:
                 continue
             with self._change:
-                is_newest = window.request is request
-                if is_newest and drawn.is_refined:
-                    window.request = None
+                newest = self._requests.get(window)
+                if newest is request and drawn.is_refined:
+                    del self._requests[window]
                 request.is_rough_done = True
-                is_here = window in self._windows.values()
             # While something is dragged there is always a newer request: an older first picture is better than none.
             # And one that failed says nothing yet: the refined one tells all that is at fault.
-            wanted = is_newest if drawn.is_refined else drawn.picture is not None
-            if is_here and wanted:
+            wanted = newest is request if drawn.is_refined else newest is not None and drawn.picture is not None
+            if wanted:
                 try:
                     request.show(drawn)
                 except Exception:
                     traceback.print_exc()
 
-    def _next(self) -> tuple[_Client, _Request] | None:
+    def _next(self) -> tuple[int, _Request] | None:
         """Return the oldest request for a rough picture, else one that has been still."""
-        requests = [(window, window.request) for window in self._windows.values() if window.request is not None]
-        rough = [pair for pair in requests if not pair[1].is_rough_done]
-        still = [pair for pair in requests if pair[1].at + STILL_S <= time.monotonic()]
+        rough = [pair for pair in self._requests.items() if not pair[1].is_rough_done]
+        still = [pair for pair in self._requests.items() if pair[1].at + STILL_S <= time.monotonic()]
         return min(rough or still, key=lambda pair: pair[1].at, default=None)
 
     def _until_still(self) -> float | None:
-        times = [window.request.at + STILL_S for window in self._windows.values() if window.request is not None]
+        times = [request.at + STILL_S for request in self._requests.values()]
         return max(0.01, min(times) - time.monotonic()) if times else None
 
-    def _drawn(self, window: _Client, request: _Request) -> Drawn | None:
+    def _drawn(self, request: _Request) -> Drawn | None:
         """Return the next picture of a request; None: a slice of it was drawn."""
         scene, second, fault, picture = request.scene, request.is_rough_done, "", None
+        size = {"width": WIDTH, "height": HEIGHT}
         try:
             if second:
-                request.slices = request.slices or refining(scene, request.light, width=WIDTH, height=HEIGHT)
+                request.slices = request.slices or refining(scene, request.light, **size)
                 picture = next(request.slices)
                 if picture is None:
                     return None
             else:
-                picture = window.live.picture(scene, request.light, width=WIDTH, height=HEIGHT)
+                picture = first_picture(scene, request.light, **size)
         except SceneError as error:
             fault = str(error)
         except Exception as error:
             # Whatever a strange mesh does to a renderer, the studio lives on.
             traceback.print_exc()
-            fault, window.live = f"the preview failed ({type(error).__name__}: {error}).", LiveScene()
+            fault = f"the preview failed ({type(error).__name__}: {error})."
         return Drawn(picture, second, time.monotonic() - request.at, scene.lights.names[request.light], fault)

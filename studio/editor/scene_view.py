@@ -15,6 +15,7 @@ from studio.editor.placement import placement_of, quaternion, rotation_of
 from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import Diffuse, Material, Principled, RoughPlastic
+from twin.description.scene_toml import SceneDocument
 
 Array = NDArray[np.float64]
 PICKED, PLAIN = (255, 140, 0), (250, 210, 60)
@@ -33,8 +34,8 @@ class SceneView:
         lights, spread = scene.lights, _spread(scene)
         # At the objects, from beside the camera.
         away = 1.6 * spread * UNITS_PER_MM * np.array([0.75, 0.5, 0.95])
-        look = partial(window.look, edits.middle_of(scene) * UNITS_PER_MM, away)
-        layers.draw("look", lights.reference_point_mm.tobytes(), look)
+        look = partial(window.look, (scene.points.min(0) + scene.points.max(0)) / 2 * UNITS_PER_MM, away)
+        layers.draw("look", (window.history.state.saved, scene.objects[0].mesh), look)
         objects = {f"object {index}": one for index, one in enumerate(scene.objects)}
         places = {f"light {index}": _place(scene, index, spread) for index in range(len(lights))}
         layers.keep_only({*objects, *places, "camera", "look"})
@@ -57,7 +58,9 @@ class SceneView:
         root = f"/object_{index}"
         if is_picked:
             gizmo = self._view.add_transform_controls(root, scale=1.5 * size, depth_test=False, line_width=3.0, **place)
-            self._follow(gizmo, f"object {index}", lambda at, turn: lambda scene: edits.turned(scene, index, at, turn))
+            self._follow(
+                gizmo, f"object {index}", lambda at, turn: lambda document: edits.turned(document, index, at, turn)
+            )
         else:
             gizmo = self._view.add_frame(root, show_axes=False, **place)
         mesh = self._view.add_mesh_simple(
@@ -85,10 +88,10 @@ class SceneView:
         knob = self._view.add_box(f"{root}/scale", color=PICKED, dimensions=(0.12 * size,) * 3, position=at)
 
         def scaled(start: Array, end: Array) -> Edit:
-            def edit(scene: TwinScene) -> TwinScene:
-                middle = placement_of(scene.objects[index]).middle_mm * UNITS_PER_MM
+            def edit(document: SceneDocument) -> SceneDocument:
+                middle = edits.placement(document, index).middle_mm * UNITS_PER_MM
                 away = max(float(np.linalg.norm(start - middle)), 1e-9)
-                return edits.scaled(scene, index, float(np.linalg.norm(end - middle)) / away)
+                return edits.scaled(document, index, float(np.linalg.norm(end - middle)) / away)
 
             return edit
 
@@ -105,7 +108,7 @@ class SceneView:
         self._window.on(knob.on_click, lambda: self._window.select("light", index))
 
         def to_place(place_mm: Array, *_: Array) -> Edit:
-            return lambda scene: edits.moved_light(scene, index, place_mm)
+            return lambda document: edits.moved_light(document, index, place_mm)
 
         self._on_drag(knob, f"light {index}", lambda start, end: to_place(end / UNITS_PER_MM))
         if not is_picked:

@@ -63,12 +63,12 @@ def test_an_object_of_few_pixels_is_matte_and_says_why(job):
     ("unexplained", "said", "error"), [(0.012, None, 0.01), (0.056, None, 0.028), (0.056, 0.004, 0.004)]
 )
 def test_a_rendering_is_no_more_exact_than_its_material(job, monkeypatch, unexplained, said, error):
-    import twin.material.material_light
     import twin.material.scan_material
+    import twin.scan_scene
 
     found = SimpleNamespace(relative_rmse=unexplained, fit=None, albedo=None, facts=dict, warnings=())
     monkeypatch.setattr(twin.material.scan_material, "scan_material", lambda *_, **__: found)
-    monkeypatch.setattr(twin.material.material_light, "material_scene", lambda *given: (given[-1], []))
+    monkeypatch.setattr(twin.scan_scene, "scan_scene", lambda sight, albedo, sampling, **_: (sampling, []))
     job.twin = TwinSettings(error=said)
     sampling = twin_scene(job)[0]
     assert sampling.error == pytest.approx(error)

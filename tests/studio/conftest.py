@@ -60,10 +60,14 @@ class Nobody:
     def add_notification(self, title, text, **look):
         self.told.append(f"{title}: {text}")
 
-    def input(self, label):
-        """Return the input or button of these words that was made last."""
+    def inputs(self, label):
+        """Return the inputs and buttons of these words, in the order in which they were made."""
         handles = self.gui._gui_input_handle_from_uuid.values()
-        return [one for one in handles if (getattr(one, "label", None) or "").partition(":")[0] == label][-1]
+        return [one for one in handles if (getattr(one, "label", None) or "").partition(":")[0] == label]
+
+    def input(self, label):
+        """Return the one of these words that was made last."""
+        return self.inputs(label)[-1]
 
     def says(self, handle, value=True):
         """Change an input, or press a button, given itself or its words."""

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +12,10 @@ from formats.pictures import read_picture
 from studio.desk import Desk
 from studio.editor import edits
 from studio.editor.editor_window import begun
-from studio.editor.placement import placement_of
 from studio.server import Studio
 from studio.widgets import UNITS_PER_MM
 from studio.workspace import Workspace
-from twin.description.description import Sampling
-from twin.description.mesh_files import write_mesh
-from twin.description.object_mesh import ObjectMesh, built_in
+from twin.description.object_mesh import ObjectMesh, built_in, write_mesh
 from twin.engines.variant import SLOW, pick_variant
 
 pytestmark = [pytest.mark.render, pytest.mark.slow]
@@ -32,9 +28,15 @@ def studio(tmp_path):
     cone = built_in("cone")
     root.mkdir()
     write_mesh(root / "cone.ply", ObjectMesh(cone.vertices * [40, 40, 90], cone.faces, None, cone.texcoords))
-    small = edits.with_camera(edits.start_scene(), width=96, height=72, focal_px=240.0, orthographic=False)
+    quick = edits.start_document()
     # Direct light alone: what is tested here is the way, not the renderer.
-    quick = replace(small, sampling=Sampling("mitsuba" if pick_variant()[0] == SLOW else "many", 16, 2))
+    engine = "mitsuba" if pick_variant()[0] == SLOW else "many"
+    for key, change in {
+        "camera": {"width": 96, "height": 72, "fx": 240.0},
+        "sampling": {"engine": engine, "samples": 16, "max_depth": 2},
+    }.items():
+        for name, value in change.items():
+            quick = edits.with_value(quick, (key, name), value)
     workspace = Workspace.at(root)
     running = Studio(workspace, port=0, desk=Desk(area="Scene", scene=begun(workspace, quick, None)))
     yield running
@@ -58,14 +60,14 @@ def test_a_first_dataset(visitor, studio, tmp_path):
     visitor.keep("loaded")
 
     # The gizmo's arrow along y, drawn upward: the object follows the hand, along y alone.
-    was = placement_of(window.scene.objects[0])
+    was = edits.placement(window.document, 0)
     size = 1.5 * np.ptp(window.scene.objects[0].placed.vertices, axis=0).max() / 2
     grip = (was.middle_mm + [0, 0.8 * size, 0]) * UNITS_PER_MM
     start = visitor.on_screen(grip)
     end = start + [0, -40]
     visitor.drag(start, end)
     visitor.until(lambda: window.history.past[-1][0] == "drag object 0", "the gizmo was dragged")
-    now = placement_of(window.scene.objects[0])
+    now = edits.placement(window.document, 0)
     moved = now.middle_mm - was.middle_mm
     np.testing.assert_allclose(moved[[0, 2]], 0, atol=1e-3)
     np.testing.assert_allclose(now.rotate_deg, was.rotate_deg, atol=1e-3)

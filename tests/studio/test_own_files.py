@@ -10,9 +10,9 @@ import pytest
 
 from scene.errors import SceneError
 from studio.editor import edits
-from studio.editor.camera_panel import CameraPanel
 from studio.editor.editor_window import EditorWindow, begun
 from studio.editor.files_panel import FilesPanel
+from studio.editor.panels import CameraPanel
 from studio.own_files import put_own, remove_own
 from studio.workspace import Workspace
 
@@ -78,13 +78,13 @@ def test_a_folder_that_nothing_came_into_is_not_left(tmp_path):
     assert not (tmp_path / "new").exists()
 
 
-@pytest.mark.parametrize("foreign", ["scene.toml", "meshes/00.ply", "export/scene.xml", "export/meshes/00.ply"])
+@pytest.mark.parametrize("foreign", ["scene.toml", "export/scene.xml", "export/meshes/00.ply"])
 def test_the_files_panel_writes_over_no_foreign_file(foreign, nobody, furnish, settle, no_preview, tmp_path):
     place = Workspace.at(tmp_path)
     (tmp_path / "mine" / foreign).parent.mkdir(parents=True)
     (tmp_path / "mine" / foreign).write_text("mine")
     opened = tmp_path / "mine" if foreign == "scene.toml" else None
-    window = EditorWindow(nobody(), place, no_preview, begun(place, edits.start_scene(), opened))
+    window = EditorWindow(nobody(), place, no_preview, begun(place, edits.start_document(), opened))
     furnish(window, [FilesPanel, CameraPanel])
     window.client.says("name", "mine")
     window.client.says("Export for Mitsuba")

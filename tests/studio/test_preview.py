@@ -23,12 +23,8 @@ def slowly(monkeypatch):
             yield None
         yield PICTURE
 
-    class Live:
-        def picture(self, scene, light, **_):
-            return PICTURE
-
     monkeypatch.setattr(preview, "refining", refining)
-    monkeypatch.setattr(preview, "LiveScene", Live)
+    monkeypatch.setattr(preview, "first_picture", lambda scene, light, **_: PICTURE)
     monkeypatch.setattr(preview, "STILL_S", 0.0)
     running = Preview()
     running.began, running.let = began, let
@@ -57,7 +53,7 @@ class Shown:
 
 
 def test_first_pictures_come_between_the_slices_of_a_refined_one(slowly):
-    scene, shown = edits.start_scene(), Shown()
+    scene, shown = edits.start_document().scene(), Shown()
     slowly.request(1, scene, 3, shown.by("one"))
     assert slowly.began.acquire(timeout=60)
     slowly.request(2, scene, 5, shown.by("two"))
@@ -75,7 +71,7 @@ def test_first_pictures_come_between_the_slices_of_a_refined_one(slowly):
 
 def test_a_refined_picture_that_is_no_longer_wanted_is_dropped(slowly):
     """Not shown under the light that is chosen now, and not drawn to its end."""
-    scene, shown = edits.start_scene(), Shown()
+    scene, shown = edits.start_document().scene(), Shown()
     slowly.request(1, scene, 3, shown.by("first"))
     assert slowly.began.acquire(timeout=60)
     slowly.request(1, scene, 4, shown.by("second"))
@@ -86,7 +82,7 @@ def test_a_refined_picture_that_is_no_longer_wanted_is_dropped(slowly):
 
 
 def test_a_forgotten_browser_is_shown_nothing(slowly):
-    scene, shown = edits.start_scene(), Shown()
+    scene, shown = edits.start_document().scene(), Shown()
     slowly.request(1, scene, 0, shown.by("gone"))
     assert slowly.began.acquire(timeout=60)
     slowly.forget(1)

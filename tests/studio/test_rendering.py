@@ -1,7 +1,6 @@
 """Work in its own process: told how far it is, stopped, gone on with, and its faults."""
 
 import threading
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,17 +9,21 @@ import pytest
 from studio import background_process
 from studio.background_process import Work
 from studio.editor import edits
-from twin.description.description import Sampling
-from twin.description.description_tables import RingTable
-from twin.description.description_writer import write_scene
+from twin.description.description_file import write_document
+from twin.description.light_groups import RingTable
 
 pytestmark = [pytest.mark.render]
 
 
 def small_scene(folder, samples):
-    scene = edits.with_camera(edits.start_scene(), width=48, height=36, focal_px=120.0, orthographic=False)
-    scene = edits.with_lights(scene, [RingTable(kind="ring", count=6, polar_deg=40)], None)
-    return write_scene(replace(scene, sampling=Sampling("mitsuba", samples)), folder)
+    document = edits.start_document()
+    for key, change in {
+        "camera": {"width": 48, "height": 36, "fx": 120.0},
+        "sampling": {"engine": "mitsuba", "samples": samples},
+    }.items():
+        for name, value in change.items():
+            document = edits.with_value(document, (key, name), value)
+    return write_document(edits.with_value(document, ("lights",), (RingTable(count=6, polar_deg=40.0),)), folder)
 
 
 def render(scene, out, told=lambda line: None):
@@ -89,10 +92,10 @@ def test_whatever_is_printed_the_end_is_told(tmp_path, monkeypatch, said, code, 
 def test_a_fault_is_told(tmp_path):
     """Of a scene, and of photographs that are no pictures: the line that says so, and no more."""
     scene = small_scene(tmp_path, samples=4)
-    scene.write_text(scene.read_text().replace('kind = "distant"', 'kind = "distand"', 1))
+    scene.write_text(scene.read_text().replace('kind = "ring"', 'kind = "rink"', 1))
     work = render(scene, tmp_path / "out")
     work.wait()
-    assert "distand" in work.fault
+    assert "rink" in work.fault
     assert not (tmp_path / "out").exists()
     session = tmp_path / "session"
     session.mkdir()

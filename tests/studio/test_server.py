@@ -122,7 +122,7 @@ def rest(window):
 
 
 def resized(width):
-    return lambda scene: edits.with_camera(scene, width=width, height=60, focal_px=200.0, orthographic=False)
+    return lambda document: edits.with_value(document, ("camera", "width"), width)
 
 
 def test_one_window_at_a_time_and_the_next_goes_on_with_the_scene(studio, coming, settle):

@@ -1,7 +1,6 @@
 """The scene description's file: read, told what is wrong with it, written and read again."""
 
 import json
-from dataclasses import fields, replace
 from pathlib import Path
 
 import cv2
@@ -12,16 +11,15 @@ import trimesh
 from pydantic import TypeAdapter
 
 from formats.pictures import write_exr
+from scene.camera import Camera
 from scene.errors import RenderError
 from scene.lights import Lights
 from scene.store import Store
 from twin.description.description import Environment, TwinObject, TwinScene
-from twin.description.description_file import TAGS, read_scene
-from twin.description.description_tables import DescriptionTable
-from twin.description.description_writer import write_scene
-from twin.description.light_groups import direction
+from twin.description.description_check import check_scene
+from twin.description.description_file import TABLES, keys_of, read_document, read_scene, write_document
+from twin.description.light_groups import AreaLight, GridTable, RingTable, direction
 from twin.description.materials import (
-    KINDS,
     Conductor,
     Diffuse,
     Measured,
@@ -29,9 +27,10 @@ from twin.description.materials import (
     RoughPlastic,
     Subsurface,
     Texture,
+    read_texture,
 )
-from twin.description.mesh_files import read_mesh
-from twin.description.object_mesh import SHAPES, ObjectMesh, built_in, smooth
+from twin.description.object_mesh import SHAPES, ObjectMesh, built_in, read_mesh, smooth
+from twin.description.scene_toml import ObjectTable
 
 HEAD = """
 [camera]
@@ -139,7 +138,7 @@ def test_every_fault_is_told_at_once_with_its_key(tmp_path):
         MATTE.replace("diffuse", "velvet")
         + '[[objects]]\nname = "o"\nposition_mm = [0, 0, 0]\n'
         + '[materials.n]\nkind = "rough_plastic"\nreflectance = "red"\nroughness = 0\nruffness = 1\n'
-        + 'distribution = "phong"\n'
+        + 'distribution = "phong"\n[materials.conductor]\nkind = "conductor"\nmetal = 3\n'
     )
     text += (
         '[[lights]]\nkind = "area"\nposition_mm = [0, 0, 0]\n[[lights]]\nkind = "ring"\ncount = 2\npolar_deg = 190\n'
@@ -158,13 +157,14 @@ def test_every_fault_is_told_at_once_with_its_key(tmp_path):
         "materials.m.kind",
         "materials.n.reflectance: found 'red'",
         "materials.n.roughness: found 0",
+        "materials.conductor.metal: found 3",
         "materials.n.distribution: found 'phong'; expected 'ggx' or 'beckmann'",
-        'lights[0]: found a table with kind, position_mm; kind = "area" wants position_mm and radius_mm',
+        "lights[0].radius_mm: missing",
         "lights[1].polar_deg: found 190",
         "sampling.engine: found 'best'",
     ):
         assert line in message, (line, message)
-    assert "14 faults" in message
+    assert "15 faults" in message
 
 
 def test_faults_of_what_is_named_are_told_at_once_too(tmp_path):
@@ -197,34 +197,42 @@ def test_faults_of_what_is_named_are_told_at_once_too(tmp_path):
         ({"material": Diffuse((1.2, 0.5, 0.5))}, "expected 0 to 1"),
         ({"material": Conductor("Unobtainium")}, "Unobtainium"),
         ({"material": Diffuse((0.5,) * 3, Subsurface(1.0)), "open": True}, "not closed"),
-        ({"lights": '[[lights]]\nkind = "point"\nposition_mm = [0, 0, -290]\n'}, "inside 'ball'"),
-        ({"lights": LIGHT + '[[lights]]\nkind = "point"\nposition_mm = [0, 0, 0]\n'}, "all must be of one sort"),
-        ({"lights": LIGHT.replace("kind", 'name = "a"\nkind') * 2}, "a occurs twice"),
+        ({"light": [0.0, 0, -290]}, "inside 'ball'"),
         ({"at": [900.0, 0, -300]}, "sees nothing"),
     ],
 )
-def test_what_cannot_be_rendered_is_named(change, message, tmp_path):
+def test_what_cannot_be_rendered_is_named(change, message):
     shape = trimesh.creation.icosphere(2, 30)
     faces = np.asarray(shape.faces)[: -5 if change.get("open") else None]
-    mesh = smooth(np.asarray(shape.vertices), faces, None, None)
-    lights = read(tmp_path, HEAD, BALL, MATTE, LIGHT)
-    matrix = np.eye(4)
+    mesh, matrix = smooth(np.asarray(shape.vertices), faces, None, None), np.eye(4)
     matrix[:3, 3] = change.get("at", [0.0, 0, -300])
+    place = np.array([change.get("light", [0.0, 0, 0])])
+    lights = Lights(("a",), np.array([[0.0, 0, 1]]), np.ones((1, 3)), place, np.array([0.0, 0, -300]))
     material = change.get("material", Diffuse((0.5, 0.5, 0.5)))
-    scene = TwinScene(lights.camera, (TwinObject("ball", mesh, "m", matrix),), {"m": material}, lights.lights)
-    write_scene(scene, tmp_path)
-    if "lights" in change:
-        text = (tmp_path / "scene.toml").read_text()
-        start, end = text.index("[[lights]]"), text.index("[sampling]")
-        (tmp_path / "scene.toml").write_text(text[:start] + change["lights"] + text[end:])
+    camera = Camera(64, 48, 100.0, 100.0, 31.5, 23.5)
     with pytest.raises(RenderError, match=message):
-        read_scene(tmp_path / "scene.toml")
+        check_scene(TwinScene(camera, (TwinObject("ball", mesh, "m", matrix),), {"m": material}, lights))
+
+
+@pytest.mark.parametrize(
+    ("lights", "message"),
+    [
+        (LIGHT + '[[lights]]\nkind = "point"\nposition_mm = [0, 0, 0]\n', "all must be of one sort"),
+        (LIGHT.replace("kind", 'name = "a"\nkind') * 2, "a occurs twice"),
+        (LIGHT + '[[lights]]\nkind = "session"\nfile = "lights.json"\n', "stand alone"),
+        (LIGHT + "azimuth_deg = 3\n", "wants either direction, or azimuth_deg and elevation_deg"),
+    ],
+)
+def test_lights_that_do_not_go_together(tmp_path, lights, message):
+    with pytest.raises(RenderError, match=message):
+        read(tmp_path, HEAD, BALL, MATTE, lights)
 
 
 def same(one, two):
-    """Whether two values, dataclasses or mappings hold the same."""
-    if hasattr(one, "__dataclass_fields__"):
-        return type(one) is type(two) and all(same(getattr(one, f.name), getattr(two, f.name)) for f in fields(one))
+    """Whether two values, tables or mappings hold the same, wherever they were read from."""
+    if hasattr(one, "__dataclass_fields__") or hasattr(type(one), "model_fields"):
+        names = vars(one).keys() - {"file"}
+        return type(one) is type(two) and all(same(getattr(one, name), getattr(two, name)) for name in names)
     if isinstance(one, dict):
         return list(one) == list(two) and all(same(one[key], two[key]) for key in one)
     if isinstance(one, tuple):
@@ -235,58 +243,57 @@ def same(one, two):
 
 
 def test_what_is_written_is_read_again_as_it_was(tmp_path):
+    """Every kind of table; files beside it, and what was made in memory; once more, and nothing changes."""
     rng = np.random.default_rng(10001)
-    base = read(
-        tmp_path, HEAD, BALL, MATTE, '[[lights]]\nkind = "ring"\ncount = 3\npolar_deg = 20\ndistance_mm = 300\n'
-    )
+    at = tuple(map(tuple, [[3.1, 0.2, 0, 5], [0, 2.2, 0.1, 6], [0, 0.3, 1.7, -300], [0, 0, 0, 1.0]]))
     square = built_in("square")
     coloured = ObjectMesh(square.vertices + rng.random((4, 3)), square.faces, None, None, rng.random((4, 3)))
-    at = np.eye(4)
-    at[:3] = [[3.1, 0.2, 0, 5], [0, 2.2, 0.1, 6], [0, 0.3, 1.7, -300]]
     texture = Texture(rng.random((3, 5, 3)).astype(np.float32), "clamp")
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        cv2.imwrite(str(tmp_path / folder / "wood.png"), rng.integers(0, 255, (4, 4, 3)).astype(np.uint8))
     (tmp_path / "gold.bsdf").write_bytes(b"measured")
     materials = {
         "a b": Diffuse(texture, Subsurface(1.5, (0.5, 0.6, 0.7), 0.25)),
         "plastic": RoughPlastic((0.1, 0.2, 0.3), 0.05, Texture(rng.random((2, 2, 1)).astype(np.float32)), 1.6),
-        "satin": RoughPlastic((0.1, 0.2, 0.3), 0.3, distribution="beckmann"),
+        "satin": RoughPlastic(read_texture(tmp_path / "a" / "wood.png"), 0.3, distribution="beckmann"),
+        "wood": Diffuse(read_texture(tmp_path / "b" / "wood.png", "linear")),
         "copper": Conductor("Cu", 0.0),
-        "brushed": Conductor("Al", 0.2, "beckmann"),
         "disney": Principled("vertex", 0.3, 0.5, 0.25),
         "measured": Measured(tmp_path / "gold.bsdf"),
     }
     # Beyond 16 bits, a control character, quotes: what a writer of TOML must escape, and what it must not.
     objects = (
-        TwinObject('\U0001f3db "one"\\ \x7f\x01\n', built_in("sphere"), "a b", at),
-        TwinObject("two", coloured, "disney", at),
-        TwinObject("three", built_in("cone"), "measured", at),
+        ObjectTable(name='\U0001f3db "one"\\ \x7f\x01\n', shape="sphere", material="a b", matrix=at),
+        ObjectTable(name="two", mesh=coloured, material="disney", matrix=at, smooth=False),
+        ObjectTable(shape="cone", material="wood", scale=(2, 1, 1), rotate_deg=(10, 0, 3), translate_mm=(0, 1, -300)),
     )
-    sky = rng.random((4, 8, 3)).astype(np.float32)
-    given = replace(
-        base,
-        objects=objects,
-        materials=materials,
-        environment=Environment(sky, 0.7, 33.0, (0.1, 0.2, 0.3)),
-        radii_mm=np.array([0.0, 5.0, 7.5]),
-        lights=replace(base.lights, white_value=np.array([0.4, 0.8, 1.2])),
-        name='with "quotes"',
+    (tmp_path / "a.toml").write_text(HEAD + "sensor = { iso = 800 }\n" + BALL + MATTE + LIGHT)
+    near = {"distance_mm": 300.0, "radius_mm": 5.0, "intensity": (1.0, 0.5, 0.2)}
+    sky = Texture(rng.random((4, 8, 3)).astype(np.float32))
+    given = read_document(tmp_path / "a.toml").model_copy(
+        update={
+            "objects": objects,
+            "materials": materials,
+            "environment": Environment(sky, 0.7, 33.0, (0.1, 0.2, 0.3)),
+            "lights": (
+                RingTable(count=3, polar_deg=20.0, **near),
+                GridTable(rings=2, around=3, distance_mm=200.0),
+                AreaLight(name="key", position_mm=(1.0, 2.0, 3.0), radius_mm=7.5),
+            ),
+            "name": 'with "quotes"',
+        }
     )
-    path = write_scene(given, tmp_path / "copy")
-    again = read_scene(path)
-    assert np.allclose(again.irradiance, given.irradiance, rtol=1e-14)
-    assert same(again.materials["measured"], Measured(tmp_path / "copy" / "textures" / "gold.bsdf"))
-    for scene in (given, again):
-        assert scene.lights.positions_mm is not None
-    common = [field.name for field in fields(TwinScene) if field.name not in ("lights", "materials", "camera")]
-    for name in common:
-        assert same(getattr(given, name), getattr(again, name)), name
-    assert same(
-        {key: value for key, value in given.materials.items() if key != "measured"},
-        {key: value for key, value in again.materials.items() if key != "measured"},
-    )
-    assert np.allclose(again.lights.positions_mm, given.lights.positions_mm, rtol=1e-14)
-    assert replace(again.camera, source="") == replace(given.camera, source="")
-    # And once more: from then on nothing changes.
-    assert write_scene(again, tmp_path / "third").read_text() == path.read_text()
+    path = write_document(given, tmp_path / "copy")
+    again = read_document(path)
+    assert write_document(again, tmp_path / "third").read_text() == path.read_text()
+    moved = again.materials["measured"]
+    assert moved == Measured(tmp_path / "copy" / "files" / "gold.bsdf")
+    assert len(list((tmp_path / "copy" / "textures").iterdir())) == 5, "two of one name"
+    for one, two in ((given, again),) + ((given.scene(), again.scene()),):
+        one, two = dict(vars(one)), dict(vars(two))
+        for name in one.keys() - ({"objects"} if "version" in one else set()):
+            assert same(one[name], two[name]), name
 
 
 def test_pictures_are_linear_in_memory_whatever_they_are_on_disk(tmp_path):
@@ -381,10 +388,18 @@ def test_the_manuals_example_is_read(tmp_path):
     scene = read(tmp_path, manual.split("```toml")[1].split("```")[0])
     assert len(scene.lights) == 12
     assert scene.materials["wax"].subsurface.share == 0.5
-    for table in ("camera", "objects", "environment", "lights", "sampling"):
-        assert f"[{table}]" in manual
-    for words in (SHAPES, TAGS):
-        assert all(f"`{word}`" in manual for word in words)
+
+
+def test_every_key_says_what_it_is_and_every_number_has_bounds():
+    """Of the keys to come, too: nothing renders for ever, or in more memory than there is."""
+    for where, table in TABLES.items():
+        for name, field in keys_of(table).items():
+            assert field.get("description") or name == "kind", (where, name)
+        for number in numbers(TypeAdapter(table).json_schema()):
+            low, high = (number.keys() & {f"{which}imum", f"exclusive{which.title()}imum"} for which in ("min", "max"))
+            assert low, number
+            assert high, number
+            assert all(abs(number[key]) <= 2**20 for key in (*low, *high))
 
 
 @pytest.mark.render
@@ -397,7 +412,7 @@ def test_bright_maps_come_back_from_exr_and_hdr(tmp_path):
     text = '[environment]\nmap = "sky.%s"\nscale = 2\n'
     for suffix, tolerance in (("exr", 0), ("hdr", 0.01)):
         scene = read(tmp_path, HEAD, BALL, MATTE, text % suffix, LIGHT)
-        assert np.allclose(scene.environment.radiance, sky, rtol=tolerance, atol=30 * tolerance)
+        assert np.allclose(scene.environment.map.values, sky, rtol=tolerance, atol=30 * tolerance)
     sky[1, 2, 0] = np.nan
     write_exr(tmp_path / "sky.exr", sky)
     with pytest.raises(RenderError, match=r"environment.map: .*sky.exr: 1 of 96 values are not finite"):
@@ -413,18 +428,6 @@ def numbers(schema):
     if isinstance(schema, list):
         for part in schema:
             yield from numbers(part)
-
-
-@pytest.mark.parametrize("table", [DescriptionTable, *KINDS.values()])
-def test_every_number_has_bounds(table):
-    """Of the keys to come, too: nothing renders for ever, or in more memory than there is."""
-    found = list(numbers(TypeAdapter(table).json_schema()))
-    assert found or table is Measured
-    for number in found:
-        low, high = (number.keys() & {f"{which}imum", f"exclusive{which.title()}imum"} for which in ("min", "max"))
-        assert low, number
-        assert high, number
-        assert all(abs(number[key]) <= 2**20 for key in (*low, *high))
 
 
 @pytest.mark.parametrize(

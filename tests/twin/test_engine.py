@@ -103,20 +103,6 @@ def test_the_noise_that_is_foretold_is_that_of_the_rendering(engine):
     assert noise_of_one_sample(scene, film, engine) / 4 == pytest.approx(error, rel=0.3)
 
 
-@pytest.mark.parametrize("engine", ["many", "mitsuba"])
-def test_noise_is_foretold_where_the_middle_of_the_picture_is_dark(engine):
-    scene = ball(camera=Camera(200, 320, 600.0, 600.0, 99.5, 159.5))
-    (one,) = scene.objects
-    above, below = (np.array(one.matrix) for _ in range(2))
-    above[1, 3], below[1, 3] = 50.0, -50.0
-    scene = replace(scene, objects=(replace(one, matrix=above), replace(one, name="other", matrix=below)))
-    film = scene.film()
-    exact, rough = (render_layers(scene, film, engine, samples).frames() for samples in (100, 16))
-    lit = exact > 0.05 * exact.max()
-    error = np.sqrt(np.mean((rough - exact)[lit] ** 2)) / exact[lit].mean()
-    assert error / 2 < noise_of_one_sample(scene, film, engine) / 4 < 2 * error
-
-
 def test_stock_frames_are_the_same_by_any_number_of_threads_and_stocks_own():
     """Stock's film adds in the order in which its threads come: with 25 samples a pixel no two frames were the same."""
     import drjit

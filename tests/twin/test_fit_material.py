@@ -20,12 +20,11 @@ from twin.engines.many import Many
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.path_tracing import PathTracer
 from twin.engines.variant import SLOW, import_mitsuba, pick_variant
-from twin.material.coat_search import COVERED, CoatSearch, Fit
 from twin.material.fit_material import fit_material
-from twin.material.material_light import material_scene
 from twin.material.material_samples import Samples, samples_of_scan
 from twin.material.reflection_models import coat, matte, reflected
 from twin.material.scan_material import scan_material
+from twin.scan_scene import scan_scene
 from twin.visibility import Sight
 
 SIDE, RADIUS = 64, 27.0
@@ -145,15 +144,6 @@ def test_a_matte_ball_gets_no_coat() -> None:
 
 
 @pytest.mark.full
-def test_brighter_lights_change_nothing_but_the_strength() -> None:
-    lights = dome(8)
-    samples = made(0.2, 0.5, lights)
-    once, twice = (fit_material(replace(samples, values=k * samples.values), lights) for k in (1, 2))
-    assert abs(twice.surface.roughness / once.surface.roughness - 1) < 1e-3
-    assert abs(twice.specularity / (2 * once.specularity) - 1) < 1e-3
-
-
-@pytest.mark.full
 def test_a_white_value_that_is_unknown_leaves_the_channels_free() -> None:
     lights = dome(16, white=None)
     fit = fit_material(made(0.2, 0.5, lights), lights)
@@ -213,7 +203,7 @@ def test_the_facets_of_a_ball_that_stock_mitsuba_rendered_are_found(roughness: f
     assert abs(fit.surface.roughness / roughness - 1) < 0.03
     assert abs(fit.specularity / 0.6 - 1) < 0.03
     albedo = np.where(mask[..., None], np.full(3, 0.2, np.float32), np.float32(np.nan))
-    (made_of,) = material_scene(sight, fit, albedo, Sampling())[0].materials.values()
+    (made_of,) = scan_scene(sight, albedo, Sampling(), fit=fit)[0].materials.values()
     assert isinstance(made_of, RoughPlastic)
     assert made_of.roughness == fit.surface.roughness
 
@@ -251,11 +241,3 @@ def test_a_rendered_ball_tells_its_material_and_its_shadow_does_not_count() -> N
     assert len(albedo) > 0.5 * mask.sum()
     np.testing.assert_allclose(np.median(albedo, 0), WHITE * [0.5, 0.3, 0.2], rtol=0.02)
     assert 0 < whole.onward_share < 0.1
-
-
-def test_where_no_roughness_explains_more_than_another_it_stays() -> None:
-    """A place without highlights upon a bare body: the best strength is 0 for every roughness, and all are level."""
-    samples = made(0.3, 0.4, dome(12))
-    search = CoatSearch(samples, 0.5 * WHITE, 0 * WHITE, COVERED, about=Fit(coat(0.4, covered=0.0), np.zeros(3), 2))
-    assert search.fit.surface.roughness == pytest.approx(0.4)
-    assert not search.fit.strength.any()

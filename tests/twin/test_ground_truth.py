@@ -73,30 +73,6 @@ def test_a_ball_has_its_closed_form(camera, mirrored):
         assert not truth.attached[~truth.mask].any()
 
 
-@pytest.mark.parametrize("near", [False, True])
-def test_a_shadow_falls_where_the_light_throws_it(near):
-    plate = np.array([10.0, 5.0, -260.0])
-    position = np.array([[110.0, 75.0, -100.0], [-90.0, 65.0, -120.0], [30.0, -100.0, -150.0]])
-    given = lights(position - MIDDLE, near)
-    wall = TwinObject("wall", built_in("square"), "m", placed(200, [0, 0, -300.0]))
-    flag = TwinObject("flag", built_in("square"), "m", placed(8, plate))
-    truth = ground_truth(scene(wall, flag, given=given))
-    for index, shadow in enumerate(lights_of(truth.cast, 3)):
-        if near:
-            scale = (position[index, 2] + 300) / (position[index, 2] + 260)
-            middle, half = position[index] + (plate - position[index]) * scale, 8 * scale
-        else:
-            toward = given.directions[index]
-            middle, half = plate - toward * 40 / toward[2], 8.0
-        points = CAMERA.points_at_depth(CAMERA.grid(), -300.0)
-        on_wall = truth.object == 0
-        off = np.abs(points - middle)[..., :2].max(-1)
-        assert shadow[on_wall & (off < half - 0.1)].all()
-        assert not shadow[on_wall & (off > half + 0.1)].any()
-        assert (on_wall & (off < half - 0.1)).sum() > 20
-    assert not truth.attached.any()
-
-
 def test_a_light_behind_a_wall_is_hidden_and_one_before_it_is_not():
     """What stands beyond a near light throws no shadow back."""
     wall = TwinObject("wall", built_in("square"), "m", placed(30, MIDDLE))
@@ -146,14 +122,6 @@ def test_materials_show_in_the_maps_in_the_pixels_unit():
     for shift, value in ((-8.0, values[0, 0]), (8.0, values[1, 1])):
         u, v = np.round(CAMERA.project([-60 + shift, -shift, -300.0])).astype(int)
         assert np.allclose(truth.albedo[v, u], value * white / 0.8, rtol=1e-3, atol=0.02)
-
-
-def test_the_maps_are_files(tmp_path):
-    ball = TwinObject("ball", built_in("sphere"), "m", placed(60, MIDDLE))
-    truth = ground_truth(scene(ball))
-    save_ground_truth(truth, tmp_path)
-    assert np.array_equal(np.load(tmp_path / "truth_normals.npy"), truth.normals, equal_nan=True)
-    assert len(list(tmp_path.iterdir())) == 10
 
 
 @pytest.mark.parametrize("camera", [CAMERA, FLAT, LENS], ids=["perspective", "orthographic", "lens"])
@@ -208,13 +176,3 @@ def test_what_is_seen_from_behind_faces_the_viewer():
     attached = lights_of(truth.attached, 2)[:, truth.mask]
     assert not attached[0].any()
     assert attached[1].all()
-
-
-@pytest.mark.parametrize("wrap", ["clamp", "repeat"])
-def test_a_texture_is_linear_between_the_middles_of_its_texels(wrap):
-    rows, columns = np.mgrid[:4, :5]
-    texture = Texture((10 * rows + columns)[..., None].astype(np.float32), wrap)
-    s, t = np.random.default_rng(10006).uniform(0.15, 0.85, (2, 50))
-    assert np.allclose(texture.at(np.stack([s, t], 1))[:, 0], 10 * (4 * t - 0.5) + 5 * s - 0.5, atol=1e-4)
-    edge = texture.at(np.array([[0.0, 0.125], [0.5, 1.0], [1.5, 0.625]]))[:, 0]
-    assert np.allclose(edge, [0, 32, 24] if wrap == "clamp" else [2, 17, 22])

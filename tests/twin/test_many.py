@@ -9,7 +9,7 @@ from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import unit
 from twin.description.description import Sampling, TwinObject, TwinScene
-from twin.description.materials import Conductor, Diffuse, RoughPlastic
+from twin.description.materials import Diffuse, RoughPlastic
 from twin.description.object_mesh import built_in
 from twin.engines.film import Film
 from twin.engines.many import Many
@@ -79,31 +79,6 @@ def stock(scene, samples):
     return np.stack([tracer.image(index, samples, seed=10_001) for index in range(len(scene.lights))])
 
 
-def test_a_matte_ball_under_a_distant_light_has_the_closed_form():
-    """Albedo times intensity times cosine, to 0.1 %, where the pixel is not at an edge; 0 behind the terminator."""
-    given = lights([0, 0, 1], [-0.5, 0.6, 0.6], intensities=[[1, 1, 1], [1.2, 0.5, 0.8]])
-    scene = scene_of((placed("ball", "sphere", "m"),), {"m": Diffuse((0.2, 0.5, 0.9))}, given)
-    images = direct(scene)
-    # A pixel's value is its area's mean: of 6 x 6 points.
-    within = np.stack(np.meshgrid(*[(np.arange(6) + 0.5) / 6 - 0.5] * 2), -1).reshape(-1, 2)
-    origins, rays = CAMERA.rays(CAMERA.grid()[..., None, :] + within)
-    along = -np.sum(rays * (origins - MIDDLE), -1)
-    square = along**2 - np.sum((origins - MIDDLE) ** 2, -1) + 40.0**2
-    normals = (origins + rays * (along - np.sqrt(np.where(square > 0, square, np.nan)))[..., None] - MIDDLE) / 40.0
-    for index in range(2):
-        cosine = normals @ given.directions[index]
-        well = np.all((-np.sum(normals * rays, -1) > 0.4) & (cosine > 0.3), -1)
-        expected = cosine[well].mean(-1)[:, None] * given.intensities[index] * [0.2, 0.5, 0.9]
-        ratio = images[index][well] / expected
-        assert well.sum() > 400
-        assert abs(images[index][well].mean() / expected.mean() - 1) < 1e-3
-        assert np.abs(ratio - 1).max() < 0.006
-        assert np.percentile(np.abs(ratio - 1), 95) < 0.002
-        dark = np.all(cosine < -0.05, -1)
-        assert dark.sum() >= 50 * index
-        assert images[index][dark].max(initial=0) == 0
-
-
 @pytest.mark.parametrize(("near", "distribution"), [(False, "ggx"), (True, "ggx"), (True, "beckmann")])
 @pytest.mark.parametrize("flat", [False, True], ids=["perspective", "orthographic"])
 def test_the_mean_is_that_of_stock_mitsuba_shadows_gloss_and_all(near, flat, distribution):
@@ -131,48 +106,6 @@ def test_light_that_went_on_is_what_stock_mitsuba_has_beyond_direct_light():
     assert np.sqrt(np.mean(blocks**2)) < 0.004 * whole_of.mean()
 
 
-@pytest.mark.full
-@pytest.mark.parametrize(("max_depth", "distribution"), [(3, "ggx"), (5, "ggx"), (3, "beckmann")])
-def test_light_that_a_glossy_ball_throws_on_its_surroundings_is_where_stock_mitsuba_has_it(max_depth, distribution):
-    given = lights([120, 60, 200], near=True)
-    scene = scene_of(*corner(Conductor("Al", 0.3, distribution)), given, max_depth=max_depth)
-    straight, through = rendered(scene, samples=576)
-    both = stock(scene, 576)
-    beyond = both - straight
-    blocks = (through - beyond).reshape(1, 5, 8, 6, 8, 3).mean((2, 4))
-    assert np.sqrt(np.mean(blocks**2)) < 0.006 * both.mean()
-    assert np.allclose(through.mean((1, 2)), beyond.mean((1, 2)), rtol=0.03)
-
-
-@pytest.mark.parametrize(("max_depth", "terms"), [(3, 2), (4, 3), (6, 5)])
-def test_inside_a_matte_ball_it_is_an_integrating_sphere(max_depth, terms):
-    """A light at the middle of a closed ball: L = rho I (1 + rho + rho^2 + ...), everywhere the same."""
-    rho = np.array([0.9, 0.5, 0.2])
-    camera = Camera(12, 12, 10.0, 10.0, 5.5, 5.5)
-    given = Lights(("a",), np.array([[0, 0, 1.0]]), np.ones((1, 3)), np.zeros((1, 3)), np.array([0, 0, -40.0]))
-    matrix = np.diag([40.0, 40.0, 40.0, 1.0])
-    ball = TwinObject("ball", built_in("sphere"), "m", matrix)
-    scene = scene_of((ball,), {"m": Diffuse(tuple(rho))}, given, camera=camera, max_depth=max_depth)
-    straight, went_on = rendered(scene, samples=16)[:, 0]
-    assert np.allclose(straight, rho, rtol=0.01)
-    series = rho * sum(rho**k for k in range(1, terms))
-    # A grazing ray in a thousand slips out between facet and smooth normal.
-    assert np.mean(np.abs(went_on / series - 1) < 1e-3) > 0.98
-    assert np.allclose(went_on.mean((0, 1)), series, rtol=2e-3)
-
-
-def test_frames_are_linear_in_intensity_and_go_with_their_lights():
-    given = lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8], [0, -0.3, 1])
-    scene = scene_of(*corner(), given)
-    brighter = given.intensities * np.array([[1.0], [2.0], [0.5]])
-    turned = [2, 0, 1]
-    other = replace(given, names=tuple(given.names[i] for i in turned), directions=given.directions[turned])
-    images = rendered(scene, samples=4)
-    bright = rendered(replace(scene, lights=replace(given, intensities=brighter)), samples=4)
-    assert np.allclose(bright, images * brighter[:, None, None], rtol=1e-4)
-    assert np.array_equal(rendered(replace(scene, lights=other), samples=4), images[:, turned])
-
-
 def test_neither_bands_nor_threads_change_anything():
     import drjit
 
@@ -186,15 +119,6 @@ def test_neither_bands_nor_threads_change_anything():
         drjit.set_thread_count(threads)
     assert np.array_equal(np.concatenate(pieces, 2), at_once)
     assert not np.array_equal(rendered(scene, samples=5, seed=1), at_once)
-
-
-def test_a_window_is_a_cut_of_the_whole():
-    scene = scene_of(*corner(), lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8]))
-    cut = replace(whole(scene), rows=slice(8, 30), columns=slice(10, 41), window=(8, 10, 22, 31))
-    part, expected = rendered(scene, cut).sum(0), rendered(scene).sum(0)[:, 8:30, 10:41]
-    assert part.shape == (2, 22, 31, 3)
-    assert np.sqrt(np.mean((part - expected) ** 2)) < 0.05 * expected.mean()
-    assert np.allclose(part.mean((1, 2)), expected.mean((1, 2)), rtol=0.01)
 
 
 def test_light_behind_the_surface_and_a_hidden_light_give_nothing():

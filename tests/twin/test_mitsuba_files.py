@@ -78,7 +78,7 @@ def test_the_stock_command_line_renders_what_the_engine_renders(kind, tmp_path):
     environment = Environment()
     if kind == "area":
         sky = np.random.default_rng(10003).uniform(0, 0.3, (4, 8, 3)).astype(np.float32)
-        environment = Environment(sky, 0.5, 40.0, (0.02, 0.01, 0.03))
+        environment = Environment(Texture(sky), 0.5, 40.0, (0.02, 0.01, 0.03))
     given = scene(kind, environment=environment)
     paths, notes = write_mitsuba(given, tmp_path)
     assert [path.name for path in paths] == ["scene.xml", "left.xml", "right_1.b.xml"]

@@ -52,6 +52,15 @@ def test_the_folder_holds_what_its_manifest_says(tmp_path):
     assert not list(tmp_path.rglob("*.tmp"))
 
 
+def test_light_that_stands_still_is_photographed_without_flash(tmp_path):
+    """Else who opens the session is asked for the ambient frame that a rendering could not take."""
+    frames, still = Frames.from_linear(NAMES, LINEAR), LINEAR[0] / 4
+    path = write_session(Store(tmp_path), frames, CAMERA, LIGHTS, MASK, TRUTH, ambient=still)
+    assert tomllib.loads(path.read_text())["frames"]["ambient"] == "ambient/ambient.png"
+    image = cv2.imread(str(tmp_path / "ambient" / "ambient.png"), cv2.IMREAD_UNCHANGED)
+    assert np.allclose(image[..., ::-1] / 65535, still, atol=2e-5)
+
+
 def test_brighter_than_white_is_white_and_below_black_is_black(tmp_path):
     linear = np.full((3, 32, 48, 3), 1.04)
     linear[:, :4] = -0.01

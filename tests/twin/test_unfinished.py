@@ -17,7 +17,6 @@ from scene.normals import unit
 from scene.store import Store
 from twin.description.description import Environment, Sampling, TwinObject, TwinScene
 from twin.description.description_file import read_scene
-from twin.description.description_writer import write_scene
 from twin.description.materials import Diffuse, RoughPlastic
 from twin.description.object_mesh import built_in
 from twin.engines import layers
@@ -50,6 +49,35 @@ def scene_for(engine, **change):
         sampling=Sampling(engine, samples=16, max_depth=4, error=0.02),
     )
     return replace(scene, **change)
+
+
+TEXT = """
+[camera]
+width = 48
+height = 40
+fx = 150.0
+[[objects]]
+shape = "sphere"
+scale = 25
+translate_mm = [0, 0, -300]
+material = "m"
+[[objects]]
+shape = "square"
+scale = 90
+translate_mm = [0, 0, -326]
+material = "w"
+[materials.m]
+kind = "rough_plastic"
+reflectance = [0.6, 0.5, 0.4]
+roughness = 0.3
+[materials.w]
+kind = "diffuse"
+reflectance = 0.8
+[[lights]]
+kind = "ring"
+count = 6
+polar_deg = 31
+"""
 
 
 def contents(folder):
@@ -87,7 +115,8 @@ render_scene(read_scene(Path(sys.argv[1])), apart=True, store=Store(Path(sys.arg
 )
 def test_a_killed_rendering_goes_on_where_it_was(engine, tmp_path, monkeypatch):
     monkeypatch.setattr(layers, "VALUES_PER_BAND", BAND)
-    source = write_scene(scene_for(engine), tmp_path / "scene")
+    source = tmp_path / "scene.toml"
+    source.write_text(TEXT + f'[sampling]\nengine = "{engine}"\nsamples = 16\nmax_depth = 4\n')
     scene = read_scene(source)
     # The band's size is no part of the mark: the victim cuts as this process does.
     command = [sys.executable, "-c", VICTIM, str(source), str(tmp_path / "killed")]
@@ -163,17 +192,6 @@ def test_a_mark_tells_what_makes_a_difference_and_nothing_else():
     assert rendering_mark(scene, False) not in marks
 
 
-def test_what_is_no_rendering_of_ours_is_started_anew(tmp_path):
-    folder = tmp_path / "left"
-    for text in ("", "{", '{"mark": "a"}', '{"mark": "a", "notes": {}, "done": [0], "arrays": ["codes"]}'):
-        folder.mkdir()
-        (folder / "rendering.json").write_text(text)
-        kept = Unfinished(folder, "a")
-        assert kept.notes is None
-        assert not kept.done
-        assert not folder.exists()
-
-
 def test_damaged_notes_are_started_anew(tmp_path):
     """Whatever byte of the notes changes, nothing is taken from them, and nothing is raised."""
     kept = Unfinished(tmp_path / "left", "a")
@@ -200,11 +218,13 @@ def test_light_is_kept_apart_and_adds_up(engine, tmp_path):
         np.load(tmp_path / f"truth_{name}.npy").astype(np.float32) for name in ("direct", "indirect", "standing")
     )
     assert direct.shape == (6, 40, 48, 3)
+    assert np.array_equal(standing, rendered.standing)
     assert np.allclose(direct + indirect + standing, rendered.frames.read(), atol=2e-3)
     alone = render_scene(replace(scene, environment=Environment(), sampling=replace(scene.sampling, max_depth=2)))
     assert np.allclose(alone.frames.read().mean((1, 2)), direct.mean((1, 2)), rtol=0.01)
     # Of one kind with the plain rendering: the same scene, asked for as a whole.
     whole = render_scene(scene)
+    assert np.allclose(whole.standing.mean(), standing.mean(), rtol=0.02)
     assert np.allclose(whole.frames.read().mean((1, 2)), rendered.frames.read().mean((1, 2)), rtol=0.02)
     shadow = np.unpackbits(np.load(tmp_path / "truth_cast.npy"), axis=-1, count=6, bitorder="little")
     shadow = np.moveaxis(shadow, -1, 0).astype(bool)

@@ -82,18 +82,6 @@ def test_a_spoilt_cache_costs_a_probe_and_nothing_else(machine, tmp_path):
     assert len(json.loads((tmp_path / "cache" / "mitsuba_llvm.json").read_text())) == len(asked) == 1
 
 
-@pytest.mark.render
-def test_a_probe_that_dies_is_a_no(tmp_path):
-    (tmp_path / "libLLVM-99.so").write_bytes(b"no library")
-    assert variant._probe(variant.FAST, tmp_path / "libLLVM-99.so") is False
-
-
-@pytest.mark.render
-@pytest.mark.skipif(bool(variant.graphics_card()), reason="a graphics card is here")
-def test_where_there_is_no_card_its_variant_does_not_render():
-    assert variant._probe(variant.GPU) is False
-
-
 def test_a_card_that_renders_is_taken_first_and_asked_once(machine, monkeypatch):
     _, asked = machine
     monkeypatch.setattr(variant, "graphics_card", lambda: "H100, 550.1")

@@ -66,37 +66,6 @@ def test_noise_is_that_of_photons_and_read_out():
     assert np.allclose(variance, expected, rtol=0.02)
 
 
-def test_lens_blur_spreads_light_and_keeps_it():
-    image = np.zeros((65, 65, 3), np.float32)
-    image[32, 32] = 0.9
-    sensor = Sensor(full_well_e=1e9, read_noise_e=0, blur_px=1.5, neutral=(1, 1, 1))
-    spot = expose(image, sensor, np.random.default_rng(4)) - 512.0
-    v, u = np.mgrid[:65, :65]
-    assert spot.sum() == pytest.approx(0.9 * (16383 - 512), rel=5e-3)
-    assert (spot * (u - 32) ** 2).sum() / spot.sum() == pytest.approx(1.5**2, rel=0.05)
-    assert (spot * (v - 32)).sum() / spot.sum() == pytest.approx(0, abs=0.01)
-
-
-def test_a_seed_gives_the_same_photograph_again():
-    image = np.random.default_rng(5).random((32, 32, 3))
-    first, again, other = (expose(image, Sensor(), np.random.default_rng(seed)) for seed in (6, 6, 7))
-    assert np.array_equal(first, again)
-    assert not np.array_equal(first, other)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"cfa": "RGBG"}, "sensor.cfa: found 'RGBG'"),
-        ({"black_level": 20000}, "black level 20000, white level 16383"),
-        ({"full_well_e": 0}, "full well 0 e-"),
-    ],
-)
-def test_an_impossible_sensor_is_named(wrong, message):
-    with pytest.raises(RenderError, match=message):
-        Sensor(**wrong)
-
-
 def test_an_image_that_cannot_be_photographed_is_named(tmp_path):
     image = np.full((4, 4, 3), 0.5)
     image[1, 2, 0] = np.nan

@@ -11,16 +11,17 @@ from dataclasses import dataclass
 from datetime import datetime
 from fractions import Fraction
 from pathlib import Path
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import RenderError
 from scene.files import write_whole
-from twin.description.checked_values import Level, NotNegative, Positive, Three, checked
+from twin.description.fields import Level, NotNegative, Positive, Three, checked, key
 
 CFA_PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
-NO_FILTER = "none"
+NO_FILTER: Final = "none"
 
 _SRGB_FROM_XYZ = np.array(
     [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]]
@@ -33,58 +34,38 @@ _PLACEHOLDER = 34664
 @checked
 @dataclass(frozen=True)
 class Sensor:
-    """A sensor behind a lens.
+    """A sensor behind a lens."""
 
-    Parameters
-    ----------
-    full_well_e : float
-        Electrons that fill a pixel from black to white level at ISO 100: the photon noise. At ISO 400 a quarter of it
-        is white.
-    read_noise_e : float
-        Standard deviation of the read-out before the signal is amplified, electrons: the same at every ISO.
-    adc_noise_dn : float
-        Standard deviation of what the converter adds behind the amplifier, DN: fewer electrons the higher the ISO.
-    black_level, white_level : int
-        DN of no light, and of a full well: nothing above is recorded. 16383: 14 bits.
-    blur_px : float
-        Standard deviation of the lens' Gaussian blur.
-    vignetting : tuple of 3 float
-        k1, k2, k3: light that reaches a place at the distance r from the picture's middle (its corners: 1) is
-        1 + k1 r^2 + k2 r^4 + k3 r^6 of the middle's.
-    cfa : {"RGGB", "BGGR", "GRBG", "GBRG", "none"}
-        Colours of the top left 2 x 2 pixels, row by row; none: all three are measured at every pixel.
-    neutral : tuple of 3 float
-        Raw response to a white surface, RGB, at most 1: the DNG's AsShotNeutral.
-    pixel_um : float
-        Pixel pitch: the DNG's focal-plane resolution.
-    """
-
-    full_well_e: Positive = 40000.0
-    read_noise_e: NotNegative = 4.0
-    adc_noise_dn: NotNegative = 0.0
-    iso: Positive = 100.0
-    black_level: Level = 512
-    white_level: Level = 16383
-    blur_px: NotNegative = 0.5
-    vignetting: Three = (0.0, 0.0, 0.0)
-    cfa: str = "RGGB"
-    neutral: Three = (0.58, 1.0, 0.69)
-    pixel_um: Positive = 5.0
+    full_well_e: Annotated[Positive, key("From black to white at ISO 100: the photon noise.", "electrons")] = 40000.0
+    read_noise_e: Annotated[
+        NotNegative, key("Standard deviation of the read-out before the signal is amplified: the same at every ISO.",
+                         "electrons")
+    ] = 4.0  # fmt: skip
+    adc_noise_dn: Annotated[
+        NotNegative, key("Standard deviation of what the converter adds behind the amplifier.", "DN")
+    ] = 0.0
+    iso: Annotated[Positive, key("White is `full_well_e` x 100 / `iso` electrons.")] = 100.0
+    black_level: Annotated[Level, key("Of no light.", "DN")] = 512
+    white_level: Annotated[Level, key("Of a full well: nothing above is recorded. 16383: 14 bits.", "DN")] = 16383
+    blur_px: Annotated[NotNegative, key("Standard deviation of the lens' Gaussian blur.", "px")] = 0.5
+    vignetting: Annotated[
+        Three, key("k1, k2, k3: 1 + k1 r^2 + k2 r^4 + k3 r^6 of the light in the middle, r = 1 at the corners.")
+    ] = (0.0, 0.0, 0.0)
+    cfa: Annotated[
+        Literal["RGGB", "BGGR", "GRBG", "GBRG", "none"],
+        key("Colours of the top left 2 x 2 pixels, row by row; none: all three everywhere."),
+    ] = "RGGB"
+    neutral: Annotated[
+        tuple[Positive, Positive, Positive],
+        key("Raw response to white, at most 1: the DNG's AsShotNeutral. Where it is 1, pixel value 1 is white."),
+    ] = (0.58, 1.0, 0.69)
+    pixel_um: Annotated[Positive, key("Pixel pitch: the DNG's focal-plane resolution.", "um")] = 5.0
 
     def __post_init__(self) -> None:
-        if self.cfa not in (*CFA_PATTERNS, NO_FILTER):
-            raise RenderError(f"sensor.cfa: found {self.cfa!r}, expected one of {', '.join(CFA_PATTERNS)}, none.")
         if not 0 <= self.black_level < self.white_level <= 65535:
             raise RenderError(
                 f"sensor: black level {self.black_level}, white level {self.white_level}; "
                 "expected 0 <= black < white <= 65535."
-            )
-        noises = (self.read_noise_e, self.adc_noise_dn, self.blur_px)
-        if min(self.full_well_e, self.iso, self.pixel_um, *self.neutral) <= 0 or min(noises) < 0:
-            raise RenderError(
-                f"sensor: full well {self.full_well_e} e-, ISO {self.iso:g}, pixel {self.pixel_um} um and neutral "
-                f"{self.neutral} must be positive, read noise {self.read_noise_e} e-, converter's noise "
-                f"{self.adc_noise_dn} DN and blur {self.blur_px} px not negative."
             )
         if self.falloff(np.linspace(0, 1, 101)).min() <= 0:
             raise RenderError(

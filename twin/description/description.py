@@ -1,6 +1,6 @@
 """The one scene description that feeds every engine: what stands where, of what, in which light, before which camera.
 
-Everything is in the camera frame and in millimetres. `twin.description.description_file` reads and writes it.
+Everything is in the camera frame and in millimetres. `twin.description.scene_toml` makes one of a scene's document.
 """
 
 from collections.abc import Mapping
@@ -17,8 +17,8 @@ from scene.lights import Lights
 from scene.spheres import WHITE_BALL_ALBEDO
 from twin.camera.virtual_camera import Sensor
 from twin.camera.virtual_photograph import Files
-from twin.description.checked_values import Count, NotNegative, Number, Rgb, checked, named
-from twin.description.materials import Material
+from twin.description.fields import Count, NotNegative, Number, Rgb, checked, file_of, key
+from twin.description.materials import Material, Texture, read_texture
 from twin.description.object_mesh import ObjectMesh
 from twin.engines.film import Film, film_for
 
@@ -56,52 +56,42 @@ class TwinObject:
 
 
 @checked
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Environment:
-    """Light that stands still: in every frame the same.
+    """Light that stands still: in every frame the same."""
 
-    Parameters
-    ----------
-    radiance : (h, w, 3) float32 or None
-        All round, as latitude and longitude: the first row is up (y), the middle column lies toward the viewer (z), the
-        quarter to its left toward x.
-    scale : float
-        Factor on `radiance`.
-    rotate_deg : float
-        Turns the map about y, from z toward x.
-    ambient : tuple of 3 float
-        Radiance from everywhere, added to the map's.
-    """
-
-    radiance: Annotated[NDArray[np.float32] | None, named("picture"), Field(alias="map")] = None
-    scale: NotNegative = 1.0
-    rotate_deg: Number = 0.0
-    ambient: Rgb = (0.0, 0.0, 0.0)
+    map: Annotated[
+        Texture | None,
+        file_of(Texture, read_texture),
+        key("Radiance all round, as latitude and longitude, EXR, HDR or .npy: the first row is up (y), the middle "
+            "column lies toward the viewer (z), the quarter to its left toward x.", input="picture"),
+    ] = None  # fmt: skip
+    scale: Annotated[NotNegative, key("Factor on the map.")] = 1.0
+    rotate_deg: Annotated[Number, key("Turns the map about y, from z toward x.", "deg")] = 0.0
+    ambient: Annotated[Rgb, key("Radiance from everywhere, added to the map's.")] = (0.0, 0.0, 0.0)
 
     @property
     def is_dark(self) -> bool:
-        return self.radiance is None and not any(self.ambient)
+        return self.map is None and not any(self.ambient)
+
+
+Engine = Literal["auto", "many", "mitsuba"]
 
 
 @checked
 @dataclass(frozen=True)
 class Sampling:
-    """How a scene is to be rendered.
+    """How a scene is to be rendered."""
 
-    Parameters
-    ----------
-    samples : int or None
-        A pixel; None: left to the engine.
-    max_depth : int
-        2: direct light only; 3: one interreflection; and so on.
-    error : float
-        Relative root-mean-square error that is aimed at where `samples` is None.
-    """
-
-    engine: Literal["auto", "many", "mitsuba"] = "auto"
-    samples: Count | None = None
-    max_depth: Annotated[int, Strict(), Field(ge=2, le=100)] = 3
-    error: Annotated[float, Strict(), Field(ge=1e-4, lt=1)] = 0.01
+    engine: Annotated[Engine, key("auto: the fastest that can render the scene.")] = "auto"
+    samples: Annotated[Count | None, key("Paths a pixel. Absent: as many as the error takes.", start=64)] = None
+    max_depth: Annotated[
+        int, Strict(), Field(ge=2, le=100), key("2: direct light only; 3: one interreflection; and so on.")
+    ] = 3
+    error: Annotated[
+        float, Strict(), Field(ge=1e-4, lt=1),
+        key("Relative root-mean-square error that is aimed at where `samples` is absent."),
+    ] = 0.01  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,8 +41,8 @@ def scene_faults(scene: TwinScene) -> list[str]:
             )
         else:
             faults += _object_faults(key, one, scene.materials[one.material])
-    radiance = scene.environment.radiance
-    if radiance is not None and not (_sound(radiance) & (radiance >= 0)).all():
+    radiance = np.zeros(1) if scene.environment.map is None else scene.environment.map.values
+    if not (_sound(radiance) & (radiance >= 0)).all():
         bad = int(np.count_nonzero(~(_sound(radiance) & (radiance >= 0))))
         told = f"{bad} of {radiance.size} values are not finite, below 0 or beyond {LARGEST:.0e}"
         faults.append(f"environment.map: {told}. Mend the picture.")

@@ -1,39 +1,47 @@
-"""A scene description's file, TOML: read with every fault told at once. docs/reference/scene-toml.md is its manual."""
+"""A scene's document as a file, TOML: read with every fault told at once, written with all that it names."""
 
 import difflib
 import tomllib
-from dataclasses import fields, replace
+from collections.abc import Mapping
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from formats.document_faults import Location, fault_line
-from formats.pictures import read_picture
-from scene.camera import Camera
+from formats.toml_text import toml_text
 from scene.errors import RenderError, SceneError
-from scene.pose import rotation_from_vector
-from scene.reading import json_of, numbers, reading, shortened, text_of
+from scene.files import write_json, write_npy, write_text
+from scene.reading import reading, shortened, text_of
 from twin.camera.virtual_camera import Sensor
-from twin.description import description_tables
-from twin.description.description import Environment, Sampling, TwinObject, TwinScene
+from twin.description.description import Environment, Sampling, TwinScene
 from twin.description.description_check import faults_of, scene_faults
-from twin.description.description_tables import CameraTable, DescriptionTable, ObjectTable, TextureTable
-from twin.description.light_groups import expand
-from twin.description.materials import KINDS, Subsurface, Texture
-from twin.description.mesh_files import read_mesh
-from twin.description.object_mesh import ObjectMesh, built_in
+from twin.description.fields import Around, Table
+from twin.description.kept_files import KeptFiles
+from twin.description.light_groups import LIGHTS
+from twin.description.materials import KINDS, Subsurface, Texture, TextureTable
+from twin.description.object_mesh import ObjectMesh, write_mesh
+from twin.description.scene_toml import CameraTable, ObjectTable, SceneDocument
 
-Array = NDArray[np.float64]
-MOST_TRIANGLES = 10_000_000
-"""Of all objects: some 100 bytes each, in several copies. A built-in sphere has 65,000."""
-TAGS = {*KINDS, "distant", "point", "area", "ring", "hemisphere", "session"}
+TABLES: dict[str, type] = {
+    "": SceneDocument,
+    "[camera]": CameraTable,
+    "[camera.sensor]": Sensor,
+    "[[objects]]": ObjectTable,
+    **{f'[materials.NAME] kind = "{kind}"': one for kind, one in KINDS.items()},
+    "subsurface of a material": Subsurface,
+    "picture of a material": TextureTable,
+    "[environment]": Environment,
+    **{f'[[lights]] kind = "{kind}"': one for kind, one in LIGHTS.items()},
+    "[sampling]": Sampling,
+}
+"""What declares the keys, by where they stand."""
 
 
-def read_scene(path: Path) -> TwinScene:
-    """Read a scene description with all that it names.
+def read_document(path: Path) -> SceneDocument:
+    """Read a scene's document with all that it names.
 
     Parameters
     ----------
@@ -50,125 +58,87 @@ def read_scene(path: Path) -> TwinScene:
     with reading(path, "not TOML", RenderError, do="Correct that line."):
         data = tomllib.loads(text_of(path, error=RenderError))
     with reading(path, "cannot be followed", RenderError, do="Correct it, or the files that it names."):
-        return _scene(path, data)
+        materials = data.get("materials")
+        around = Around(path.parent, tuple(materials) if isinstance(materials, dict) else ())
+        try:
+            document = SceneDocument.model_validate({"name": path.stem} | data, context=around)
+        except ValidationError as error:
+            raise _told(path, faults_in(error)) from None
+        try:
+            faults = scene_faults(document.scene())
+        except SceneError as error:
+            faults = [str(error)]
+        if faults:
+            raise _told(path, faults)
+        return document
 
 
-def _scene(path: Path, data: dict[str, Any]) -> TwinScene:
-    materials = data.get("materials")
-    try:
-        named = _Named(path.parent, tuple(materials) if isinstance(materials, dict) else ())
-        table = DescriptionTable.model_validate(data, context=named)
-    except ValidationError as error:
-        faults = error.errors(include_url=False)
-        raise _told(path, [fault_line(fault, _meant, hidden=TAGS) for fault in faults]) from None
-    objects = tuple(_object(index, one) for index, one in enumerate(table.objects))
-    triangles = sum(len(one.mesh.faces) for one in objects)
-    if triangles > MOST_TRIANGLES:
-        raise _told(
-            path, [f"objects: {triangles} triangles in all; expected {MOST_TRIANGLES} at most, or coarser meshes."]
-        )
-    reference = table.reference_point_mm
-    points = np.concatenate([one.placed.vertices for one in objects])
-    middle = (points.min(0) + points.max(0)) / 2 if reference is None else np.array(reference, float)
-    try:
-        lights, radii = expand(table.lights, path.parent, middle)
-    except SceneError as error:
-        raise _told(path, [str(error)]) from None
-    scene = TwinScene(
-        _camera(table.camera),
-        objects,
-        table.materials,
-        lights,
-        radii,
-        table.environment,
-        table.sampling,
-        table.name or path.stem,
-        table.camera.sensor,
-        table.camera.files,
-    )
-    faults = scene_faults(scene)
-    if faults:
-        raise _told(path, faults)
-    return scene
-
-
-class _Named:
-    """Reads what tables name, while they are checked: every fault is told at once, that of a file too."""
-
-    def __init__(self, folder: Path, materials: tuple[str, ...]) -> None:
-        self._folder, self.materials = folder, materials
-        self._pictures: dict[tuple, NDArray[np.float32]] = {}
-        self._meshes: dict[str, ObjectMesh] = {}
-
-    def path(self, name: str) -> Path:
-        return self._folder / name
-
-    def picture(self, name: str) -> NDArray[np.float32]:
-        return read_picture(self._folder / name)
-
-    def mesh(self, name: str) -> ObjectMesh:
-        if name not in self._meshes:
-            self._meshes[name] = read_mesh(self._folder / name)
-        return self._meshes[name]
-
-    def texture(self, table: dict[str, Any]) -> Texture:
-        given = TextureTable.model_validate(table)
-        name = given.file, given.encoding
-        if name not in self._pictures:
-            self._pictures[name] = read_picture(self._folder / given.file, given.encoding)
-        return Texture(self._pictures[name], given.wrap)
-
-    def pose(self, name: str) -> Array:
-        path = self._folder / name
-        with reading(path, "not a pose.json that rgbn wrote", RenderError):
-            data = json_of(path, error=RenderError)
-            scale = float(data.get("mm_per_unit", 1.0))
-            return numbers(data["camera_from_scan"], 4, 4) @ np.diag([scale, scale, scale, 1.0])
-
-
-def _object(index: int, table: ObjectTable) -> TwinObject:
-    """Return an object where its table puts it: scaled, turned about x, y and z, moved; then its matrix, then its pose.
-
-    The axes stand still.
-    """
-    mesh = built_in(table.shape) if table.mesh is None else table.mesh  # type: ignore[arg-type]
-    x, y, z = (rotation_from_vector(np.radians(angle) * np.eye(3)[i]) for i, angle in enumerate(table.rotate_deg))
-    matrix = np.eye(4)
-    matrix[:3, :3] = z @ y @ x @ np.diag(table.scale)
-    matrix[:3, 3] = table.translate_mm
-    for outer in (table.matrix, table.pose):
-        matrix = matrix if outer is None else np.array(outer, float) @ matrix
-    mesh = mesh if table.smooth else replace(mesh, normals=None)
-    return TwinObject(table.name or f"object_{index}", mesh, table.material, matrix)
-
-
-def _camera(table: CameraTable) -> Camera:
-    return Camera(
-        table.width,
-        table.height,
-        table.fx,
-        table.fy or table.fx,
-        (table.width - 1) / 2 if table.cx is None else table.cx,
-        (table.height - 1) / 2 if table.cy is None else table.cy,
-        table.distortion,
-        table.projection,
-        "scene description",
-    )
-
-
-_KEYS = sorted(
-    {key for table in vars(description_tables).values() for key in getattr(table, "model_fields", {})}
-    | {field.name for table in (*KINDS.values(), Subsurface, Sensor, Sampling, Environment) for field in fields(table)}
-    | {"map"}
-)
+def read_scene(path: Path) -> TwinScene:
+    """Read the scene that a document says; see `read_document`."""
+    return read_document(path).scene()
 
 
 def _told(path: Path, faults: list[str]) -> RenderError:
     return faults_of(str(path), [shortened(fault, 600) for fault in faults])
 
 
+def faults_in(error: ValidationError) -> list[str]:
+    """Return what pydantic found, one line each, with the key."""
+    return [fault_line(fault | {"loc": _as_written(fault["loc"])}, _meant) for fault in error.errors(include_url=False)]
+
+
+def _as_written(location: Location) -> Location:
+    """Return a location without the kind of a table, which pydantic puts into the path, and no file holds."""
+    own = list(location)
+    if len(own) > 2 and own[0] in ("materials", "lights"):
+        del own[2]
+    return own
+
+
 def _meant(location: Location) -> str:
     """Say which key may be meant by one that is unknown."""
-    own = str(location[-1])
-    close = difflib.get_close_matches(own, [key for key in _KEYS if key != own], n=1)
+    own, known = str(location[-1]), {key for table in TABLES.values() for key in keys_of(table)}
+    close = difflib.get_close_matches(own, sorted(known - {own}), n=1)
     return f"Did you mean {close[0]}?" if close else "docs/reference/scene-toml.md lists them."
+
+
+def keys_of(table: type) -> dict[str, Any]:
+    """Return a table's keys, each with its JSON schema: description, unit, range, default."""
+    schema = TypeAdapter(table).json_schema()
+    required = schema.get("required", [])
+    return {name: field | {"required": name in required} for name, field in schema["properties"].items()}
+
+
+def write_document(document: SceneDocument, folder: Path) -> Path:
+    """Write a document with copies of all that it names into a folder: scene.toml, meshes/, textures/, poses/.
+
+    Reading it gives the same scene. Returns the path of scene.toml, which is written last.
+    """
+    path = folder / "scene.toml"
+    write_text(path, toml_text(_written(document, KeptFiles(folder))))
+    return path
+
+
+def _written(value: Any, keep: KeptFiles) -> Any:
+    """Return a value of a document as TOML has it: without what is as when absent."""
+    # From memory: what its file holds by now is not what was seen.
+    if isinstance(value, Texture):
+        return {"file": keep.made("textures", ".npy", value.values, write_npy), "wrap": value.wrap}
+    if isinstance(value, ObjectMesh):
+        return keep.made("meshes", ".ply", value, write_mesh)
+    if isinstance(value, np.ndarray):
+        return keep.made("poses", ".json", {"camera_from_scan": value}, write_json)
+    if isinstance(value, Path):
+        return keep.copy("files", value)
+    if isinstance(value, Mapping):
+        return {name: _written(part, keep) for name, part in value.items()}
+    if isinstance(value, tuple):
+        return [_written(part, keep) for part in value]
+    if not (isinstance(value, Table) or is_dataclass(value)):
+        return value
+    kind = next((kind for kind, one in KINDS.items() if type(value) is one), None)
+    table: dict[str, Any] = {"kind": kind} | {name: _written(part, keep) for name, part in vars(value).items()}
+    if isinstance(value, Environment) and value.map is not None:
+        # A name alone.
+        table["map"] = table["map"]["file"]
+    return table

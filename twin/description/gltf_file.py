@@ -1,5 +1,6 @@
 """A scene's objects as one binary glTF file, which standard viewers open: meshes, base colours, roughness."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 from formats.pictures import srgb_from_linear
 from scene.errors import RenderError
 from scene.files import write_whole
+from scene.normals import unit
 from twin.description.description import TwinScene
 from twin.description.materials import Diffuse, RoughPlastic, Texture
 from twin.description.object_mesh import ObjectMesh
@@ -65,37 +67,31 @@ def _geometry(mesh: ObjectMesh, material: Diffuse | RoughPlastic) -> Any:
 
     reflectance = material.reflectance
     # A matte surface is the roughest one, its coat still there: glTF has no other.
-    alpha = material.roughness if isinstance(material, RoughPlastic) else 1.0
-    surface: dict[str, Any] = {"roughnessFactor": float(np.sqrt(min(alpha, 1.0))), "metallicFactor": 0.0}
+    alpha = min(getattr(material, "roughness", 1.0), 1.0)
+    surface: dict[str, Any] = {"roughnessFactor": float(np.sqrt(alpha)), "metallicFactor": 0.0}
     if isinstance(reflectance, Texture):
         codes = np.round(255 * srgb_from_linear(reflectance.values)).astype(np.uint8)
         surface["baseColorTexture"] = Image.fromarray(np.broadcast_to(codes, (*codes.shape[:2], 3)).copy())
     elif reflectance != "vertex":
         # The factor is linear in the file, and trimesh takes it as it is.
         surface["baseColorFactor"] = [*(float(value) for value in reflectance), 1.0]
-    shape = trimesh.Trimesh(MM * mesh.vertices, mesh.faces, vertex_normals=_unit(mesh), process=False)
+    normals = None if mesh.normals is None else np.nan_to_num(unit(mesh.normals))
+    shape = trimesh.Trimesh(MM * mesh.vertices, mesh.faces, vertex_normals=normals, process=False)
     # trimesh counts t upward and turns it over as it writes.
     texcoords = np.zeros((len(mesh.vertices), 2)) if mesh.texcoords is None else mesh.texcoords * [1, -1] + [0, 1]
     shape.visual = TextureVisuals(texcoords, material=PBRMaterial(**surface))
     if reflectance == "vertex" and mesh.colours is not None:
-        linear = np.clip(mesh.colours, 0, 1)
-        shape.visual.vertex_attributes["color"] = np.round(255 * np.c_[linear, np.ones(len(linear))]).astype(np.uint8)
+        linear = np.c_[np.clip(mesh.colours, 0, 1), np.ones(len(mesh.colours))]
+        shape.visual.vertex_attributes["color"] = np.round(255 * linear).astype(np.uint8)
     return shape
 
 
-def _unit(mesh: ObjectMesh) -> Any:
-    if mesh.normals is None:
-        return None
-    return mesh.normals / np.maximum(np.linalg.norm(mesh.normals, axis=1, keepdims=True), 1e-12)
-
-
-def _lost(material: Diffuse | RoughPlastic) -> list[str]:
-    """Return what glTF has no word for."""
+def _lost(material: Diffuse | RoughPlastic) -> Iterator[str]:
+    """Yield what glTF has no word for."""
     if isinstance(material, Diffuse):
-        return ["a matte surface has glTF's coat of roughness 1"]
-    lost = []
+        yield "a matte surface has glTF's coat of roughness 1"
+        return
     if not isinstance(material.specularity, Texture) and material.specularity != 1:
-        lost.append(f"glTF's coat is a full one; this has {material.specularity:.2f} of it")
+        yield f"glTF's coat is a full one; this has {material.specularity:.2f} of it"
     if material.distribution != "ggx":
-        lost.append("glTF's facets are GGX's, these are Beckmann's")
-    return lost
+        yield "glTF's facets are GGX's, these are Beckmann's"

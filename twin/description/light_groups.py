@@ -3,20 +3,22 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, model_validator
 
 from scene.errors import RenderError
 from scene.lights import Lights
 from scene.store import Store
 from twin.description.description import white_of
-from twin.description.description_tables import GridTable, LightTable, RingTable, SessionLightsTable
+from twin.description.fields import Count, Number, Positive, Rgb, Table, Three, file_of, key
 
 Array = NDArray[np.float64]
-
-
-LightGroup = LightTable | RingTable | GridTable | SessionLightsTable
+Many = Annotated[Count, Field(le=10_000)]
+Few = Annotated[Count, Field(le=100)]
+"""No capture has as many lights."""
 
 
 def direction(azimuth_deg: ArrayLike, elevation_deg: ArrayLike) -> Array:
@@ -30,15 +32,155 @@ def direction(azimuth_deg: ArrayLike, elevation_deg: ArrayLike) -> Array:
     return np.stack(np.broadcast_arrays(x, y, z), -1)
 
 
-def expand(groups: Sequence[LightGroup], folder: Path, reference_mm: Array) -> tuple[Lights, Array]:
+class LightTable(Table):
+    """What all lights but a session's have."""
+
+    name: Annotated[str | None, key("Of the frame; a group's lights are numbered. Absent: the kind.")] = None
+    intensity: Annotated[Rgb, key("One number or three.")] = (1.0, 1.0, 1.0)
+
+    @property
+    def is_near(self) -> bool:
+        """Whether it stands somewhere; else it is infinitely far."""
+        return any(getattr(self, name, None) is not None for name in ("position_mm", "distance_mm"))
+
+    @property
+    def radius(self) -> float:
+        """Of discs, mm; 0: points."""
+        return getattr(self, "radius_mm", None) or 0.0
+
+    def offsets(self, reference_mm: Array) -> Array:
+        """Return (K, 3): positions from the reference point of near lights, directions of distant ones."""
+        raise NotImplementedError
+
+
+class DistantLight(LightTable):
+    """One light, infinitely far."""
+
+    kind: Literal["distant"] = "distant"
+    direction: Annotated[Three | None, key("Toward the light; or by angles.")] = None
+    azimuth_deg: Annotated[Number | None, key("From x toward y.", "deg")] = None
+    elevation_deg: Annotated[Number | None, key("90: from the camera's side, straight.", "deg")] = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> "DistantLight":
+        angles = [angle for angle in (self.azimuth_deg, self.elevation_deg) if angle is not None]
+        if len(angles) != (2 if self.direction is None else 0):
+            raise ValueError("wants either direction, or azimuth_deg and elevation_deg")
+        if self.direction is not None and not any(self.direction):
+            raise ValueError("expected a direction that is not 0, 0, 0")
+        return self
+
+    def offsets(self, reference_mm: Array) -> Array:
+        """See `LightTable`."""
+        if self.direction is not None:
+            return np.array([self.direction], float)
+        assert self.azimuth_deg is not None
+        assert self.elevation_deg is not None
+        return direction(self.azimuth_deg, self.elevation_deg)[None]
+
+
+class PointLight(LightTable):
+    """One light without size."""
+
+    kind: Literal["point"] = "point"
+    position_mm: Annotated[Three, key("Where it stands.", "mm")]
+
+    def offsets(self, reference_mm: Array) -> Array:
+        """See `LightTable`."""
+        return np.array([self.position_mm]) - reference_mm
+
+
+class AreaLight(PointLight):
+    """A disc that faces the reference point."""
+
+    kind: Literal["area"] = "area"  # type: ignore[assignment]
+    radius_mm: Annotated[Positive, key("Of the disc.", "mm")]
+
+
+class GroupTable(LightTable):
+    """What rings and grids share."""
+
+    distance_mm: Annotated[
+        Positive | None, key("From the reference point. Absent: infinitely far.", "mm", start=800.0)
+    ] = None
+    radius_mm: Annotated[Positive | None, key("Of discs. Absent: points.", "mm", start=20.0)] = None
+
+    @model_validator(mode="after")
+    def _an_area_is_near(self) -> "GroupTable":
+        if self.radius_mm is not None and self.distance_mm is None:
+            raise ValueError("radius_mm wants distance_mm: a distant light has no size")
+        return self
+
+    def offsets(self, reference_mm: Array) -> Array:
+        """See `LightTable`."""
+        angles, polar = self.angles()
+        return direction(angles, 90.0 - polar).reshape(-1, 3) * (self.distance_mm or 1.0)
+
+    def angles(self) -> tuple[Any, Any]:
+        """Return azimuth and angle from z of the lights, degrees."""
+        raise NotImplementedError
+
+
+class RingTable(GroupTable):
+    """Lights in a ring about the camera's axis."""
+
+    kind: Literal["ring"] = "ring"
+    count: Annotated[Many, key("Lights.")]
+    polar_deg: Annotated[Number, Field(gt=0, lt=180), key("Angle from z.", "deg")]
+    start_deg: Annotated[Number, key("Azimuth of the first.", "deg")] = 0.0
+
+    def angles(self) -> tuple[Any, Any]:
+        """See `GroupTable`."""
+        return self.start_deg + 360.0 * np.arange(self.count) / self.count, np.array(self.polar_deg)
+
+
+class GridTable(GroupTable):
+    """Rings of lights over the hemisphere of the camera's side."""
+
+    kind: Literal["hemisphere"] = "hemisphere"
+    rings: Annotated[Few, key("Rings.")]
+    around: Annotated[Few, key("Lights in a ring.")]
+    max_polar_deg: Annotated[Number, Field(gt=0, le=90), key("Angle from z of the outermost ring.", "deg")] = 70.0
+
+    def angles(self) -> tuple[Any, Any]:
+        """See `GroupTable`."""
+        # The first ring stands half a step from the axis, so that no two lights stand together there.
+        polar = self.max_polar_deg * (np.arange(self.rings) + 0.5) / (self.rings - 0.5)
+        return 360.0 * np.arange(self.around)[None] / self.around, polar[:, None]
+
+
+class SessionLights(Table):
+    """The lights that a session was calibrated to. They stand alone, with their reference point and white value."""
+
+    kind: Literal["session"] = "session"
+    file: Annotated[Path, file_of(Path, lambda path: path), key("A lights.json of rgbn.", input="session")]
+
+    def lights(self) -> Lights:
+        """Return the session's own. Raises RenderError: they cannot be read."""
+        if self.file.name != "lights.json" or not self.file.is_file():
+            raise RenderError(f"lights[0].file: {self.file} is not there, or not a lights.json that rgbn wrote.")
+        lights = Store(self.file.parent).load_lights()
+        return replace(lights, intensities=lights.intensities * white_of(lights), white_value=None, ambient=None)
+
+
+LightGroup = DistantLight | PointLight | AreaLight | RingTable | GridTable | SessionLights
+LIGHTS: dict[str, type[Table]] = {
+    "distant": DistantLight,
+    "point": PointLight,
+    "area": AreaLight,
+    "ring": RingTable,
+    "hemisphere": GridTable,
+    "session": SessionLights,
+}
+"""What a description's file calls them."""
+
+
+def expand(groups: Sequence[LightGroup], reference_mm: Array) -> tuple[Lights, Array]:
     """Return the lights of a description's [[lights]], in their order, and their radii in mm (0: points).
 
     Parameters
     ----------
     groups : sequence of tables
-        Of `twin.description.description_tables`.
-    folder : Path
-        What a session's file is relative to.
     reference_mm : (3,) float64
         Where intensities hold and rings and grids have their middle.
 
@@ -48,30 +190,32 @@ def expand(groups: Sequence[LightGroup], folder: Path, reference_mm: Array) -> t
         Distant and near lights together, names that occur twice, a light in the reference point, or a session's lights
         beside others.
     """
-    session = next((group for group in groups if isinstance(group, SessionLightsTable)), None)
+    session = next((group for group in groups if isinstance(group, SessionLights)), None)
     if session is not None:
         if len(groups) > 1:
             raise RenderError(
                 f'lights: found {len(groups)} groups, one of them kind = "session"; a session\'s lights have their own '
                 "reference point and stand alone. Drop the others, or write its lights out one by one."
             )
-        return _session(session, folder)
+        lights = session.lights()
+        return lights, np.zeros(len(lights))
+    tables = [group for group in groups if isinstance(group, LightTable)]
+    offsets = [group.offsets(reference_mm) for group in tables]
+    counts = [len(found) for found in offsets]
     names: list[str] = []
-    offsets, near, radii, intensities = [], [], [], []
-    for group in groups:
-        assert not isinstance(group, SessionLightsTable)
-        found = _offsets(group, reference_mm)
-        names += _names(group, len(found), names)
-        offsets.append(found)
-        near += [_is_near(group)] * len(found)
-        radii += [group.radius_mm or 0.0] * len(found)
-        intensities += [group.intensity] * len(found)
+    for group, count in zip(tables, counts, strict=True):
+        names += _names(group, count, names)
+    near, radii, intensities = (
+        np.repeat(values, counts, 0)
+        for values in ([group.is_near for group in tables], [group.radius for group in tables],
+                       np.array([group.intensity for group in tables], float))
+    )  # fmt: skip
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise RenderError(f"lights: {', '.join(twice[:3])} occurs twice; each light is one frame and names it.")
-    if any(near) and not all(near):
+    if near.any() and not near.all():
         raise RenderError(
-            f"lights: {sum(near)} of {len(near)} are near (points, areas, groups with distance_mm), the others "
+            f"lights: {near.sum()} of {len(near)} are near (points, areas, groups with distance_mm), the others "
             "distant; all must be of one sort. Put the distant ones far away instead."
         )
     away = np.concatenate(offsets)
@@ -81,51 +225,16 @@ def expand(groups: Sequence[LightGroup], folder: Path, reference_mm: Array) -> t
             f"lights: {names[int(np.argmin(distance))]} stands in the reference point {reference_mm.tolist()} mm, "
             "where its intensity is to hold. Move it, or set reference_point_mm."
         )
-    positions = reference_mm + away if all(near) else None
-    lights = Lights(
-        tuple(names), away / distance[:, None], np.array(intensities, float), positions, np.asarray(reference_mm, float)
-    )
-    return lights, np.array(radii)
+    positions = reference_mm + away if near.all() else None
+    return Lights(
+        tuple(names), away / distance[:, None], intensities, positions, np.asarray(reference_mm, float)
+    ), radii
 
 
-def _names(group: LightTable | RingTable | GridTable, count: int, taken: list[str]) -> list[str]:
+def _names(group: LightTable, count: int, taken: list[str]) -> list[str]:
     """Return the names of a group's lights: its own of a single light, else numbered on."""
-    if isinstance(group, LightTable) and group.name is not None:
+    if not isinstance(group, GroupTable) and group.name is not None:
         return [group.name]
-    stem = group.name or group.kind
+    stem = group.name or getattr(group, "kind", "light")
     first = sum(name.startswith(f"{stem}_") for name in taken)
     return [f"{stem}_{first + number:03d}" for number in range(count)]
-
-
-def _is_near(group: LightTable | RingTable | GridTable) -> bool:
-    return (group.position_mm if isinstance(group, LightTable) else group.distance_mm) is not None
-
-
-def _offsets(group: LightTable | RingTable | GridTable, reference_mm: Array) -> Array:
-    """Return (K, 3): positions from the reference point of near lights, directions of distant ones."""
-    if isinstance(group, LightTable):
-        if group.position_mm is not None:
-            return np.array([group.position_mm]) - reference_mm
-        if group.direction is not None:
-            return np.array([group.direction], float)
-        assert group.azimuth_deg is not None
-        assert group.elevation_deg is not None
-        return direction(group.azimuth_deg, group.elevation_deg)[None]
-    if isinstance(group, RingTable):
-        angles = group.start_deg + 360.0 * np.arange(group.count) / group.count
-        toward = direction(angles, 90.0 - group.polar_deg)
-    else:
-        # The first ring stands half a step from the axis, so that no two lights stand together there.
-        polar = group.max_polar_deg * (np.arange(group.rings) + 0.5) / (group.rings - 0.5)
-        angles = 360.0 * np.arange(group.around) / group.around
-        toward = direction(angles[None], 90.0 - polar[:, None]).reshape(-1, 3)
-    return toward * (group.distance_mm or 1.0)
-
-
-def _session(group: SessionLightsTable, folder: Path) -> tuple[Lights, Array]:
-    path = folder / group.file
-    if path.name != "lights.json" or not path.is_file():
-        raise RenderError(f"lights[0].file: {path} is not there, or not a lights.json that rgbn wrote.")
-    lights = Store(path.parent).load_lights()
-    lights = replace(lights, intensities=lights.intensities * white_of(lights), white_value=None, ambient=None)
-    return lights, np.zeros(len(lights))

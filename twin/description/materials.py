@@ -1,6 +1,8 @@
 """What the twin's objects are made of: plain numbers and textures, without a renderer."""
 
+import os
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -8,10 +10,28 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PlainValidator, Strict, ValidationInfo
 
-from twin.description.checked_values import AboveNone, Positive, Rgb, Share, Shares, as_fault, checked, named, three
+from formats.pictures import read_picture
+from twin.description.fields import (
+    AboveNone,
+    Around,
+    Positive,
+    Rgb,
+    Share,
+    Shares,
+    Table,
+    as_fault,
+    checked,
+    file_of,
+    key,
+    three,
+)
 
 VERTEX = "vertex"
 """A reflectance that is the mesh's own colour, vertex by vertex."""
+Encoding = Literal["linear", "srgb"]
+Wrap = Literal["repeat", "clamp"]
+PICTURES_KEPT = 16
+"""In memory, of files that were read: the same file is not read again, and is the same picture."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,10 +44,13 @@ class Texture:
         Linear. The first row lies at texture coordinate t = 0 and t points down: t = (row + 0.5) / h.
     wrap : {"repeat", "clamp"}
         Beyond 0 to 1.
+    file : Path or None
+        That it was read from.
     """
 
     values: NDArray[np.float32]
-    wrap: Literal["repeat", "clamp"] = "repeat"
+    wrap: Wrap = "repeat"
+    file: Path | None = None
 
     def at(self, texcoords: NDArray[np.float64]) -> NDArray[np.float32]:
         """Return the values (P, channels) at texture coordinates (P, 2), bilinear between the centres of the texels."""
@@ -40,46 +63,67 @@ class Texture:
         return np.stack(found, -1).astype(np.float32)
 
 
-def _reflectance(value: Any, info: ValidationInfo[Any]) -> Any:
-    """Return one of the four forms of a table's reflectance; `info.context.texture` reads a picture's table."""
+class TextureTable(Table):
+    """A picture: a file, and how its values are coded."""
+
+    file: Annotated[str, key("png, jpg, tif, bmp, exr, hdr or npy; its first row lies at the top of the texture.")]
+    encoding: Annotated[Encoding | None, key("Absent: whole numbers are sRGB.")] = None
+    wrap: Annotated[Wrap, key("Beyond the picture's sides.")] = "repeat"
+
+
+def read_texture(path: Path, encoding: Encoding | None = None, wrap: Wrap = "repeat") -> Texture:
+    """Return a picture's file; the same one where it was read before. Raises RenderError: it cannot be read."""
+    state = os.stat(path) if path.is_file() else None
+    return _read_texture(path, encoding, wrap, state and (state.st_mtime_ns, state.st_size))
+
+
+@lru_cache(PICTURES_KEPT)
+def _read_texture(path: Path, encoding: Encoding | None, wrap: Wrap, _state: object) -> Texture:
+    return Texture(read_picture(path, encoding), wrap, path)
+
+
+def _picture(value: Any, info: ValidationInfo[Any]) -> Texture | None:
+    """Return a picture or its table as a picture; None: it is neither."""
     if isinstance(value, dict):
-        return as_fault(value, info.context.texture)
-    value = three(value)
-    if isinstance(value, list) and len(value) == 3 and all(type(part) in (int, float) for part in value):
+        given = TextureTable.model_validate(value)
+        place = (info.context or Around()).folder / given.file
+        return as_fault(place, lambda path: read_texture(path, given.encoding, given.wrap))
+    return value if isinstance(value, Texture) else None
+
+
+def _reflectance(value: Any, info: ValidationInfo[Any]) -> Any:
+    picture, value = _picture(value, info), three(value)
+    if picture is not None or value == VERTEX:
+        return picture or value
+    if isinstance(value, list | tuple) and len(value) == 3 and all(type(part) in (int, float) for part in value):
         return tuple(float(part) for part in value)
-    if value == VERTEX:
-        return value
     raise ValueError('expected a number, [r, g, b], "vertex" or { file = "...", encoding = "srgb" }')
 
 
 def _specularity(value: Any, info: ValidationInfo[Any]) -> Any:
-    if isinstance(value, dict):
-        return as_fault(value, info.context.texture)
+    picture = _picture(value, info)
+    if picture is not None:
+        return picture
     if type(value) in (int, float):
         return float(value)
     raise ValueError('expected a number or { file = "...", encoding = "linear" }')
 
 
-Reflectance = Annotated[Rgb | Texture | Literal["vertex"], PlainValidator(_reflectance)]
-"""Of each channel, 0 to 1, linear."""
+Reflectance = Annotated[
+    Rgb | Texture | Literal["vertex"],
+    PlainValidator(_reflectance),
+    key('0 to 1, linear: a number, `[r, g, b]`, a picture or `"vertex"`, the mesh\'s own colours.', input="colour"),
+]
 Distribution = Literal["ggx", "beckmann"]
-"""Of the slopes of a rough surface's facets."""
+Facets = Annotated[Distribution, key("Of the facets' slopes: GGX has a halo [Walter2007], Beckmann's is a Gaussian "
+                                     "[Beckmann1963].")]  # fmt: skip
+Alpha = Annotated[AboveNone, key("alpha of the facets, as Mitsuba has it.")]
 
 
 @checked
 @dataclass(frozen=True)
 class Subsurface:
     """What lies below a surface that is partly open: a cloudy medium that light wanders through.
-
-    Parameters
-    ----------
-    mean_free_path_mm : float
-        How far light goes between two scatterings, on average (the transport mean free path of a real material: the
-        scattering here is even in all directions).
-    albedo : tuple of 3 float
-        Share of the light that goes on at a scattering, 0 to 1.
-    share : float
-        How much of the surface is open to the medium, 0 to 1. The rest reflects as if there were none.
 
     Notes
     -----
@@ -88,9 +132,19 @@ class Subsurface:
     the refraction, and the gloss of the share that is open.
     """
 
-    mean_free_path_mm: Positive
-    albedo: Shares = (0.9, 0.9, 0.9)
-    share: Share = 0.5
+    mean_free_path_mm: Annotated[
+        Positive,
+        key("How far light goes between two scatterings, on average (a real material's transport mean free path: "
+            "scattering here is even in all directions).", "mm"),
+    ]  # fmt: skip
+    albedo: Annotated[Shares, key("Share of the light that goes on at a scattering.")] = (0.9, 0.9, 0.9)
+    share: Annotated[Share, key("How much of the surface is open to the medium.")] = 0.5
+
+
+Below = Annotated[
+    Subsurface | None,
+    key("Wax: light wanders below the surface. The mesh must be closed.", start={"mean_free_path_mm": 2.0}),
+]
 
 
 @checked
@@ -99,91 +153,67 @@ class Diffuse:
     """A matte surface: radiance = reflectance / pi * irradiance."""
 
     reflectance: Reflectance
-    subsurface: Subsurface | None = None
+    subsurface: Below = None
 
 
 @checked
 @dataclass(frozen=True)
 class RoughPlastic:
-    """A matte body under a clear rough coat [Walter2007].
-
-    Parameters
-    ----------
-    reflectance : Reflectance
-        Of the body.
-    roughness : float
-        alpha of the coat's facets, above 0; everywhere in a scene description alpha as Mitsuba has it.
-    specularity : float or Texture
-        Factor on the coat's reflectance; 1: what its index of refraction gives, 0: only the body.
-    index : float
-        Of refraction, of the coat.
-    covered : float
-        Share of the body's light that the coat dims on its way in and out, most where seen or lit aslant; the rest
-        leaves as from a matte surface. The specularity itself: a full coat over so much of the surface, the rest bare.
-        0: a lobe upon a matte body, as many renderers have it, which may give back more light than it gets.
-    distribution : {"ggx", "beckmann"}
-        Of the facets' slopes: GGX has the longer tail, so that highlights have a halo [Walter2007]; Beckmann's is a
-        Gaussian [Beckmann1963].
-    body_roughness : float or None
-        Of what of the body lies bare, by the law of [Burley2012]: at 1 it gives back more light toward where it comes
-        from, as plaster does, at 0 less where seen or lit aslant. None: the same everywhere (Lambert).
-    second : float
-        Share of the facets that are of another roughness: a second lobe, such as a sharp peak within a wide gloss.
-    second_roughness : float
-        Theirs.
-    """
+    """A matte body under a clear rough coat [Walter2007]."""
 
     reflectance: Reflectance
-    roughness: AboveNone = 0.1
-    specularity: Annotated[float | Texture, PlainValidator(_specularity)] = 1.0
-    index: Annotated[float, Strict(), Field(gt=1, le=5)] = 1.49
-    subsurface: Subsurface | None = None
-    covered: Share = 1.0
-    distribution: Distribution = "ggx"
-    body_roughness: Share | None = None
-    second: Share = 0.0
-    second_roughness: AboveNone = 0.5
+    roughness: Alpha = 0.1
+    specularity: Annotated[
+        float | Texture,
+        PlainValidator(_specularity),
+        key("Factor on the coat's reflectance: a number or a picture; 1: what its index gives, 0: only the body.",
+            input="share"),
+    ] = 1.0  # fmt: skip
+    index: Annotated[float, Strict(), Field(gt=1, le=5), key("Of refraction, of the coat.")] = 1.49
+    subsurface: Below = None
+    covered: Annotated[
+        Share,
+        key("Share of the body's light that the coat dims on its way in and out, most where seen or lit aslant; the "
+            "rest leaves as from a matte surface. 0 may give back more light than it gets."),
+    ] = 1.0  # fmt: skip
+    distribution: Facets = "ggx"
+    body_roughness: Annotated[
+        Share | None,
+        key("Of what of the body lies bare, by the law of [Burley2012]: at 1 it gives back more light toward where it "
+            "comes from, as plaster does, at 0 less where seen or lit aslant. Absent: the same everywhere (Lambert).",
+            start=0.5),
+    ] = None  # fmt: skip
+    second: Annotated[Share, key("Share of the facets that are of another roughness: a second lobe.")] = 0.0
+    second_roughness: Annotated[AboveNone, key("Theirs.")] = 0.5
 
 
 @checked
 @dataclass(frozen=True)
 class Conductor:
-    """A metal by name: Au, Cu, Al, Cr, Ag ... or "none", a perfect mirror; roughness 0 is polished."""
+    """A metal. Polished, of roughness 0, it shows points and distant lights not at all."""
 
-    metal: Annotated[str, Strict()]
-    roughness: Share = 0.1
-    distribution: Distribution = "ggx"
+    metal: Annotated[str, Strict(), key('Au, Ag, Al, Cr, Cu, W ... or "none", a perfect mirror.', input="metal")]
+    roughness: Annotated[Share, key("As above; 0 is polished.")] = 0.1
+    distribution: Facets = "ggx"
 
 
 @checked
 @dataclass(frozen=True)
 class Principled:
-    """Disney's material [Burley2012], of whose numbers these are kept.
-
-    Parameters
-    ----------
-    reflectance : Reflectance
-        Its base colour.
-    roughness : float
-        alpha as everywhere here: the square of Disney's own roughness.
-    metallic : float
-        0 to 1.
-    specularity : float
-        Disney's specular, 0 to 1; 0.5 is an index of refraction of 1.5.
-    """
+    """Disney's material [Burley2012], of whose numbers these are kept; its roughness is the root of this one."""
 
     reflectance: Reflectance
-    roughness: AboveNone = 0.25
-    metallic: Share = 0.0
-    specularity: Share = 0.5
+    roughness: Alpha = 0.25
+    metallic: Annotated[Share, key("A metal's share.")] = 0.0
+    specularity: Annotated[Share, key("Disney's specular; 0.5 is an index of refraction of 1.5.")] = 0.5
 
 
 @checked
 @dataclass(frozen=True)
 class Measured:
-    """A measured reflectance, a .bsdf file of the RGL database [Dupuy2018]."""
+    """A measured reflectance of the RGL database [Dupuy2018]."""
 
-    file: Annotated[Path, named("path")]
+    file: Annotated[Path, file_of(Path, lambda path: path), key("A .bsdf file.")]
 
 
 Material = Diffuse | RoughPlastic | Conductor | Principled | Measured

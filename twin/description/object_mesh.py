@@ -1,15 +1,26 @@
-"""A mesh with what a material needs of it: normals, texture coordinates, colours; and the built-in shapes."""
+"""A mesh with what a material needs of it: normals, texture coordinates, colours; its files; the built-in shapes.
 
-import functools
-from dataclasses import dataclass
+Files count texture coordinates from the bottom (v up); `ObjectMesh` from the top.
+"""
+
+import os
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.meshes.ply_write import write_ply
+from formats.meshes.scan_files import read_mesh_file
+from formats.pictures import linear_from_srgb
+from scene.errors import AlignError, RenderError
 from scene.mesh import Mesh
 from scene.same_rows import first_of_same
 
 Array = NDArray[np.float64]
+MESHES_KEPT = 8
+"""In memory, of files that were read: the same file is not read again, and is the same mesh."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +59,7 @@ class ObjectMesh:
             now = np.linalg.norm(normals, axis=1, keepdims=True)
             normals = normals * (length / np.where(now > 0, now, 1))
         vertices = self.vertices @ linear.T + matrix[:3, 3]
-        return ObjectMesh(vertices, faces, normals, self.texcoords, self.colours)
+        return replace(self, vertices=vertices, faces=faces, normals=normals)
 
 
 def smooth(vertices: Array, faces: NDArray[np.int64], texcoords: Array | None, colours: Array | None) -> ObjectMesh:
@@ -59,10 +70,59 @@ def smooth(vertices: Array, faces: NDArray[np.int64], texcoords: Array | None, c
     return ObjectMesh(vertices, faces, normals, texcoords, colours)
 
 
+@lru_cache(MESHES_KEPT)
+def facets(mesh: ObjectMesh) -> ObjectMesh:
+    """Return the mesh with every face flat; the same one each time."""
+    return replace(mesh, normals=None)
+
+
+def read_mesh(path: Path) -> ObjectMesh:
+    """Read a mesh as it stands in its file: nothing is mended. The same one where it was read before.
+
+    Parameters
+    ----------
+    path : Path
+        .ply, .obj, .stl, .off, .glb. Colours of the vertices: whole numbers are sRGB, r, g, b in floating point linear.
+        Normals: those of a .ply that has them, else smooth ones.
+
+    Raises
+    ------
+    RenderError
+        It cannot be read, has no faces, or corners that are no positions.
+    """
+    state = os.stat(path) if path.is_file() else None
+    return _read_mesh(path, state and (state.st_mtime_ns, state.st_size))
+
+
+@lru_cache(MESHES_KEPT)
+def _read_mesh(path: Path, _state: object) -> ObjectMesh:
+    try:
+        found = read_mesh_file(path)
+    except AlignError as error:
+        raise RenderError(str(error)) from error
+    coded = found.colours is not None and not found.linear
+    colours = linear_from_srgb(found.colours / 255) if coded else found.colours  # type: ignore[operator]
+    mesh = ObjectMesh(found.vertices, found.faces, found.normals, _turned_over(found.texcoords), colours)
+    return mesh if mesh.normals is not None else smooth(mesh.vertices, mesh.faces, mesh.texcoords, mesh.colours)
+
+
+def write_mesh(path: Path, mesh: ObjectMesh) -> None:
+    """Write a mesh as binary PLY, in the precision that it has: positions, normals, s and t, linear r, g, b."""
+    columns = {
+        "x y z": mesh.vertices, "nx ny nz": mesh.normals, "s t": _turned_over(mesh.texcoords), "r g b": mesh.colours
+    }  # fmt: skip
+    known = {names: np.asarray(values, float) for names, values in columns.items() if values is not None}
+    write_ply(path, known, mesh.faces)
+
+
+def _turned_over(texcoords: Array | None) -> Array | None:
+    return None if texcoords is None else texcoords * [1, -1] + [0, 1]
+
+
 SHAPES = ("sphere", "square", "disc", "cube", "cylinder", "cone")
 
 
-@functools.cache
+@cache
 def built_in(name: str) -> ObjectMesh:
     """Return a shape of size 1 with texture coordinates.
 

@@ -36,7 +36,7 @@ class Layers:
     direct (F, h, w, 3): Linear, of the film's box: light that met one surface. From stock Mitsuba, unless asked for
         apart: everything.
     onward (F, h, w, 3): Light of the same flashes that met more. None: it is in `direct`.
-    standing (h, w, 3): The environment's light, in every frame the same. None: there is none, or it is in `direct`.
+    standing (h, w, 3): The environment's light, in every frame the same. None: there is none.
     """
 
     direct: Images
@@ -79,10 +79,11 @@ class PieceRenderer:
     def __init__(self, scene: TwinScene, film: Film, engine: Engine, *, apart: bool = False) -> None:
         self._film = film
         self._tracers: tuple[PathTracer, ...] = ()
+        # What stands still is rendered once, by itself: `standing_light`.
         dark, depth = replace(scene, environment=Environment()), scene.sampling.max_depth
         if engine == "mitsuba":
             first = replace(dark, sampling=replace(scene.sampling, max_depth=2))
-            self._tracers = tuple(PathTracer(one, film) for one in ((dark, first) if apart else (scene,)))
+            self._tracers = tuple(PathTracer(one, film) for one in ((dark, first) if apart else (dark,)))
             return
         import_mitsuba()
         self._many = Many(mitsuba_scene(dark), film, scene.lights, max_depth=depth)
@@ -110,7 +111,8 @@ def noise_of_one_sample(scene: TwinScene, film: Film, engine: Engine, samples: i
     count = max(1, min(height, -(-STRIP_PIXELS // width)) // STRIPS)
     starts = np.unique(((np.arange(STRIPS) + 0.5) / STRIPS * (height - count + 1)).astype(int)).tolist()
     if engine == "mitsuba":
-        tracer, index = PathTracer(scene, film), int(np.argmax(scene.irradiance.sum(1)))
+        dark, index = replace(scene, environment=Environment()), int(np.argmax(scene.irradiance.sum(1)))
+        tracer = PathTracer(dark, film)
 
         def rendered(start: int, seed: int) -> Images:
             strip = replace(film, window=(top + start, left, count, width), pixels=None)
@@ -128,12 +130,12 @@ def noise_of_one_sample(scene: TwinScene, film: Film, engine: Engine, samples: i
     return float(np.sqrt(samples * np.mean((one - two)[lit] ** 2) / 2) / np.mean(mean[lit])) if lit.any() else 0.0
 
 
-def standing_light(scene: TwinScene, film: Film, engine: Engine, apart: bool = False) -> Images | None:
-    """Return the environment's picture (h, w, 3), by stock Mitsuba with one flash that is dark.
+def standing_light(scene: TwinScene, film: Film) -> Images | None:
+    """Return the environment's picture (h, w, 3), by stock Mitsuba with one flash that is dark; None if there is none.
 
-    None where there is no environment, or stock Mitsuba renders it with every flash.
+    It is the same in every frame, and what a photograph without flash shows.
     """
-    if scene.environment.is_dark or (engine == "mitsuba" and not apart):
+    if scene.environment.is_dark:
         return None
     dark = replace(scene, lights=replace(scene.lights, intensities=np.zeros_like(scene.lights.intensities)))
     return film.place(PathTracer(dark, film).image(0, STANDING_SAMPLES))
@@ -148,5 +150,5 @@ def render_layers(scene: TwinScene, film: Film, engine: Engine, samples: int, *,
     return Layers(
         np.concatenate([layers.direct for layers in made], axis),
         np.concatenate(onward, axis) if onward else None,
-        standing_light(scene, film, engine, apart),
+        standing_light(scene, film),
     )

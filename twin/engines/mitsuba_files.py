@@ -17,8 +17,8 @@ from scene.errors import RenderError
 from scene.files import write_text
 from twin.description.description import TwinScene
 from twin.description.description_check import check_scene
-from twin.description.description_writer import Keeper
-from twin.description.mesh_files import write_mesh
+from twin.description.kept_files import KeptFiles
+from twin.description.object_mesh import write_mesh
 from twin.engines.film import Film, sensor_description
 from twin.engines.mitsuba_scene import flash, parts
 from twin.engines.variant import import_mitsuba
@@ -127,7 +127,7 @@ class _Files:
     """Turns Mitsuba's dictionaries into XML; arrays and files that they name go into textures/."""
 
     def __init__(self, folder: Path) -> None:
-        self._keep = Keeper(folder, ".exr", write_exr)
+        self._keep = KeptFiles(folder)
 
     def element(self, node: dict[str, Any], **attributes: str) -> Element:
         kind = node["type"]
@@ -143,9 +143,9 @@ class _Files:
                 return Element("rgb", name=key, value=_numbers(value["value"]))
             return self.element(value, name=key)
         if key == "data":
-            return Element("string", name="filename", value=self._keep.picture(value))
+            return Element("string", name="filename", value=self._keep.made("textures", ".exr", value, write_exr))
         if isinstance(value, Path):
-            return Element("string", name=key, value=self._keep.copy(value))
+            return Element("string", name=key, value=self._keep.copy("textures", value))
         if isinstance(value, list):
             return Element("vector" if key == "direction" else "point", name=key, value=_numbers(value))
         for kind, tag in ((bool, "boolean"), (int, "integer"), (float, "float"), (str, "string")):

@@ -58,7 +58,7 @@ def _environment(scene: TwinScene) -> dict[str, Any] | None:
     if given.is_dark:
         return None
     ambient = np.asarray(given.ambient, np.float32)
-    if given.radiance is None:
+    if given.map is None:
         radiance = {"type": "rgb", "value": ambient.tolist()}
         return {"type": "constant", "radiance": radiance, "sampling_weight": ENVIRONMENT_WEIGHT}
     angle = np.radians(given.rotate_deg)
@@ -67,7 +67,7 @@ def _environment(scene: TwinScene) -> dict[str, Any] | None:
     turn[2, [0, 2]] = -np.sin(angle), np.cos(angle)
     return {
         "type": "envmap",
-        "data": given.scale * np.broadcast_to(given.radiance, (*given.radiance.shape[:2], 3)) + ambient,
+        "data": given.scale * np.broadcast_to(given.map.values, (*given.map.values.shape[:2], 3)) + ambient,
         "to_world": turn,
         "sampling_weight": ENVIRONMENT_WEIGHT,
     }

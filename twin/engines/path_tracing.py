@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from twin.description.description import TwinScene
 from twin.engines.film import Film, sensor_description
-from twin.engines.mitsuba_scene import flash, mitsuba_scene
+from twin.engines.mitsuba_scene import flash, loadable, mitsuba_scene
 from twin.engines.variant import SLOW, import_mitsuba, load
 
 SAMPLES_PER_BAND = 1 << 21
@@ -38,25 +38,16 @@ class PathTracer:
 
     def _light(self, index: int) -> None:
         """Change the flash in place: shapes and materials, which cost the time, stay."""
-        mi, parameters, scene = self._mitsuba, self._parameters, self._scene
-        new, was = flash(scene, index), flash(scene, self._lit_by)
+        mi, new, was = self._mitsuba, flash(self._scene, index), flash(self._scene, self._lit_by)
         self._lit_by = index
         if new["type"] != was["type"]:
-            self._loaded = mitsuba_scene(scene, light=index)
+            self._loaded = mitsuba_scene(self._scene, light=index)
             self._parameters = mi.traverse(self._loaded)
             return
-        if new["type"] == "directional":
-            up = np.eye(3)[np.argmin(np.abs(new["direction"]))].tolist()
-            frame = mi.Transform4f().look_at(origin=[0, 0, 0], target=new["direction"], up=up)
-            parameters["flash.to_world"] = frame
-            parameters["flash.irradiance.value"] = mi.Color3f(*new["irradiance"]["value"])
-        elif new["type"] == "point":
-            parameters["flash.position"] = mi.Point3f(*new["position"])
-            parameters["flash.intensity.value"] = mi.Color3f(*new["intensity"]["value"])
-        else:
-            parameters["flash.to_world"] = mi.Transform4f(new["to_world"])
-            parameters["flash.emitter.radiance.value"] = mi.Color3f(*new["emitter"]["radiance"]["value"])
-        parameters.update()
+        wanted = mi.traverse(load(loadable(mi, new)))
+        for key in wanted.keys():  # noqa: SIM118 (no mapping)
+            self._parameters[f"flash.{key}"] = wanted[key]
+        self._parameters.update()
 
 
 def traced(loaded: Any, film: Film, points: NDArray, samples: int, seeds: tuple[int, ...]) -> NDArray[np.float32]:

@@ -40,6 +40,7 @@ class Rendering:
     choice: The engine, and why.
     variant: Mitsuba's.
     seconds: Wall time of this run.
+    standing (H, W, 3): Light that is in every frame: what is seen without flash. None: there is none.
     pieces, found: Frames, or bands of all frames; and how many of them a run that was stopped had left.
     """
 
@@ -51,6 +52,7 @@ class Rendering:
     pieces: int
     found: int = 0
     warnings: tuple[str, ...] = ()
+    standing: NDArray[np.float32] | None = None
 
     def facts(self) -> dict[str, Any]:
         """Return what the summary says of it."""
@@ -126,7 +128,7 @@ def render_scene(
         tell(str(choice))
         if graphics_card():
             tell("renderer: {}, {}".format(*pick_variant()))
-    standing = _elsewhere(executor, standing_light, scene, film, choice.engine, apart)
+    standing = _elsewhere(executor, standing_light, scene, film)
     work = _Work(scene, film, choice, apart and store is not None, standing)
     pieces, found = pieces_of(film, len(scene.lights), choice.engine), len(kept.done)
     if kept.notes is None:
@@ -151,7 +153,8 @@ def render_scene(
         ground_truth(scene, folder=store.folder)
     seconds = time.perf_counter() - started
     variant, warnings = pick_variant()[0], _warnings(film, choice)
-    return Rendering(frames, choice, variant, scene.sampling, seconds, len(pieces), found, warnings)
+    still = None if standing is None else film.whole(standing)
+    return Rendering(frames, choice, variant, scene.sampling, seconds, len(pieces), found, warnings, still)
 
 
 def rendering_mark(scene: TwinScene, apart: bool) -> str:

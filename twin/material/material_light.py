@@ -1,4 +1,4 @@
-"""The scene of a fitted material, and light that comes by way of the object's other parts, rendered small."""
+"""Light that comes by way of the object's other parts, rendered small."""
 
 from dataclasses import dataclass, replace
 
@@ -6,10 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.camera import Camera
-from twin.description.description import Sampling, TwinScene
-from twin.description.materials import Diffuse, Material, RoughPlastic
+from twin.description.description import Sampling
 from twin.engines.mitsuba_scene import mitsuba_scene
-from twin.material.fit_material import MaterialFit
 from twin.material.material_samples import Samples
 from twin.scan_scene import scan_scene
 from twin.visibility import Sight
@@ -17,27 +15,6 @@ from twin.visibility import Sight
 SIDE = 112
 """Pixels across the object: light from elsewhere changes slowly."""
 SAMPLES, DEPTH = 64, 4
-
-
-def material_scene(
-    sight: Sight, fit: MaterialFit, albedo: NDArray[np.float32], sampling: Sampling
-) -> tuple[TwinScene, tuple[str, ...]]:
-    """Return the scene of a scan made of a fitted material, and what is suspicious about it.
-
-    Parameters and errors: see `twin.scan_scene.scan_scene`; `albedo` (H, W, 3) is that of the fit, of the body.
-    """
-    scene, warnings = scan_scene(sight, albedo, sampling)
-    ((name, body),) = scene.materials.items()
-    assert isinstance(body, Diffuse)
-    # Where the white value is unknown, the scene has taken one.
-    return replace(scene, materials={name: _made(fit, body, float(np.mean(scene.white)))}), warnings
-
-
-def _made(fit: MaterialFit, body: Diffuse, white: float) -> Material:
-    if fit.model == "matte":
-        return body
-    specularity = min(float(np.mean(fit.strength)) / white, 1.0)
-    return RoughPlastic(body.reflectance, specularity=specularity, **fit.surface.numbers())
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,7 @@ from scene.output_folder import open_record
 from scene.pose import Pose, rotation_from_vector
 from scene.spheres import Sphere
 from scene.store import Store
-from twin.description.mesh_files import write_mesh
-from twin.description.object_mesh import ObjectMesh, built_in
+from twin.description.object_mesh import ObjectMesh, built_in, write_mesh
 
 FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
 CAMERA = Camera(160, 120, 220.0, 220.0, 78.0, 61.0)

@@ -1,9 +1,12 @@
-"""Kinds of values in a description's tables: a dataclass whose fields are of them is read from a table, and checked.
+"""Kinds of values in a scene description: each key is declared once, with type, range, unit, default and what it is.
 
-Values are taken as they are written: no text becomes a number. What is built in Python is not checked here.
+Reader, faults, writer, the studio's inputs and the reference page are made from these declarations. Values are taken as
+they are written: no text becomes a number. What is built in Python is not checked.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import (
@@ -19,14 +22,31 @@ from pydantic import (
 
 from scene.errors import SceneError
 
-checked = with_config(ConfigDict(extra="forbid", allow_inf_nan=False))
+checked = with_config(ConfigDict(extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True))
 """For dataclasses: unknown keys are faults."""
 
 
 class Table(BaseModel):
     """A TOML table that is no dataclass of the scene's: unknown keys are faults."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, arbitrary_types_allowed=True)
+
+
+@dataclass(frozen=True)
+class Around:
+    """What a table is read in.
+
+    folder: That names of files start from.
+    materials: That an object may be of; None: not looked at.
+    """
+
+    folder: Path = Path()
+    materials: tuple[str, ...] | None = None
+
+
+def key(what: str, unit: str = "", **look: Any) -> Any:
+    """Return a key's description for people: what it is, its unit; `look`: how the studio shows it."""
+    return Field(description=what, json_schema_extra={"unit": unit, **look})
 
 
 def three(value: Any) -> Any:
@@ -42,15 +62,18 @@ def as_fault(value: Any, read: Callable[[Any], Any]) -> Any:
         raise ValueError(str(error)) from error
 
 
-def named(kind: str) -> PlainValidator:
-    """Put what a file holds in the place of its name: what the method `kind` of pydantic's context makes of it."""
+def file_of(kind: type, read: Callable[[Path], Any]) -> PlainValidator:
+    """Put what a file holds in the place of its name; what is of the kind already stays."""
 
-    def read(value: Any, info: ValidationInfo) -> Any:
+    def found(value: Any, info: ValidationInfo) -> Any:
+        # TOML has no None: the studio says that there is none.
+        if value is None or isinstance(value, kind):
+            return value
         if not isinstance(value, str):
             raise ValueError("expected a file's name")
-        return as_fault(value, getattr(info.context, kind))
+        return as_fault((info.context or Around()).folder / value, read)
 
-    return PlainValidator(read)
+    return PlainValidator(found)
 
 
 MOST = 1e6
