@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.detection.coarse import Coarse, Progress, shrink
-from calibrate.detection.detect import Rejected, around_hint, detect
+from calibrate.detection.detect import Found, Rejected, around_hint, detect
 from calibrate.detection.diameters import SAME_SCALE, Diameter, doubted_diameters, told_diameters
 from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline, with_blur
 from calibrate.silhouette.outline import difference, share_in_picture
@@ -87,11 +87,12 @@ def find_balls(
             rejected += refused
             placed = [replace(fit.sphere, diameter_mm=d.mm) for fit, d in zip(fits, diameters, strict=True)]
             matched = _match(found, open_, placed, refused, warnings)
-            sure = placed + [replace(one.sphere, diameter_mm=d.mm) for one, d in matched if not one.rival]
+            sure = placed + [replace(one.sphere, diameter_mm=d.mm) for one, d in matched if not one.is_open]
             for one, diameter in matched:
-                fits.append(_by_diameters(own, camera, one, diameter, sure, search_px=coarse.search_px))
+                one = _by_diameters(own, camera, one, diameter, sure, search_px=coarse.search_px)
+                fits.append(one.fit)
                 diameters.append(diameter)
-                warnings += _open(fits[-1])
+                warnings += [one.warning] if one.warning else []
         listed = [replace(fit.sphere, diameter_mm=d.mm) for fit, d in zip(fits, diameters, strict=True) if d.mm]
         warnings += doubted_diameters(listed)
         blurs = [fit.blur_px for fit in fits if fit.sphere.kind == "white" and np.isfinite(fit.blur_px)]
@@ -107,29 +108,22 @@ def find_balls(
 
 
 def _by_diameters(
-    frames: Frames, camera: Camera, found: OutlineFit, diameter: Diameter, sure: list[Sphere], *, search_px: float
-) -> OutlineFit:
+    frames: Frames, camera: Camera, found: Found, diameter: Diameter, sure: list[Sphere], *, search_px: float
+) -> Found:
     """Return a mirror with that of two circles which its diameter asks for, beside balls whose outlines are sure."""
     scales = [s.diameter_mm / s.radius_px for s in sure if s.diameter_mm]
-    if found.rival is None or not scales or not diameter.mm:
+    if not found.is_open or not scales or not diameter.mm:
         return found
     usual = float(np.log(diameter.mm / np.median(scales)))
-    agree = [abs(np.log(s.radius_px) - usual) < RULED_OUT * SAME_SCALE for s in (found.sphere, found.rival)]
-    if agree == [False, True]:
-        return fit_outline(frames, camera, found.rival, search_px=search_px) or found
-    return replace(found, rival=None) if agree == [True, False] else found
 
+    def agrees(sphere: Sphere) -> bool:
+        return abs(np.log(sphere.radius_px) - usual) < RULED_OUT * SAME_SCALE
 
-def _open(found: OutlineFit) -> list[str]:
-    """Warn of a mirror whose outline is one of two: it is in no sigma, for it is no scatter."""
-    if found.rival is None:
-        return []
-    (u, v), radius = found.sphere.center_px, found.sphere.radius_px
-    return [
-        f"chrome ball at ({u:.0f}, {v:.0f}) px: taken with a radius of {radius:.0f} px, but a circle of "
-        f"{found.rival.radius_px:.0f} px stands as still. Look at the picture; center_px and radius_px in session.toml "
-        "decide, and so do the diameter_mm of all balls."
-    ]
+    rival = found.rival if found.rival and agrees(found.rival) else None
+    if agrees(found.sphere):
+        return replace(found, rival=rival, unexplained=False)
+    fit = fit_outline(frames, camera, rival, search_px=search_px) if rival else None
+    return Found(fit) if fit else found
 
 
 def _is_ball(one: Rejected) -> bool:
@@ -251,12 +245,12 @@ def _fit_hint(frames: Frames, camera: Camera, coarse: Coarse, hint: Sphere) -> O
 
 
 def _match(
-    found: list[OutlineFit],
+    found: list[Found],
     requests: list[SphereRequest],
     given: list[Sphere],
     rejected: tuple[Rejected, ...],
     warnings: list[str],
-) -> list[tuple[OutlineFit, Diameter]]:
+) -> list[tuple[Found, Diameter]]:
     """Give each found ball the diameter of a request of its kind; balls of a kind by their size in the picture."""
     if not requests:
         return [(one, Diameter(None, 0.0)) for one in found]

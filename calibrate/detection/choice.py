@@ -1,13 +1,14 @@
-"""Which circles are taken for balls, by what each shows.
+"""Which circles are taken for balls: the set that is likeliest, by what each shows and by how they agree on the lights.
 
-A circle's log-odds are linear in a few features of its kind; no two balls may stand at one place. The weights are in
-ball_weights.toml, which names the program that fitted them to scenes of two generators by logistic regression: which of
-the circles at one place is the outline, and whether that is a ball.
+The log-odds of a set are the sum of its circles' own, each linear in a few features of its kind, and of its pairs',
+linear in how far both see the same lights; no two of a set may stand at one place. The weights are in
+ball_weights.toml, which names the program that fitted them to scenes of two generators: logistic regression of whether
+a circle is a ball, given the true other balls (pseudo-likelihood [Besag1975]).
 """
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,17 +17,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from calibrate.detection.agreement import Rays, agreement
 from calibrate.detection.circles import overlap
 from calibrate.silhouette.mirrored_table import MirroredTable
 from scene.spheres import Kind, Sphere
 
 Array = NDArray[np.float64]
+Weights = Mapping[str, Mapping[str, Any]]
 WEIGHTS = Path(__file__).with_name("ball_weights.toml")
 FEATURES: dict[Kind, tuple[str, ...]] = {
     "chrome": ("one", "table", "explained", "support", "area", "shading", "inside", "radius"),
     "white": ("one", "shading", "flatter", "taller", "support", "radius"),
 }
 """What is seen of a circle, in the order of the weights."""
+EACH = 2  # circles of one kind that overlap and are considered
+LIKELIEST, HOPELESS = 60, -6.0  # circles that are considered, and log-odds of their own under which none is
+STARTS = 10  # circles from which the likeliest set is sought
 
 
 @dataclass(frozen=True)
@@ -36,18 +42,10 @@ class Suspect:
     sphere: Sphere
     like: Kind  # which kind's features it has: a glossy ball that is asked for as a mirror is like a white one
     features: Array  # those of `FEATURES`
+    rays: Rays
     glossy: bool = False  # it shows the light as a wandering point
-    others: Sequence[Sphere] = field(default=())  # circles that stand about as still and may be its outline, in order
+    others: Sequence[Sphere] = ()  # circles that stand about as still and may be its outline, the likeliest first
     table: MirroredTable | None = None  # that it mirrors
-
-    @property
-    def log_odds(self) -> float:
-        """Of being a ball."""
-        return float(self.features @ weights()["ball"][self.like])
-
-    @property
-    def probability(self) -> float:
-        return float(expit(self.log_odds))
 
     @property
     def doubt(self) -> str:
@@ -61,32 +59,104 @@ class Suspect:
         return f"shading follows n.l to {shading:.1%}, and {self.sphere.score:.0%} of its outline stands still"
 
 
+@dataclass(frozen=True)
+class Judged:
+    """A circle and its log-odds to be a ball, given the balls that are taken."""
+
+    suspect: Suspect
+    log_odds: float
+
+    @property
+    def probability(self) -> float:
+        return float(expit(self.log_odds))
+
+
 @cache
-def weights() -> Mapping[str, Mapping[str, Any]]:
+def fitted() -> Weights:
     """Return the weights of ball_weights.toml."""
     return tomllib.loads(WEIGHTS.read_text())
 
 
-def choose(suspects: Sequence[Suspect], wanted: Mapping[Kind, int] | None) -> tuple[list[Suspect], list[Suspect]]:
-    """Return the circles that are likelier balls than not, and the likeliest others, each at a place of its own.
+def considered(suspects: Sequence[Suspect]) -> list[Suspect]:
+    """Return the suspects without those that are worse than `EACH` others at their place."""
+    quality = fitted()["circle"]
+    kept: list[Suspect] = []
+    for one in sorted(suspects, key=lambda s: -float(s.features @ quality[s.like])):
+        same = sum(one.like == o.like and overlap(one.sphere, o.sphere) for o in kept)
+        if same < EACH:
+            kept.append(one)
+    return kept
+
+
+def choose(
+    suspects: Sequence[Suspect], wanted: Mapping[Kind, int] | None, weights: Weights | None = None
+) -> tuple[list[Judged], list[Judged]]:
+    """Return the circles of the likeliest set, and all others.
 
     `wanted`: the numbers of each kind that were asked for, an upper limit and a reason to believe; None: whatever is
     likelier than not.
     """
-    outlines: list[Suspect] = []
-    for one in sorted(suspects, key=lambda s: -float(s.features @ weights()["circle"][s.like])):
-        if not any(one.like == other.like and overlap(one.sphere, other.sphere) for other in outlines):
-            outlines.append(one)
-    taken: list[Suspect] = []
-    left: list[Suspect] = []
-    for one in sorted(outlines, key=lambda s: -s.log_odds):
-        kind = one.sphere.kind
-        if any(overlap(one.sphere, other.sphere) for other in taken):
-            continue
-        asked = wanted is None or sum(other.sphere.kind == kind for other in taken) < wanted.get(kind, 0)
-        needed = 0.0 if wanted is None else -weights()["ball"]["asked"]
-        if asked and one.log_odds > needed:
-            taken.append(one)
-        elif not any(overlap(one.sphere, other.sphere) for other in left):
-            left.append(one)
-    return taken, [one for one in left if not any(overlap(one.sphere, other.sphere) for other in taken)]
+    weights = weights or fitted()
+    own = np.array([float(s.features @ weights["ball"][s.like]) for s in suspects])
+    order = [n for n in np.argsort(-own, kind="stable")[:LIKELIEST] if own[n] > HOPELESS]
+    some = [suspects[n] for n in order]
+    pairs, exclusive = _pairs(some, weights["pair"])
+    free = own[order]
+    asked = np.array([bool(wanted is None or wanted.get(s.sphere.kind)) for s in some], bool)
+    score = free if wanted is None else np.where(asked, free + weights["ball"]["asked"], -np.inf)
+    taken = _likeliest(score, pairs, exclusive, [s.sphere.kind for s in some], wanted)
+    judged = [
+        Judged(s, float(score[n] if n in taken else free[n]) + sum(pairs[n, m] for m in taken if not exclusive[n, m]))
+        for n, s in enumerate(some)
+    ]
+    return [judged[n] for n in taken], [judged[n] for n in range(len(some)) if n not in taken]
+
+
+def _pairs(suspects: Sequence[Suspect], weights: Mapping[str, Any]) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the pairs' log-odds (N, N), and which (N, N) exclude each other; so does each itself."""
+    count = len(suspects)
+    pairs, exclusive = np.zeros((count, count)), np.eye(count, dtype=bool)
+    for n, a in enumerate(suspects):
+        for m, b in enumerate(suspects[:n]):
+            exclusive[n, m] = exclusive[m, n] = overlap(a.sphere, b.sphere)
+            if not exclusive[n, m]:
+                kinds = " and ".join(sorted((a.like, b.like)))
+                pairs[n, m] = pairs[m, n] = float(agreement(a.rays, b.rays) @ weights[kinds])
+    return pairs, exclusive
+
+
+def _likeliest(
+    score: Array, pairs: Array, exclusive: NDArray[np.bool_], kinds: list[Kind], wanted: Mapping[Kind, int] | None
+) -> list[int]:
+    """Return the set of highest log-odds, by steps that add, exchange or remove one circle, from several starts."""
+    best, kept = 0.0, list[int]()
+
+    def rise(chosen: list[int]) -> tuple[float, list[int]]:
+        while True:
+            gains: list[tuple[float, list[int]]] = []
+            for n in np.flatnonzero(np.isfinite(score)):
+                if n in chosen:
+                    without = [[m for m in chosen if m != n]]
+                else:
+                    free = [m for m in chosen if not exclusive[n, m]]
+                    same = [m for m in free if kinds[m] == kinds[n]]
+                    is_full = wanted is not None and len(same) >= wanted.get(kinds[n], 0)
+                    without = [[*(m for m in free if m != out), int(n)] for out in (same if is_full else [-1])]
+                gains += [(_total(score, pairs, one), one) for one in without]
+            gain = max(gains, key=lambda g: g[0], default=(-np.inf, []))
+            now = _total(score, pairs, chosen)
+            if gain[0] <= now + 1e-9:
+                return now, chosen
+            chosen = gain[1]
+
+    starts = [n for n in np.argsort(-score, kind="stable")[:STARTS] if np.isfinite(score[n])]
+    for start in ([], *([int(n)] for n in starts)):
+        total, chosen = rise(start)
+        if total > best:
+            best, kept = total, chosen
+    return kept
+
+
+def _total(score: Array, pairs: Array, chosen: list[int]) -> float:
+    """Return a set's log-odds."""
+    return float(score[chosen].sum() + pairs[np.ix_(chosen, chosen)].sum() / 2)

@@ -4,9 +4,9 @@ A silhouette does not move while shadows and highlights do, so each pixel is ask
 edge, and in which orientation. A ring of that evidence is a candidate.
 """
 
-from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from scipy import fft
 from calibrate.detection.coarse import Coarse
 from calibrate.silhouette.outline import (
     across,
+    circles_apart,
     moved,
     outline_with_normals,
     sampled,
@@ -46,23 +47,26 @@ LOST = 0.25  # radii by which a circle may move in a turn
 LEAST_SCORE = 0.5  # a circle that less of its outline supports is not looked into
 
 
+class Circle(NamedTuple):
+    """A circle in coarse pixels and the share of its outline that edges support."""
+
+    u: float
+    v: float
+    radius: float
+    score: float
+
+
 def rank(sphere: Sphere) -> float:
     """A long outline is more evidence than a short one of the same share."""
     return sphere.score**2 * sphere.radius_px**0.25
 
 
-def distinct(circles: Iterable[Sphere], *, px: float, share: float = 0.0, most: int | None = None) -> list[Sphere]:
-    """Return at most so many circles, in order, without those that are one of them already: to px, or radii."""
+def distinct(spheres: list[Sphere]) -> list[Sphere]:
+    """Return the circles that differ by more than a pixel, the best supported first."""
     kept: list[Sphere] = []
-    table = np.empty((0, 3))
-    for one in circles:
-        place = np.array([*one.center_px, one.radius_px])
-        apart = np.hypot(*(table[:, :2] - place[:2]).T) + np.abs(table[:, 2] - place[2])
-        if np.all(apart > np.maximum(px, share * table[:, 2])):
+    for one in sorted(spheres, key=rank, reverse=True):
+        if all(circles_apart(one, other) > 1 for other in kept):
             kept.append(one)
-            table = np.vstack([table, place])
-            if len(kept) == most:
-                break
     return kept
 
 
@@ -81,7 +85,8 @@ def static_circles(coarse: Coarse) -> list[Sphere]:
     for images in (coarse.images, even):
         votes = static_edges(images)
         edges = np.stack([votes.real, votes.imag], -1)
-        for start in _circles(images, votes):
+        for circle in _circles(images, votes):
+            start = Sphere("chrome", np.array([circle.u, circle.v]), circle.radius)
             sphere = refine_on_edges(edges, coarse.camera, start)
             if sphere.score >= LEAST_SCORE:
                 found.append(sphere)
@@ -131,7 +136,7 @@ def _local_median(values: Picture) -> Picture:
     return np.asarray(cv2.resize(medians, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
 
 
-def _circles(images: Picture, edges: NDArray[np.complex64]) -> list[Sphere]:
+def _circles(images: Picture, edges: NDArray[np.complex64]) -> list[Circle]:
     """Return circles of static edges in the stack (F, h, w), the best supported first; `edges`: its `static_edges`.
 
     Each octave of radii is searched in images of half the size: the cost of all octaves is 4/3 of the first's.
@@ -141,18 +146,17 @@ def _circles(images: Picture, edges: NDArray[np.complex64]) -> list[Sphere]:
     low, step = SMALLEST_PX, 1.0
     while low * scale < largest:
         high = min(RING_PX[1], largest / scale)
-        for one in _circles_of_octave(edges, np.arange(low, high + step, step)):
-            center = (one.center_px + 0.5) * scale - 0.5
-            circles.append(replace(one, center_px=center, radius_px=one.radius_px * scale))
+        for u, v, radius, score in _circles_of_octave(edges, np.arange(low, high + step, step)):
+            circles.append(Circle((u + 0.5) * scale - 0.5, (v + 0.5) * scale - 0.5, radius * scale, score))
         scale *= 2
         low, step = RING_PX[0], 0.5
         if low * scale < largest:
             images = np.stack([cv2.resize(i, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for i in images])
             edges = static_edges(images)
-    return distinct(sorted(circles, key=lambda one: -one.score), px=SAME_PX, share=SAME_SHARE, most=MOST)
+    return _strongest(circles)
 
 
-def _circles_of_octave(edges: NDArray[np.complex64], radii: Array) -> list[Sphere]:
+def _circles_of_octave(edges: NDArray[np.complex64], radii: Array) -> list[Circle]:
     """Correlate the edges with rings of outward orientation, one radius after another."""
     height, width = edges.shape
     pad = int(radii[-1]) + 4
@@ -187,8 +191,7 @@ def _circles_of_octave(edges: NDArray[np.complex64], radii: Array) -> list[Spher
         if peak.any():
             peak &= scores[i] >= cv2.dilate(scores[i], np.ones((5, 5), np.uint8))
         for row, column in zip(*np.nonzero(peak), strict=True):
-            place, score = np.array([column, row], np.float64), float(scores[i, row, column])
-            found.append(Sphere("chrome", place, float(radii[i]), score=score))
+            found.append(Circle(float(column), float(row), float(radii[i]), float(scores[i, row, column])))
     return found
 
 
@@ -197,6 +200,22 @@ def _beyond(side: int, radius: float) -> Picture:
     place = np.arange(side)
     shares = [np.arccos(np.clip(distance / radius, -1, 1)) / np.pi for distance in (place, side - 1 - place)]
     return np.asarray(shares[0] + shares[1], np.float32)
+
+
+def _strongest(circles: list[Circle]) -> list[Circle]:
+    """Keep the best of circles that are the same one."""
+    kept: list[Circle] = []
+    table = np.empty((MOST, 3))
+    for circle in sorted(circles, key=lambda c: -c.score):
+        k = table[: len(kept)]
+        apart = np.hypot(circle.u - k[:, 0], circle.v - k[:, 1]) + np.abs(circle.radius - k[:, 2])
+        if np.any(apart < np.maximum(SAME_PX, SAME_SHARE * k[:, 2])):
+            continue
+        table[len(kept)] = circle[:3]
+        kept.append(circle)
+        if len(kept) == MOST:
+            break
+    return kept
 
 
 def refine_on_edges(edges: Picture, camera: Camera, sphere: Sphere) -> Sphere:

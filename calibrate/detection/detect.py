@@ -8,8 +8,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.detection.choice import Suspect, choose
-from calibrate.detection.circles import distinct, overlap, rank, static_circles
+from calibrate.detection.agreement import matte_rays, mirror_rays
+from calibrate.detection.choice import Judged, Suspect, choose, considered
+from calibrate.detection.circles import distinct, overlap, static_circles
 from calibrate.detection.coarse import Box, Coarse
 from calibrate.detection.evidence import Change, Points, bright_points, changes, shaded
 from calibrate.detection.mirror_outline import (
@@ -18,7 +19,7 @@ from calibrate.detection.mirror_outline import (
     circles_about,
     static_slopes,
 )
-from calibrate.silhouette.ball_silhouette import OutlineFit, fit_outline
+from calibrate.silhouette.ball_silhouette import TABLE_FROM_PX, OutlineFit, fit_outline
 from calibrate.silhouette.metal_reflectance import Law, law_of
 from calibrate.silhouette.mirrored_surroundings import TablePlane, shared_plane
 from calibrate.silhouette.mirrored_table import MirroredTable
@@ -39,6 +40,7 @@ LEAST_BRIGHT = (
 LEAST_LEFT, MOST_GAIN = (3e-3, 1e-2), 0.05
 """Limits of features: what shading leaves, what of the outline is not seen; what another body's shading explains."""
 LEAST_MIRRORED, LEAST_AREA, USUAL_PX, LARGEST_PX = 0.9, 2e-3, 30.0, 90.0  # of others: where they begin, or end
+BESIDE, SEEN = (1.1, 1.5), 0.05  # radii around a ball, and share of the picture's bright parts at which these are seen
 HINT_SIDE, HINT_MARGIN_PX = 1.3, 4  # radii, and pixels, around a hint that are looked into; `HINT_LEAST_PX` at least
 HINT_LEAST_PX = 24
 MOST_HINTED = 3  # circles about a hint, of which two may be a mirror's outlines
@@ -56,6 +58,38 @@ class Rejected:
     reason: str
 
 
+@dataclass(frozen=True)
+class Found:
+    """A ball: its outline in full-size pixels, and a circle that may be its outline instead."""
+
+    fit: OutlineFit
+    rival: Sphere | None = None
+    unexplained: bool = False  # a mirror that does not show the table beside it: it may be the horizon in a larger one
+
+    @property
+    def sphere(self) -> Sphere:
+        return self.fit.sphere
+
+    @property
+    def is_open(self) -> bool:
+        """Whether another circle may be the outline."""
+        return self.rival is not None or self.unexplained
+
+    @property
+    def warning(self) -> str | None:
+        """The caution that belongs to a mirror whose outline is one of two; it is in no sigma, for it is no scatter."""
+        if not self.is_open:
+            return None
+        (u, v), radius = self.sphere.center_px, self.sphere.radius_px
+        but = "it does not mirror the table beside it, and may be what a larger ball mirrors"
+        if self.rival is not None:
+            but = f"a circle of {self.rival.radius_px:.0f} px stands as still"
+        return (
+            f"chrome ball at ({u:.0f}, {v:.0f}) px: taken with a radius of {radius:.0f} px, but {but}. Look at the "
+            "picture; center_px and radius_px in session.toml decide, and so do the diameter_mm of all balls."
+        )
+
+
 def detect(
     frames: Frames,
     camera: Camera,
@@ -63,36 +97,53 @@ def detect(
     *,
     wanted: dict[Kind, int] | None = None,
     taken: tuple[Sphere, ...] = (),
-) -> tuple[list[OutlineFit], tuple[Rejected, ...]]:
-    """Find the balls: the likeliest, never more of a kind than were wanted; and the circles that are none.
+) -> tuple[list[Found], tuple[Rejected, ...]]:
+    """Find the balls: the likeliest set, never more of a kind than were wanted; and the circles that are none.
 
     `coarse` holds the same frames, shrunk. `wanted`: how many of each kind were asked for; None: whatever there is.
     Circles on the balls that are `taken` already are left alone.
     """
-    suspects = find_suspects(frames, camera, coarse, [coarse.from_full(s) for s in taken])
+    suspects = considered(find_suspects(frames, camera, coarse, [coarse.from_full(s) for s in taken]))
     if wanted and not wanted.get("white"):
         # A glossy ball that is asked for as a mirror serves as one.
         suspects = [replace(s, sphere=replace(s.sphere, kind="chrome")) if s.glossy else s for s in suspects]
     chosen, left = choose(suspects, wanted)
-    rejected = [_rejected(coarse, one, one.doubt) for one in left]
-    starts = [[coarse.sphere_to_full(s) for s in (one.sphere, *one.others)] for one in chosen]
-    shown = [one.table for one in chosen]
+    found: list[Found] = []
+    places = list(chosen)
+    for one in sorted(left, key=lambda one: -one.log_odds):
+        if not any(overlap(one.suspect.sphere, other.suspect.sphere) for other in places):
+            places.append(one)
+    rejected = [_rejected(coarse, one, one.suspect.doubt) for one in places[len(chosen) :]]
+    starts = [[coarse.sphere_to_full(s) for s in (one.suspect.sphere, *one.suspect.others)] for one in chosen]
+    shown = [one.suspect.table for one in chosen]
     planes = [shared_plane([t.plane for m, t in enumerate(shown) if t and m != n]) for n in range(len(shown))]
     law = law_of([table.is_fresnels for table in shown if table])
     with ThreadPoolExecutor(THREADS) as threads:
         outline = partial(_outline, frames, camera, search_px=coarse.search_px, law=law)
         fits = list(threads.map(outline, starts, shown, planes))
-    found: list[OutlineFit] = []
     for one, circles, fit in zip(chosen, starts, fits, strict=True):
         if fit is None:
             rejected.append(_rejected(coarse, one, "its outline cannot be followed at full size"))
         else:
-            found.append(fit if fit.by_table else replace(fit, rival=next(iter(circles[1:]), None)))
+            rivals = [] if fit.by_table else circles[1:]
+            found.append(Found(fit, rivals[0] if rivals else None, _unexplained(coarse, fit)))
     return found, tuple(sorted(rejected, key=lambda r: -r.probability))
 
 
-def _rejected(coarse: Coarse, one: Suspect, doubt: str) -> Rejected:
-    sphere = coarse.sphere_to_full(one.sphere)
+def _unexplained(coarse: Coarse, fit: OutlineFit) -> bool:
+    """Whether a ball stands on a table that is seen, and is a mirror that does not show it."""
+    if fit.by_table or fit.sphere.kind == "white" or fit.sphere.radius_px < TABLE_FROM_PX:
+        return False
+    small, mean = coarse.from_full(fit.sphere), coarse.images.mean(0)
+    box = coarse.box(small, BESIDE[1])
+    rows, columns = box.grid
+    far = np.hypot(columns - small.center_px[0], rows - small.center_px[1]) / small.radius_px
+    beside = mean[box][(far > BESIDE[0]) & (far < BESIDE[1])]
+    return bool(len(beside) and np.median(beside) > SEEN * np.quantile(mean, 0.9))
+
+
+def _rejected(coarse: Coarse, one: Judged, doubt: str) -> Rejected:
+    sphere = coarse.sphere_to_full(one.suspect.sphere)
     reason = f"a {sphere.kind} ball with a probability of {one.probability:.0%}{doubt and ': '}{doubt}"
     return Rejected(sphere.kind, sphere.center_px, sphere.radius_px, sphere.score, one.probability, reason)
 
@@ -143,7 +194,7 @@ def _matte(coarse: Coarse, circles: list[tuple[Sphere, Points | None]]) -> list[
             features = [1, -np.log(max(1 - seen.share, LEAST_LEFT[0])), *beyond, unseen, _size(circle)]
             sphere = replace(circle, kind="white")
             glossy = points is not None and points.wander
-            suspects.append(Suspect(sphere, "white", np.array(features), glossy))
+            suspects.append(Suspect(sphere, "white", np.array(features), matte_rays(coarse, sphere, seen), glossy))
     return suspects
 
 
@@ -195,7 +246,8 @@ def _mirror(
     features = [1, *table, area, float(np.clip(seen.share, 0, 1)), points.inside, _size(circle)]
     sphere = replace(circle, kind="chrome")
     rivals = [replace(c, kind="chrome") for c in others]
-    return [Suspect(sphere, "chrome", np.array(features, np.float64), glossy=True, others=rivals, table=shown)]
+    rays = mirror_rays(coarse, change, sphere)
+    return [Suspect(sphere, "chrome", np.array(features, np.float64), rays, glossy=True, others=rivals, table=shown)]
 
 
 def around_hint(coarse: Coarse, hint: Sphere, *, reach_px: float) -> list[Sphere]:
@@ -217,9 +269,8 @@ def around_hint(coarse: Coarse, hint: Sphere, *, reach_px: float) -> list[Sphere
         return bool(max(off, abs(sphere.radius_px - small.radius_px)) < reach)
 
     circles = [sphere for sphere in static_circles(crop) if near(sphere)]
-    found = distinct(sorted(circles, key=rank, reverse=True), px=1, most=MOST_HINTED)
+    found = distinct(circles)[:MOST_HINTED]
     if hint.kind == "chrome":
         about = circles_about(static_slopes(crop), replace(small, center_px=small.center_px - corner))
-        some = [circle for circle in about if near(circle)][:2] + found[:1]
-        found = distinct(sorted(some, key=rank, reverse=True), px=1)
+        found = distinct([circle for circle in about if near(circle)][:2] + found[:1])
     return [coarse.sphere_to_full(replace(s, kind=hint.kind, center_px=s.center_px + corner)) for s in found]

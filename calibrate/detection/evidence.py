@@ -29,6 +29,8 @@ POINT_AREA, POINT_CONTRAST, POINT_TRAVEL, POINT_INSIDE = 0.05, 6.0, 0.03, 0.8
 """Limits of `Points`: a smaller area, and more of the others, is a light that shows as a wandering point."""
 MAYBE = 1.7, 0.4, 0.6  # the same, of the area, contrast and `inside`, up to which it may be one all the same
 LIT_SHARE = 0.05  # of the median frame's peak, from which a frame shows a point at all
+PEAKS, PEAKS_APART = 2, 0.16  # brightest points of a frame that may be the flash, and how far apart they are, radii
+PEAK_LIT, PEAK_SECOND = 0.25, 0.2  # of the median frame's peak, and of the frame's own, from which a point may be it
 SHADE_PIXELS = 500  # of a disc, evenly thinned, on which shading is fitted
 CLIPPED_SHARE = 0.02  # of a disc's pixels near its maximum from which they are clipped
 GRAZING, TERMINATOR = 0.2, 0.1  # cosines to the viewer, and to the light, under which a pixel is not asked
@@ -78,6 +80,8 @@ class Shaded(NamedTuple):
     share: float
     flatter: float  # how much more of it the shading of a body `FLAT` times as high as a ball explains,
     taller: float  # and that of one `TALL` times as high
+    directions: Array  # (F, 3) unit b_f: rough light directions
+    lit: Mask  # (F,) frames in which the disc is not in the dark
 
 
 def changes(coarse: Coarse) -> list[Change]:
@@ -96,20 +100,39 @@ def changes(coarse: Coarse) -> list[Change]:
     return out
 
 
-def bright_points(changes: list[Change], sphere: Sphere) -> Points | None:
-    """Return the brightest change on the disc; None if too little of it is in the picture.
+class _Disc(NamedTuple):
+    """The changes on a disc, at the size at which it is looked at."""
 
-    `sphere` in pixels of the first of the `changes`; its circle is taken for its outline.
-    """
+    coarse: Coarse
+    sphere: Sphere
+    values: Stack  # (F, h, w) of its box
+    rows: NDArray[np.intp]  # (h, w)
+    columns: NDArray[np.intp]  # (h, w)
+    inside: Mask  # (h, w)
+
+
+def _disc(changes: list[Change], sphere: Sphere) -> _Disc | None:
     octave = int(np.clip(np.ceil(np.log2(sphere.radius_px / LARGEST_PX)), 0, len(changes) - 1))
     coarse, change = changes[octave]
     sphere = coarse.from_full(changes[0].coarse.sphere_to_full(sphere))
     box = coarse.box(sphere)
     rows, columns = box.grid
-    inside = np.hypot(columns - sphere.center_px[0], rows - sphere.center_px[1]) < DISC * sphere.radius_px
-    if min(rows.shape) < 4 or inside.sum() < FEWEST_PIXELS:
+    if min(rows.shape) < 4:
         return None
-    values = change[:, *box][:, inside]
+    (u, v), r = sphere.center_px, sphere.radius_px
+    inside = np.hypot(columns - u, rows - v) < DISC * r
+    return _Disc(coarse, sphere, change[:, *box], rows, columns, inside) if inside.sum() >= FEWEST_PIXELS else None
+
+
+def bright_points(changes: list[Change], sphere: Sphere) -> Points | None:
+    """Return the brightest change on the disc; None if too little of it is in the picture.
+
+    `sphere` in pixels of the first of the `changes`; its circle is taken for its outline.
+    """
+    disc = _disc(changes, sphere)
+    if disc is None:
+        return None
+    values = disc.values[:, disc.inside]
     best = values.argmax(1)
     peak = values[np.arange(len(values)), best].astype(np.float64)
     # Of the large disc every few pixels say how much of it is bright.
@@ -118,11 +141,30 @@ def bright_points(changes: list[Change], sphere: Sphere) -> Points | None:
     # A mirrored table is noise next to the flash: the contrast's floor keeps 0 / 0 out.
     ninety = np.maximum(np.quantile(some, 0.9, axis=1), 1e-3 * np.maximum(peak, 1e-6))
     lit = peak > LIT_SHARE * np.median(peak)
-    places = np.stack([columns[inside], rows[inside]], -1)
-    track = (places[best] - sphere.center_px) / sphere.radius_px
+    places = np.stack([disc.columns[disc.inside], disc.rows[disc.inside]], -1)
+    track = (places[best] - disc.sphere.center_px) / disc.sphere.radius_px
     travel = float(np.sqrt(np.mean(np.sum((track - track.mean(0)) ** 2, 1))))
     within = float(np.mean(np.hypot(*track.T) < FRONT))
     return Points(float(np.median(area[lit])), float(np.median((peak / ninety)[lit])), travel, within, track)
+
+
+def brightest(changes: list[Change], sphere: Sphere) -> tuple[Array, Mask]:
+    """Return the places (F, PEAKS, 2), in the ball's own pixels, of a frame's brightest points, and which may be it."""
+    disc = _disc(changes, sphere)
+    count = len(changes[0].values)
+    places, strength = np.full((count, PEAKS, 2), np.nan), np.zeros((count, PEAKS))
+    if disc is None:
+        return places, strength > 0
+    apart = 2 * int(PEAKS_APART / 2 * disc.sphere.radius_px) + 1
+    for f, values in enumerate(disc.values):
+        inside = np.where(disc.inside, values, -1)
+        row, column = np.nonzero((inside >= cv2.dilate(inside, np.ones((max(3, apart),) * 2, np.uint8))) & disc.inside)
+        best = np.argsort(-values[row, column], kind="stable")[:PEAKS]
+        at = row[best], column[best]
+        places[f, : len(best)] = np.stack([disc.columns[at], disc.rows[at]], -1)
+        strength[f, : len(best)] = values[at]
+    shown = strength > np.maximum(PEAK_LIT * np.median(strength[:, 0]), PEAK_SECOND * strength[:, :1])
+    return changes[0].coarse.to_coarse(disc.coarse.to_full(places)), shown
 
 
 def shaded(coarse: Coarse, sphere: Sphere, *, least: float = -np.inf) -> Shaded | None:
@@ -141,15 +183,15 @@ def shaded(coarse: Coarse, sphere: Sphere, *, least: float = -np.inf) -> Shaded 
     if not lit.any():
         return None
     normals, along = normals[inside][some], (facing * view)[inside][some]
-    share = _shading(values, normals, lit)
+    share, directions = _shading(values, normals, lit)
     if share < least:
         return None
-    flat, tall = (_shading(values, unit(normals + (1 / height - 1) * along), lit) for height in (FLAT, TALL))
-    return Shaded(share, flat - share, tall - share)
+    flat, tall = (_shading(values, unit(normals + (1 / height - 1) * along), lit)[0] for height in (FLAT, TALL))
+    return Shaded(share, flat - share, tall - share, directions, lit)
 
 
-def _shading(values: Array, normals: Array, lit: Mask) -> float:
-    """Return the share of variance that shading explains.
+def _shading(values: Array, normals: Array, lit: Mask) -> tuple[float, Array]:
+    """Return the share of variance that shading explains, and the fit's directions (F, 3).
 
     Notes
     -----
@@ -186,4 +228,4 @@ def _shading(values: Array, normals: Array, lit: Mask) -> float:
     variance = ((level - mean[:, None]) ** 2 * kept).sum(1) / number
     shares = 1 - (left**2 * kept).sum(1) / number / np.maximum(variance, 1e-12)
     shares = shares[lit & (seen >= FEWEST_SHADED)]
-    return float(np.median(shares)) if len(shares) else 0.0
+    return float(np.median(shares)) if len(shares) else 0.0, unit(b[:, :3] + 1e-12)

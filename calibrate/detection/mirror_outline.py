@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.detection.circles import distinct, gradient, rank
+from calibrate.detection.circles import gradient, rank
 from calibrate.detection.coarse import Coarse
 from calibrate.detection.evidence import Points
 from calibrate.silhouette.mirrored_surroundings import Surroundings, TablePlane
@@ -227,8 +227,14 @@ def _about_horizons(
     table = Surroundings(frames, camera, replace(widest, radius_px=widest.radius_px / HORIZONS[0]))
     starts = [start for edge in edges for start in about_horizon(edge, known)]
     shares = np.array([share_explained(table, sphere, [plane], blur_px)[0] for sphere, plane in starts])
-    hopeful = [starts[n][0] for n in np.argsort(-shares, kind="stable") if shares[n] >= HOPEFUL]
-    return distinct(hopeful, px=0, share=FARTHEST_APART, most=FOLLOWED)
+    kept: list[Sphere] = []
+    for n in np.argsort(-shares, kind="stable"):
+        start = starts[n][0]
+        if shares[n] < HOPEFUL or len(kept) == FOLLOWED:
+            break
+        if all(circles_apart(start, other) > FARTHEST_APART * start.radius_px for other in kept):
+            kept.append(start)
+    return kept
 
 
 def about_horizon(edge: Sphere, known: Array | None = None) -> Iterator[tuple[Sphere, Array]]:

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibrate.detection.balls import _by_diameters, _open, find_balls
-from calibrate.detection.choice import Suspect, choose, weights
+from calibrate.detection.agreement import Rays, agreement
+from calibrate.detection.balls import _by_diameters, find_balls
+from calibrate.detection.choice import Suspect, choose, fitted
 from calibrate.detection.coarse import shrink
-from calibrate.detection.detect import detect
+from calibrate.detection.detect import Found, detect
 from calibrate.detection.diameters import Diameter
 from calibrate.detection.mirror_outline import about_horizon, circles_about
 from calibrate.lights.directions import mirrored_rays
@@ -48,6 +49,35 @@ def test_every_ball_is_found_and_no_other(table):
 
 
 @pytest.mark.full
+def test_order_of_frames_does_not_matter(table):
+    world, frames = table
+    order = np.random.default_rng(0).permutation(len(frames))
+    shuffled = Frames(tuple(frames.names[i] for i in order), frames.codes[order], frames.gain[order])
+    one, _ = detect(frames, world.camera, shrink(frames, world.camera), wanted={"chrome": 2})
+    two, _ = detect(shuffled, world.camera, shrink(shuffled, world.camera), wanted={"chrome": 2})
+    for a, b in zip(one, two, strict=True):
+        # Sums in another order: the fit may stop a step earlier.
+        np.testing.assert_allclose(a.sphere.center_px, b.sphere.center_px, atol=3e-3)
+
+
+@pytest.mark.full
+def test_a_shrunken_stack_finds_the_same_balls(table, monkeypatch):
+    """Coarse to fine: searched at half size, fitted at full size."""
+    world, frames = table
+    monkeypatch.setattr("calibrate.detection.coarse.LONGEST_SIDE_PX", 300)
+    coarse = shrink(frames, world.camera)
+    assert coarse.factor == 2
+    assert coarse.images.shape == (len(frames), 200, 300)
+    center = world.camera.project(world.balls[0].center)
+    np.testing.assert_allclose(coarse.to_full(coarse.camera.project(world.balls[0].center)), center, atol=1e-9)
+    found, _ = detect(frames, world.camera, coarse, wanted={"white": 1})
+    kind, center, radius = _truth(world)[2]
+    assert [one.sphere.kind for one in found] == [kind]
+    np.testing.assert_allclose(found[0].sphere.center_px, center, atol=0.15)
+    assert found[0].sphere.radius_px == pytest.approx(radius, abs=0.3)
+
+
+@pytest.mark.full
 def test_a_forgotten_mirror_is_named_where_it_stands(table):
     world, frames = table
     balls, _, warnings = find_balls(frames, world.camera, [SphereRequest("chrome", 76.0), SphereRequest("white", 70.0)])
@@ -69,6 +99,37 @@ def test_a_ball_that_the_border_cuts_is_named():
     assert f"the white ball at ({_truth(world)[0][1][0]:.0f}, " in named[0]
 
 
+def test_no_ball_is_an_error_that_says_what_was_seen():
+    rng = np.random.default_rng(0)
+    frames = Frames.from_linear(tuple("abcd"), 0.2 + 0.01 * rng.normal(size=(4, 120, 160, 3)).astype(np.float32))
+    with pytest.raises(CalibrationError, match=r"no ball found \(asked for: 2 chrome, 1 white\).*lights.file"):
+        find_balls(
+            frames,
+            Camera.orthographic(160, 120),
+            [SphereRequest("chrome"), SphereRequest("chrome"), SphereRequest("white")],
+        )
+
+
+def test_hint_and_mask_skip_detection(table):
+    world, frames = table
+    (_, center, radius), _, (_, white, white_radius) = _truth(world)
+    mask = Sphere("white", white, white_radius).mask(world.camera)
+    hint = (float(center[0]) + 0.8, float(center[1]) - 0.7)
+    balls, rejected, warnings = find_balls(
+        frames,
+        world.camera,
+        [
+            SphereRequest("chrome", 76.0, center_px=hint, radius_px=radius + 0.5),
+            SphereRequest("white", 70.0, mask=mask),
+        ],
+    )
+    assert not rejected
+    assert not warnings
+    np.testing.assert_allclose(balls[0].sphere.center_px, center, atol=0.1)
+    assert balls[0].sphere.diameter_mm == 76.0
+    np.testing.assert_allclose(balls[1].sphere.center_px, white, atol=0.06)
+
+
 @pytest.mark.parametrize("ball", [0, 2], ids=["chrome", "white"])
 @pytest.mark.parametrize(
     "slip",
@@ -87,6 +148,30 @@ def test_a_hint_is_a_hint(table, ball, slip):
     assert not warnings
     np.testing.assert_allclose(balls[0].sphere.center_px, center, atol=0.12)
     assert balls[0].sphere.radius_px == pytest.approx(radius, abs=0.1 if kind == "chrome" else 0.3)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("electrons", "stays"), [(400.0, False), (12.0, True)])
+@pytest.mark.parametrize("seed", [10001, 10002])
+def test_a_given_mirror_is_not_lost_in_noise(seed, electrons, stays):
+    """On a wide table its outline has no contrast, and the rim of the dark that it mirrors all: 6 px inside of 25."""
+    camera = Camera(150, 140, 480.0, 480.0, 75.3, 68.6)
+    wide = {"table_normal": np.array([0, 0, 1.0]), "table_point": np.array([0, 0, -1015.0]), "table_half": 3000.0}
+    world = World(camera, [], flashes(10, seed=seed), np.full((10, 3), 0.8), table_albedo=0.2, **wide)
+    world.balls.append(ball_scene.Ball("chrome", np.array([12.0, -8.0, -960.0]), 50.0, albedo=1.0))
+    frames = ball_scene.render(world, electrons=electrons, read_noise=4.0 / electrons, seed=seed)
+    ((_, center, radius),) = _truth(world)
+    true = np.array([*center, radius])
+    u, v, r = given = true + [0.9, -0.7, -0.6]
+    (ball,), _, warnings = find_balls(frames, camera, [SphereRequest("chrome", center_px=(u, v), radius_px=r)])
+    found = np.array([*ball.sphere.center_px, ball.sphere.radius_px])
+    assert np.all(np.abs(found - true) < 3 * np.sqrt(np.diag(ball.covariance)))
+    if stays:
+        assert np.array_equal(found, given)
+        assert "it is taken as it is" in warnings[0]
+    else:
+        assert np.abs(found - true).max() < 0.5
+        assert not warnings
 
 
 def test_a_hint_where_no_ball_is_gets_a_doubt_of_its_size():
@@ -112,6 +197,13 @@ def test_requests_that_cannot_be_met(table, request_, message):
     world, frames = table
     with pytest.raises(CalibrationError, match=message):
         find_balls(frames, world.camera, [request_])
+
+
+def test_a_ball_shot_apart_needs_as_many_frames(table):
+    world, frames = table
+    own = Frames(frames.names[:4], frames.codes[:4], frames.gain[:4])
+    with pytest.raises(CalibrationError, match="4 photographs of the ball, but 10 flash frames"):
+        find_balls(frames, world.camera, [SphereRequest("chrome", frames=own)])
 
 
 @pytest.fixture(scope="module")
@@ -199,7 +291,9 @@ def test_a_mirror_whose_outline_is_not_sure_is_named():
     start = Sphere("chrome", np.array([53.0, 50.0]), 30.0)
     best, rival, *_ = circles_about(_rings((50, 50, 30), (57, 50, 30)), start)
     assert {round(best.center_px[0]), round(rival.center_px[0])} == {50, 57}
-    (warning,) = _open(OutlineFit(best, np.eye(3), 0.1, rival=rival))
+    fit = OutlineFit(best, np.eye(3), 0.1)
+    warning = Found(fit, rival).warning
+    assert warning is not None
     assert "a circle of 30 px stands as still" in warning
 
 
@@ -214,32 +308,97 @@ def test_diameters_tell_a_mirror_from_the_table_s_edge_in_it(table):
     def told(found, diameter, sure):
         return _by_diameters(frames, world.camera, found, Diameter(diameter, 0.0), sure, search_px=2.0)
 
-    right = told(replace(fits[0], rival=inner), mm, [white])
-    assert right.rival is None
+    right = told(Found(fits[0], unexplained=True), mm, [white])
+    assert right.warning is None
     assert right.sphere.radius_px == chrome.radius_px
-    doubtful = replace(fits[1], rival=chrome)
-    exchanged = told(doubtful, mm, [white])
-    assert exchanged.rival is None
+    exchanged = told(Found(fits[1], rival=chrome), mm, [white])
+    assert exchanged.warning is None
     assert exchanged.sphere.radius_px == pytest.approx(chrome.radius_px, abs=0.1)
     # Nothing is known without diameters, and a diameter that fits none of both is at fault itself.
-    for unknown in ((None, [white]), (mm, []), (5 * mm, [white])):
-        assert told(doubtful, *unknown).rival
+    assert told(Found(fits[1], rival=chrome), None, [white]).warning
+    assert told(Found(fits[1], rival=chrome), mm, []).warning
+    assert told(Found(fits[1], rival=chrome), 5 * mm, [white]).warning
 
 
-def _suspect(kind, place, own):
+def test_a_few_frames_of_many_are_searched():
+    images = np.broadcast_to(np.linspace(0, 1, 60)[:, None, None, None], (60, 40, 60, 3))
+    few = shrink(Frames.from_linear(tuple(map(str, range(60))), images), Camera.orthographic(60, 40))
+    assert len(few.images) == 20
+    np.testing.assert_allclose(few.images[[0, -1], 0, 0], [0, 1], atol=1e-4)
+
+
+CENTERS = np.array([[0.0, 0, -1500], [300.0, 100, -1500]])
+
+
+def _rays(center, lights, *, flat=1.0, turned=0.0, sigma=2.0):
+    """Where a ball sees lights (F, 3); `flat`: a mirror's height over its width, `turned`: error, degrees."""
+    toward = unit(lights - center)
+    half = unit(toward + unit(-center))
+    half = unit(half * [1, 1, 1 / flat])
+    view = unit(-center)
+    seen = 2 * np.sum(half * view, -1, keepdims=True) * half - view
+    seen = unit(seen + np.tan(np.deg2rad(turned)) * unit(np.cross(seen, [0.3, 0.2, 1.0])))
+    return Rays(center, seen[:, None], np.ones((len(lights), 1), bool), sigma)
+
+
+def test_balls_agree_on_near_lights_and_a_flat_mirror_does_not():
+    """A metal pebble two thirds as high as wide passed for a ball among balls."""
+    rng = np.random.default_rng(10029)
+    lights = rng.normal(0, 500, (12, 3)) * [1, 1, 0.3] + [0, 0, -300]
+    one, other = (_rays(center, lights) for center in CENTERS)
+    agree, differ = agreement(one, other)
+    assert agree == pytest.approx(np.sqrt(12), rel=1e-6)
+    assert differ == pytest.approx(0, abs=1e-6)
+    agree, differ = agreement(one, _rays(CENTERS[1], lights, flat=0.67))
+    assert differ > 1.5 * agree
+    # Off by one sigma of both across the arc, at most.
+    agree, _ = agreement(one, _rays(CENTERS[1], lights, turned=2 * np.sqrt(2)))
+    assert agree > np.exp(-0.5) * np.sqrt(12)
+
+
+def test_lights_without_a_range_agree_and_what_is_not_shown_does_not_count():
+    far = 1e7 * unit(np.random.default_rng(3).normal(size=(8, 3)) + [0, 0, 2])
+    one, other = (_rays(center, far) for center in CENTERS)
+    np.testing.assert_allclose(agreement(one, other), [np.sqrt(8), 0], atol=1e-3)
+    wrong = other.directions.copy()
+    wrong[:3] = [0.0, 0.6, 0.8]
+    shown = np.arange(8)[:, None] > 2
+    np.testing.assert_allclose(agreement(one, other._replace(directions=wrong, shown=shown))[0], np.sqrt(5), atol=1e-3)
+    assert agreement(one, other._replace(directions=wrong))[1] > 0.8
+    np.testing.assert_array_equal(agreement(one, other._replace(shown=np.arange(8)[:, None] < 1)), 0)
+    # The second place is where the flash is.
+    two = np.stack([wrong[:, 0], other.directions[:, 0]], 1)
+    assert agreement(one, Rays(other.center, two, np.ones((8, 2), bool), 2.0))[0] == pytest.approx(np.sqrt(8), rel=1e-3)
+
+
+def _suspect(kind, place, *, own, lights, flat=1.0):
     """A circle of given log-odds of its own."""
-    of_kind = weights()["ball"][kind]
-    features = np.zeros(len(of_kind))
-    features[0] = own / of_kind[0]
-    return Suspect(Sphere(kind, np.array([600 + 300 * place, 400.0]), 40.0), kind, features)
+    weights = fitted()["ball"][kind]
+    sphere = Sphere(kind, np.array([600 + 300 * place, 400.0]), 40.0)
+    features = np.zeros(len(weights))
+    features[0] = own / weights[0]
+    return Suspect(sphere, kind, features, _rays(np.array([300.0 * place, 0, -1500]), lights, flat=flat))
 
 
-def test_the_likeliest_circles_are_taken_one_at_a_place():
-    some = [_suspect(*one) for one in (("chrome", 0, 1), ("chrome", 0.1, 0.5), ("chrome", 1, 2), ("white", 3, -0.5))]
+def test_the_likeliest_set_is_taken():
+    """Against every set there is; those that see the same lights outvote a surer one that does not."""
+    lights = np.random.default_rng(4).normal(0, 500, (9, 3)) * [1, 1, 0.3] + [0, 0, -300]
+    others = np.random.default_rng(5).normal(0, 500, (9, 3)) * [1, 1, 0.3] + [0, 0, -300]
+    same = [_suspect("chrome", n, own=1.0, lights=lights) for n in (-1, 0, 1)]
+    odd = _suspect("chrome", 2, own=2.0, lights=others)
+    twin = _suspect("chrome", 0.1, own=0.5, lights=lights)
+    white = _suspect("white", 3, own=-0.5, lights=lights)
+    some = [odd, twin, white, *same]
     taken, left = choose(some, None)
-    assert [id(one) for one in taken] == [id(some[2]), id(some[0])]
-    assert left == [some[3]]
-    assert [id(one) for one in choose(some, {"chrome": 1})[0]] == [id(some[2])]
+    assert {id(one.suspect) for one in taken} == {id(s) for s in (*same, white)}
+    assert all(one.probability > 0.5 for one in taken)
+    assert next(one for one in left if one.suspect is odd).probability < 0.1
+    taken, _ = choose(some, {"chrome": 2})
+    assert len(taken) == 2
+    assert all(one.suspect.sphere.kind == "chrome" for one in taken)
+    assert not any(one.suspect is odd for one in taken)
     # Asked for, a doubtful one is believed; what nothing speaks for is not.
-    assert choose(some, {"white": 2})[0] == [some[3]]
-    assert not choose([_suspect("white", 0, -5.0)], {"white": 1})[0]
+    doubtful = _suspect("white", 0, own=-1.5, lights=lights)
+    assert not choose([doubtful], None)[0]
+    assert choose([doubtful], {"white": 2})[0]
+    assert not choose([_suspect("white", 0, own=-5.0, lights=lights)], {"white": 1})[0]

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from calibrate.detection.balls import _match
+from calibrate.detection.detect import Found
 from calibrate.silhouette.ball_silhouette import OutlineFit
 from scene.spheres import Sphere, SphereRequest
 
 
 def _found(kind, radius):
-    return OutlineFit(Sphere(kind, np.zeros(2), radius), np.eye(3), 0.1)
+    return Found(OutlineFit(Sphere(kind, np.zeros(2), radius), np.eye(3), 0.1))
 
 
 def _told(found, asked, given=()):
@@ -57,3 +58,9 @@ def test_two_balls_of_almost_one_size_may_be_exchanged():
     given, said = _told([_found("chrome", 22.0), _found("chrome", 21.5)], [("chrome", 43.0), ("chrome", 45.0)])
     assert all(43 < ball.mm < 45 and ball.sigma > 0.02 for ball in given)
     assert "cannot be told" in said
+
+
+def test_a_diameter_goes_to_the_ball_of_its_size_and_the_other_has_none():
+    found = [_found("chrome", 40.0), _found("chrome", 20.0), _found("white", 25.0)]
+    given, _ = _told(found, [("chrome", None), ("chrome", 80.0), ASKED[3]])
+    assert given == [(80.0, 0.0), (None, 0.0), (50.0, 0.0)]

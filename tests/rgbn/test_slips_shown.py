@@ -14,7 +14,7 @@ import pytest
 from align.mask.object_mask import find_object
 from align.pose.register import _check_distance, _doubted_lengths
 from calibrate.detection.balls import _match
-from calibrate.detection.detect import Rejected
+from calibrate.detection.detect import Found, Rejected
 from calibrate.detection.diameters import doubted_diameters
 from calibrate.silhouette.ball_silhouette import OutlineFit
 from capture.camera.exif import Exif
@@ -125,7 +125,7 @@ def test_pictures_that_a_viewer_turns(tmp_path):
 def _told(found, asked, rejected=()):
     """Return the warnings for balls found (kind, radius) where others were asked for (kind, diameter)."""
     warnings = []
-    balls = [OutlineFit(Sphere(kind, np.array([9.0, 9.0]), radius), np.eye(3), 0.1) for kind, radius in found]
+    balls = [Found(OutlineFit(Sphere(kind, np.array([9.0, 9.0]), radius), np.eye(3), 0.1)) for kind, radius in found]
     _match(balls, [SphereRequest(kind, diameter) for kind, diameter in asked], [], rejected, warnings)
     return warnings
 
