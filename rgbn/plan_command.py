@@ -39,12 +39,17 @@ def plan(
         return
     from rich.console import Console
 
-    from rgbn.text_tables import number_table
+    from rgbn.step_tables import number_table
     from shoot.plan.plan_page import BALL_HEADS, FLASH_HEADS, answer_of, ball_rows, flash_rows, lights_of
 
-    console = Console()
-    console.print(number_table("flashes, the most useful first", FLASH_HEADS, flash_rows(facts["flashes"])))
-    console.print(number_table("balls", BALL_HEADS, ball_rows(facts)))
+    console, tables = Console(), {
+        "flashes, the most useful first": (FLASH_HEADS, flash_rows(facts["flashes"])),
+        "balls": (BALL_HEADS, ball_rows(facts)),
+    }  # fmt: skip
+    for title, (heads, rows) in tables.items():
+        forms = {head: f"{{cell_{number}}}" for number, head in enumerate(heads)}
+        cells = [{f"cell_{number}": cell for number, cell in enumerate(row)} for row in rows]
+        console.print(number_table(title, forms, cells))
     console.print(lights_of(facts))
     for name in ("plan.html", "plan.json"):
         # As they are, to be copied: a long path is not wrapped.

@@ -169,8 +169,7 @@ def _figures(entry: Entry, errors: Mapping[str, str]) -> str:
 
 def _gallery(rows: Rows, shown: Mapping[str, str]) -> str:
     """Return the page: methods against datasets, then each dataset's pictures."""
-    from compare.report.maps import colour_scale
-    from compare.report.page import number, section, table, whole_page
+    from compare.report.page import colour_scale, number, section, table, whole_page
 
     methods = list(dict.fromkeys(row["method"] for row in rows))
     by_place = {(row["dataset"], row["method"]): row for row in rows}

@@ -69,7 +69,7 @@ def flash_rows(flashes: list[dict[str, Any]]) -> list[tuple[str, ...]]:
             row["clock"],
             f"{row['height_mm'] / 10:.0f}",
             f"{row['aside_mm'] / 10:.0f}",
-            "" if row["error_median_deg"] is None else f"{brief(row['error_median_deg'])}°",
+            "" if not (row["error_median_deg"] or 90) < 90 else f"{brief(row['error_median_deg'])}°",
             "there" if row["is_there"] else f"{row['minutes']:.0f}",
         )
         for row in flashes

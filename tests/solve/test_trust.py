@@ -49,6 +49,7 @@ def test_the_method_that_errs_least_is_recommended_and_the_others_follow(dome, a
     assert not judged.doubts
 
 
+@pytest.mark.full
 def test_lights_that_are_anothers_are_doubted(dome, answers):
     frames, lights, mask, _ = dome
     rolled = Lights(lights.names, np.roll(lights.directions, 3, axis=0), lights.intensities)
