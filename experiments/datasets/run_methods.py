@@ -185,7 +185,7 @@ def _gallery(rows: Rows, shown: Mapping[str, str]) -> str:
     parts = (
         f'<h3 id="{name}">{escape(name)}</h3><div class="gallery many">{html}</div>' for name, html in shown.items()
     )
-    pictures = section("datasets", "Datasets", colour_scale(END_DEG) + "".join(parts))
+    pictures = section("datasets", "Datasets", f"{colour_scale(END_DEG)}{''.join(parts)}")
     said = f"{len(shown)} datasets, {len(methods)} methods"
     return whole_page(
         "Photometric stereo on datasets with known truth", "datasets", said, {"Errors": errors, "Datasets": pictures}
