@@ -27,7 +27,8 @@ def end_by(error: BaseException) -> NoReturn:
         say(f"rgbn: {error}", always=True)
         _end(2)
     if isinstance(error, CycloptsError):
-        say(f"rgbn: {' '.join(str(error).split())} {_help_of(error)}", always=True)
+        told = " ".join(str(error).split())
+        say(f"rgbn: {told}{'' if told.endswith(('.', '?')) else '.'} {_help_of(error)}", always=True)
         _end(2)
     if isinstance(error, BrokenPipeError):
         # The reader of a pipe went away (`rgbn ... | head`): not our fault, and nothing to say.

@@ -1,0 +1,247 @@
+"""The parts of a watch: photographs that stand in a folder, their roles, lights, and folders that cannot be watched."""
+
+import os
+import re
+import shutil
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from calibrate.calibration import Calibration
+from calibrate.detection.balls import Ball
+from capture.photographs.kept import Kept, KeptStack
+from capture.survey.hot_folder import HotFolder, list_photographs
+from scene.camera import Camera
+from scene.current import file_digest
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import unit
+from scene.spheres import Sphere
+from shoot.init.answers import Answers, Asking
+from shoot.watch import lights_so_far
+from shoot.watch.lights_so_far import NEWEST, LightsSoFar, joined
+from shoot.watch.shoot import Shoot, warning_key
+from shoot.watch.shots import read_shot, sort_shots
+from shoot.watch.taken import PATIENCE_S, Taken
+from shoot.watch.watch_folder import whole_photographs
+
+RAW = Path(__file__).parents[3] / "fixtures" / "bumpy" / "raw"
+SILENT = Asking(Answers({}), silent=True)
+
+
+@pytest.fixture
+def shot_of(tmp_path):
+    """Return a function that takes a photograph of the fixture into a folder under a name of its own."""
+    folder = tmp_path / "hot"
+    folder.mkdir()
+
+    def shot(source, name):
+        path = folder / name
+        shutil.copy(RAW / source, path)
+        return read_shot(path, file_digest(path), Kept(tmp_path / "kept", "linear", False))
+
+    return shot
+
+
+@pytest.fixture
+def taking(tmp_path):
+    """A folder, and what is taken of it when a second has gone by."""
+    folder, said = tmp_path / "hot", []
+    folder.mkdir()
+    hot, taken, now = HotFolder(), Taken(folder, tmp_path / "kept", SILENT, said.append, said.append), [0.0]
+
+    def look(*, seconds=1.0):
+        said.clear()
+        fresh = []
+        for _ in range(2):
+            now[0] += seconds
+            fresh += taken.renew(hot.see(list_photographs(folder), now[0]), now[0])[0]
+        return [shot.name for shot in fresh], sorted(shot.name for shot in taken.shots.values()), " | ".join(said)
+
+    return SimpleNamespace(folder=folder, look=look, taken=taken)
+
+
+def test_each_photograph_is_taken_once_by_its_content(taking, monkeypatch):
+    """Through renames, copies, other content under the same name, two that exchange their names, and a deletion."""
+    folder, look = taking.folder, taking.look
+    shutil.copy(RAW / "flash_000.dng", folder / "a.dng")
+    shutil.copy(RAW / "flash_001.dng", folder / "b.dng")
+    assert look() == (["a.dng", "b.dng"], ["a.dng", "b.dng"], "")
+    assert look() == ([], ["a.dng", "b.dng"], "")
+    # From here on nothing that is known is decoded again.
+    monkeypatch.setattr("capture.photographs.develop.read_raw", None)
+    shutil.copy(folder / "a.dng", folder / "0.dng")
+    assert look() == ([], ["a.dng", "b.dng"], "0.dng is a copy of a.dng, and no other photograph")
+    (folder / "a.dng").unlink()
+    assert look() == ([], ["0.dng", "b.dng"], "a.dng is called 0.dng now")
+    for before, after in (("0.dng", "c.tmp"), ("b.dng", "0.dng"), ("c.tmp", "b.dng")):
+        (folder / before).rename(folder / after)
+    assert look()[:2] == ([], ["0.dng", "b.dng"])
+    (folder / "b.dng").unlink()
+    assert look() == ([], ["0.dng"], "b.dng: is gone, or another stands in its place; it is left out")
+    monkeypatch.undo()
+    shutil.copy(RAW / "flash_002.dng", folder / "0.dng")
+    assert look()[:2] == (["0.dng"], ["0.dng"])
+
+
+def test_a_file_that_is_never_whole_is_told_once_and_read_when_it_is(taking):
+    data = (RAW / "flash_000.dng").read_bytes()
+    (taking.folder / "half.dng").write_bytes(data[: len(data) // 2])
+    assert taking.look() == ([], [], ""), "it may still grow"
+    assert taking.taken.is_waiting
+    fresh, counted, said = taking.look(seconds=PATIENCE_S)
+    assert not fresh
+    assert not counted
+    assert re.match(r"half.dng: half written since \d\d:\d\d, or damaged.* Let the camera's program finish it", said)
+    assert not taking.taken.is_waiting
+    assert taking.look(seconds=PATIENCE_S)[2] == ""
+    (taking.folder / "half.dng").write_bytes(data)
+    assert taking.look()[:2] == (["half.dng"], ["half.dng"])
+    assert not taking.taken.unreadable
+
+
+def test_a_photograph_is_kept_as_it_was_read_and_is_a_part_of_one_array(shot_of, tmp_path):
+    from capture.photographs.raw import read_raw
+
+    shots = [shot_of(f"flash_{i:03d}.dng", f"{i}.dng") for i in range(3)]
+    assert np.array_equal(shots[0].codes, read_raw(shots[0].path).codes)
+    stack, whole = KeptStack([one.codes for one in shots]), np.stack([one.codes for one in shots])
+    assert stack.shape == whole.shape
+    for key in (1, (1, slice(5, 9)), (slice(1, None), slice(2, 7), slice(None, None, 3)), ([2, 0], slice(0, 4))):
+        assert np.array_equal(stack[key], whole[key])
+    assert np.array_equal(stack[1:][0], whole[1])
+
+
+def test_a_warning_is_the_same_though_its_numbers_change():
+    names = ["flash_30", "flash_3"]
+    first = warning_key("flash_3: lies 1.2 px off", names)
+    assert warning_key("flash_3: lies 1.4 px off", names) == first
+    assert warning_key("flash_30: lies 1.4 px off", names) != first, "another frame"
+    places = [warning_key(f"flash_3: the ball at ({u}, 50) px lies 3.{u} px off", names) for u in (10, 200)]
+    assert places[0] != places[1], "another ball"
+
+
+def test_a_frame_without_flash_is_the_ambient_one_or_a_misfire(shot_of, tmp_path):
+    """Nothing tells them apart but the name of another that is the ambient frame."""
+    lit = [shot_of(f"flash_{i:03d}.dng", f"IMG_{i}.dng") for i in range(4)]
+    dark = shot_of("ambient_000.dng", "IMG_9.dng")
+    roles, told = sort_shots([*lit, dark], tmp_path / "hot")
+    assert [one.name for one in roles["flash"]] == [f"IMG_{i}.dng" for i in range(4)]
+    assert roles["ambient"] == [dark]
+    assert "taken for the ambient frame" in told[dark.digest]
+    named = shot_of("ambient_000.dng", "ambient.dng")
+    roles, told = sort_shots([*lit, dark, named], tmp_path / "hot")
+    assert roles["ambient"] == [named]
+    assert "did not fire" in told[dark.digest]
+    assert dark not in roles["flash"]
+
+
+def test_of_few_frames_only_what_is_a_frames_own_is_said(shot_of, tmp_path, monkeypatch):
+    """Of four, the ambient light that white balls show is noise: an alarm that all the frames did not bear out."""
+    monkeypatch.setattr(LightsSoFar, "renew", lambda *_: ["frames.ambient: 3 % is left", "shot_0: shows no highlight"])
+    shoot, shots = Shoot(tmp_path / "hot", SILENT), [shot_of(f"flash_{i:03d}.dng", f"shot_{i}.dng") for i in range(8)]
+    for count, expected in ((4, ["shot_0: shows no highlight"]), (8, ["frames.ambient: 3 % is left"])):
+        shoot.judge(shots[:count], fit_all=False)
+        said = shoot.follow()
+        assert [text for text in said if "highlight" in text or "ambient" in text] == expected
+
+
+@pytest.mark.parametrize(
+    ("made", "words", "told"),
+    [
+        ([], [], "hot: there is no such folder. Give the folder that the camera's program writes into."),
+        (["hot"], [], "is no folder"),
+        (["hot/a.dng"], ["--out", "hot/out"], "lies in the folder"),
+        (["hot/a.dng", "out/thesis.txt"], ["--out", "out"], "is not empty (thesis.txt)"),
+        (["hot/session.toml"], ["--out", "out"], "session.toml: is there already, and a watch would write over it"),
+        (["hot/filenames.txt"], ["--out", "out"], "is a session in the DiLiGenT layout already"),
+        (["hot/a.txt"], ["--out", "out", "--until-idle", "-1"], "for --until-idle. Must be > 0"),
+        (["hot/a.txt"], ["--out", "out", "--until-idle", "0.1"], "0 photographs show the flash; a session needs 3"),
+        (["hot/a.txt"], ["--out", "out", "--chrome", "big"], "--chrome: big: expected millimetres, as in 76. `rgbn watch --help`"),
+    ],
+)
+def test_what_cannot_be_watched_is_one_message(run_rgbn, tmp_path, monkeypatch, made, words, told):
+    monkeypatch.chdir(tmp_path)
+    for name in made:
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).write_text("mine")
+    code, _, err = run_rgbn("watch", "hot", *words)
+    assert code == 2, err
+    assert told in err
+    assert "Traceback" not in err
+    assert all(Path(name).read_text() == "mine" for name in made)
+
+
+def test_lights_of_the_newest_frames_are_joined_to_those_before():
+    """The whole, of parts that are relative to their own means; what is gone is left out, what nobody knows is told."""
+    rng, names = np.random.default_rng(0), tuple("abcdefgh")
+    positions, strength = rng.normal(0, 300, (8, 3)) + [0, 0, 900], rng.uniform(0.5, 2, (8, 3))
+    sigma = rng.uniform(0.1, 1, (2, 8))
+    flags = tuple((name,) for name in names)
+
+    def part(rows):
+        some = np.arange(8)[rows]
+        lights = Lights(
+            tuple(names[i] for i in some), unit(positions[some]), strength[some], positions[some], np.zeros(3),
+            sigma[0, some], sigma[1, some], flags=tuple(flags[i] for i in some),
+        )  # fmt: skip
+        return Calibration([], lights.normalised(), np.zeros((0, len(some), 2)))
+
+    whole = part(slice(None)).lights
+    found = joined(part(slice(0, 6)), part(slice(3, 8)), names).lights
+    for field in ("names", "flags", "directions", "intensities", "positions_mm", "direction_sigma_deg"):
+        if field in ("names", "flags"):
+            assert getattr(found, field) == getattr(whole, field)
+        else:
+            np.testing.assert_allclose(getattr(found, field), getattr(whole, field), err_msg=field)
+    assert joined(part(slice(0, 6)), part(slice(3, 8)), names[1:]).lights.names == names[1:]
+    assert joined(part(slice(0, 5)), part(slice(3, 7)), names) is None, "nobody knows h"
+    assert joined(part(slice(0, 4)), part(slice(4, 8)), names) is None, "no frame tells the factor between the parts"
+
+
+def test_all_lights_are_fitted_where_the_newest_lie_in_one_plane_or_a_photograph_was_replaced(monkeypatch):
+    """Twenty flashes, the last of them along one arc, as a hand goes."""
+    rng, fitted = np.random.default_rng(1), []
+    tilt = np.radians(np.linspace(10, 60, 10))
+    arc = np.stack([np.sin(tilt), 0 * tilt, np.cos(tilt)], -1)
+    directions = np.concatenate([unit(rng.normal(0, 1, (10, 3)) + [0, 0, 3]), arc])
+    names = tuple(f"flash_{i:02d}" for i in range(20))
+    camera = Camera(4, 3, 5.0, 5.0, 1.5, 1.0)
+    frames = Frames(names, np.zeros((20, 3, 4, 3), np.uint16), np.ones(20))
+
+    def by_balls(some, camera, balls):
+        fitted.append(len(some))
+        rows = [names.index(name) for name in some.names]
+        sigma = np.full(len(rows), 0.1)
+        lights = Lights(some.names, directions[rows], np.ones((len(rows), 3)), None, np.zeros(3), sigma, sigma)
+        lights.check()
+        return Calibration([], lights, np.zeros((0, len(rows), 2)), camera=camera)
+
+    monkeypatch.setattr(lights_so_far, "lights_of_balls", by_balls)
+    monkeypatch.setattr(LightsSoFar, "_camera", lambda *_: camera)
+    watched = LightsSoFar(Asking(Answers({}), silent=True))
+    watched._looked_with = 99
+    watched._balls = [Ball(Sphere("chrome", np.ones(2), 1.0), np.eye(3), frames, None)]
+    for count, expected in ((10, [10]), (11, [NEWEST]), (20, [20])):
+        fitted.clear()
+        assert watched.renew(frames.only(slice(0, count)), [], 1) == []
+        assert fitted == expected, count
+        assert watched.found.lights.names == names[:count]
+    fitted.clear()
+    watched.renew(frames, [], 1)
+    assert fitted == [NEWEST, 20], "the newest eight lie in one plane"
+    watched.fit_all()
+    fitted.clear()
+    watched.renew(frames, [], 1)
+    assert fitted == [20]
+
+
+def test_a_half_written_photograph_does_not_tell_a_session_from_others(tmp_path):
+    """Its contents when the watch began were no later photograph's: in the end the folder was refused as another's."""
+    for name, age_s in (("whole.dng", 60), ("half.dng", 0)):
+        (tmp_path / name).write_bytes(b"II*\0")
+        os.utime(tmp_path / name, (time.time() - age_s,) * 2)
+    assert [file.name for file in whole_photographs(tmp_path)] == ["whole.dng"]
