@@ -53,10 +53,9 @@ class PlanOptions:
     sensor_mm: Annotated[
         float, Parameter(help="Width of its sensor: 36 for full frame, 23.5 for APS-C.", validator=POSITIVE)
     ] = 36.0
-    pixels: Annotated[tuple[int, int], Parameter(help="Width and height of its picture.", validator=POSITIVE)] = (
-        6000,
-        4000,
-    )
+    pixels: Annotated[
+        tuple[int, int], Parameter(help="Width and height of its picture.", negative="", validator=POSITIVE)
+    ] = (6000, 4000)
     distance_mm: Annotated[
         float | None,
         Parameter(
@@ -82,7 +81,9 @@ class PlanOptions:
     ] = None
     azimuths_deg: Annotated[
         tuple[float, float],
-        Parameter(help="From where to where around the axis one can go: 0 right, 90 up, as the camera sees it."),
+        Parameter(
+            help="From where to where around the axis one can go: 0 right, 90 up, as the camera sees it.", negative=""
+        ),
     ] = (0.0, 360.0)
     chrome: Annotated[
         tuple[float, ...],

@@ -34,6 +34,8 @@ def box(path):
         (None, ["--size-mm", "-1"], "--size-mm. Must be > 0"),
         (None, ["--albedo", "2"], "--albedo. Must be <= 1"),
         (None, ["--iso", "0"], "--iso. Must be > 0"),
+        (None, ["--empty-pixels"], "Unknown option: --empty-pixels"),
+        (None, ["--empty-azimuths-deg"], "Unknown option: --empty-azimuths-deg"),
     ],
 )
 def test_each_fault_is_one_message_and_nothing_is_written(tmp_path, run_rgbn, source, options, words):

@@ -160,7 +160,11 @@ def test_of_few_frames_only_what_is_a_frames_own_is_said(shot_of, tmp_path, monk
         (["hot/filenames.txt"], ["--out", "out"], "is a session in the DiLiGenT layout already"),
         (["hot/a.txt"], ["--out", "out", "--until-idle", "-1"], "for --until-idle. Must be > 0"),
         (["hot/a.txt"], ["--out", "out", "--until-idle", "0.1"], "0 photographs show the flash; a session needs 3"),
-        (["hot/a.txt"], ["--out", "out", "--chrome", "big"], "--chrome: big: expected millimetres, as in 76. `rgbn watch --help`"),
+        (
+            ["hot/a.txt"],
+            ["--out", "out", "--chrome", "big"],
+            "--chrome: big: expected millimetres, as in 76. `rgbn watch --help`",
+        ),
     ],
 )
 def test_what_cannot_be_watched_is_one_message(run_rgbn, tmp_path, monkeypatch, made, words, told):
