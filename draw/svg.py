@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
+from html import escape, unescape
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ class Drawing(str):
     __html__ = _repr_svg_
 
     def __repr__(self) -> str:
-        return "drawing: " + self.partition('aria-label="')[2].partition('"')[0]
+        return "drawing: " + unescape(self.partition('aria-label="')[2].partition('"')[0])
 
     def save(self, path: Path | str) -> None:
         """Write the drawing to a file."""

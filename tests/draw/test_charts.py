@@ -140,14 +140,16 @@ def test_a_histogram_has_each_bins_height_and_a_map_its_pixels_places():
     assert "&lt;ls&gt;" in drawing
     assert "real beyond: 25 %" in drawing
     assert error_histograms(compared, ["tv"]) is None
-    drawing = map_chart("data:x", width=100, height=50, label="a map", outlines={"ball": [(-0.5, -0.5), (99.5, 49.5)]})
+    drawing = map_chart(
+        "data:x", width=100, height=50, label="a ball's map", outlines={"ball": [(-0.5, -0.5), (99.5, 49.5)]}
+    )
     image = ElementTree.fromstring(drawing).find("{*}image").attrib
     left, top, wide, high = (float(image[name]) for name in ("x", "y", "width", "height"))
     assert wide == 2 * high
     ((_, _, ball),) = parts(drawing)
     corners = [[float(part) for part in pair.split()] for pair in ball["d"][1:].split("L")]
     np.testing.assert_allclose(corners, [[left, top], [left + wide, top + high]], atol=0.06)
-    assert (repr(drawing), drawing._repr_svg_()) == ("drawing: a map", str(drawing))
+    assert (repr(drawing), drawing._repr_svg_()) == ("drawing: a ball's map", str(drawing))
 
 
 def test_axes_span_the_data_with_round_ticks_and_what_is_unknown_is_no_point():
