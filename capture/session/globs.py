@@ -99,8 +99,8 @@ def meant(name: str, folder: Path, fits: Callable[[Path], object] = kind_of) -> 
         return f'Write / between folders, also on Windows: "{slashed(name)}".'
     path = folder / name
     if path.is_dir():
-        inside = sorted((one for one in path.iterdir() if fits(one)), key=natural_key)
-        return f"It is a folder. Give a file{f', as {name}/{inside[0].name}' if inside else ''}."
+        inside = sorted((one for one in path.iterdir() if one.is_file() and fits(one)), key=natural_key)
+        return f"It is a folder. Give a file{f', as {(Path(name) / inside[0].name).as_posix()}' if inside else ''}."
     either = re.sub(r"[a-zA-Z]", lambda letter: f"[{letter[0].lower()}{letter[0].upper()}]", name)
     # Letters inside [...] of the user's own glob would be mangled: then there is no hint by case.
     found = [] if "[" in name else sorted(matches(either, folder), key=natural_key)

@@ -106,7 +106,7 @@ SLIPS = [
     ("cx = 330.7", "cx = 3307", "camera.cx", "3307"),
     ("640\nheight = 480", "160\nheight = 120", "160 x 120"),
     ("scan/object", "scans/object", "object.scan", "scan/object.ply"),
-    ("scan/object.ply", "scan", "object.scan", "folder"),
+    ("scan/object.ply", "scan/", "object.scan", "folder", "as scan/object.ply."),
     ('unit = "mm"', 'unit = "inches"', "object.scan_unit", "inches", "inch"),
 ]
 
