@@ -47,6 +47,9 @@ def plan(
         "balls": (BALL_HEADS, ball_rows(facts)),
     }  # fmt: skip
     for title, (heads, rows) in tables.items():
+        if not rows:
+            # A session's balls of unknown size: where they stand nobody knows.
+            continue
         forms = {head: f"{{cell_{number}}}" for number, head in enumerate(heads)}
         cells = [{f"cell_{number}": cell for number, cell in enumerate(row)} for row in rows]
         console.print(number_table(title, forms, cells))

@@ -130,7 +130,10 @@ def test_a_session_that_has_all_its_flashes_is_told_what_it_has(pixels, spheres)
         assert plan.flashes == plan.there == len(given)
         facts = plan_facts(plan) | {"name": "a"}
         assert len(facts["balls"]) == (len(spheres) if some is spheres else 0)
-        assert plan_page(facts).endswith("</html>\n")
+        page = plan_page(facts)
+        assert page.endswith("</html>\n")
+        assert ("none is of known diameter" in page) == (not facts["balls"])
+        assert ("from the middle, cm" in page) == bool(facts["balls"])
 
 
 def test_when_more_flashes_do_not_help():
