@@ -36,6 +36,8 @@ LOOKED_BACK = 12
 FEWEST = 8
 """Frames from which on a movement is sought, and said what is no frame's own: among fewer, light that moves looks like
 it."""
+TOLD_BY = 3
+"""Flashes that tell a normal."""
 FIRST, AGAIN = 4, 2
 """Frames with which the object is first looked for; how many times as many there are when it is looked for again."""
 PIXELS = 4000
@@ -175,6 +177,10 @@ class Shoot:
         if found is None or found.camera is None:
             return
         some = small.only([i for i, name in enumerate(small.names) if name in found.lights.names])
+        if len(some) < TOLD_BY:
+            # Photographs were taken out of the folder.
+            self.sigma_deg, self.why = None, f"{len(some)} flash frames are left, {TOLD_BY} tell a normal"
+            return
         try:
             if len(some) >= max(FIRST, AGAIN * self._looked_with):
                 self._looked_with = len(some)

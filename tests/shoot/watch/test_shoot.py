@@ -149,6 +149,19 @@ def test_of_few_frames_only_what_is_a_frames_own_is_said(shot_of, tmp_path, monk
         assert [text for text in said if "highlight" in text or "ambient" in text] == expected
 
 
+def test_where_photographs_are_taken_away_no_normals_are_told(tmp_path):
+    """Two flashes tell none; the watch ended with an error of ours."""
+    names, ones = tuple("abcd"), np.ones(4)
+    toward = unit(np.array([[0.5, 0, 1], [-0.5, 0, 1], [0, 0.5, 1], [0, -0.5, 1]]))
+    lights = Lights(names, toward, np.ones((4, 3)), None, np.zeros(3), ones, ones)
+    shoot, camera = Shoot(tmp_path, SILENT), Camera(8, 6, 9.0, 9.0, 3.5, 2.5)
+    shoot.lights_so_far.found = Calibration([], lights, np.zeros((0, 4, 2)), camera=camera)
+    shoot._mask, shoot._looked_with, shoot.sigma_deg = np.ones((6, 8), bool), 4, np.ones((6, 8))
+    shoot._look_at_normals(Frames(names[:2], np.full((2, 6, 8, 3), 900, np.uint16), np.ones(2)))
+    assert shoot.sigma_deg is None
+    assert shoot.why.startswith("2 flash frames are left")
+
+
 @pytest.mark.parametrize(
     ("made", "words", "told"),
     [
