@@ -86,7 +86,11 @@ def process(
 
 
 @app.command(sort_key=2)
-def demo(*, out: Out = None, json: Json = False) -> None:
+def demo(
+    *,
+    out: Annotated[Path | None, Parameter(alias="-o", help="Output folder. Default: out/demo here.")] = None,
+    json: Json = False,
+) -> None:
     """Go the whole way on the small session that comes with rgbn, and judge it by its known truth."""
     folder = fixture_folder()
     _run(json, folder, "compare", whole=True, out=out or Path("out") / "demo", said=Settings(truth=folder))

@@ -168,6 +168,7 @@ def test_every_verb_that_writes_takes_the_same_short_options(run):
         assert "--out -o" in out, verb
         assert "--quiet -q" in out
         assert ("--method -m" in out) == ("--method" in out)
+    assert "out/demo here" in run("demo", "--help")[1]
 
 
 def test_doctor_says_what_to_do(run, monkeypatch):
