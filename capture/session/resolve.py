@@ -49,6 +49,10 @@ class Resolver:
         if known.picks and not known.scan:
             text = 'picks are points of a scan, and there is none. Add scan = "...", or drop it.'
             self._fault("object.picks", text)
+        if known.box and not (known.box[0] < known.box[2] and known.box[1] < known.box[3]):
+            self._fault(
+                "object.box", f"found {known.box}; expected left, top, right, bottom: left < right, top < bottom."
+            )
         lights = manifest.lights and self._file("lights.file", manifest.lights.file, LIGHTS_SUFFIXES)
         session = Session(
             name=manifest.name or self.folder.name,

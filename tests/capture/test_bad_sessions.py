@@ -66,6 +66,12 @@ def numbers(value, path=()):
         yield path
 
 
+def test_a_box_has_its_left_and_top_first(folder):
+    assert "object.box: found [9.0, 2.0, 3.0, 8.0]; expected left" in told(
+        folder, f"{FLASH}[object]\nbox = [9, 2, 3, 8]\n"
+    )
+
+
 def test_every_number_has_bounds():
     """Of the keys to come, too; all that are at fault are told at once."""
     known = {name: {key: field.examples[0] for key, field in table.model_fields.items()} for name, table in
