@@ -15,6 +15,7 @@ EXPECTED = {
     "bool_type": "expected true or false, without quotation marks",
     "string_type": "expected a text between quotation marks",
     "list_type": "expected a list between [ and ]",
+    "tuple_type": "expected a list between [ and ]",
 }
 """What pydantic's kinds of faults ask for, in the words of TOML."""
 
@@ -54,5 +55,5 @@ def fault_line(
     found = fault["input"]
     shown = f"a table with {', '.join(found) or 'nothing'}" if isinstance(found, dict) else repr(found)
     place = re.sub(r"\[\d+\]", "", path)
-    wanted = (expected or {}).get(place) if kind in ("list_type", "literal_error") else None
+    wanted = (expected or {}).get(place) if kind in ("list_type", "tuple_type", "literal_error") else None
     return f"{path}: found {shortened(shown, 80)}; {wanted or EXPECTED.get(kind, message)}."

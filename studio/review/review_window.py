@@ -109,10 +109,13 @@ class ReviewWindow(PhotographWindow):
         self.ball = self.ball if name == "Balls" else None
         self.on_photograph = self.on_scan = None
         self.is_scan_asked = False
-        is_whole = not {"frames", "camera", "lights", "scan"} & self.review.missing.keys()
-        overlay = "scan, shaded" if name == "Scan" and is_whole else "nothing"
+        overlay = "scan, shaded" if name == "Scan" and self._can_shade else "nothing"
         self.shown = replace(self.shown, overlay=overlay)
         super().open_tab(name)
+
+    @property
+    def _can_shade(self) -> bool:
+        return not {"frames", "camera", "lights", "scan"} & self.review.missing.keys()
 
     def read(self) -> None:
         """Read the folder. Corrections stay, unless they are kept and the balls were found anew with them."""
@@ -155,8 +158,11 @@ class ReviewWindow(PhotographWindow):
         self.choose(shown=replace(self.shown, **changes))
 
     def read_again(self) -> None:
-        """Read the folder again."""
+        """Read the folder again; a scan that was registered meanwhile is laid over the photograph."""
+        could = self._can_shade
         self.read()
+        if self.tab == "Scan" and self._can_shade and not could:
+            self.shown = replace(self.shown, overlay="scan, shaded")
         self.choose(reading=self.reading + 1)
 
     @property

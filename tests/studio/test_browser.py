@@ -164,10 +164,10 @@ def test_a_reload_keeps_the_scene_and_its_past(visitor):
     visitor.press("Add shape")
     visitor.until(lambda: visitor.window.history.past, "changed")
     visitor.tab("Camera")
-    visitor.page.get_by_label("orthographic").click(force=True)
+    visitor.fill("width, px", 90)
     visitor.until(lambda: len(visitor.window.history.past) == 2, "changed again")
     history = visitor.window.history
-    visitor.reload("Undo: camera")
+    visitor.reload("Undo: camera width")
     assert visitor.window.history is history
 
 

@@ -498,6 +498,15 @@ def test_toml_that_breaks_its_parser(tmp_path, text, told):
         read(tmp_path, text)
 
 
+def test_one_table_where_a_list_of_them_is_wanted_is_told_how_to_write_that(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text('[lights]\nkind = "ring"\n[camera]\nwidth = 9\nheight = 9\nfx = 9\ndistortion = 3\n')
+    with pytest.raises(RenderError) as told:
+        read_document(path)
+    assert "lights: found a table with kind; expected tables, each below a line [[lights]]." in str(told.value)
+    assert "camera.distortion: found 3; expected a list between [ and ]." in str(told.value)
+
+
 def test_triangle_strips_and_coordinates_at_corners_are_read_from_a_ply(tmp_path):
     head = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
     places = "0 0 0\n1 0 0\n0 1 0\n1 1 0\n"

@@ -84,7 +84,11 @@ def _told(path: Path, faults: list[str]) -> RenderError:
 
 def faults_in(error: ValidationError) -> list[str]:
     """Return what pydantic found, one line each, with the key."""
-    return [fault_line(fault | {"loc": _as_written(fault["loc"])}, _meant) for fault in error.errors(include_url=False)]
+    lists = {name: f"expected tables, each below a line [[{name}]]" for name in ("objects", "lights")}
+    return [
+        fault_line(fault | {"loc": _as_written(fault["loc"])}, _meant, expected=lists)
+        for fault in error.errors(include_url=False)
+    ]
 
 
 def _as_written(location: Location) -> Location:
