@@ -102,6 +102,8 @@ def test_harvard_chrome_ball_that_fills_the_picture(captures):
     assert np.median(error) < 0.88
     assert error.max() < 1.4
     assert any("glare" in flag for flag in h.found.lights.flags[9])
+    # A wall stands behind the ball, and no table beside it: nothing in the mirror proves the outline.
+    assert any("does not mirror the table beside it" in warning for warning in h.found.warnings)
 
 
 @pytest.mark.slow
