@@ -50,6 +50,7 @@ class Taken:
         self._read: dict[Whole, Shot] = {}
         self._unread: dict[Whole, _Unread] = {}
         self._known: dict[str, Shot] = {}
+        self._gone: dict[str, Shot] = {}
         self.shots: dict[str, Shot] = {}
         """By the digest of their files: those that count."""
 
@@ -142,9 +143,14 @@ class Taken:
         for digest, shot in before.items():
             now = self.shots.get(digest)
             if now is None:
+                self._gone[digest] = shot
                 self._note(f"{shot.name}: is gone, or another stands in its place; it is left out")
             elif now.path != shot.path:
                 self._note(f"{shot.name} is called {now.name} now")
+        for digest in self._gone.keys() & self.shots.keys():
+            shot, now = self._gone.pop(digest), self.shots[digest]
+            again = "is there again" if now.path == shot.path else f"is called {now.name} now"
+            self._note(f"{shot.name} {again}, and counts")
         for shot in read:
             if shot.path != self.shots[shot.digest].path:
                 self._note(f"{shot.name} is a copy of {self.shots[shot.digest].name}, and no other photograph")
