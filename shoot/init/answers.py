@@ -34,7 +34,8 @@ def _given_lengths(_: Any, tokens: Iterable[Any]) -> tuple[float, ...]:
     return lengths_of(" ".join(token.value for token in tokens))
 
 
-def _diameters(what: str) -> Parameter:
+def diameters(what: str) -> Parameter:
+    """Return an option that takes one diameter or several, of verbs that are told of balls."""
     return Parameter(help=what, negative="", converter=_given_lengths, n_tokens=-1, consume_multiple=True)
 
 
@@ -48,9 +49,9 @@ class Answers:
 
     chrome: Annotated[
         tuple[float, ...],
-        _diameters("Diameter of the chrome balls, mm: one for all, or one for each, largest in the picture first."),
+        diameters("Diameter of the chrome balls, mm: one for all, or one for each, largest in the picture first."),
     ] = ()
-    white: Annotated[tuple[float, ...], _diameters("Diameter of the white balls, mm.")] = ()
+    white: Annotated[tuple[float, ...], diameters("Diameter of the white balls, mm.")] = ()
     unit: Annotated[
         Unit | None,
         Parameter(help="Unit of the scan. Default: told by the object's size in the picture."),
@@ -81,13 +82,13 @@ class Answers:
     @classmethod
     def said_in(cls, manifest: "Manifest") -> "Answers":
         """Return what an earlier session.toml says already."""
-        diameters: dict[str, Any] = {}
+        balls: dict[str, Any] = {}
         for kind in ("chrome", "white"):
             known = {ball.diameter_mm for ball in manifest.spheres if ball.kind == kind}
-            diameters |= {kind: tuple(known)} if len(known) == 1 and None not in known else {}
+            balls |= {kind: tuple(known)} if len(known) == 1 and None not in known else {}
         camera, unit = manifest.camera, manifest.object.scan_unit if manifest.object.scan else "unknown"
         lens = camera.model_dump(include=set(LENS), exclude_none=True) if camera else {}
-        return cls(**diameters, **lens, unit=None if unit == "unknown" else unit, linear=manifest.frames.linear)
+        return cls(**balls, **lens, unit=None if unit == "unknown" else unit, linear=manifest.frames.linear)
 
 
 def _fault(key: str, value: float) -> str:

@@ -7,6 +7,7 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 from scene.length_units import Unit
+from shoot.init.answers import diameters
 
 Layout = Literal["dome", "ring", "free"]
 Gloss = Literal["matte", "satin", "semi-gloss", "gloss"]
@@ -87,21 +88,10 @@ class PlanOptions:
     ] = (0.0, 360.0)
     chrome: Annotated[
         tuple[float, ...],
-        Parameter(
-            help="Diameters of the chrome balls that there are, mm. Default: what the accuracy needs.",
-            negative="",
-            consume_multiple=True,
-            validator=POSITIVE,
-        ),
+        diameters("Diameters of the chrome balls that there are, mm. Default: what the accuracy needs."),
     ] = ()
     white: Annotated[
-        tuple[float, ...],
-        Parameter(
-            help="Diameters of the white balls, mm. Default: one like the chrome.",
-            negative="",
-            consume_multiple=True,
-            validator=POSITIVE,
-        ),
+        tuple[float, ...], diameters("Diameters of the white balls, mm. Default: one like the chrome.")
     ] = ()
     accuracy_deg: Annotated[
         float | None,
