@@ -37,7 +37,8 @@ FEWEST = 5
 """Lights whose distances can be told."""
 RANGE = 2.5
 """Ratio to the first of the mean distances that are tried then, each with its own relief."""
-TRIALS = 8
+TRIALS = 5
+"""Mean distances that are tried. With eight DiLiGenT's ball and cat come out the same, in half as much time again."""
 STEPS = 5
 """Of the single distances, for each of these."""
 LOOSE = 1e-3
