@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import ValidationError
 
 from scene.errors import SceneError
 from studio.desk import Area, Desk, History
@@ -108,8 +107,6 @@ class BrowserWindow:
             work()
         except SceneError as error:
             self.show_fault(str(error))
-        except ValidationError as error:
-            self.show_fault("; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()))
         except Exception as error:
             if not self.is_gone:  # Else there is nobody to show it to.
                 traceback.print_exc()

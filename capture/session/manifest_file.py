@@ -4,12 +4,13 @@ import copy
 import difflib
 import re
 import tomllib
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from capture.session.manifest import TABLES, Manifest
+from capture.session.manifest import TABLES, Manifest, Table
 from formats.document_faults import Location, fault_line
 from scene.errors import SessionError
 from scene.reading import reading, shortened, text_of
@@ -75,7 +76,20 @@ def parse(data: dict[str, Any]) -> tuple[Manifest | None, list[str]]:
         manifest = Manifest.model_validate(_without(data, faults))
     except ValidationError:
         manifest = None
-    return manifest, [fault_line(fault, _suggestion, missing=MISSING, expected=BALLS) for fault in faults]
+    return manifest, _lines(faults)
+
+
+def table_of(name: str, data: dict[str, Any]) -> Table:
+    """Return a table of a manifest by itself; SessionError: all that it may not have, in the words of `parse`."""
+    try:
+        return TABLES[name].model_validate(data)
+    except ValidationError as error:
+        faults = [fault | {"loc": (name, *fault["loc"])} for fault in error.errors(include_url=False)]
+        raise SessionError("; ".join(_lines(faults))) from None
+
+
+def _lines(faults: Iterable[Mapping[str, Any]]) -> list[str]:
+    return [fault_line(fault, _suggestion, missing=MISSING, expected=BALLS) for fault in faults]
 
 
 def _without(data: dict[str, Any], faults: list) -> dict[str, Any]:

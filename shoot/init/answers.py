@@ -93,10 +93,13 @@ class Answers:
 
 def _fault(key: str, value: float) -> str:
     """Return what is wrong with a number of [camera]; empty: nothing."""
-    from capture.session.manifest_file import parse
+    from capture.session.manifest_file import table_of
 
-    _, faults = parse({"frames": {"flash": "*"}, "camera": {key: float(value)}})
-    return faults[0].partition(": ")[2] if faults else ""
+    try:
+        table_of("camera", {key: float(value)})
+    except SessionError as error:
+        return str(error).partition(": ")[2]
+    return ""
 
 
 @dataclass

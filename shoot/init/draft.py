@@ -11,7 +11,8 @@ from capture.camera.exif import Exif
 from capture.camera.focal_length import camera_from_lens
 from capture.camera.session_camera import usual_camera
 from capture.session.globs import expand
-from capture.session.manifest import TABLES, Manifest, SphereTable
+from capture.session.manifest import Manifest, SphereTable
+from capture.session.manifest_file import table_of
 from capture.session.session_types import Lens
 from capture.survey.folder_files import pattern_of
 from scene.camera import Camera
@@ -65,12 +66,12 @@ class Draft:
     def saying(self, table: str, **keys: Any) -> "Draft":
         """Return the draft with other keys in a table of its manifest; None takes a key away.
 
-        Raises pydantic's ValidationError: a value that session.toml may not have.
+        Raises SessionError: a value that session.toml may not have.
         """
         was = getattr(self.manifest, table)
         data = (was.model_dump(exclude_unset=True) if was else {}) | keys
         data = {key: value for key, value in data.items() if value is not None}
-        new = TABLES[table].model_validate(data) if data or table in ("frames", "object") else None
+        new = table_of(table, data) if data or table in ("frames", "object") else None
         return replace(self, manifest=self.manifest.model_copy(update={table: new}))
 
     def with_balls(self, balls: "tuple[SphereTable, ...] | list[SphereTable]") -> "Draft":

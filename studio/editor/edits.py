@@ -69,10 +69,7 @@ def with_value(document: Any, place: Place, value: Any) -> Any:
     try:
         return TypeAdapter(type(document)).validate_python(dict(vars(document)) | {str(part): new})
     except ValidationError as error:
-        # What is wrong with the table as a whole has no key of its own.
-        raise RenderError(
-            "; ".join(fault if fault[0] != ":" else f"{part}{fault}" for fault in faults_in(error))
-        ) from None
+        raise RenderError("; ".join(faults_in(error, (part,)))) from None
 
 
 def added(document: SceneDocument, name: str, **source: Any) -> SceneDocument:

@@ -82,11 +82,11 @@ def _told(path: Path, faults: list[str]) -> RenderError:
     return faults_of(str(path), [shortened(fault, 600) for fault in faults])
 
 
-def faults_in(error: ValidationError) -> list[str]:
-    """Return what pydantic found, one line each, with the key."""
+def faults_in(error: ValidationError, at: Location = ()) -> list[str]:
+    """Return what pydantic found, one line each, with the key; `at`: that of a fault of the whole table."""
     lists = {name: f"expected tables, each below a line [[{name}]]" for name in ("objects", "lights")}
     return [
-        fault_line(fault | {"loc": _as_written(fault["loc"])}, _meant, expected=lists)
+        fault_line(fault | {"loc": _as_written(fault["loc"]) or at}, _meant, expected=lists)
         for fault in error.errors(include_url=False)
     ]
 

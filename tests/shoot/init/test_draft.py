@@ -187,6 +187,9 @@ def test_the_camera_that_was_told(draft, lens):
     assert "not known yet" in half.camera_told
     with pytest.raises(SessionError, match="without the size of the sensor"):
         half.known_camera()
+    # In the words of session.toml's reader, for a person who types it into the studio.
+    with pytest.raises(SessionError, match=r"camera\.focal_mm: found 0\.5; expected 1 to 3000: millimetres"):
+        draft.saying("camera", focal_mm=0.5)
 
 
 def test_a_board_that_was_seen(draft):
