@@ -49,8 +49,9 @@ def _name(folder: Path, window: NewSessionWindow) -> str:
 
 def found_text(draft: Draft) -> str:
     """Return what was found, as Markdown."""
-    lines = [f"{code(str(draft.folder))}", "", "| | |", "|---|---|"]
-    lines += [f"| **{what}** | {plain(text)} |" for what, text in facts_of(draft)]
+    lines = [code(str(draft.folder)), ""]
+    # No table: its first column would be as wide as the longest key, and the panel is narrow.
+    lines += [f"- **{plain(what)}**: {plain(text)}" for what, text in facts_of(draft)]
     count = len(notes_of(draft))
     notes = f"⚠ {count} missing or assumed: see **session.toml**." if count else "Nothing is missing, nothing assumed."
     return "\n".join([*lines, "", notes])
