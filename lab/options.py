@@ -198,15 +198,11 @@ class Settings(TwinSettings, SessionSolving):
 
     @classmethod
     def of(cls, record: "Record") -> "Settings":
-        """Return those by which a folder was made; raise SceneError where its record is damaged."""
-        from scene.reading import reading
-        from scene.record import PLACE
-
+        """Return those by which a folder was made."""
         kept = record.notes.get(NOTE, {})
-        with reading(record.folder / PLACE, "does not say how the folder was made", do="Choose another with --out."):
-            external, truth = kept.get("external"), kept.get("truth")
-            lists = {"external": None if external is None else tuple(external), "truth": truth and Path(truth)}
-            return cls(**{**kept, **lists})
+        external, truth = kept.get("external"), kept.get("truth")
+        lists = {"external": None if external is None else tuple(external), "truth": truth and Path(truth)}
+        return cls(**{**kept, **lists})
 
     def but(self, *others: Solving | TwinSettings | None) -> "Settings":
         """Return these with what others say."""

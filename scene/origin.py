@@ -9,8 +9,7 @@ from typing import Any
 
 from scene.current import blocks_digest
 from scene.errors import SceneError
-from scene.reading import reading
-from scene.record import PLACE, Record
+from scene.record import Record
 
 NOTE = "origin"
 """Of a record."""
@@ -44,7 +43,7 @@ class Origin:
 
     def owns(self, record: Record) -> bool:
         """Whether the results of a folder are those of this origin, or of none."""
-        note = _note(record)
+        note = record.notes.get(NOTE)
         if note is None or record.is_bare:
             return True
         if note["kind"] != self.kind or (note["files"] and not self._shares(note["files"])):
@@ -68,7 +67,7 @@ class Origin:
         SceneError
             The folder belongs to another origin.
         """
-        note = _note(record)
+        note = record.notes.get(NOTE)
         if note and not self.owns(record):
             raise SceneError(f"--out {said}: {self._whose(note)} Choose another folder with --out; or remove this one, "
                              "if its results are not needed. Nothing was written or removed.")  # fmt: skip
@@ -88,14 +87,6 @@ class Origin:
         if note["kind"] == self.kind and _is_one(self.place, Path(note["place"])):
             return f"it holds the results of other photographs, which lay in {self.place} before."
         return f"it holds the results of the {note['kind']} {note['place']}, not of the {self.kind} {self.place}."
-
-
-def _note(record: Record) -> dict[str, Any] | None:
-    note = record.notes.get(NOTE)
-    if note is None:
-        return None
-    with reading(record.folder / PLACE, "does not say what the folder was made from", do="Choose another with --out."):
-        return {key: str(note[key]) for key in ("kind", "place", "relative")} | {"files": dict(note["files"])}
 
 
 def _is_one(place: Path, *others: Path) -> bool:

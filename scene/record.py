@@ -5,6 +5,7 @@ writes over and removes only files that the record lists with the content that t
 it.
 """
 
+import hashlib
 import json
 import os
 import threading
@@ -22,7 +23,7 @@ from scene.reading import reading
 PLACE = ".rgbn"
 """Folder in the output folder: the record, the lock, and what is not finished."""
 NAME = "record.json"
-FORMAT = 2
+FORMAT = 3
 
 
 @dataclass
@@ -270,10 +271,11 @@ class Record:
             data = json.loads(path.read_bytes())
             if data["format"] != FORMAT:
                 raise ValueError(f"format {data['format']}, expected {FORMAT}")
-            files = {name: (str(of), list(map(str, digests))) for name, (of, digests) in data["files"].items()}
-            seen = {name: ([*map(int, (a, b, c, d))], str(one)) for name, ((a, b, c, d), one) in data["seen"].items()}
-            done = {work: {**entry, "fingerprint": entry["fingerprint"]} for work, entry in data["done"].items()}
-            self.notes, self.done, self._files, self._seen = dict(data["notes"]), done, files, seen
+            if data.pop("digest") != _digest_of(data):
+                raise ValueError("its content is not what rgbn wrote")
+            self.notes, self.done = data["notes"], data["done"]
+            self._files = {name: (of, digests) for name, (of, digests) in data["files"].items()}
+            self._seen = {name: (look, digest) for name, (look, digest) in data["seen"].items()}
 
     def save(self) -> None:
         """Replace the record on disk; raise SceneError where the disk is full, or the file cannot be written."""
@@ -284,7 +286,7 @@ class Record:
             data = {"format": FORMAT, "made_by": libraries()["rgbn"], "notes": self.notes, "done": self.done,
                     "files": self._files, "seen": seen}  # fmt: skip
             try:
-                path.with_suffix(".new").write_text(json.dumps(data, allow_nan=False))
+                path.with_suffix(".new").write_text(json.dumps({**data, "digest": _digest_of(data)}))
                 os.replace(path.with_suffix(".new"), path)
                 self.has_learnt = False
             except OSError as error:
@@ -292,3 +294,8 @@ class Record:
                     f"{path}: cannot be written ({error.strerror}). Free some space or choose another folder with "
                     "--out; what is done is kept."
                 ) from error
+
+
+def _digest_of(data: dict[str, Any]) -> str:
+    """Return what tells a record that rgbn wrote from one that was damaged or edited; raise ValueError over a NaN."""
+    return hashlib.sha256(json.dumps(data, allow_nan=False).encode()).hexdigest()

@@ -213,8 +213,13 @@ def test_a_damaged_record_is_told_and_nothing_is_touched(tmp_path):
     whole = json.loads(path.read_text())
     path.with_suffix(".new").write_text('{"format": 2, "fi')
     assert not work(out), "the record that a killed run was writing is no damage"
-    faults = ({"format": 99}, {"files": {"x": 3}}, {"done": {"x": 3}}, {"seen": {"x": []}}, {"seen": {"x": [[1], "a"]}},
-              {"notes": 1})  # fmt: skip
+    faults = (
+        {"format": 99},
+        {"files": {"x": 3}},
+        {"notes": whole["notes"] | {"mine": 1}},
+        {"notes": {"x": np.nan}},
+        {"digest": ""},
+    )
     for text in ("{", "", "[1]", "[" * 9999, *(json.dumps(whole | fault) for fault in faults)):
         path.write_text(text)
         with pytest.raises(SceneError, match=r"record.json: cannot be read"):
@@ -317,4 +322,4 @@ def test_a_file_of_the_users_that_is_named_is_not_written_over(tmp_path):
         write_text(tmp_path / "mesh.ply", "second")
     assert (tmp_path / "scan.ply").read_text() == "mine"
     assert (tmp_path / "mesh.ply").read_text() == "second"
-    assert json.loads((tmp_path / "out" / ".rgbn" / "record.json").read_text())["format"] == 2
+    assert json.loads((tmp_path / "out" / ".rgbn" / "record.json").read_text())["format"] == 3
