@@ -197,3 +197,61 @@ def turned_pictures(taken: Taken) -> Taken:
         ambient=None if taken.ambient is None else np.rot90(taken.ambient), object_mask=mask, normals=None, scan=None,
         middle_mm=None if taken.middle_mm is None else taken.middle_mm @ turn, pose=None,
     )  # fmt: skip
+
+
+def lamp_midway(taken: Taken) -> Taken:
+    """Switch a lamp on in the middle of the session: it lights like the second flash, with a third of its power."""
+    more = 0.33 * by_flash(taken)[1]
+    return changed(taken, lambda image: image + more, second_half(taken))
+
+
+def half_shadowed(taken: Taken) -> Taken:
+    """Let something stand before the flash of three frames: the object's left half is dark."""
+    middle = np.nonzero(taken.object_mask)[1].mean()
+    left = taken.object_mask & (np.arange(taken.object_mask.shape[1]) < middle)
+    share = 1 - 0.95 * cv2.GaussianBlur(left.astype(np.float32), (0, 0), 1.5)[..., None]
+    room = 0 if taken.ambient is None else taken.ambient
+    return changed(taken, lambda image: room + (image - room) * share, [1, 3, 5])
+
+
+def grown(growths: Callable[[int], NDArray]) -> Make:
+    """Return what enlarges each frame about its middle; `growths` gives the factors (F,) for F frames."""
+
+    def make(taken: Taken) -> Taken:
+        height, width = taken.object_mask.shape
+        images = []
+        for image, growth in zip(taken.images, growths(len(taken.images)), strict=True):
+            matrix = cv2.getRotationMatrix2D((width / 2 - 0.5, height / 2 - 0.5), 0.0, float(growth))
+            images.append(cv2.warpAffine(image, matrix, (width, height), flags=cv2.INTER_CUBIC,
+                                         borderMode=cv2.BORDER_REPLICATE))  # fmt: skip
+        return replace(taken, images=np.stack(images))
+
+    return make
+
+
+def creeping(taken: Taken) -> Taken:
+    """Let the first chrome ball creep to the right by 0.35 px a frame."""
+    cover = cv2.GaussianBlur(taken.region(taken.first("chrome"), grow_px=4).astype(np.float32), (0, 0), 1.5)[..., None]
+    images = [(1 - cover) * image + cover * shifted(image, 0.35 * f) for f, image in enumerate(taken.images)]
+    return replace(taken, images=np.stack(images))
+
+
+def window(taken: Taken) -> Taken:
+    """Let a window stand in all chrome balls, as bright as their highlights, and leave the ambient frame away."""
+    shine = np.zeros(taken.object_mask.shape, np.float32)
+    for place, ball in zip(taken.places, taken.balls, strict=True):
+        if ball["kind"] == "chrome":
+            u, v = place.center_px + np.array([0.25, -0.35]) * place.radius_px
+            half = 0.08 * place.radius_px
+            cv2.rectangle(shine, (round(u - half), round(v - half)), (round(u + half), round(v + half)), 1.0, -1)
+    most = float(taken.images.max())
+    shine = cv2.GaussianBlur(shine, (0, 0), 0.7)[..., None]
+    return replace(changed(taken, lambda image: np.maximum(image, most * shine), slice(None)), ambient=None)
+
+
+def bounced(taken: Taken) -> Taken:
+    """Let a wall give back a fifth of each flash's light, from where the second flash is."""
+    flashes = by_flash(taken)
+    powers = flashes.mean((1, 2, 3))
+    more = 0.2 * powers[:, None, None, None] / powers[1] * flashes[1]
+    return replace(taken, images=taken.images + more)

@@ -148,7 +148,7 @@ def _verdict(row: FaultRow, base: FaultRow) -> Verdict:
     said += [row.refused] if row.refused and not row.crashed else []
     words = MISTAKES[row.mistake].words
     named = any(all(re.search(word, text, re.IGNORECASE) for word in words.split(" & ")) for text in said)
-    errors = [(getattr(one, name) for one in (row, base)) for name in ("lights_deg", "normals_deg", "turn_deg")]
+    errors = [(getattr(row, name), getattr(base, name)) for name in ("lights_deg", "normals_deg", "turn_deg")]
     harm = max((mine - (own or 0.0) for mine, own in errors if mine is not None), default=0.0)
     return Verdict(row, harm, bool(said), bool(words) and named, not base.refused)
 

@@ -190,11 +190,13 @@ def solve(job: Job) -> Outcome:
 def solve_all(job: Job, store: Store, label: str, methods: Sequence[str]) -> tuple[dict, list[str]]:
     """Run methods on a store's frames, and save what each finds there."""
     from solve.frame_intensities import corrected
+    from solve.frames_at_odds import at_odds
     from solve.given_normals import solve_external
     from solve.solve import solve as run
 
     frames, camera, mask = store.load_frames(), job.store.load_camera(), job.store.load_mask()
     lights, warnings = corrected(frames, job.store.load_lights(), camera, mask)
+    warnings += at_odds(frames, lights, camera, mask)
     table = {}
     megapixels = int(mask.sum()) / 1e6
     for method in methods:

@@ -215,7 +215,7 @@ class Record:
                     break
                 with suppress(OSError):
                     parent.rmdir()
-        names = [name for path in paths if (name := self.name_of(path)) in self._files]
+        names = {self.name_of(path) for path in paths} & set(self._files)
         for name in names:
             del self._files[name]
             self._seen.pop(name, None)
@@ -273,9 +273,7 @@ class Record:
                 raise ValueError(f"format {data['format']}, expected {FORMAT}")
             if data.pop("digest") != _digest_of(data):
                 raise ValueError("its content is not what rgbn wrote")
-            self.notes, self.done = data["notes"], data["done"]
-            self._files = {name: (of, digests) for name, (of, digests) in data["files"].items()}
-            self._seen = {name: (look, digest) for name, (look, digest) in data["seen"].items()}
+            self.notes, self.done, self._files, self._seen = (data[name] for name in ("notes", "done", "files", "seen"))
 
     def save(self) -> None:
         """Replace the record on disk; raise SceneError where the disk is full, or the file cannot be written."""
@@ -283,8 +281,8 @@ class Record:
         with self._guard:
             # Other threads may see files meanwhile.
             seen = {name: known for name, known in self._seen.copy().items() if is_settled(known[0])}
-            data = {"format": FORMAT, "made_by": libraries()["rgbn"], "notes": self.notes, "done": self.done,
-                    "files": self._files, "seen": seen}  # fmt: skip
+            data = {"format": FORMAT, "made_by": libraries()["rgbn"], "notes": self.notes, "done": self.done}
+            data |= {"files": self._files, "seen": seen}
             try:
                 path.with_suffix(".new").write_text(json.dumps({**data, "digest": _digest_of(data)}))
                 os.replace(path.with_suffix(".new"), path)
@@ -297,5 +295,5 @@ class Record:
 
 
 def _digest_of(data: dict[str, Any]) -> str:
-    """Return what tells a record that rgbn wrote from one that was damaged or edited; raise ValueError over a NaN."""
+    """Return what tells a record that rgbn wrote from a damaged one; raise ValueError over a NaN."""
     return hashlib.sha256(json.dumps(data, allow_nan=False).encode()).hexdigest()

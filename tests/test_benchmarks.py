@@ -3,13 +3,14 @@
 import csv
 import json
 import re
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 from benchmarks import harness
+from benchmarks.faults import FaultRow, _judged
 from benchmarks.harness import run, tables, write
 
 LONG = {
@@ -71,3 +72,11 @@ def test_a_table_is_measured_shown_and_read_again(table, tmp_path, monkeypatch):
     assert all(np.isfinite(value) for value in known["figures"].values()), known["figures"]
     for name in table.draw(rows) if table.draw else ():
         assert ElementTree.parse(tmp_path / name).getroot().tag.endswith("svg")
+
+
+def test_harm_is_the_greatest_error_beyond_the_sound_session_s_own():
+    sound = FaultRow("nothing wrong", "bunny", True, 0.2, 1.5, 0.1, 0.0, "", False, ())
+    for name, off in (("lights_deg", 5.2), ("normals_deg", 6.5), ("turn_deg", 5.1)):
+        (_, one) = _judged([sound, replace(sound, mistake="one frame twice", **{name: off})])
+        assert one.harm_deg == pytest.approx(5.0)
+        assert one.silent_harm

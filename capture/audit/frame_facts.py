@@ -97,26 +97,18 @@ def _clipped(codes: NDArray, white: float) -> tuple[float, float]:
 def sensor_ceiling(facts: list[FrameFacts]) -> float | None:
     """Return the linear value below white at which the sensor clips all the same, or None.
 
-    White levels in headers are guesses at times, and 12-bit values lie in 16-bit files. A ceiling shows as a pile
-    at the top of the histogram, at the same value in several frames; and it is believed only where one may be:
-    above 0.8 of white, or at the end of 8 to 15 bits.
+    White levels in headers are guesses at times, 12-bit values lie in 16-bit files, and a converter may cut off
+    anywhere. A ceiling shows as a pile at the top of the histogram, at the same value in several frames: what is lit
+    by another flash has another highest value in each.
     """
-    tops = []
-    for fact in facts:
-        for counts in fact.histogram:
-            top = pile_at_top(counts)
-            if top is not None and top >= 36 + PEDESTAL // BIN // 2:
-                tops.append(top)
-    if not tops:
+    tops = [pile_at_top(counts) for fact in facts for counts in fact.histogram]
+    piles = [top for top in tops if top is not None and top >= 36 + PEDESTAL // BIN // 2]
+    if not piles:
         return None
-    top = int(np.median(tops))
-    agreeing = sum(abs(other - top) <= 1 for other in tops)
+    top = int(np.median(piles))
+    agreeing = sum(abs(other - top) <= 1 for other in piles)
     level = ((top + 1) * BIN - PEDESTAL) / (WHITE - PEDESTAL)
-    ends_of_bits = [(2**bits - 1) / 65535 for bits in range(8, 16)]
-    plausible = level > 0.8 or any(abs(level - end) < 1.5 * BIN / (WHITE - PEDESTAL) for end in ends_of_bits)
-    if agreeing < max(2, len(tops) / 2) or not plausible or level >= SATURATION:
-        return None
-    return level
+    return level if agreeing >= max(2, len(piles) / 2) and level < SATURATION else None
 
 
 def one_clip_level(facts: list[FrameFacts]) -> tuple[list[FrameFacts], float]:
