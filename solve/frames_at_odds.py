@@ -19,8 +19,8 @@ PIXELS = 1_000
 ROUNDS = 10
 FLOOR = 0.01
 """Of the pixel's albedo: residuals count as no smaller."""
-FEWEST, SWITCHED_FEWEST = 6, 8
-"""Frames of which something can be said, and of which a lamp that was switched can: it takes two unknowns more."""
+FEWEST, SWITCHED_FEWEST = 6, 10
+"""Frames of which something can be said, and of which a lamp that was switched can: it takes three unknowns more."""
 FACING = 0.3
 """Cosine to the light from which a surface cannot be dark by its own turn."""
 DARK, BRIGHT, LARGE = 0.4, 0.4, 0.3
@@ -29,9 +29,9 @@ share of the surface from which that is said. Objects of sound captures shade up
 gloss on up to 0.05."""
 LIT = 0.1
 """Share of a pixel's 90th percentile under which a sample may be a shadow: no term explains it."""
-SWITCHED, ALIKE = 0.05, 0.85
+SWITCHED, ALIKE = 0.12, 0.8
 """Light that came, as a share of the flash (median), from which it is said, and share of the surface that shows it with
-one sign. Sound captures have up to 0.015 and 0.67; a lamp of a third of the flash 0.17 and 0.94."""
+one sign. Sound captures have up to 0.07 and 0.7; a lamp of a third of the flash 0.15 to 0.24 and 0.82 to 0.94."""
 
 
 def at_odds(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]) -> list[str]:
@@ -44,9 +44,9 @@ def at_odds(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.boo
     b = argmin sum_f |m_f - l_f . b| at a thousand pixels, l_f the light, m_f the sample divided by its intensity
     [Ikehata2012]. A frame is in shadow where samples are far below l_f . b over a large part of what faces its light;
     another light shone in it where they are far above, whichever way the surface faces. A lamp that was switched on
-    before frame k adds an a of its own to each pixel from there on: m_f = l_f . b + c + a [f >= k], of one sign nearly
-    everywhere. c is what all frames share, and a fit without it would count into a. Of all k the one is taken that
-    leaves the least share of the residuals.
+    before frame k adds an a of its own to each pixel from there on: m_f = l_f . b + c + (a + d l_f . b) [f >= k]; a is
+    of one sign nearly everywhere. c is what all frames share, d an error that the lamp made in the intensities: without
+    them both would count into a. Of all k the one is taken that leaves the least share of the residuals.
     """
     if len(lights) < FEWEST or not mask.any() or not np.isfinite(lights.directions).all():
         return []
@@ -108,13 +108,14 @@ def _switched(names: tuple[str, ...], value: Array, valid: NDArray[np.bool_], to
         return []
     value, toward, lit = value[seen], toward[seen], lit[seen]
     steady = np.concatenate([toward, np.ones((*lit.shape, 1))], -1)
-    before, best, step = _fitted(value, lit, steady)[1], 1.0, (0, 0.0)
-    for first in range(2, len(names) - 1):
+    shaded, before = _fitted(value, lit, steady)
+    expected, best, step = (toward @ shaded[:, :3, None])[..., 0], 1.0, (0, 0.0)
+    for first in range(3, len(names) - 2):
         after = np.broadcast_to(np.arange(len(names)) >= first, lit.shape)
-        known = ((lit & after).sum(1) > 1) & ((lit & ~after).sum(1) > 1)
+        known = ((lit & after).sum(1) > 2) & ((lit & ~after).sum(1) > 2)
         if known.mean() < LARGE:
             continue
-        terms = np.append(steady, after[..., None].astype(np.float64), -1)
+        terms = np.concatenate([steady, np.stack([after * expected, after], -1)], -1)
         found, left = _fitted(value[known], lit[known], terms[known])
         share, more = float(np.sum(np.abs(left * lit[known])) / np.sum(np.abs(before * lit)[known])), found[:, -1]
         middle = float(np.median(more))
