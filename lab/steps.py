@@ -10,7 +10,7 @@ from lab.progress import alive, progress_bar
 from lab.registration import frame_files, median_or_none, register_scan
 from scene.camera import Camera
 from scene.errors import AlignError, CalibrationError, SceneError, SessionError
-from scene.files import move, write_json
+from scene.files import move, write_json, write_npy
 from scene.frames import Frames
 from scene.lights import Lights, check_count
 from scene.spheres import Sphere
@@ -245,10 +245,14 @@ def trust(job: Job) -> Outcome:
         found = judge(frames, lights, camera, mask, answers, profile=job.profile)
     except SceneError as error:
         return Outcome({}, [str(error)])
+    write_npy(store.path("sigma", "recommended.npy"), found.sigma_deg)
+    known = found.sigma_deg[np.isfinite(found.sigma_deg)]
+    median, most = np.quantile(known, [0.5, 0.9]).tolist() if len(known) else (None, None)
     result = {
         "recommended": found.recommended,
         "level": found.level,
         "relative_rmse": found.relative_rmse,
+        "sigma_deg": {"median": median, "q90": most},
         "doubts": found.doubts,
         "methods": {name: row._asdict() for name, row in found.methods.items()},
     }

@@ -25,6 +25,8 @@ PIXELS = 4_000
 """That are solved and judged, about."""
 FOLDS, FEWEST = 3, 6
 """Every third frame in turn is predicted from the others; of fewer frames these would be three, which fit anything."""
+NEAREST = 3
+"""Other methods whose distance counts as doubt."""
 DARK = 0.02
 """Share of the stack's 99th percentile under which a sample is not lit."""
 LARGEST = 0.3
@@ -54,6 +56,8 @@ class Trust:
         Those that predict some third of the frames better than the recommended one does.
     relative_rmse : float
         By how much lit samples differ from those that its normals by all frames predict, of their root mean square.
+    sigma_deg : (H, W) float32
+        What the recommended normals may be wrong by, degrees, as the nearest judged pixel has it; NaN off the object.
     doubts : tuple of str
         Why the order should not be believed.
     """
@@ -61,6 +65,7 @@ class Trust:
     methods: Mapping[str, Judged]
     level: tuple[str, ...]
     relative_rmse: float
+    sigma_deg: NDArray[np.float32]
     doubts: tuple[str, ...]
 
     @property
@@ -94,6 +99,11 @@ def trust(
     samples that are lit, or that the normals say are. How far the others' normals are from the recommended ones orders
     them better than what they leave unexplained, which a bent reflectance may take up.
 
+    A pixel's sigma is what moves its normal: leaving out a third of the frames, and taking another method. With d_k
+    the angle to the normal without the k-th third, and a the median angle to the three methods that come nearest as
+    a whole, sigma^2 = (2/3) sum d_k^2 + a^2: of thirds left out in turn, the jackknife's variance [Efron1993] is 2/3 of
+    the squares' sum.
+
     Do not believe it where all that is wrong is wrong alike in every answer and fits the photographs: lights that are
     turned together, above all.
     """
@@ -107,14 +117,16 @@ def trust(
     photographs = _Photographs(given)
     left_out = [np.arange(len(frames)) % FOLDS == fold for fold in range(FOLDS)]
     folds = np.zeros((len(names), FOLDS))
+    by_folds: dict[str, list[NDArray]] = {name: [] for name in names}
     for fold, out in enumerate(left_out):
         seen = replace(given, frames=given.frames.only(~out), lights=given.lights.only(~out))
         for which, name in enumerate(names):
-            folds[which, fold], _ = photographs.judge(_normals(name, seen, profile), out)
+            by_folds[name].append(_normals(name, seen, profile))
+            folds[which, fold], _ = photographs.judge(by_folds[name][-1], out)
     best = int(folds.mean(1).argmin())
     answer = answers[names[best]][::step, ::step][given.mask]
-    squares = sum(photographs.judge(answer, out)[1] for out in left_out)
-    rmse = min(float(np.sqrt(squares / photographs.square)), 1.0)
+    left = sum(photographs.judge(answer, out)[1] for out in left_out)
+    rmse = min(float(np.sqrt(left / photographs.square)), 1.0)
     level = tuple(name for name, of_name in zip(names, folds, strict=True) if (of_name < folds[best]).any())
     doubts = ()
     if rmse > LIMIT:
@@ -125,7 +137,15 @@ def trust(
     apart = {name: _apart_deg(normals[mask], answers[names[best]][mask]) for name, normals in answers.items()}
     told = dict(zip(names, folds.mean(1).tolist(), strict=True))
     order = sorted(answers, key=lambda name: (name != names[best], apart[name]))
-    return Trust({name: Judged(told.get(name), apart[name]) for name in order}, level, rmse, doubts)
+    square = 2 / 3 * sum(angular_error_deg(normals, answer) ** 2 for normals in by_folds[names[best]])
+    nearest = [answers[name][::step, ::step][given.mask] for name in order[1 : 1 + NEAREST]]
+    if nearest:
+        square += np.median([angular_error_deg(normals, answer) for normals in nearest], axis=0) ** 2
+    sigma = np.full(given.mask.shape, np.nan, np.float32)
+    sigma[given.mask] = np.sqrt(square)
+    every = sigma.repeat(step, 0).repeat(step, 1)[: mask.shape[0], : mask.shape[1]]
+    judged = {name: Judged(told.get(name), apart[name]) for name in order}
+    return Trust(judged, level, rmse, np.where(mask, every, np.float32(np.nan)), doubts)
 
 
 def _apart_deg(normals: NDArray, others: NDArray) -> float:

@@ -210,9 +210,11 @@ def ranking(summary: Summary) -> list[Summary]:
 
 
 def trust_sentence(found: Summary) -> str:
-    """Return which method to take, which not to use, and why not to believe that."""
+    """Return which method to take, its sigma, which not to use, and why not to believe that."""
     methods, recommended, level = found["methods"], found["recommended"], found["level"]
-    text = recommended
+    text, sigma = recommended, found["sigma_deg"]
+    if sigma["median"] is not None:
+        text += f" (sigma {sigma['median']:.1f}° in the median, {sigma['q90']:.1f}° at one pixel of ten)"
     if level:
         text += f"; {', '.join(level)} {'is' if len(level) == 1 else 'are'} level with it"
     least = max(methods[recommended]["unexplained"], 1e-9)

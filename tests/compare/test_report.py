@@ -145,7 +145,13 @@ def test_hostile_names_of_frames_methods_and_settings_stay_text(session, tmp_pat
     summary["twin"] |= {"engine": evil, "reason": evil, "material": {"sentence": evil}}
     summary["compare"]["methods"][evil] = copy.deepcopy(summary["compare"]["methods"]["ls"])
     rows = {evil: {"unexplained": 0.02, "apart_deg": 0.0}}
-    summary["trust"] = {"methods": rows, "recommended": evil, "level": [evil], "doubts": [evil]}
+    summary["trust"] = {
+        "methods": rows,
+        "recommended": evil,
+        "level": [evil],
+        "doubts": [evil],
+        "sigma_deg": {"median": None, "q90": None},
+    }
     page = Page(write_report(store, summary))
     assert_self_contained(page)
     assert "<script>evil" not in page.source
@@ -383,7 +389,14 @@ def test_without_a_truth_the_page_begins_with_the_method_that_the_photographs_re
     summary = copy.deepcopy(session.summary)
     store = Store(shutil.copytree(session.store.folder, tmp_path / "out"))
     rows = {name: {"unexplained": 0.02, "apart_deg": 0.0} for name in ("ls", "iterative")}
-    summary["trust"] = {"methods": rows, "recommended": "ls", "level": [], "relative_rmse": 0.03, "doubts": []}
+    summary["trust"] = {
+        "methods": rows,
+        "recommended": "ls",
+        "level": [],
+        "relative_rmse": 0.03,
+        "sigma_deg": {"median": 1.5, "q90": 4.2},
+        "doubts": [],
+    }
     for has_truth, shown in ((False, "ls"), (True, "iterative")):
         summary["compare"]["has_truth"] = has_truth
         first = Page(write_report(store, summary)).texts["verdict"]

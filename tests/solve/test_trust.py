@@ -47,6 +47,11 @@ def test_the_method_that_errs_least_is_recommended_and_the_others_follow(dome, a
     assert judged.methods["Flat"].unexplained is None
     assert judged.relative_rmse < LIMIT
     assert not judged.doubts
+    error = angular_error_deg(answers["iterative"], normals)[mask]
+    assert np.mean(error < 2 * judged.sigma_deg[mask]) > 0.9
+    farther = angular_error_deg(answers["hsh"], answers["iterative"])[mask]
+    assert np.median(judged.sigma_deg[mask]) < 1.5 * np.median(farther), "not by being large"
+    assert np.isnan(judged.sigma_deg[~mask]).all()
 
 
 @pytest.mark.full
