@@ -110,6 +110,21 @@ def test_overexposure_is_told_from_highlights(warnings_of, scene_pictures):
     assert warning.startswith("flash_006: overexposed")
 
 
+@pytest.mark.parametrize("ceiling", [0.35, 0.6])
+def test_a_ceiling_anywhere_below_white_is_told_and_what_it_cut_counts_as_clipped(
+    picture_session, scene_pictures, tmp_path, ceiling
+):
+    """A converter cut at 0.4 of white: the white ball was called glossy, and normals were 1.8 degrees worse."""
+    images = scene_pictures()
+    images *= 1.2 * ceiling / np.quantile(images, 0.97)
+    frames, report = decode(load_session(picture_session(np.minimum(images, ceiling))), Store(tmp_path / "out"))
+    assert [text for text in report.warnings if f"pixels pile up at {ceiling:.2f}" in text]
+    cut = (images > 1.02 * ceiling).any(-1)
+    assert cut.mean() > 0.01
+    assert frames.saturated()[cut].all()
+    assert not frames.saturated()[(images < 0.9 * ceiling).all(-1)].any()
+
+
 @pytest.mark.parametrize("shift", [(1.5, 0.0), (-1.2, 2.0), (0.0, -7.0), (60.0, 35.0)])
 def test_a_moved_camera_is_named(warnings_of, scene_pictures, shift):
     """In full-size pixels and with the right sign: the picture's content moves right and down."""
