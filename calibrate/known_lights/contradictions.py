@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.known_lights.read_known import lacks_intensities
-from calibrate.without_balls.from_object import CANDIDATES, LIT, varied
-from calibrate.without_balls.probe import read_probe
+from calibrate.without_balls.probe import CANDIDATES, read_probe, varied
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -114,11 +113,11 @@ def wrong_order(frames: Frames, camera: Camera, lights: Lights, region: NDArray[
         return lights.toward(camera.points_at_depth(pixels, depth) if depth < 0 else np.zeros((len(pixels), 3)))
 
     # A table is one normal, and fits any order: pixels that face many ways decide.
-    probe = probe.take(varied(probe, toward_of(probe.pixels)))
+    probe = varied(probe, toward_of(probe.pixels))
     if len(probe.pixels) < FEWEST_PIXELS:
         return None
     values = probe.values.mean(-1, dtype=np.float64).T
-    lit = ~probe.clipped.T & (values > LIT * np.quantile(values, 0.9, axis=1, keepdims=True))
+    lit = probe.lit.T
     values = values * lit
     toward = np.moveaxis(toward_of(probe.pixels) * lights.intensities.mean(1)[:, None, None], 0, 1)
     # The strengths that the file does not have are read from the photographs, in each order anew.

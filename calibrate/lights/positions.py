@@ -67,6 +67,11 @@ class LightFit:
         return float(np.sqrt(self.chi2 / self.freedom))
 
     @property
+    def miss(self) -> float:
+        """The misfit, or that of the worst outline: one wrong outline among many good highlights hides in the mean."""
+        return max(self.misfit, float(np.sqrt(self.outline_chi2.max() / 3)))
+
+    @property
     def distance_mm(self) -> Array:
         """(F,) of near lights from the reference point."""
         assert self.positions_mm is not None
