@@ -26,48 +26,35 @@ class Explained(NamedTuple):
     residual: Values  # (F, BINS, M) in noises
     weight: Values  # (F, BINS, M)
     noise: Values  # (F, 1, 1)
-    cost: Values  # (F, BINS, M) Cauchy's function of the residuals; 0 where nothing is known
 
     @property
     def hopeful(self) -> bool:
         return self.share > HOPELESS and REFLECTS[0] < self.mirror < REFLECTS[1]
 
-    def fallen(self, before: "Explained") -> float:
-        """Return by how much the cost fell, relative, of what is still known."""
-        return float(1 - self.cost.sum() / max(float(before.cost[self.weight > 0].sum()), 1e-12))
 
-
-def explain(
-    profiles: Values, shown: Shown, grazing: Array, offsets: Array, blur_px: float,
-    noise: Values | None = None, seen: NDArray[np.bool_] | None = None,
-) -> Explained | None:  # fmt: skip
+def explain(profiles: Values, shown: Shown, grazing: Array, offsets: Array, blur_px: float) -> Explained | None:
     """Fit d, e of each profile and the common reflectance, robustly; None where too little is seen.
 
-    grazing: g of the law at the cosines where the mirror is looked at; noise (F, 1, 1): by the residuals if None;
-    seen (F, BINS, M): what else is left out.
+    grazing: g of the law at the cosines where the mirror is looked at.
     """
-    is_known = noise is not None
     basis = outside(offsets, blur_px)
     mirrored, given = (shown.blurred(offsets, blur_px, part) for part in (1 - grazing, grazing))
-    known = (np.isfinite(profiles) & np.isfinite(mirrored) & (True if seen is None else seen)).astype(np.float32)
+    known = (np.isfinite(profiles) & np.isfinite(mirrored)).astype(np.float32)
     if np.mean(known.sum(-1) > 8) < LEAST_SEEN:
         return None
     profiles, mirrored, given = map(np.nan_to_num, (profiles, mirrored, given))
-    weight, mirror = known, 0.0
-    noise = np.ones((len(known), 1, 1), np.float32) if noise is None else noise
+    weight, noise = known, np.ones((len(known), 1, 1), np.float32)
     for _ in range(3):
         whole, y, x = (without(values, basis, weight) for values in (profiles, profiles - given, mirrored))
         scale = weight / noise**2
         mirror = float((scale * x * y).sum() / max(float((scale * x * x).sum()), 1e-12))
         residual = y - np.float32(mirror) * x
-        if not is_known:
-            level = [np.median(np.abs(r[k])) if k.any() else 0.0 for r, k in zip(residual, known > 0, strict=True)]
-            noise = (MAD * np.array(level) + 1e-5).astype(np.float32)[:, None, None]
+        level = [np.median(np.abs(r[k])) if k.any() else 0.0 for r, k in zip(residual, known > 0, strict=True)]
+        noise = (MAD * np.array(level) + 1e-5).astype(np.float32)[:, None, None]
         residual = residual / noise
         weight = known / (1 + (residual / CAUCHY) ** 2)
     left, total = (weight * residual**2).sum(), (weight * (whole / noise) ** 2).sum()
-    cost = known * np.log1p((residual / CAUCHY) ** 2)
-    return Explained(float(1 - left / max(float(total), 1e-12)), mirror, residual, weight, noise, cost)
+    return Explained(float(1 - left / max(float(total), 1e-12)), mirror, residual, weight, noise)
 
 
 def outside(offsets: Array, blur_px: float) -> Values:

@@ -36,15 +36,14 @@ TILTS, AZIMUTHS = np.tan(np.deg2rad([30, 55])), np.deg2rad(np.arange(0, 360, 60)
 HEIGHTS, SURE = (1.0, 1.6), 0.985
 """Radii from the ball's centre to the planes that are tried, at these tilts, until one explains so much."""
 LOWEST = 0.85  # a plane nearer than this, in radii, would cut the ball (a ring lets it in a little)
-TURNS, ROUGH_TURNS, LEAST_TURNS, LAST_TURNS = 40, 8, 2, 8
+TURNS, ROUGH_TURNS = 30, 8
+DAMPED, DAMPED_FROM = 0.5, 10
 USUAL = 0.6  # the same of chromium, before it is known
-AT_REST, ROUGH_PX, FINE_PX = 1e-3, 0.1, 0.005
-"""Relative fall of the sum, step of a rough fit, and one at last, from which on no more is taken."""
+ROUGH_PX, FINE_PX = 0.1, 0.005  # step of a rough fit, and of one to the end, from which on no more is taken
 BLUR_DOUBT = 0.5  # relative, of the blur that edges alone suggest
 FARTHEST = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2, 0.1])  # a step's (u, v, radius) px, plane, and blur in blurs
 SINGULAR = 1e10
 ANEW = 0.2  # relative change of the blur from which on the profiles are sampled anew
-FIRST_DAMPING, MOST_DAMPING = 1e-2, 1e1  # of a step that does not lead down
 OUTLINE, PLANE, BLUR = slice(0, 3), slice(3, 6), 6
 """Places of the unknowns; the eighth is the reflectance, which is solved for in `explain`."""
 
@@ -136,83 +135,45 @@ def _rough_plane(
 def _settle(
     table: Surroundings, start: tuple[Sphere, Array, float], known: TablePlane, law: Law, *, rough: bool
 ) -> MirroredTable | None:
-    """Move outline, plane (3,) and blur until what the mirror shows is what the picture shows beside it."""
+    """Move outline, plane (3,) and blur until what the mirror shows is what the picture shows beside it.
+
+    Gauss-Newton by the model's own slopes, which have no noise, under Cauchy's weights that are read anew each turn.
+    """
     sphere, plane, blur_px = start
-    blur, damping, mirror = blur_px, 0.0, USUAL
-    at = samples(sphere.radius_px, blur_px)
-    kept: _Turn | None = None
-    noise: Values | None = None
-    seen: NDArray[np.bool_] | None = None
-    is_last = False
+    blur, mirror, at, found = blur_px, USUAL, samples(sphere.radius_px, blur_px), None
     prior = np.zeros(8)
     prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / known.sigma**2
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
     for turn in range(ROUGH_TURNS if rough else TURNS):
         if abs(np.log(blur / at.blur_px)) > ANEW:
-            # Other samples, another sum: what it was before does not count.
-            at, kept, seen = samples(sphere.radius_px, blur), None, None
+            at = samples(sphere.radius_px, blur)
         profiles, jacobian = table.profiles(sphere, at)
         shown = table.mirrored_by(sphere, plane, at)
-        explained = explain(profiles, shown, law(at.middle, mirror), at.offsets, blur, noise, seen)
-        fallen = explained.fallen(kept.explained) if explained and kept and seen is not None else np.inf
-        if explained and explained.hopeful and (fallen >= 0 or is_last):
-            slopes, steeper = _slopes(
-                _Seen(profiles, at, jacobian, shown, table.slopes(sphere, plane, at)), blur, law, explained
-            )
-            pull = explained.weight * explained.residual
-            scores = np.einsum("pfnm,fnm->pn", slopes, pull).astype(np.float64)
-            if not is_last:
-                # Downhill in what the photographs show. At last by the model's own slopes, which have no noise: the sum
-                # is least where interpolation smooths the noise most.
-                scores[OUTLINE] -= jacobian.T * np.sum(pull * steeper, (0, 2))
-            rows = slopes.reshape(8, -1).astype(np.float64)
-            normal = (rows * explained.weight.reshape(-1)) @ rows.T + np.diag(prior)
-            size = np.sqrt(np.diag(normal))
-            if not (size > 0).all() or np.linalg.cond(normal / np.outer(size, size)) > SINGULAR:
-                return None
-            before = np.concatenate([np.zeros(3), plane - known.values, [blur - blur_px, 0.0]])
-            gradient = scores.sum(1) - prior * before
-            kept, damping = _Turn(explained, (sphere, plane, blur), normal, scores, gradient), damping / 10
-            if turn >= LEAST_TURNS and not (rough or is_last):
-                # From here on one sum falls: there would be none with noise estimated in each turn, and what comes
-                # into view would be a rise.
-                noise, seen = explained.noise, explained.weight > 0
-            is_at_rest = fallen < AT_REST
-        elif kept is None:
+        explained = explain(profiles, shown, law(at.middle, mirror), at.offsets, blur)
+        if explained is None or not explained.hopeful:
+            return found
+        moves = table.slopes(sphere, plane, at)
+        slopes = _slopes(_Seen(profiles, at, jacobian, shown, moves), blur, law, explained)
+        scores = np.einsum("pfnm,fnm->pn", slopes, explained.weight * explained.residual).astype(np.float64)
+        rows = slopes.reshape(8, -1).astype(np.float64)
+        normal = (rows * explained.weight.reshape(-1)) @ rows.T + np.diag(prior)
+        size = np.sqrt(np.diag(normal))
+        if not (size > 0).all() or np.linalg.cond(normal / np.outer(size, size)) > SINGULAR:
             return None
-        elif is_last:
-            break
-        else:
-            is_at_rest, damping = damping > MOST_DAMPING, max(10 * damping, FIRST_DAMPING)
-        sphere, plane, blur = kept.at
-        if is_at_rest or turn == TURNS - LAST_TURNS:
-            kept, noise, seen, damping, is_last = None, None, None, 0.0, True
-            continue
-        mirror = min(max(kept.explained.mirror, REFLECTS[0]), REFLECTS[1])
-        step = np.linalg.solve(kept.normal + damping * np.diag(np.diag(kept.normal)), kept.gradient)
-        step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12))))
-        if (rough or is_last) and np.abs(step[OUTLINE]).max() < (ROUGH_PX if rough else FINE_PX):
+        sums, inverse = cluster_sums(scores.T, SECTOR), np.linalg.inv(normal)
+        covariance = inverse @ (sums.T @ sums + np.diag(prior)) @ inverse
+        seen = TablePlane(plane, np.sqrt(np.diag(covariance)[PLANE]))
+        found = MirroredTable(sphere, covariance[OUTLINE, OUTLINE], seen, blur, explained.mirror, explained.share)
+        mirror = min(max(explained.mirror, REFLECTS[0]), REFLECTS[1])
+        before = np.concatenate([np.zeros(3), plane - known.values, [blur - blur_px, 0.0]])
+        step = inverse @ (scores.sum(1) - prior * before)
+        step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12)))) * (DAMPED if turn > DAMPED_FROM else 1)
+        if np.abs(step[OUTLINE]).max() < (ROUGH_PX if rough else FINE_PX):
             break
         sphere, plane = moved(sphere, np.asarray(step[OUTLINE], np.float64)), plane + step[PLANE]
         plane[2] = max(plane[2], LOWEST)
         blur = float(max(blur + step[BLUR], SHARPEST_PX))
-    if kept is None:
-        return None
-    sums, inverse = cluster_sums(kept.scores.T, SECTOR), np.linalg.inv(kept.normal)
-    covariance = inverse @ (sums.T @ sums + np.diag(prior)) @ inverse
-    (sphere, plane, blur), best = kept.at, kept.explained
-    found = TablePlane(plane, np.sqrt(np.diag(covariance)[PLANE]))
-    return MirroredTable(sphere, covariance[OUTLINE, OUTLINE], found, blur, best.mirror, best.share)
-
-
-class _Turn(NamedTuple):
-    """Where the fit stood in its last good turn."""
-
-    explained: Explained
-    at: tuple[Sphere, Array, float]  # outline, plane, blur
-    normal: Array  # (8, 8)
-    scores: Array  # (8, BINS)
-    gradient: Array  # (8,)
+    return found
 
 
 class _Seen(NamedTuple):
@@ -225,10 +186,8 @@ class _Seen(NamedTuple):
     moves: Values  # (6, F, BINS, K)
 
 
-def _slopes(seen: _Seen, blur: float, law: Law, explained: Explained) -> tuple[Values, Values]:
-    """Return (8, F, BINS, M), the model's derivatives, in noises, free of d and e; and how much steeper the profiles
-    (F, BINS, M) are than the model, by the offset.
-    """
+def _slopes(seen: _Seen, blur: float, law: Law, explained: Explained) -> Values:
+    """Return (8, F, BINS, M), the model's derivatives, in noises, free of d and e."""
     shown, offsets, k = seen.shown, seen.at.offsets, explained.mirror
     grazing = law(seen.at.middle, k)
     reflects = k + (1 - k) * grazing
@@ -246,7 +205,5 @@ def _slopes(seen: _Seen, blur: float, law: Law, explained: Explained) -> tuple[V
     by_outline = [by_shift * seen.jacobian[:, j, None].astype(np.float32) + looked_up[j] for j in range(3)]
     by_outline[2] += by_size
     by_facing = shown.blurred(offsets, blur, 1 - grazing)
-    steeper = np.gradient(seen.profiles, offsets, axis=-1) + by_shift
-    slopes = np.nan_to_num(np.stack([*by_outline, *looked_up[3:], by_blur, by_facing, steeper]))
-    slopes = without(slopes, basis, explained.weight) / explained.noise
-    return slopes[:8], slopes[8]
+    slopes = np.nan_to_num(np.stack([*by_outline, *looked_up[3:], by_blur, by_facing]))
+    return without(slopes, basis, explained.weight) / explained.noise

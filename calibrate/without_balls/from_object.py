@@ -161,9 +161,7 @@ def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> Ob
 
     used, energy, scale = believable, np.ones(len(toward)), np.inf
     for turn in range(ROUNDS):
-        relative, _, contrast = solved(light, used, energy)
-        if not contrast > CONTRAST:
-            return None
+        relative, _, _ = solved(light, used, energy)
         energy = relative.mean(1)
         scaled = values.mean(-1) / energy
         b = Eliminated.of(light, used.astype(np.float64), scaled).b
@@ -182,7 +180,9 @@ def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> Ob
             slant = facing @ unit(facing.mean(0))
             order = np.lexsort([turned(facing), slant > np.median(slant)])
             values, light, believable, used = values[order], light[order], believable[order], used[order]
-    relative, said, _ = solved(light, used, energy)
+    relative, said, contrast = solved(light, used, energy)
+    if not contrast > CONTRAST:
+        return None
     some = (np.arange(GROUPS)[:, None] + np.arange(ARC)) % GROUPS
     arcs = [np.mean([solve_intensities(Evidence(e.misfit[k], e.noise[k])).relative for e in said], 0) for k in some]
     sigma = np.sqrt(np.mean((np.stack(arcs) - 1) ** 2, 0))
