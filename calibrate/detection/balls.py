@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from calibrate.detection.coarse import Coarse, Progress, shrink
 from calibrate.detection.detect import Found, Rejected, around_hint, detect
-from calibrate.detection.diameters import SAME_SCALE, Diameter, doubted_diameters, told_diameters
-from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline, with_blur
+from calibrate.detection.diameters import Diameter, doubted_diameters, told_diameters
+from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline
 from calibrate.silhouette.outline import difference, share_in_picture
 from scene.camera import Camera
 from scene.errors import CalibrationError
@@ -25,7 +25,6 @@ HINT_SCORE = 0.6  # share of its outline that a ball must show before it is move
 HINT_SURE = 0.9  # from which a matte ball's is taken, and of another's score that may still be as good
 GIVEN_SIGMA = 0.05
 """Share of its radius to which a circle given by hand is believed where no outline is found; a pixel at least."""
-RULED_OUT = 4.0  # sigmas of a radius by the other balls' diameters from which on a circle is none of its ball
 FORGOTTEN = 0.95  # probability from which a ball that nobody asked for is named
 WHOLE = 0.97  # share of its outline in the picture under which a ball is cut by the border
 LEAST_MASK_PX, MASK_ROUND = 200, 0.05  # pixels of a mask, and how far, in radii, its border may scatter about a ball's
@@ -86,44 +85,20 @@ def find_balls(
             found, refused = detect(own, camera, coarse, wanted=wanted, taken=tuple(fit.sphere for fit in fits))
             rejected += refused
             placed = [replace(fit.sphere, diameter_mm=d.mm) for fit, d in zip(fits, diameters, strict=True)]
-            matched = _match(found, open_, placed, refused, warnings)
-            sure = placed + [replace(one.sphere, diameter_mm=d.mm) for one, d in matched if not one.is_open]
-            for one, diameter in matched:
-                one = _by_diameters(own, camera, one, diameter, sure, search_px=coarse.search_px)
+            for one, diameter in _match(found, open_, placed, refused, warnings):
                 fits.append(one.fit)
                 diameters.append(diameter)
                 warnings += [one.warning] if one.warning else []
         listed = [replace(fit.sphere, diameter_mm=d.mm) for fit, d in zip(fits, diameters, strict=True) if d.mm]
         warnings += doubted_diameters(listed)
-        blurs = [fit.blur_px for fit in fits if fit.sphere.kind == "white" and np.isfinite(fit.blur_px)]
         for fit, diameter in zip(fits, diameters, strict=True):
-            one = with_blur(own, camera, fit, float(np.median(blurs))) if blurs else fit
             known = {"diameter_mm": diameter.mm, "diameter_sigma": diameter.sigma}
-            sphere = replace(one.sphere, **known, apart=own is not frames)
+            sphere = replace(fit.sphere, **known, apart=own is not frames)
             warnings += _cut(camera, sphere)
-            balls.append(Ball(sphere, one.covariance, own, coarse))
+            balls.append(Ball(sphere, fit.covariance, own, coarse))
     if not balls:
         raise NoProbeError(_nothing(requests, rejected))
     return balls, rejected, tuple(warnings)
-
-
-def _by_diameters(
-    frames: Frames, camera: Camera, found: Found, diameter: Diameter, sure: list[Sphere], *, search_px: float
-) -> Found:
-    """Return a mirror with that of two circles which its diameter asks for, beside balls whose outlines are sure."""
-    scales = [s.diameter_mm / s.radius_px for s in sure if s.diameter_mm]
-    if not found.is_open or not scales or not diameter.mm:
-        return found
-    usual = float(np.log(diameter.mm / np.median(scales)))
-
-    def agrees(sphere: Sphere) -> bool:
-        return abs(np.log(sphere.radius_px) - usual) < RULED_OUT * SAME_SCALE
-
-    rival = found.rival if found.rival and agrees(found.rival) else None
-    if agrees(found.sphere):
-        return replace(found, rival=rival, unexplained=False)
-    fit = fit_outline(frames, camera, rival, search_px=search_px) if rival else None
-    return Found(fit) if fit else found
 
 
 def _is_ball(one: Rejected) -> bool:

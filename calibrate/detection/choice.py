@@ -44,7 +44,6 @@ class Suspect:
     features: Array  # those of `FEATURES`
     rays: Rays
     glossy: bool = False  # it shows the light as a wandering point
-    others: Sequence[Sphere] = ()  # circles that stand about as still and may be its outline, the likeliest first
     table: MirroredTable | None = None  # that it mirrors
 
     @property

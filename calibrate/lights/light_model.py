@@ -129,8 +129,10 @@ def _suspects(seen: Observed) -> Iterator[_Suspect]:
         moved = float(np.abs(du_dv_more).max())
         larger, off = abs(np.log(found / (2 * sphere.radius_mm))), moved / sphere.radius_px
         text = f"chrome ball {i + 1} is {found:.1f} mm across, not {sphere.diameter_mm:g}"
-        yield _Suspect(one, larger, text) if larger > off else _Suspect(
-            one, off, f"chrome ball {i + 1}'s outline is {moved:.1f} px off"
+        yield (
+            _Suspect(one, larger, text)
+            if larger > off
+            else _Suspect(one, off, f"chrome ball {i + 1}'s outline is {moved:.1f} px off")
         )
     camera = seen.camera
     if not camera.focal_sigma:

@@ -24,8 +24,13 @@ class Explained(NamedTuple):
     share: float  # of the variance
     mirror: float  # the reflectance where it faces the camera
     residual: Values  # (F, BINS, M) in noises
-    weight: Values  # (F, BINS, M)
+    weight: Values  # (F, BINS, M) 0 where nothing is known
     noise: Values  # (F, 1, 1)
+
+    def cost(self, noise: Values) -> float:
+        """Return the mean of Cauchy's function of the residuals, in noises."""
+        ratio = (self.noise / noise / CAUCHY) ** 2
+        return float(np.log1p(ratio * self.residual**2)[self.weight > 0].mean())
 
     @property
     def hopeful(self) -> bool:

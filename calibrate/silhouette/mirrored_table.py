@@ -37,7 +37,8 @@ HEIGHTS, SURE = (1.0, 1.6), 0.985
 """Radii from the ball's centre to the planes that are tried, at these tilts, until one explains so much."""
 LOWEST = 0.85  # a plane nearer than this, in radii, would cut the ball (a ring lets it in a little)
 TURNS, ROUGH_TURNS = 30, 8
-DAMPED, DAMPED_FROM = 0.5, 10
+FIRST_DAMPING, MOST_DAMPING = 1e-2, 1e1  # of a step that does not lead down,
+SLACK = 2e-3  # by which a step may lead up, relative: the sum is least where interpolation smooths the noise most
 USUAL = 0.6  # the same of chromium, before it is known
 ROUGH_PX, FINE_PX = 0.1, 0.005  # step of a rough fit, and of one to the end, from which on no more is taken
 BLUR_DOUBT = 0.5  # relative, of the blur that edges alone suggest
@@ -139,40 +140,46 @@ def _settle(
 
     Gauss-Newton by the model's own slopes, which have no noise, under Cauchy's weights that are read anew each turn.
     """
-    sphere, plane, blur_px = start
-    blur, mirror, at, found = blur_px, USUAL, samples(sphere.radius_px, blur_px), None
+    (sphere, plane, blur_px), found = start, None
+    blur, mirror, damping, at = blur_px, USUAL, 0.0, samples(sphere.radius_px, blur_px)
     prior = np.zeros(8)
     prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / known.sigma**2
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
-    for turn in range(ROUGH_TURNS if rough else TURNS):
+    normal, gradient, kept, least = np.eye(8), np.zeros(8), None, np.inf
+    for _ in range(ROUGH_TURNS if rough else TURNS):
         if abs(np.log(blur / at.blur_px)) > ANEW:
             at = samples(sphere.radius_px, blur)
         profiles, jacobian = table.profiles(sphere, at)
         shown = table.mirrored_by(sphere, plane, at)
         explained = explain(profiles, shown, law(at.middle, mirror), at.offsets, blur)
-        if explained is None or not explained.hopeful:
-            return found
-        moves = table.slopes(sphere, plane, at)
-        slopes = _slopes(_Seen(profiles, at, jacobian, shown, moves), blur, law, explained)
-        scores = np.einsum("pfnm,fnm->pn", slopes, explained.weight * explained.residual).astype(np.float64)
-        rows = slopes.reshape(8, -1).astype(np.float64)
-        normal = (rows * explained.weight.reshape(-1)) @ rows.T + np.diag(prior)
-        size = np.sqrt(np.diag(normal))
-        if not (size > 0).all() or np.linalg.cond(normal / np.outer(size, size)) > SINGULAR:
-            return None
-        sums, inverse = cluster_sums(scores.T, SECTOR), np.linalg.inv(normal)
-        covariance = inverse @ (sums.T @ sums + np.diag(prior)) @ inverse
-        seen = TablePlane(plane, np.sqrt(np.diag(covariance)[PLANE]))
-        found = MirroredTable(sphere, covariance[OUTLINE, OUTLINE], seen, blur, explained.mirror, explained.share)
-        mirror = min(max(explained.mirror, REFLECTS[0]), REFLECTS[1])
-        before = np.concatenate([np.zeros(3), plane - known.values, [blur - blur_px, 0.0]])
-        step = inverse @ (scores.sum(1) - prior * before)
-        step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12)))) * (DAMPED if turn > DAMPED_FROM else 1)
+        if explained and explained.hopeful and (kept is None or explained.cost(kept.noise) < least):
+            slopes = _slopes(
+                _Seen(profiles, at, jacobian, shown, table.slopes(sphere, plane, at)), blur, law, explained
+            )
+            scores = np.einsum("pfnm,fnm->pn", slopes, explained.weight * explained.residual).astype(np.float64)
+            rows = slopes.reshape(8, -1).astype(np.float64)
+            normal = (rows * explained.weight.reshape(-1)) @ rows.T + np.diag(prior)
+            size = np.sqrt(np.diag(normal))
+            if not (size > 0).all() or np.linalg.cond(normal / np.outer(size, size)) > SINGULAR:
+                return None
+            sums, inverse = cluster_sums(scores.T, SECTOR), np.linalg.inv(normal)
+            covariance = inverse @ (sums.T @ sums + np.diag(prior)) @ inverse
+            seen = TablePlane(plane, np.sqrt(np.diag(covariance)[PLANE]))
+            found = MirroredTable(sphere, covariance[OUTLINE, OUTLINE], seen, blur, explained.mirror, explained.share)
+            gradient = scores.sum(1) - prior * np.concatenate([np.zeros(3), plane - known.values, [blur - blur_px, 0]])
+            damping, kept, least = damping / 10, explained, (1 + SLACK) * explained.cost(explained.noise)
+        elif found is None or damping > MOST_DAMPING:
+            break
+        else:
+            damping = max(10 * damping, FIRST_DAMPING)
+        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
+        step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12))))
         if np.abs(step[OUTLINE]).max() < (ROUGH_PX if rough else FINE_PX):
             break
-        sphere, plane = moved(sphere, np.asarray(step[OUTLINE], np.float64)), plane + step[PLANE]
+        sphere, plane = moved(found.sphere, np.asarray(step[OUTLINE], np.float64)), found.plane.values + step[PLANE]
         plane[2] = max(plane[2], LOWEST)
-        blur = float(max(blur + step[BLUR], SHARPEST_PX))
+        blur = float(max(found.blur_px + step[BLUR], SHARPEST_PX))
+        mirror = min(max(found.mirror, REFLECTS[0]), REFLECTS[1])
     return found
 
 

@@ -23,8 +23,8 @@ from scene.spheres import Sphere
 Array = NDArray[np.float64]
 FEWEST_FRAMES = 5
 """Three frames fix a pixel's b, and the fourth says nothing of itself until there is a fifth to doubt it."""
-ROUNDS, OUTLIER = 8, 3.0  # turns of the fit, and spreads from which a sample is believed no more
-CONTRAST = 3.0  # of what the next best strengths leave to what the best ones do: less, and the pixels do not tell them
+ROUNDS, OUTLIER = 16, 3.0  # turns of the fit, and spreads from which a sample is believed no more
+CONTRAST = 1.5  # of what the next best strengths leave to what the best ones do: less, and the pixels do not tell them
 ARC = 2  # neighbours of `GROUPS` whose strengths scatter: parts of the pixels that face one way
 DRAWS = 8  # of the directions within their sigmas, whose strengths scatter
 RELIEF = 0.07  # how far, of its distance, a surface may lie off the reference point's plane
@@ -162,7 +162,7 @@ def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> Ob
     used, energy, scale = believable, np.ones(len(toward)), np.inf
     for turn in range(ROUNDS):
         relative, _, _ = solved(light, used, energy)
-        energy = relative.mean(1)
+        energy = np.clip(np.abs(relative.mean(1)), 0.1, 10)  # one that is far off may come out negative at first
         scaled = values.mean(-1) / energy
         b = Eliminated.of(light, used.astype(np.float64), scaled).b
         length = np.maximum(np.linalg.norm(b, axis=1), 1e-9)[:, None]
@@ -170,7 +170,7 @@ def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> Ob
         residual = (scaled - shading) / length
         scale = max(spread(residual[used]), 1e-4)
         # Wide at first: the start may be off by more than the misfit that is looked for.
-        used = believable & (np.abs(residual) < OUTLIER * scale * max(1.0, 3.0 - turn)) & (shading > LIT * length)
+        used = believable & (np.abs(residual) < OUTLIER * scale * max(1.0, 3.0 - turn / 5)) & (shading > LIT * length)
         used &= used.sum(1, keepdims=True) >= FEWEST_FRAMES
         if np.count_nonzero(used.any(1)) < FEWEST_PIXELS:
             return None
