@@ -101,32 +101,6 @@ def find_balls(
     return balls, rejected, tuple(warnings)
 
 
-def _is_ball(one: Rejected) -> bool:
-    """Whether it can be nothing else: round and matte may be the object."""
-    return one.kind == "chrome" and one.probability > FORGOTTEN
-
-
-def _forgotten(one: Rejected) -> str:
-    (u, v), kind = one.center_px, one.kind
-    return (
-        f"a {kind} ball that session.toml does not list stands at ({u:.0f}, {v:.0f}) px, radius {one.radius_px:.0f} px "
-        f"(probability {one.probability:.0%}). List it under [[spheres]], with its diameter_mm, to have it used."
-    )
-
-
-def _exchanged(one: Rejected, asked: int, there: int) -> str:
-    (u, v) = one.center_px
-    return (
-        f"{_balls(asked, 'white')} asked for, {there} found; and at ({u:.0f}, {v:.0f}) px, radius "
-        f"{one.radius_px:.0f} px, stands a chrome ball that session.toml does not list (probability "
-        f'{one.probability:.0%}). Is kind wrong there? A mirror is "chrome", a matte ball "white".'
-    )
-
-
-def _balls(count: int, kind: Kind) -> str:
-    return f"{count} {kind} ball{'s' * (count > 1)}"
-
-
 def _cut(camera: Camera, sphere: Sphere) -> list[str]:
     """Name a ball that the picture's border cuts."""
     seen = share_in_picture(camera, sphere)
@@ -197,26 +171,18 @@ def _fit_hint(frames: Frames, camera: Camera, coarse: Coarse, hint: Sphere) -> O
     all but the rim of the mirrored dark: it is always looked at, and of equals the outermost wins.
     """
     reach = max(HINT_REACH_PX, HINT_REACH * hint.radius_px)
-
-    def fit(start: Sphere, search_px: float) -> list[OutlineFit]:
+    starts = [(start, coarse.search_px) for start in around_hint(coarse, hint, reach_px=reach)[:2]]
+    fits: list[OutlineFit] = []
+    for start, search_px in [*starts, (hint, max(HINT_REACH_PX, HINT_SEARCH * hint.radius_px))]:
+        is_last, best = start is hint, best_outline(fits, hint.kind) if fits else None
+        if is_last and best and best.sphere.score >= HINT_SURE and hint.kind == "white":
+            break
         one = fit_outline(frames, camera, start, search_px=search_px)
-        if one is None or one.sphere.score < HINT_SCORE:
-            return []
-        du, dv, larger = difference(one.sphere, hint)
-        return [one] if max(np.hypot(du, dv), abs(larger)) < reach else []
-
-    static: list[OutlineFit] = []
-    for start in around_hint(coarse, hint, reach_px=reach)[:2]:
-        static += fit(start, coarse.search_px)
-    best = best_outline(static, hint.kind) if static else None
-    if best is not None and best.sphere.score >= HINT_SURE and hint.kind == "white":
-        return best
-    for own in fit(hint, max(HINT_REACH_PX, HINT_SEARCH * hint.radius_px)):
-        if hint.kind == "chrome":
-            best = best_outline([*static, own], hint.kind)
-        elif best is None or HINT_SURE * own.sphere.score > best.sphere.score:
-            best = own
-    return best
+        if one and one.sphere.score >= HINT_SCORE and np.abs(difference(one.sphere, hint)).max() < reach:
+            if is_last and best and hint.kind == "white" and HINT_SURE * one.sphere.score <= best.sphere.score:
+                break
+            fits = [one] if is_last and hint.kind == "white" else [*fits, one]
+    return best_outline(fits, hint.kind) if fits else None
 
 
 def _match(
@@ -231,33 +197,35 @@ def _match(
         return [(one, Diameter(None, 0.0)) for one in found]
     balls = {k: sorted((f for f in found if f.sphere.kind == k), key=lambda f: -f.sphere.radius_px) for k in KINDS}
     listed: dict[Kind, list[float | None]] = {k: [r.diameter_mm for r in requests if r.kind == k] for k in KINDS}
-    count = {kind: (len(listed[kind]), len(balls[kind])) for kind in KINDS}
-    # A white ball that is not found, and a mirror that nobody listed: one slip, one message.
-    mirrors = [one for one in rejected if _is_ball(one)]
-    exchanged = max(min(len(mirrors), count["white"][0] - count["white"][1]), 0)
-    warnings += [_exchanged(one, *count["white"]) for one in mirrors[:exchanged]]
-    warnings += [_forgotten(one) for one in mirrors[exchanged:]]
+    # It can be nothing else than a ball: what is round and matte may be the object.
+    for (u, v), one in ((r.center_px, r) for r in rejected if r.kind == "chrome" and r.probability > FORGOTTEN):
+        warnings.append(
+            f"a chrome ball that session.toml does not list stands at ({u:.0f}, {v:.0f}) px, radius "
+            f"{one.radius_px:.0f} px (probability {one.probability:.0%}). List it under [[spheres]], with its "
+            'diameter_mm, to have it used. If it is listed, is kind wrong there? A mirror is "chrome", a matte ball '
+            '"white".'
+        )
     for kind in KINDS:
-        asked, there = count[kind]
-        if there < asked and not (kind == "white" and exchanged):
-            near = "; ".join(_said(r) for r in rejected if r.kind == kind)
+        asked, there = len(listed[kind]), len(balls[kind])
+        if there < asked:
+            near = "; ".join(f"{_place(r)}: {r.reason}" for r in rejected if r.kind == kind)
             warnings.append(
-                f"{_balls(asked, kind)} asked for, {there} found{f' (refused: {near})' if near else ''}. Give "
-                "center_px and radius_px of the one that is missing under [[spheres]], correct its kind, or drop it."
+                f"{asked} {kind} ball{'s' * (asked > 1)} asked for, {there} found"
+                f"{f' (refused: {near})' if near else ''}. Give center_px and radius_px of the one that is missing "
+                "under [[spheres]], correct its kind, or drop it."
             )
     told = told_diameters({kind: [one.sphere for one in balls[kind]] for kind in KINDS}, listed, given, warnings)
     return [pair for kind in KINDS for pair in zip(balls[kind], told[kind], strict=True)]
 
 
-def _said(one: Rejected) -> str:
+def _place(one: Rejected) -> str:
     u, v = one.center_px
-    return f"({u:.0f}, {v:.0f}) px, radius {one.radius_px:.0f}: {one.reason}"
+    return f"({u:.0f}, {v:.0f}) px, radius {one.radius_px:.0f} px"
 
 
 def _nothing(requests: Sequence[SphereRequest], rejected: tuple[Rejected, ...]) -> str:
     asked = ", ".join(f"{count} {kind}" for kind, count in Counter(r.kind for r in requests).items())
     text = f"spheres: no ball found (asked for: {asked or 'any'}); {len(rejected)} circles were looked at"
     if rejected:
-        (u, v), best = rejected[0].center_px, rejected[0]
-        text += f", the best at ({u:.0f}, {v:.0f}) px, radius {best.radius_px:.0f} px: {best.reason}"
+        text += f", the best at {_place(rejected[0])}: {rejected[0].reason}"
     return text + ". Give center_px and radius_px in session.toml, or known lights (lights.file)."

@@ -193,24 +193,22 @@ def by_mirrored_table(
             tables.append(table)
             if table.explained > SURE and _located(table):
                 break
-    best: MirroredTable | None = None
-    settled: dict[int, MirroredTable | None] = {}
-    enough = EXPLAINS if plane is None else CLEAR
-    for are_all in (False, True):
-        if are_all:
+    best, enough = None, EXPLAINS if plane is None else CLEAR
+    settled: set[int] = set()
+    for horizons in (False, True):
+        if horizons and best is None:
             known = None if plane is None else plane.values
             around = (fit(circle, rough=True) for circle in _about_horizons(some, camera, circles, blur_px, known))
             tables += [table for table in around if table]
-        tables.sort(key=lambda one: -one.explained)
-        for one in tables[:SETTLED] if are_all else [one for one in tables[:1] if one.explained > CLEAR]:
-            if id(one) not in settled:
-                settled[id(one)] = fit(one.sphere)
-            table = settled[id(one)]
-            if table and _located(table) and table.explained > (best.explained if best else enough):
-                best = table
-            if best and best.explained > (SURE if are_all else CLEAR):
-                return _scored(best, camera)
-    return None if best is None else _scored(best, camera)
+        for one in sorted(tables, key=lambda one: -one.explained)[: SETTLED if horizons else 1]:
+            if best is None and (horizons or one.explained > CLEAR) and id(one) not in settled:
+                settled.add(id(one))
+                table = fit(one.sphere)
+                best = table if table and _located(table) and table.explained > enough else None
+    if best is None:
+        return None
+    seen = share_in_picture(camera, best.sphere)
+    return best._replace(sphere=replace(best.sphere, score=seen * best.explained))
 
 
 def _about_horizons(
@@ -257,11 +255,6 @@ def about_horizon(edge: Sphere, known: Array | None = None) -> Iterator[tuple[Sp
             way = np.array([slope[0], -slope[1]]) / max(steep, 1e-9)
             off = np.sqrt(0.5) * np.sin(np.arctan(steep) / 2) * radius
             yield replace(edge, center_px=edge.center_px - off * way, radius_px=radius), np.array([*slope, 1.0])
-
-
-def _scored(table: MirroredTable, camera: Camera) -> MirroredTable:
-    seen = share_in_picture(camera, table.sphere)
-    return table._replace(sphere=replace(table.sphere, score=seen * table.explained))
 
 
 def _located(table: MirroredTable) -> bool:

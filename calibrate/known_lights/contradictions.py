@@ -116,9 +116,8 @@ def wrong_order(frames: Frames, camera: Camera, lights: Lights, region: NDArray[
     probe = varied(probe, toward_of(probe.pixels))
     if len(probe.pixels) < FEWEST_PIXELS:
         return None
-    values = probe.values.mean(-1, dtype=np.float64).T
     lit = probe.lit.T
-    values = values * lit
+    values = probe.values.mean(-1, dtype=np.float64).T * lit
     toward = np.moveaxis(toward_of(probe.pixels) * lights.intensities.mean(1)[:, None, None], 0, 1)
     # The strengths that the file does not have are read from the photographs, in each order anew.
     usual = STRENGTH_ROUNDS if lacks_intensities(lights) else 1
@@ -144,23 +143,24 @@ def wrong_order(frames: Frames, camera: Camera, lights: Lights, region: NDArray[
         order[[i, j]] = j, i
         trials.append((f"with {frames.names[i]} and {frames.names[j]} exchanged", order))
     words, best = min(((words, misfit(order)) for words, order in trials), key=lambda trial: trial[1])
-    start = f"lights.file: the photographs miss Lambert's law by {given:.0%} under these lights"
-    if best < BETTER * given:
-        return (
-            f"{start}, but only by {best:.0%} {words}: the lights are in another order than the photographs. Correct "
-            f"lights.file; {USED}"
-        )
-    if usual == 1 and (free := misfit(here, STRENGTH_ROUNDS)) < MUCH_BETTER * given:
-        return (
-            f"{start}, but only by {free:.0%} if the flashes' strengths are others than the file's: correct its "
-            f"intensities, or leave them out; or the photographs' exposures differ, which EXIF should tell; {USED}"
-        )
+    free = misfit(here, STRENGTH_ROUNDS)
     rng = np.random.default_rng(0)
     chance = float(np.median([misfit(rng.permutation(count)) for _ in range(SHUFFLES)]))
-    if given > CHANCE * chance:
-        return (
-            f"{start}, and by {chance:.0%} under the same in any order: the lights do not belong to these photographs, "
-            "or their order is lost; or the photographs were turned, or are coded otherwise than frames says. Correct "
-            f"lights.file or the photographs; {USED}"
+    if best < BETTER * given:
+        told = f"but only by {best:.0%} {words}: the lights are in another order than the photographs"
+    elif usual == 1 and free < MUCH_BETTER * given:
+        told = (
+            f"but only by {free:.0%} if the flashes' strengths are others than the file's, or the photographs' "
+            "exposures differ, which EXIF should tell"
         )
-    return None
+    elif given > CHANCE * chance:
+        told = (
+            f"and by {chance:.0%} under the same in any order: the lights do not belong to these photographs, or "
+            "their order is lost; or the photographs were turned, or are coded otherwise than frames says"
+        )
+    else:
+        return None
+    return (
+        f"lights.file: the photographs miss Lambert's law by {given:.0%} under these lights, {told}. Correct "
+        f"lights.file; {USED}"
+    )

@@ -107,7 +107,7 @@ def measure_spot(
     A clipped plateau has the same centre as the disc that it cuts off; a large one is taken at 0.7, above the lens's
     glow. From there `fit_disc`; where it fails the centroid is taken, with its larger sigma. Scratches throw streaks of
     glare beside a clipped flash, and both are drawn along: where the largest disc that the region holds lies elsewhere,
-    its centre is taken, for a streak is thin. Of a mosaic green is looked at, the densest colour, where it was measured.
+    its centre is taken, for a streak is thin. Of a mosaic green is looked at, where it was measured.
     """
     half = int(max(WINDOW_PX, np.ceil(WINDOW_SHARE * sphere.radius_px), 3 * factor))
     u, v = np.round(near).astype(int)
