@@ -6,15 +6,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.calibration import Calibration, Notes
+from calibrate.calibration import Calibration, Notes, flag_warnings
 from calibrate.detection.balls import Ball, NoProbeError, find_balls
 from calibrate.detection.coarse import Progress
 from calibrate.detection.detect import Rejected
-from calibrate.flags import flag_warnings
 from calibrate.known_lights.with_known import EQUALLY_BRIGHT, with_known_lights
-from calibrate.lights.directions import unknown_view_deg
+from calibrate.lights.directions import Shading, no_shading, unknown_view_deg
 from calibrate.lights.from_chrome import lights_from_chrome
-from calibrate.lights.shading import Shading, no_shading
 from calibrate.photometry.from_white import APART_DEG, compare_with_chrome, intensities_from_white
 from calibrate.photometry.matte_shading import (
     Surface,

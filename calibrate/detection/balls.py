@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.detection.coarse import Coarse, Progress, shrink
-from calibrate.detection.detect import Found, Rejected, around_hint, detect
+from calibrate.detection.detect import Rejected, around_hint, detect
 from calibrate.detection.diameters import Diameter, doubted_diameters, told_diameters
 from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline
 from calibrate.silhouette.outline import difference, share_in_picture
@@ -86,30 +86,37 @@ def find_balls(
             rejected += refused
             placed = [replace(fit.sphere, diameter_mm=d.mm) for fit, d in zip(fits, diameters, strict=True)]
             for one, diameter in _match(found, open_, placed, refused, warnings):
-                fits.append(one.fit)
+                fits.append(one)
                 diameters.append(diameter)
-                warnings += [one.warning] if one.warning else []
         listed = [replace(fit.sphere, diameter_mm=d.mm) for fit, d in zip(fits, diameters, strict=True) if d.mm]
         warnings += doubted_diameters(listed)
         for fit, diameter in zip(fits, diameters, strict=True):
             known = {"diameter_mm": diameter.mm, "diameter_sigma": diameter.sigma}
             sphere = replace(fit.sphere, **known, apart=own is not frames)
-            warnings += _cut(camera, sphere)
+            warnings += _cautions(camera, sphere, is_open=fit.is_open)
             balls.append(Ball(sphere, fit.covariance, own, coarse))
     if not balls:
         raise NoProbeError(_nothing(requests, rejected))
     return balls, rejected, tuple(warnings)
 
 
-def _cut(camera: Camera, sphere: Sphere) -> list[str]:
-    """Name a ball that the picture's border cuts."""
-    seen = share_in_picture(camera, sphere)
-    (u, v), sigma = sphere.center_px, sphere.sigma_px
-    told = (
-        f"the {sphere.kind} ball at ({u:.0f}, {v:.0f}) px is cut by the picture's border: {seen:.0%} of its outline is "
-        f"seen, and places it to {sigma:.2f} px. Move it into the picture."
-    )
-    return [told] if seen < WHOLE else []
+def _cautions(camera: Camera, sphere: Sphere, *, is_open: bool) -> list[str]:
+    """Name a mirror whose outline nothing confirms, and a ball that the picture's border cuts."""
+    seen, told = share_in_picture(camera, sphere), []
+    (u, v), kind = sphere.center_px, sphere.kind
+    if is_open:
+        # It is in no sigma: that is no scatter.
+        told.append(
+            f"chrome ball at ({u:.0f}, {v:.0f}) px: taken with a radius of {sphere.radius_px:.0f} px, but it does not "
+            "mirror the table beside it, and may be what a larger ball mirrors. Look at the picture; center_px and "
+            "radius_px in session.toml decide."
+        )
+    if seen < WHOLE:
+        told.append(
+            f"the {kind} ball at ({u:.0f}, {v:.0f}) px is cut by the picture's border: {seen:.0%} of its outline is "
+            f"seen, and places it to {sphere.sigma_px:.2f} px. Move it into the picture."
+        )
+    return told
 
 
 def _check_own_frames(frames: Frames, own: Frames, camera: Camera) -> None:
@@ -186,12 +193,12 @@ def _fit_hint(frames: Frames, camera: Camera, coarse: Coarse, hint: Sphere) -> O
 
 
 def _match(
-    found: list[Found],
+    found: list[OutlineFit],
     requests: list[SphereRequest],
     given: list[Sphere],
     rejected: tuple[Rejected, ...],
     warnings: list[str],
-) -> list[tuple[Found, Diameter]]:
+) -> list[tuple[OutlineFit, Diameter]]:
     """Give each found ball the diameter of a request of its kind; balls of a kind by their size in the picture."""
     if not requests:
         return [(one, Diameter(None, 0.0)) for one in found]

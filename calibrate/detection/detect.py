@@ -20,7 +20,7 @@ from calibrate.detection.mirror_outline import (
     static_slopes,
 )
 from calibrate.silhouette.ball_silhouette import TABLE_FROM_PX, OutlineFit, fit_outline
-from calibrate.silhouette.metal_reflectance import law_of
+from calibrate.silhouette.explained_profiles import law_of
 from calibrate.silhouette.mirrored_surroundings import TablePlane, shared_plane
 from calibrate.silhouette.mirrored_table import MirroredTable
 from scene.camera import Camera
@@ -57,30 +57,6 @@ class Rejected:
     reason: str
 
 
-@dataclass(frozen=True)
-class Found:
-    """A ball: its outline in full-size pixels."""
-
-    fit: OutlineFit
-    unexplained: bool = False  # a mirror that does not show the table beside it: it may be the horizon in a larger one
-
-    @property
-    def sphere(self) -> Sphere:
-        return self.fit.sphere
-
-    @property
-    def warning(self) -> str | None:
-        """The caution that belongs to a mirror whose outline nothing confirms: that is no scatter, and in no sigma."""
-        if not self.unexplained:
-            return None
-        (u, v), radius = self.sphere.center_px, self.sphere.radius_px
-        return (
-            f"chrome ball at ({u:.0f}, {v:.0f}) px: taken with a radius of {radius:.0f} px, but it does not mirror the "
-            "table beside it, and may be what a larger ball mirrors. Look at the picture; center_px and radius_px in "
-            "session.toml decide."
-        )
-
-
 def detect(
     frames: Frames,
     camera: Camera,
@@ -88,7 +64,7 @@ def detect(
     *,
     wanted: dict[Kind, int] | None = None,
     taken: tuple[Sphere, ...] = (),
-) -> tuple[list[Found], tuple[Rejected, ...]]:
+) -> tuple[list[OutlineFit], tuple[Rejected, ...]]:
     """Find the balls: the likeliest set, never more of a kind than were wanted; and the circles that are none.
 
     `coarse` holds the same frames, shrunk. `wanted`: how many of each kind were asked for; None: whatever there is.
@@ -99,7 +75,7 @@ def detect(
         # A glossy ball that is asked for as a mirror serves as one.
         suspects = [replace(s, sphere=replace(s.sphere, kind="chrome")) if s.glossy else s for s in suspects]
     chosen, left = choose(suspects, wanted)
-    found: list[Found] = []
+    found: list[OutlineFit] = []
     places = list(chosen)
     for one in sorted(left, key=lambda one: -one.log_odds):
         if not any(overlap(one.suspect.sphere, other.suspect.sphere) for other in places):
@@ -115,7 +91,7 @@ def detect(
         if fit is None:
             rejected.append(_rejected(coarse, one, "its outline cannot be followed at full size"))
         else:
-            found.append(Found(fit, _unexplained(coarse, fit)))
+            found.append(replace(fit, is_open=_unexplained(coarse, fit)))
     return found, tuple(sorted(rejected, key=lambda r: -r.probability))
 
 

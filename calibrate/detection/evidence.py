@@ -27,7 +27,7 @@ DISC, FRONT = 0.97, 0.8
 """Share of the radius that is looked at, and within which a flash on the camera's side must be mirrored."""
 POINT_AREA, POINT_CONTRAST, POINT_TRAVEL, POINT_INSIDE = 0.05, 6.0, 0.03, 0.8
 """Limits of `Points`: a smaller area, and more of the others, is a light that shows as a wandering point."""
-MAYBE = 1.7, 0.4, 0.6  # the same, of the area, contrast and `inside`, up to which it may be one all the same
+MAYBE = 1.7, 0.4, 0.6  # shares of the area's, contrast's and `inside`'s limits that may be one all the same
 LIT_SHARE = 0.05  # of the median frame's peak, from which a frame shows a point at all
 PEAKS, PEAKS_APART = 2, 0.16  # brightest points of a frame that may be the flash, and how far apart they are, radii
 PEAK_LIT, PEAK_SECOND = 0.25, 0.2  # of the median frame's peak, and of the frame's own, from which a point may be it

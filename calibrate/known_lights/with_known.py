@@ -5,11 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibrate.calibration import Array, Calibration, Notes
+from calibrate.calibration import Array, Calibration, Notes, flag_warnings
 from calibrate.detection.balls import Ball, find_balls
 from calibrate.detection.coarse import Progress
 from calibrate.detection.detect import Rejected
-from calibrate.flags import flag_warnings
 from calibrate.known_lights.contradictions import contradiction, wrong_order
 from calibrate.known_lights.read_known import NO_INTENSITIES, lacks_intensities, without_flag
 from calibrate.lights.directions import mirrored_rays

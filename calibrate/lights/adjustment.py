@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from calibrate.lights.directions import mean_directions, mirrored_rays, ray_meeting, two_across
-from calibrate.lights.shading import Shading, no_shading
+from calibrate.lights.directions import Shading, mean_directions, mirrored_rays, no_shading, ray_meeting, two_across
 from calibrate.silhouette.outline import moved, outline_shift
 from scene.camera import Camera
 from scene.normals import unit

@@ -18,7 +18,7 @@ from calibrate.silhouette.cone_fit import (
     Reader,
     fit_cone,
 )
-from calibrate.silhouette.metal_reflectance import LAWS, Law
+from calibrate.silhouette.explained_profiles import LAWS, Law
 from calibrate.silhouette.mirrored_table import MirroredTable, fit_mirrored_table
 from calibrate.silhouette.outline import (
     difference,
@@ -65,6 +65,7 @@ class OutlineFit:
     residual_px: float  # robust spread of the edges about the outline
     blur_px: float = np.nan  # standard deviation of the blur; NaN where only the steepest places were fitted
     by_table: bool = False  # the table that a chrome ball mirrors was found and fits
+    is_open: bool = False  # a mirror that does not show the table beside it: it may be the horizon in a larger one
 
     @property
     def clearness(self) -> float:

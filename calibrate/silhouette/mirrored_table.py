@@ -7,7 +7,7 @@ unknowns, each pixel inside the outline is some pixel outside of it, dimmed by t
     inside   R I(pixel that the mirrored ray meets),     outside   d + e s
 
 s: distance from the outline; R: as a metal's, it rises to 1 at the outline, by the one of two laws that explains more
-(`calibrate.silhouette.metal_reflectance`). Outline, plane and reflectance are shared by all frames and directions; d
+(`calibrate.silhouette.explained_profiles`). Outline, plane and reflectance are shared by all frames and directions; d
 and e are each profile's own (variable projection [Golub1973]). Texture, shadows and the shadows' edges all speak for
 the outline then, where they would bend a smooth profile's. The mirror's picture is squeezed without bound towards the
 outline; so it is looked up at even steps of the ball's normal, and blurred as the camera blurs it.
@@ -20,8 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.silhouette.cone_fit import SHARPEST_PX
-from calibrate.silhouette.explained_profiles import REFLECTS, Explained, coefficients, explain, outside, without
-from calibrate.silhouette.metal_reflectance import LAWS, Law, fresnel, schlick
+from calibrate.silhouette.explained_profiles import (
+    LAWS,
+    REFLECTS,
+    Explained,
+    Law,
+    coefficients,
+    explain,
+    fresnel,
+    outside,
+    schlick,
+    without,
+)
 from calibrate.silhouette.mirrored_surroundings import ANY_PLANE, Samples, Shown, Surroundings, TablePlane, samples
 from calibrate.silhouette.outline import SECTOR, moved
 from scene.camera import Camera
@@ -36,9 +46,8 @@ TILTS, AZIMUTHS = np.tan(np.deg2rad([30, 55])), np.deg2rad(np.arange(0, 360, 60)
 HEIGHTS, SURE = (1.0, 1.6), 0.985
 """Radii from the ball's centre to the planes that are tried, at these tilts, until one explains so much."""
 LOWEST = 0.85  # a plane nearer than this, in radii, would cut the ball (a ring lets it in a little)
-TURNS, ROUGH_TURNS = 30, 8
-FIRST_DAMPING, MOST_DAMPING = 1e-2, 1e1  # of a step that does not lead down,
-SLACK = 2e-3  # by which a step may lead up, relative: the sum is least where interpolation smooths the noise most
+TURNS, ROUGH_TURNS, LAST_TURNS = 40, 8, 8
+FIRST_DAMPING, MOST_DAMPING = 1e-2, 1e1  # of a step that does not lead down
 USUAL = 0.6  # the same of chromium, before it is known
 ROUGH_PX, FINE_PX = 0.1, 0.005  # step of a rough fit, and of one to the end, from which on no more is taken
 BLUR_DOUBT = 0.5  # relative, of the blur that edges alone suggest
@@ -138,25 +147,30 @@ def _settle(
 ) -> MirroredTable | None:
     """Move outline, plane (3,) and blur until what the mirror shows is what the picture shows beside it.
 
-    Gauss-Newton by the model's own slopes, which have no noise, under Cauchy's weights that are read anew each turn.
+    Levenberg-Marquardt under Cauchy's weights and a noise that are read anew in each turn that leads down.
     """
     (sphere, plane, blur_px), found = start, None
     blur, mirror, damping, at = blur_px, USUAL, 0.0, samples(sphere.radius_px, blur_px)
     prior = np.zeros(8)
     prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / known.sigma**2
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
-    normal, gradient, kept, least = np.eye(8), np.zeros(8), None, np.inf
-    for _ in range(ROUGH_TURNS if rough else TURNS):
+    normal, gradient, kept, least, is_last = np.eye(8), np.zeros(8), None, np.inf, False
+    for turn in range(ROUGH_TURNS if rough else TURNS):
         if abs(np.log(blur / at.blur_px)) > ANEW:
             at = samples(sphere.radius_px, blur)
         profiles, jacobian = table.profiles(sphere, at)
         shown = table.mirrored_by(sphere, plane, at)
         explained = explain(profiles, shown, law(at.middle, mirror), at.offsets, blur)
-        if explained and explained.hopeful and (kept is None or explained.cost(kept.noise) < least):
-            slopes = _slopes(
-                _Seen(profiles, at, jacobian, shown, table.slopes(sphere, plane, at)), blur, law, explained
-            )
-            scores = np.einsum("pfnm,fnm->pn", slopes, explained.weight * explained.residual).astype(np.float64)
+        is_hopeful = explained is not None and explained.hopeful
+        if is_hopeful and (is_last or kept is None or explained.cost(kept.noise) < least):
+            looked = _Seen(profiles, at, jacobian, shown, table.slopes(sphere, plane, at))
+            slopes, steeper = _slopes(looked, blur, law, explained)
+            pull = explained.weight * explained.residual
+            scores = np.einsum("pfnm,fnm->pn", slopes, pull).astype(np.float64)
+            if not is_last:
+                # Downhill in what the photographs show. At last by the model's own slopes, which have no noise: the sum
+                # is least where interpolation smooths the noise most.
+                scores[OUTLINE] -= jacobian.T * np.sum(pull * steeper, (0, 2))
             rows = slopes.reshape(8, -1).astype(np.float64)
             normal = (rows * explained.weight.reshape(-1)) @ rows.T + np.diag(prior)
             size = np.sqrt(np.diag(normal))
@@ -167,15 +181,18 @@ def _settle(
             seen = TablePlane(plane, np.sqrt(np.diag(covariance)[PLANE]))
             found = MirroredTable(sphere, covariance[OUTLINE, OUTLINE], seen, blur, explained.mirror, explained.share)
             gradient = scores.sum(1) - prior * np.concatenate([np.zeros(3), plane - known.values, [blur - blur_px, 0]])
-            damping, kept, least = damping / 10, explained, (1 + SLACK) * explained.cost(explained.noise)
-        elif found is None or damping > MOST_DAMPING:
+            damping, kept, least = damping / 10, explained, explained.cost(explained.noise)
+        elif found is None or is_last:
             break
         else:
             damping = max(10 * damping, FIRST_DAMPING)
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
         step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12))))
-        if np.abs(step[OUTLINE]).max() < (ROUGH_PX if rough else FINE_PX):
+        is_at_rest = np.abs(step[OUTLINE]).max() < (ROUGH_PX if rough else FINE_PX)
+        if is_at_rest and (rough or is_last):
             break
+        if is_at_rest or damping > MOST_DAMPING or turn == TURNS - LAST_TURNS:
+            is_last, damping, step = True, 0.0, 0 * step
         sphere, plane = moved(found.sphere, np.asarray(step[OUTLINE], np.float64)), found.plane.values + step[PLANE]
         plane[2] = max(plane[2], LOWEST)
         blur = float(max(found.blur_px + step[BLUR], SHARPEST_PX))
@@ -193,8 +210,10 @@ class _Seen(NamedTuple):
     moves: Values  # (6, F, BINS, K)
 
 
-def _slopes(seen: _Seen, blur: float, law: Law, explained: Explained) -> Values:
-    """Return (8, F, BINS, M), the model's derivatives, in noises, free of d and e."""
+def _slopes(seen: _Seen, blur: float, law: Law, explained: Explained) -> tuple[Values, Values]:
+    """Return (8, F, BINS, M), the model's derivatives, in noises, free of d and e; and how much steeper the profiles
+    (F, BINS, M) are than the model, by the offset.
+    """
     shown, offsets, k = seen.shown, seen.at.offsets, explained.mirror
     grazing = law(seen.at.middle, k)
     reflects = k + (1 - k) * grazing
@@ -212,5 +231,7 @@ def _slopes(seen: _Seen, blur: float, law: Law, explained: Explained) -> Values:
     by_outline = [by_shift * seen.jacobian[:, j, None].astype(np.float32) + looked_up[j] for j in range(3)]
     by_outline[2] += by_size
     by_facing = shown.blurred(offsets, blur, 1 - grazing)
-    slopes = np.nan_to_num(np.stack([*by_outline, *looked_up[3:], by_blur, by_facing]))
-    return without(slopes, basis, explained.weight) / explained.noise
+    steeper = np.gradient(seen.profiles, offsets, axis=-1) + by_shift
+    slopes = np.nan_to_num(np.stack([*by_outline, *looked_up[3:], by_blur, by_facing, steeper]))
+    slopes = without(slopes, basis, explained.weight) / explained.noise
+    return slopes[:8], slopes[8]

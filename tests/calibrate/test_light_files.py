@@ -1,7 +1,6 @@
 """Others' light files: axes, origins and units by files written by hand, then everything there and back."""
 
 import json
-import re
 
 import numpy as np
 import pytest
@@ -204,28 +203,8 @@ def test_refusals_name_the_fault(tmp_path, name, content, message):
     assert name in str(caught.value)
 
 
-def test_refusals_of_mat_files(tmp_path):
-    path = tmp_path / "light.mat"
-    path.write_bytes(b"no matlab")
-    with pytest.raises(CalibrationError, match="cannot be read as a MATLAB file"):
-        read_lights(path, NAMES)
-    scipy.io.savemat(path, {"K": np.eye(3)})
-    with pytest.raises(CalibrationError, match=re.escape("it holds K, no S")):
-        read_lights(path, NAMES)
-    scipy.io.savemat(path, {"S": np.zeros((3, 3)), "Phi": np.ones((4, 3))})
-    with pytest.raises(CalibrationError, match=re.escape("S (3, 3), Phi (4, 3)). Expected S (n x 3")):
-        read_lights(path, NAMES)
-
-
 KNOWN = ("flash_000", "flash_001", "flash_002")
 TOWARD = np.array([[0.6, 0.0, 0.8], [0.0, -0.6, 0.8], [-0.36, 0.48, 0.8]])
-
-
-def test_rows_without_names_are_in_order_even_where_frames_are_named_by_number(tmp_path):
-    np.savetxt(tmp_path / "light_directions.txt", TOWARD)
-    np.testing.assert_allclose(read_lights(tmp_path / "light_directions.txt", ("1", "2", "3")).directions, TOWARD)
-    two = read_lights(tmp_path / "light_directions.txt", ("1", "2"), skipped=(2,))
-    np.testing.assert_allclose(two.directions, TOWARD[:2])
 
 
 @pytest.mark.parametrize("skipped", [(0,), (1,), (2,)])

@@ -4,7 +4,6 @@ import unicodedata
 
 import numpy as np
 import pytest
-import scipy.io
 
 from calibrate.known_lights.read_known import read_lights
 from formats.diligent_layout import read_tables
@@ -140,17 +139,3 @@ def test_other_tables_are_refused_by_line(tmp_path, rows):
     (tmp_path / "light_directions.txt").write_text("\n".join(rows))
     with pytest.raises(CalibrationError, match=r"line \d is '.*'; expected three numbers a line"):
         read(tmp_path / "light_directions.txt", FRAMES)
-
-
-def test_a_mat_file_with_a_light_a_column(tmp_path):
-    places = np.random.default_rng(0).normal(size=(COUNT, 3)) * 300
-    scipy.io.savemat(tmp_path / "by_line.mat", {"S": places, "Phi": POWER})
-    scipy.io.savemat(tmp_path / "by_column.mat", {"S": places.T, "Phi": POWER.T})
-    want, found = (read_lights(tmp_path / f"by_{way}.mat", tuple(FRAMES)) for way in ("line", "column"))
-    np.testing.assert_allclose(found.positions_mm, want.positions_mm)
-    np.testing.assert_allclose(found.intensities, want.intensities)
-    assert any("a light a column" in flag for flag in found.flags[0])
-    for strange in ({"S": np.ones((6, 2))}, {"S": places, "Phi": POWER.T}, {"S": places, "Phi": np.ones((1, 3))}):
-        scipy.io.savemat(tmp_path / "l.mat", strange)
-        with pytest.raises(CalibrationError, match="Expected S"):
-            read_lights(tmp_path / "l.mat", tuple(FRAMES))
