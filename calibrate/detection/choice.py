@@ -128,32 +128,20 @@ def _likeliest(
     score: Array, pairs: Array, exclusive: NDArray[np.bool_], kinds: list[Kind], wanted: Mapping[Kind, int] | None
 ) -> list[int]:
     """Return the set of highest log-odds, by steps that add, exchange or remove one circle, from several starts."""
-    best, kept = 0.0, list[int]()
-
-    def rise(chosen: list[int]) -> tuple[float, list[int]]:
-        while True:
-            gains: list[tuple[float, list[int]]] = []
-            for n in np.flatnonzero(np.isfinite(score)):
-                if n in chosen:
-                    without = [[m for m in chosen if m != n]]
-                else:
-                    free = [m for m in chosen if not exclusive[n, m]]
-                    same = [m for m in free if kinds[m] == kinds[n]]
-                    is_full = wanted is not None and len(same) >= wanted.get(kinds[n], 0)
-                    without = [[*(m for m in free if m != out), int(n)] for out in (same if is_full else [-1])]
-                gains += [(_total(score, pairs, one), one) for one in without]
-            gain = max(gains, key=lambda g: g[0], default=(-np.inf, []))
-            now = _total(score, pairs, chosen)
-            if gain[0] <= now + 1e-9:
-                return now, chosen
-            chosen = gain[1]
-
-    starts = [n for n in np.argsort(-score, kind="stable")[:STARTS] if np.isfinite(score[n])]
-    for start in ([], *([int(n)] for n in starts)):
-        total, chosen = rise(start)
-        if total > best:
-            best, kept = total, chosen
-    return kept
+    able = [int(n) for n in np.argsort(-score, kind="stable") if np.isfinite(score[n])]
+    best: list[int] = []
+    for start in ([], *([n] for n in able[:STARTS])):
+        chosen, before = start, None
+        while chosen != before:
+            before, steps = chosen, [[m for m in chosen if m != n] for n in chosen]
+            for n in (n for n in able if n not in chosen):
+                free = [m for m in chosen if not exclusive[n, m]]
+                same = [m for m in free if kinds[m] == kinds[n]]
+                is_full = wanted is not None and len(same) >= wanted.get(kinds[n], 0)
+                steps += [[*(m for m in free if m != out), n] for out in (same if is_full else [-1])]
+            chosen = max([chosen, *steps], key=lambda one: _total(score, pairs, one))
+        best = max(best, chosen, key=lambda one: _total(score, pairs, one))
+    return best
 
 
 def _total(score: Array, pairs: Array, chosen: list[int]) -> float:

@@ -23,7 +23,7 @@ from scene.spheres import Sphere
 Array = NDArray[np.float64]
 FEWEST_FRAMES = 5
 """Three frames fix a pixel's b, and the fourth says nothing of itself until there is a fifth to doubt it."""
-ROUNDS, OUTLIER = 16, 3.0  # turns of the fit, and spreads from which a sample is believed no more
+ROUNDS, OUTLIER = 16, 2.5  # turns of the fit, and spreads from which a sample is believed no more
 CONTRAST = 1.5  # of what the next best strengths leave to what the best ones do: less, and the pixels do not tell them
 ARC = 2  # neighbours of `GROUPS` whose strengths scatter: parts of the pixels that face one way
 DRAWS = 8  # of the directions within their sigmas, whose strengths scatter
