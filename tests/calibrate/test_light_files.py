@@ -11,7 +11,6 @@ from formats.light_files.light_formats import FORMATS, export_lights
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
-from scene.store import Store
 
 NAMES = ("right", "above", "front")
 # To the right of the camera, above it, beside its axis: each fails for one wrong sign and for swapped axes.
@@ -227,31 +226,6 @@ def test_diligent_reads_intensities_beside(tmp_path):
     assert not any(lights.flags)
     (tmp_path / "light_intensities.txt").unlink()
     assert lacks_intensities(read_lights(tmp_path / "light_directions.txt", KNOWN))
-
-
-@pytest.mark.parametrize("near", [False, True])
-def test_own_json_comes_back_whole(tmp_path, near):
-    rng = np.random.default_rng(0)
-    lights = Lights(
-        KNOWN,
-        TOWARD,
-        rng.uniform(0.5, 1.5, (3, 3)),
-        1000 * TOWARD if near else None,
-        np.array([1.0, 2.0, -900.0]) if near else np.zeros(3),
-        np.array([0.1, 0.2, np.nan]),
-        white_value=np.ones(3),
-        flags=(("odd",), (), ()),
-    ).normalised()
-    Store(tmp_path).save_lights(lights)
-    back = read_lights(tmp_path / "lights.json", KNOWN)
-    np.testing.assert_allclose(back.directions, lights.directions)
-    np.testing.assert_allclose(back.intensities, lights.intensities)
-    np.testing.assert_allclose(back.white_value, lights.white_value)
-    np.testing.assert_array_equal(back.direction_sigma_deg, lights.direction_sigma_deg)
-    assert back.model == lights.model
-    assert back.flags == lights.flags
-    if near:
-        np.testing.assert_allclose(back.positions_mm, lights.positions_mm)
 
 
 @pytest.mark.parametrize(

@@ -51,14 +51,6 @@ def test_a_name_is_found_however_it_is_written(tmp_path, frame, name):
     assert set(lights.flags) == {("l.lp has no intensities",)}
 
 
-def test_names_that_differ_by_their_case_alone(tmp_path):
-    """To the letter they are told apart; in a third case they are not, and that is refused."""
-    frames = ["img_1", "IMG_1", "a", "b", "c"]
-    np.testing.assert_allclose(read(lp(tmp_path / "l.lp", frames, [1, 0, 4, 3, 2]), frames), DIRECTIONS, atol=1e-8)
-    with pytest.raises(CalibrationError, match="no light for the frame 'img_1', no light for the frame 'IMG_1'"):
-        read(lp(tmp_path / "l.lp", ["Img_1", "Img_1", "a", "b", "c"]), frames)
-
-
 @pytest.mark.parametrize("encoding", ["cp1252", "mac_roman", "cp850", "utf-8-sig", "utf-16"])
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_a_list_of_another_time_is_read(tmp_path, encoding, end):
