@@ -14,12 +14,12 @@ from scipy import fft
 
 from calibrate.detection.coarse import Coarse
 from calibrate.silhouette.outline import (
+    SINGULAR,
     across,
     moved,
     outline_with_normals,
     sampled,
 )
-from calibrate.silhouette.static_circle import SINGULAR
 from scene.camera import Camera
 from scene.spheres import Sphere
 

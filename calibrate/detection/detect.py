@@ -8,8 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.detection.agreement import matte_rays, mirror_rays
-from calibrate.detection.choice import Judged, Suspect, choose, considered
+from calibrate.detection.choice import Judged, Suspect, choose, considered, matte_rays, mirror_rays
 from calibrate.detection.circles import distinct, overlap, static_circles
 from calibrate.detection.coarse import Box, Coarse
 from calibrate.detection.evidence import Change, Points, bright_points, changes, shaded

@@ -21,14 +21,16 @@ from calibrate.silhouette.cone_fit import (
 from calibrate.silhouette.explained_profiles import LAWS, Law
 from calibrate.silhouette.mirrored_table import MirroredTable, fit_mirrored_table
 from calibrate.silhouette.outline import (
+    KERNEL_REACH,
+    agree,
     difference,
+    find_edges,
     image_strips,
     moved,
     offset_jacobian,
     outline_with_normals,
     read_strips,
 )
-from calibrate.silhouette.static_circle import KERNEL_REACH, agree, find_edges
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere
@@ -177,7 +179,9 @@ def _agreements(
     strips = read(points, normals, offsets)
     out: list[OutlineFit] = []
     edges = find_edges(strips, offsets, spacing, softness=softness, search_px=search_px + 1)
-    for more, first_reach in starts if edges else ():
+    if edges is None:
+        return []
+    for more, first_reach in starts:
         start = np.array([0.0, 0.0, more])
         one = agree(edges, jacobian, start=start, reach_px=first_reach, closest_px=0.35 * softness)
         if one is None or np.abs(one.shift).max() > 1.5 * search_px or one.score < LEAST_SEEN:

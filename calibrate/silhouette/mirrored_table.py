@@ -13,7 +13,7 @@ the outline then, where they would bend a smooth profile's. The mirror's picture
 outline; so it is looked up at even steps of the ball's normal, and blurred as the camera blurs it.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -117,29 +117,20 @@ def _starts(
             yield sphere, plane, blur_px
 
 
-def share_explained(
-    table: Surroundings, sphere: Sphere, planes: Iterable[Array], blur_px: float, law: Law = LAWS[0]
-) -> Array:
-    """Return (P,), the share of the profiles' variance that each plane (3,), mirrored, explains; 0 of what is none."""
-    at, shares = samples(sphere.radius_px, blur_px), []
-    profiles, _ = table.profiles(sphere, at)
-    for plane in planes:
-        shown = table.mirrored_by(sphere, plane, at)
-        explained = explain(profiles, shown, law(at.middle, USUAL), at.offsets, blur_px)
-        shares.append(explained.share if explained and explained.hopeful else 0.0)
-    return np.array(shares)
-
-
 def _rough_plane(
     table: Surroundings, sphere: Sphere, height: float, law: Law, blur_px: float, *, rough: bool
 ) -> Array | None:
     """Return the best of some tilts of a table so far below the ball's centre, or None where none explains anything."""
-    slopes = [(0.0, 0.0), *((t * np.cos(a), t * np.sin(a)) for t in TILTS for a in AZIMUTHS)]
-    planes = np.array([[x, y, height] for x, y in slopes])
-    shares = share_explained(table, sphere, planes, blur_px, law)
-    # Of an even table any tilt explains much: on an outline a slope must pay for itself.
-    left = (1 - shares) * (1.0 if rough else 1 + planes[:, 0] ** 2 + planes[:, 1] ** 2)
-    return planes[np.where(shares > 0, left, np.inf).argmin()] if shares.any() else None
+    at, best, least = samples(sphere.radius_px, blur_px), None, np.inf
+    profiles, _ = table.profiles(sphere, at)
+    for x, y in [(0.0, 0.0), *((t * np.cos(a), t * np.sin(a)) for t in TILTS for a in AZIMUTHS)]:
+        plane = np.array([x, y, height])
+        explained = explain(profiles, table.mirrored_by(sphere, plane, at), law(at.middle, USUAL), at.offsets, blur_px)
+        if explained and explained.hopeful:
+            # Of an even table any tilt explains much: on an outline a slope must pay for itself.
+            left = (1 - explained.share) * (1.0 if rough else 1 + x * x + y * y)
+            best, least = (plane, left) if left < least else (best, least)
+    return best
 
 
 def _settle(
@@ -154,15 +145,15 @@ def _settle(
     prior = np.zeros(8)
     prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / known.sigma**2
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
-    normal, gradient, kept, least, is_last = np.eye(8), np.zeros(8), None, np.inf, False
+    normal, gradient, least, is_last = np.eye(8), np.zeros(8), np.inf, False
+    kept: Explained | None = None
     for turn in range(ROUGH_TURNS if rough else TURNS):
         if abs(np.log(blur / at.blur_px)) > ANEW:
             at = samples(sphere.radius_px, blur)
         profiles, jacobian = table.profiles(sphere, at)
         shown = table.mirrored_by(sphere, plane, at)
         explained = explain(profiles, shown, law(at.middle, mirror), at.offsets, blur)
-        is_hopeful = explained is not None and explained.hopeful
-        if is_hopeful and (is_last or kept is None or explained.cost(kept.noise) < least):
+        if explained and explained.hopeful and (is_last or kept is None or explained.cost(kept.noise) < least):
             looked = _Seen(profiles, at, jacobian, shown, table.slopes(sphere, plane, at))
             slopes, steeper = _slopes(looked, blur, law, explained)
             pull = explained.weight * explained.residual

@@ -138,9 +138,9 @@ def _turn(values: Array, n: Array, weight: Array, b: Array, albedo: Array) -> tu
     share = weight / np.sum(b**2, 1, keepdims=True)
     shading = b @ n.T
     square = np.sum(share * shading**2, 0)
-    albedo = np.where(square > 0, np.sum(share * shading * values, 0) / np.maximum(square, 1e-30), albedo)
-    albedo = np.maximum(albedo, 1e-9)
-    return b * albedo.mean(), albedo / albedo.mean()
+    better = np.where(square > 0, np.sum(share * shading * values, 0) / np.maximum(square, 1e-30), albedo)
+    scale = float(better.mean())
+    return b * scale, np.maximum(better, 1e-9 * scale) / scale
 
 
 def _sigma(values: Array, n: Array, weight: Array, b: Array, albedo: Array) -> tuple[Array, Array]:

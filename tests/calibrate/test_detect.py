@@ -5,13 +5,11 @@ import re
 import numpy as np
 import pytest
 
-from calibrate.detection.agreement import Rays, agreement
 from calibrate.detection.balls import find_balls
-from calibrate.detection.choice import Suspect, choose, fitted
+from calibrate.detection.choice import Rays, Suspect, agreement, choose, fitted
 from calibrate.detection.coarse import shrink
 from calibrate.detection.detect import detect
-from calibrate.detection.mirror_outline import about_horizon, circles_about
-from calibrate.lights.directions import mirrored_rays
+from calibrate.detection.mirror_outline import circles_about
 from fixtures import ball_scene
 from fixtures.ball_scene import World, dust, flashes
 from scene.camera import Camera
@@ -226,33 +224,6 @@ def test_the_circle_about_the_mirrored_edge_of_the_table_is_the_likeliest_outlin
         np.testing.assert_allclose([*best.center_px, best.radius_px], [50, 50, 30], atol=1)
         assert best.score > 0.8
         assert any(abs(one.radius_px - 21) < 1 for one in others)
-
-
-@pytest.mark.parametrize(("tilt", "turn"), [(11, 0), (11, 120), (23, 60), (23, 300)])
-def test_what_a_mirror_shows_of_the_horizon_tells_outline_and_tilt(tilt, turn):
-    """Upside down or mirrored, the table would lean to another side."""
-    a, b = np.deg2rad([tilt, turn])
-    up = np.array([np.sin(a) * np.cos(b), -np.sin(a) * np.sin(b), np.cos(a)])
-    camera, ball = (
-        Camera(600, 600, 6000.0, 6000.0, 300.0, 300.0),
-        Sphere("chrome", np.array([300.0, 300.0]), 100.0, 1.0),
-    )
-    top = unit(up + [0, 0, 1])[:2] * [1, -1]  # there the ball mirrors the zenith
-    way = np.stack([np.cos(angles := np.arange(0, 2 * np.pi, 0.1)), np.sin(angles)], -1)
-    places = ball.center_px + 100 * top + np.linspace(0, 99, 1000)[:, None, None] * way
-    _, mirrored = mirrored_rays(camera, ball, places)
-    is_below = ~(np.sum(mirrored * up, -1) > 0)
-    edge = places[is_below.argmax(0), np.arange(len(way))]
-    design = np.column_stack([2 * edge, np.ones(len(edge))])
-    u, v, rest = np.linalg.lstsq(design, np.sum(edge**2, 1), rcond=None)[0]
-    shown = Sphere("chrome", np.array([u, v]), float(np.sqrt(rest + u * u + v * v)))
-    off = [
-        (max(np.hypot(*(start.center_px - 300)), abs(start.radius_px - 100)), plane)
-        for start, plane in about_horizon(shown)
-    ]
-    nearest, plane = min(off, key=lambda one: one[0])
-    assert nearest < 3
-    np.testing.assert_allclose(plane[:2], up[:2] / up[2], atol=0.02)
 
 
 CENTERS = np.array([[0.0, 0, -1500], [300.0, 100, -1500]])
