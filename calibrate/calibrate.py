@@ -6,20 +6,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.calibration import Calibration, Notes
+from calibrate.calibration import Calibration, Notes, flag_warnings
 from calibrate.detection.balls import Ball, NoProbeError, find_balls
 from calibrate.detection.coarse import Progress
 from calibrate.detection.detect import Rejected
-from calibrate.flags import flag_warnings
+from calibrate.detection.evidence import contradicts_kind
 from calibrate.known_lights.with_known import EQUALLY_BRIGHT, with_known_lights
-from calibrate.lights.directions import unknown_view_deg
+from calibrate.lights.directions import Shading, no_shading, unknown_view_deg
 from calibrate.lights.from_chrome import lights_from_chrome
-from calibrate.lights.shading import Shading, no_shading
 from calibrate.photometry.from_white import APART_DEG, compare_with_chrome, intensities_from_white
 from calibrate.photometry.matte_shading import (
     Surface,
     brightness_beside,
-    contradicts_kind,
     read_surface,
     shading_directions,
 )
@@ -98,7 +96,7 @@ def lights_of_balls(
     white = [i for i, sphere in enumerate(spheres) if sphere.kind == "white"]
     chrome = [i for i, sphere in enumerate(spheres) if sphere.kind == "chrome"]
     surfaces = [read_surface(balls[i].frames, camera, spheres[i]) for i in white]
-    notes.warnings.extend(told for ball in balls if (told := contradicts_kind(ball.frames, camera, ball.sphere)))
+    notes.warnings.extend(told for ball in balls if (told := contradicts_kind(ball.coarse, ball.sphere)))
     shading = _shading(camera, [(balls[i], spheres[i]) for i in white], surfaces, len(frames))
     shown = np.full((len(balls), len(frames), 2), np.nan)
     if chrome:

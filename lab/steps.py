@@ -53,11 +53,10 @@ def _check_scale(job: Job, camera: Camera) -> None:
 def calibrate(job: Job) -> Outcome:
     """Find the balls and the lights."""
     from calibrate.calibrate import calibrate as find_lights
-    from calibrate.calibration import Calibration
+    from calibrate.calibration import Calibration, unknown_lights
     from calibrate.detection.balls import NoProbeError
     from calibrate.known_lights.read_known import read_lights
     from calibrate.unknown_focal import with_unknown_focal
-    from calibrate.without_balls.unknown_lights import unknown_lights
     from capture.session.requests import sphere_requests
 
     store = job.store

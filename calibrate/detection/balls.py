@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.detection.coarse import Coarse, Progress, shrink
-from calibrate.detection.detect import Found, Rejected, around_hint, detect
-from calibrate.detection.diameters import SAME_SCALE, Diameter, doubted_diameters, told_diameters
-from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline, with_blur
+from calibrate.detection.detect import Rejected, around_hint, detect
+from calibrate.detection.diameters import Diameter, doubted_diameters, told_diameters
+from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline
 from calibrate.silhouette.outline import difference, share_in_picture
 from scene.camera import Camera
 from scene.errors import CalibrationError
@@ -25,7 +25,6 @@ HINT_SCORE = 0.6  # share of its outline that a ball must show before it is move
 HINT_SURE = 0.9  # from which a matte ball's is taken, and of another's score that may still be as good
 GIVEN_SIGMA = 0.05
 """Share of its radius to which a circle given by hand is believed where no outline is found; a pixel at least."""
-RULED_OUT = 4.0  # sigmas of a radius by the other balls' diameters from which on a circle is none of its ball
 FORGOTTEN = 0.95  # probability from which a ball that nobody asked for is named
 WHOLE = 0.97  # share of its outline in the picture under which a ball is cut by the border
 LEAST_MASK_PX, MASK_ROUND = 200, 0.05  # pixels of a mask, and how far, in radii, its border may scatter about a ball's
@@ -86,81 +85,38 @@ def find_balls(
             found, refused = detect(own, camera, coarse, wanted=wanted, taken=tuple(fit.sphere for fit in fits))
             rejected += refused
             placed = [replace(fit.sphere, diameter_mm=d.mm) for fit, d in zip(fits, diameters, strict=True)]
-            matched = _match(found, open_, placed, refused, warnings)
-            sure = placed + [replace(one.sphere, diameter_mm=d.mm) for one, d in matched if not one.is_open]
-            for one, diameter in matched:
-                one = _by_diameters(own, camera, one, diameter, sure, search_px=coarse.search_px)
-                fits.append(one.fit)
+            for one, diameter in _match(found, open_, placed, refused, warnings):
+                fits.append(one)
                 diameters.append(diameter)
-                warnings += [one.warning] if one.warning else []
         listed = [replace(fit.sphere, diameter_mm=d.mm) for fit, d in zip(fits, diameters, strict=True) if d.mm]
         warnings += doubted_diameters(listed)
-        blurs = [fit.blur_px for fit in fits if fit.sphere.kind == "white" and np.isfinite(fit.blur_px)]
         for fit, diameter in zip(fits, diameters, strict=True):
-            one = with_blur(own, camera, fit, float(np.median(blurs))) if blurs else fit
             known = {"diameter_mm": diameter.mm, "diameter_sigma": diameter.sigma}
-            sphere = replace(one.sphere, **known, apart=own is not frames)
-            warnings += _cut(camera, sphere)
-            balls.append(Ball(sphere, one.covariance, own, coarse))
+            sphere = replace(fit.sphere, **known, apart=own is not frames)
+            warnings += _cautions(camera, sphere, is_open=fit.is_open)
+            balls.append(Ball(sphere, fit.covariance, own, coarse))
     if not balls:
         raise NoProbeError(_nothing(requests, rejected))
     return balls, rejected, tuple(warnings)
 
 
-def _by_diameters(
-    frames: Frames, camera: Camera, found: Found, diameter: Diameter, sure: list[Sphere], *, search_px: float
-) -> Found:
-    """Return a mirror with that of two circles which its diameter asks for, beside balls whose outlines are sure."""
-    scales = [s.diameter_mm / s.radius_px for s in sure if s.diameter_mm]
-    if not found.is_open or not scales or not diameter.mm:
-        return found
-    usual = float(np.log(diameter.mm / np.median(scales)))
-
-    def agrees(sphere: Sphere) -> bool:
-        return abs(np.log(sphere.radius_px) - usual) < RULED_OUT * SAME_SCALE
-
-    rival = found.rival if found.rival and agrees(found.rival) else None
-    if agrees(found.sphere):
-        return replace(found, rival=rival, unexplained=False)
-    fit = fit_outline(frames, camera, rival, search_px=search_px) if rival else None
-    return Found(fit) if fit else found
-
-
-def _is_ball(one: Rejected) -> bool:
-    """Whether it can be nothing else: round and matte may be the object."""
-    return one.kind == "chrome" and one.probability > FORGOTTEN
-
-
-def _forgotten(one: Rejected) -> str:
-    (u, v), kind = one.center_px, one.kind
-    return (
-        f"a {kind} ball that session.toml does not list stands at ({u:.0f}, {v:.0f}) px, radius {one.radius_px:.0f} px "
-        f"(probability {one.probability:.0%}). List it under [[spheres]], with its diameter_mm, to have it used."
-    )
-
-
-def _exchanged(one: Rejected, asked: int, there: int) -> str:
-    (u, v) = one.center_px
-    return (
-        f"{_balls(asked, 'white')} asked for, {there} found; and at ({u:.0f}, {v:.0f}) px, radius "
-        f"{one.radius_px:.0f} px, stands a chrome ball that session.toml does not list (probability "
-        f'{one.probability:.0%}). Is kind wrong there? A mirror is "chrome", a matte ball "white".'
-    )
-
-
-def _balls(count: int, kind: Kind) -> str:
-    return f"{count} {kind} ball{'s' * (count > 1)}"
-
-
-def _cut(camera: Camera, sphere: Sphere) -> list[str]:
-    """Name a ball that the picture's border cuts."""
-    seen = share_in_picture(camera, sphere)
-    (u, v), sigma = sphere.center_px, sphere.sigma_px
-    told = (
-        f"the {sphere.kind} ball at ({u:.0f}, {v:.0f}) px is cut by the picture's border: {seen:.0%} of its outline is "
-        f"seen, and places it to {sigma:.2f} px. Move it into the picture."
-    )
-    return [told] if seen < WHOLE else []
+def _cautions(camera: Camera, sphere: Sphere, *, is_open: bool) -> list[str]:
+    """Name a mirror whose outline nothing confirms, and a ball that the picture's border cuts."""
+    seen, told = share_in_picture(camera, sphere), []
+    (u, v), kind = sphere.center_px, sphere.kind
+    if is_open:
+        # It is in no sigma: that is no scatter.
+        told.append(
+            f"chrome ball at ({u:.0f}, {v:.0f}) px: taken with a radius of {sphere.radius_px:.0f} px, but it does not "
+            "mirror the table beside it, and may be what a larger ball mirrors. Look at the picture; center_px and "
+            "radius_px in session.toml decide."
+        )
+    if seen < WHOLE:
+        told.append(
+            f"the {kind} ball at ({u:.0f}, {v:.0f}) px is cut by the picture's border: {seen:.0%} of its outline is "
+            f"seen, and places it to {sphere.sigma_px:.2f} px. Move it into the picture."
+        )
+    return told
 
 
 def _check_own_frames(frames: Frames, own: Frames, camera: Camera) -> None:
@@ -222,67 +178,61 @@ def _fit_hint(frames: Frames, camera: Camera, coarse: Coarse, hint: Sphere) -> O
     all but the rim of the mirrored dark: it is always looked at, and of equals the outermost wins.
     """
     reach = max(HINT_REACH_PX, HINT_REACH * hint.radius_px)
-
-    def fit(start: Sphere, search_px: float) -> list[OutlineFit]:
+    starts = [(start, coarse.search_px) for start in around_hint(coarse, hint, reach_px=reach)[:2]]
+    fits: list[OutlineFit] = []
+    for start, search_px in [*starts, (hint, max(HINT_REACH_PX, HINT_SEARCH * hint.radius_px))]:
+        is_last, best = start is hint, best_outline(fits, hint.kind) if fits else None
+        if is_last and best and best.sphere.score >= HINT_SURE and hint.kind == "white":
+            break
         one = fit_outline(frames, camera, start, search_px=search_px)
-        if one is None or one.sphere.score < HINT_SCORE:
-            return []
-        du, dv, larger = difference(one.sphere, hint)
-        return [one] if max(np.hypot(du, dv), abs(larger)) < reach else []
-
-    static: list[OutlineFit] = []
-    for start in around_hint(coarse, hint, reach_px=reach)[:2]:
-        static += fit(start, coarse.search_px)
-    best = best_outline(static, hint.kind) if static else None
-    if best is not None and best.sphere.score >= HINT_SURE and hint.kind == "white":
-        return best
-    for own in fit(hint, max(HINT_REACH_PX, HINT_SEARCH * hint.radius_px)):
-        if hint.kind == "chrome":
-            best = best_outline([*static, own], hint.kind)
-        elif best is None or HINT_SURE * own.sphere.score > best.sphere.score:
-            best = own
-    return best
+        if one and one.sphere.score >= HINT_SCORE and np.abs(difference(one.sphere, hint)).max() < reach:
+            if is_last and best and hint.kind == "white" and HINT_SURE * one.sphere.score <= best.sphere.score:
+                break
+            fits = [one] if is_last and hint.kind == "white" else [*fits, one]
+    return best_outline(fits, hint.kind) if fits else None
 
 
 def _match(
-    found: list[Found],
+    found: list[OutlineFit],
     requests: list[SphereRequest],
     given: list[Sphere],
     rejected: tuple[Rejected, ...],
     warnings: list[str],
-) -> list[tuple[Found, Diameter]]:
+) -> list[tuple[OutlineFit, Diameter]]:
     """Give each found ball the diameter of a request of its kind; balls of a kind by their size in the picture."""
     if not requests:
         return [(one, Diameter(None, 0.0)) for one in found]
     balls = {k: sorted((f for f in found if f.sphere.kind == k), key=lambda f: -f.sphere.radius_px) for k in KINDS}
     listed: dict[Kind, list[float | None]] = {k: [r.diameter_mm for r in requests if r.kind == k] for k in KINDS}
-    count = {kind: (len(listed[kind]), len(balls[kind])) for kind in KINDS}
-    # A white ball that is not found, and a mirror that nobody listed: one slip, one message.
-    mirrors = [one for one in rejected if _is_ball(one)]
-    exchanged = max(min(len(mirrors), count["white"][0] - count["white"][1]), 0)
-    warnings += [_exchanged(one, *count["white"]) for one in mirrors[:exchanged]]
-    warnings += [_forgotten(one) for one in mirrors[exchanged:]]
+    # It can be nothing else than a ball: what is round and matte may be the object.
+    for (u, v), one in ((r.center_px, r) for r in rejected if r.kind == "chrome" and r.probability > FORGOTTEN):
+        warnings.append(
+            f"a chrome ball that session.toml does not list stands at ({u:.0f}, {v:.0f}) px, radius "
+            f"{one.radius_px:.0f} px (probability {one.probability:.0%}). List it under [[spheres]], with its "
+            'diameter_mm, to have it used. If it is listed, is kind wrong there? A mirror is "chrome", a matte ball '
+            '"white".'
+        )
     for kind in KINDS:
-        asked, there = count[kind]
-        if there < asked and not (kind == "white" and exchanged):
-            near = "; ".join(_said(r) for r in rejected if r.kind == kind)
+        asked, there = len(listed[kind]), len(balls[kind])
+        if there < asked:
+            near = "; ".join(f"{_place(r)}: {r.reason}" for r in rejected if r.kind == kind)
             warnings.append(
-                f"{_balls(asked, kind)} asked for, {there} found{f' (refused: {near})' if near else ''}. Give "
-                "center_px and radius_px of the one that is missing under [[spheres]], correct its kind, or drop it."
+                f"{asked} {kind} ball{'s' * (asked > 1)} asked for, {there} found"
+                f"{f' (refused: {near})' if near else ''}. Give center_px and radius_px of the one that is missing "
+                "under [[spheres]], correct its kind, or drop it."
             )
     told = told_diameters({kind: [one.sphere for one in balls[kind]] for kind in KINDS}, listed, given, warnings)
     return [pair for kind in KINDS for pair in zip(balls[kind], told[kind], strict=True)]
 
 
-def _said(one: Rejected) -> str:
+def _place(one: Rejected) -> str:
     u, v = one.center_px
-    return f"({u:.0f}, {v:.0f}) px, radius {one.radius_px:.0f}: {one.reason}"
+    return f"({u:.0f}, {v:.0f}) px, radius {one.radius_px:.0f} px"
 
 
 def _nothing(requests: Sequence[SphereRequest], rejected: tuple[Rejected, ...]) -> str:
     asked = ", ".join(f"{count} {kind}" for kind, count in Counter(r.kind for r in requests).items())
     text = f"spheres: no ball found (asked for: {asked or 'any'}); {len(rejected)} circles were looked at"
     if rejected:
-        (u, v), best = rejected[0].center_px, rejected[0]
-        text += f", the best at ({u:.0f}, {v:.0f}) px, radius {best.radius_px:.0f} px: {best.reason}"
+        text += f", the best at {_place(rejected[0])}: {rejected[0].reason}"
     return text + ". Give center_px and radius_px in session.toml, or known lights (lights.file)."

@@ -6,7 +6,6 @@ edge, and in which orientation. A ring of that evidence is a candidate.
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -15,13 +14,12 @@ from scipy import fft
 
 from calibrate.detection.coarse import Coarse
 from calibrate.silhouette.outline import (
+    SINGULAR,
     across,
-    circles_apart,
     moved,
     outline_with_normals,
     sampled,
 )
-from calibrate.silhouette.static_circle import SINGULAR
 from scene.camera import Camera
 from scene.spheres import Sphere
 
@@ -47,25 +45,19 @@ LOST = 0.25  # radii by which a circle may move in a turn
 LEAST_SCORE = 0.5  # a circle that less of its outline supports is not looked into
 
 
-class Circle(NamedTuple):
-    """A circle in coarse pixels and the share of its outline that edges support."""
-
-    u: float
-    v: float
-    radius: float
-    score: float
-
-
 def rank(sphere: Sphere) -> float:
     """A long outline is more evidence than a short one of the same share."""
     return sphere.score**2 * sphere.radius_px**0.25
 
 
-def distinct(spheres: list[Sphere]) -> list[Sphere]:
-    """Return the circles that differ by more than a pixel, the best supported first."""
-    kept: list[Sphere] = []
+def distinct(spheres: list[Sphere], least_px: float = 1.0, share: float = 0.0) -> list[Sphere]:
+    """Return the circles that differ by more than some pixels, or radii; the best supported first."""
+    kept, table = list[Sphere](), np.empty((len(spheres), 3))
     for one in sorted(spheres, key=rank, reverse=True):
-        if all(circles_apart(one, other) > 1 for other in kept):
+        u, v, radius = table[: len(kept)].T
+        apart = np.hypot(one.center_px[0] - u, one.center_px[1] - v) + np.abs(one.radius_px - radius)
+        if (apart > np.maximum(least_px, share * radius)).all():
+            table[len(kept)] = *one.center_px, one.radius_px
             kept.append(one)
     return kept
 
@@ -85,12 +77,8 @@ def static_circles(coarse: Coarse) -> list[Sphere]:
     for images in (coarse.images, even):
         votes = static_edges(images)
         edges = np.stack([votes.real, votes.imag], -1)
-        for circle in _circles(images, votes):
-            start = Sphere("chrome", np.array([circle.u, circle.v]), circle.radius)
-            sphere = refine_on_edges(edges, coarse.camera, start)
-            if sphere.score >= LEAST_SCORE:
-                found.append(sphere)
-    return found
+        found += [refine_on_edges(edges, coarse.camera, start) for start in _circles(images, votes)]
+    return [sphere for sphere in found if sphere.score >= LEAST_SCORE]
 
 
 def static_edges(images: Picture) -> NDArray[np.complex64]:
@@ -136,27 +124,28 @@ def _local_median(values: Picture) -> Picture:
     return np.asarray(cv2.resize(medians, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
 
 
-def _circles(images: Picture, edges: NDArray[np.complex64]) -> list[Circle]:
+def _circles(images: Picture, edges: NDArray[np.complex64]) -> list[Sphere]:
     """Return circles of static edges in the stack (F, h, w), the best supported first; `edges`: its `static_edges`.
 
     Each octave of radii is searched in images of half the size: the cost of all octaves is 4/3 of the first's.
     """
     largest = LARGEST_SHARE * min(images.shape[1:])
-    circles, scale = [], 1.0
+    circles, scale = list[Sphere](), 1.0
     low, step = SMALLEST_PX, 1.0
     while low * scale < largest:
         high = min(RING_PX[1], largest / scale)
         for u, v, radius, score in _circles_of_octave(edges, np.arange(low, high + step, step)):
-            circles.append(Circle((u + 0.5) * scale - 0.5, (v + 0.5) * scale - 0.5, radius * scale, score))
+            center = (np.array([u, v]) + 0.5) * scale - 0.5
+            circles.append(Sphere("chrome", center, radius * scale, score=score))
         scale *= 2
         low, step = RING_PX[0], 0.5
         if low * scale < largest:
             images = np.stack([cv2.resize(i, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for i in images])
             edges = static_edges(images)
-    return _strongest(circles)
+    return distinct(circles, SAME_PX, SAME_SHARE)[:MOST]
 
 
-def _circles_of_octave(edges: NDArray[np.complex64], radii: Array) -> list[Circle]:
+def _circles_of_octave(edges: NDArray[np.complex64], radii: Array) -> list[tuple[float, ...]]:
     """Correlate the edges with rings of outward orientation, one radius after another."""
     height, width = edges.shape
     pad = int(radii[-1]) + 4
@@ -191,7 +180,7 @@ def _circles_of_octave(edges: NDArray[np.complex64], radii: Array) -> list[Circl
         if peak.any():
             peak &= scores[i] >= cv2.dilate(scores[i], np.ones((5, 5), np.uint8))
         for row, column in zip(*np.nonzero(peak), strict=True):
-            found.append(Circle(float(column), float(row), float(radii[i]), float(scores[i, row, column])))
+            found.append((float(column), float(row), float(radii[i]), float(scores[i, row, column])))
     return found
 
 
@@ -200,22 +189,6 @@ def _beyond(side: int, radius: float) -> Picture:
     place = np.arange(side)
     shares = [np.arccos(np.clip(distance / radius, -1, 1)) / np.pi for distance in (place, side - 1 - place)]
     return np.asarray(shares[0] + shares[1], np.float32)
-
-
-def _strongest(circles: list[Circle]) -> list[Circle]:
-    """Keep the best of circles that are the same one."""
-    kept: list[Circle] = []
-    table = np.empty((MOST, 3))
-    for circle in sorted(circles, key=lambda c: -c.score):
-        k = table[: len(kept)]
-        apart = np.hypot(circle.u - k[:, 0], circle.v - k[:, 1]) + np.abs(circle.radius - k[:, 2])
-        if np.any(apart < np.maximum(SAME_PX, SAME_SHARE * k[:, 2])):
-            continue
-        table[len(kept)] = circle[:3]
-        kept.append(circle)
-        if len(kept) == MOST:
-            break
-    return kept
 
 
 def refine_on_edges(edges: Picture, camera: Camera, sphere: Sphere) -> Sphere:

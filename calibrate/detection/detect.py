@@ -8,8 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.detection.agreement import matte_rays, mirror_rays
-from calibrate.detection.choice import Judged, Suspect, choose, considered
+from calibrate.detection.choice import Judged, Suspect, choose, considered, matte_rays, mirror_rays
 from calibrate.detection.circles import distinct, overlap, static_circles
 from calibrate.detection.coarse import Box, Coarse
 from calibrate.detection.evidence import Change, Points, bright_points, changes, shaded
@@ -20,7 +19,7 @@ from calibrate.detection.mirror_outline import (
     static_slopes,
 )
 from calibrate.silhouette.ball_silhouette import TABLE_FROM_PX, OutlineFit, fit_outline
-from calibrate.silhouette.metal_reflectance import Law, law_of
+from calibrate.silhouette.explained_profiles import law_of
 from calibrate.silhouette.mirrored_surroundings import TablePlane, shared_plane
 from calibrate.silhouette.mirrored_table import MirroredTable
 from scene.camera import Camera
@@ -30,9 +29,8 @@ from scene.spheres import Kind, Sphere
 THREADS = 2  # outlines that are fitted side by side
 SMALL_PX = 20.0  # radius under which the flash's image is so blurred that a mirror is asked on less evidence
 LEAST_SUPPORT = 0.4  # share of a mirror's outline that must stand still where no table is seen in it
-AS_STILL = 0.9  # of the same, from which on it is open which of two circles is the outline
 KNOWN_BY = 2  # mirrors that must have shown the table before one that shows another is none
-OTHERS, ALIKE = 3, 2  # more circles of static slopes, and of static edges, that may be a mirror's outline
+ALIKE = 4, 2  # circles of static slopes, and of static edges, that may be a mirror's outline
 LEAST_SHADING = 0.8  # share of its brightness that shading must explain for a circle to be looked at as a matte ball
 LEAST_BRIGHT = (
     0.01  # share of the picture's bright parts at which a matte ball begins: below is a dark backdrop's noise
@@ -58,38 +56,6 @@ class Rejected:
     reason: str
 
 
-@dataclass(frozen=True)
-class Found:
-    """A ball: its outline in full-size pixels, and a circle that may be its outline instead."""
-
-    fit: OutlineFit
-    rival: Sphere | None = None
-    unexplained: bool = False  # a mirror that does not show the table beside it: it may be the horizon in a larger one
-
-    @property
-    def sphere(self) -> Sphere:
-        return self.fit.sphere
-
-    @property
-    def is_open(self) -> bool:
-        """Whether another circle may be the outline."""
-        return self.rival is not None or self.unexplained
-
-    @property
-    def warning(self) -> str | None:
-        """The caution that belongs to a mirror whose outline is one of two; it is in no sigma, for it is no scatter."""
-        if not self.is_open:
-            return None
-        (u, v), radius = self.sphere.center_px, self.sphere.radius_px
-        but = "it does not mirror the table beside it, and may be what a larger ball mirrors"
-        if self.rival is not None:
-            but = f"a circle of {self.rival.radius_px:.0f} px stands as still"
-        return (
-            f"chrome ball at ({u:.0f}, {v:.0f}) px: taken with a radius of {radius:.0f} px, but {but}. Look at the "
-            "picture; center_px and radius_px in session.toml decide, and so do the diameter_mm of all balls."
-        )
-
-
 def detect(
     frames: Frames,
     camera: Camera,
@@ -97,7 +63,7 @@ def detect(
     *,
     wanted: dict[Kind, int] | None = None,
     taken: tuple[Sphere, ...] = (),
-) -> tuple[list[Found], tuple[Rejected, ...]]:
+) -> tuple[list[OutlineFit], tuple[Rejected, ...]]:
     """Find the balls: the likeliest set, never more of a kind than were wanted; and the circles that are none.
 
     `coarse` holds the same frames, shrunk. `wanted`: how many of each kind were asked for; None: whatever there is.
@@ -108,25 +74,23 @@ def detect(
         # A glossy ball that is asked for as a mirror serves as one.
         suspects = [replace(s, sphere=replace(s.sphere, kind="chrome")) if s.glossy else s for s in suspects]
     chosen, left = choose(suspects, wanted)
-    found: list[Found] = []
+    found: list[OutlineFit] = []
     places = list(chosen)
     for one in sorted(left, key=lambda one: -one.log_odds):
         if not any(overlap(one.suspect.sphere, other.suspect.sphere) for other in places):
             places.append(one)
     rejected = [_rejected(coarse, one, one.suspect.doubt) for one in places[len(chosen) :]]
-    starts = [[coarse.sphere_to_full(s) for s in (one.suspect.sphere, *one.suspect.others)] for one in chosen]
+    starts = [coarse.sphere_to_full(one.suspect.sphere) for one in chosen]
     shown = [one.suspect.table for one in chosen]
-    planes = [shared_plane([t.plane for m, t in enumerate(shown) if t and m != n]) for n in range(len(shown))]
     law = law_of([table.is_fresnels for table in shown if table])
     with ThreadPoolExecutor(THREADS) as threads:
-        outline = partial(_outline, frames, camera, search_px=coarse.search_px, law=law)
-        fits = list(threads.map(outline, starts, shown, planes))
-    for one, circles, fit in zip(chosen, starts, fits, strict=True):
+        outline = partial(fit_outline, frames, camera, search_px=coarse.search_px, laws=(law,))
+        fits = list(threads.map(lambda start, table: outline(start, shown=table), starts, shown))
+    for one, fit in zip(chosen, fits, strict=True):
         if fit is None:
             rejected.append(_rejected(coarse, one, "its outline cannot be followed at full size"))
         else:
-            rivals = [] if fit.by_table else circles[1:]
-            found.append(Found(fit, rivals[0] if rivals else None, _unexplained(coarse, fit)))
+            found.append(replace(fit, is_open=_unexplained(coarse, fit)))
     return found, tuple(sorted(rejected, key=lambda r: -r.probability))
 
 
@@ -146,27 +110,6 @@ def _rejected(coarse: Coarse, one: Judged, doubt: str) -> Rejected:
     sphere = coarse.sphere_to_full(one.suspect.sphere)
     reason = f"a {sphere.kind} ball with a probability of {one.probability:.0%}{doubt and ': '}{doubt}"
     return Rejected(sphere.kind, sphere.center_px, sphere.radius_px, sphere.score, one.probability, reason)
-
-
-def _outline(
-    frames: Frames,
-    camera: Camera,
-    circles: list[Sphere],
-    shown: MirroredTable | None,
-    plane: TablePlane | None,
-    *,
-    search_px: float,
-    law: Law,
-) -> OutlineFit | None:
-    """Fit the likeliest circle, the first; but a mirror's is that in which it shows the table beside it."""
-    first = None
-    for number, circle in enumerate(circles[: 1 + OTHERS]):
-        fit = fit_outline(frames, camera, circle, search_px=search_px, shown=shown, plane=plane, laws=(law,))
-        if fit is not None and fit.by_table:
-            return fit
-        if number == 0:
-            first = fit
-    return first
 
 
 def find_suspects(frames: Frames, camera: Camera, coarse: Coarse, taken: Sequence[Sphere] = ()) -> list[Suspect]:
@@ -223,20 +166,17 @@ def _mirrors(
             table = search(plane=plane)
         if table is None and len(planes) < KNOWN_BY:
             table = search()
-        some = [c for c in about[: 1 + OTHERS] if c.score >= LEAST_SUPPORT] + [c for c, _ in group[:ALIKE]]
+        some = [c for c in about[: ALIKE[0]] if c.score >= LEAST_SUPPORT] + [c for c, _ in group[: ALIKE[1]]]
         if table is not None:
             tables.append(coarse.from_full(table.sphere))
             planes.append(table.plane)
-            suspects += _mirror(coarse, change, tables[-1], [], table)
+            suspects += _mirror(coarse, change, tables[-1], table)
         for circle in some:
-            others = [c for c in about if c is not circle and c.score > AS_STILL * circle.score]
-            suspects += _mirror(coarse, change, circle, others, None)
+            suspects += _mirror(coarse, change, circle, None)
     return suspects
 
 
-def _mirror(
-    coarse: Coarse, change: list[Change], circle: Sphere, others: list[Sphere], shown: MirroredTable | None
-) -> list[Suspect]:
+def _mirror(coarse: Coarse, change: list[Change], circle: Sphere, shown: MirroredTable | None) -> list[Suspect]:
     """Return a circle as a mirror, if it may be one. `shown`: the table beside it, where that explains it."""
     points, seen = bright_points(change, circle), shaded(coarse, circle)
     if points is None or seen is None or not points.may_wander:
@@ -245,9 +185,8 @@ def _mirror(
     area = np.log(max(points.area, LEAST_AREA))
     features = [1, *table, area, float(np.clip(seen.share, 0, 1)), points.inside, _size(circle)]
     sphere = replace(circle, kind="chrome")
-    rivals = [replace(c, kind="chrome") for c in others]
     rays = mirror_rays(coarse, change, sphere)
-    return [Suspect(sphere, "chrome", np.array(features, np.float64), rays, glossy=True, others=rivals, table=shown)]
+    return [Suspect(sphere, "chrome", np.array(features, np.float64), rays, glossy=True, table=shown)]
 
 
 def around_hint(coarse: Coarse, hint: Sphere, *, reach_px: float) -> list[Sphere]:

@@ -109,18 +109,14 @@ def _say(
     if sure and agree:
         warnings.append(f"{kind} balls of {', '.join(sure)} mm were told apart by their size in the picture.")
     names = ", ".join(f"{d:g}" for d in listed if d)
-    if None in listed and not sure:
-        places = ", ".join("({:.0f}, {:.0f})".format(*sphere.center_px) for sphere in found)
+    vague = [
+        "({:.0f}, {:.0f}) px ".format(*sphere.center_px)
+        + (f"taken as {one.mm:.1f} mm, to {one.sigma:.0%}" if one.mm else "without one")
+        for sphere, one in zip(found, told, strict=True)
+        if one.sigma or not one.mm
+    ]
+    if vague:
         warnings.append(
-            f"{kind} balls at {places} px: diameter_mm is listed for {len(listed) - listed.count(None)} of "
-            f"{len(listed)} ({names}), and whose it is cannot be told; no diameter is used. Give each its diameter_mm."
+            f"{kind} balls: which of {names} mm each is cannot be told: {'; '.join(vague)}. Give each its diameter_mm, "
+            "and its center_px and radius_px."
         )
-        return
-    for sphere, one in zip(found, told, strict=True):
-        u, v = sphere.center_px
-        taken = f"taken as {one.mm:.1f} mm, to {one.sigma:.0%}" if one.mm else "no diameter is used"
-        if one.sigma or not one.mm:
-            warnings.append(
-                f"the {kind} ball at ({u:.0f}, {v:.0f}) px: which of {names} mm it is cannot be told; {taken}. Give "
-                "its center_px and radius_px."
-            )

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from calibrate.detection.coarse import Coarse
 from calibrate.lights.directions import toward_camera
+from calibrate.photometry.matte_shading import FEWEST_SHADED, lambert
 from scene.normals import unit
-from scene.robust import MAD
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Stack = NDArray[np.float32]
-FEWEST_PIXELS, FEWEST_SHADED = 60, 20  # of a disc, to look for bright points, and for shading
+FEWEST_PIXELS = 60  # of a disc, to look for bright points
 WIDEST_PX = 21
 """A flash mirrored in the largest ball is narrower than this, coarse pixels; a mirrored table or white ball is not."""
 LARGEST_PX = 150.0  # radius of a ball up to which that holds; a larger one is looked at in smaller pictures
@@ -27,15 +27,16 @@ DISC, FRONT = 0.97, 0.8
 """Share of the radius that is looked at, and within which a flash on the camera's side must be mirrored."""
 POINT_AREA, POINT_CONTRAST, POINT_TRAVEL, POINT_INSIDE = 0.05, 6.0, 0.03, 0.8
 """Limits of `Points`: a smaller area, and more of the others, is a light that shows as a wandering point."""
-MAYBE = 1.7, 0.4, 0.6  # the same, of the area, contrast and `inside`, up to which it may be one all the same
+MAYBE = 1.7, 0.4, 0.6  # shares of the area's, contrast's and `inside`'s limits that may be one all the same
 LIT_SHARE = 0.05  # of the median frame's peak, from which a frame shows a point at all
 PEAKS, PEAKS_APART = 2, 0.16  # brightest points of a frame that may be the flash, and how far apart they are, radii
 PEAK_LIT, PEAK_SECOND = 0.25, 0.2  # of the median frame's peak, and of the frame's own, from which a point may be it
 SHADE_PIXELS = 500  # of a disc, evenly thinned, on which shading is fitted
 CLIPPED_SHARE = 0.02  # of a disc's pixels near its maximum from which they are clipped
-GRAZING, TERMINATOR = 0.2, 0.1  # cosines to the viewer, and to the light, under which a pixel is not asked
+GRAZING = 0.2  # cosine to the viewer under which a pixel is not asked
 KEPT = 0.95  # gloss, a scratch, a terminator softened by a large flash: the worst twentieth is not held against a ball
 SHADED_FRAME = 0.2  # of the brighter frames' median, under which a frame shows the disc in another thing's shadow
+MATTE, MIRROR = 0.95, 0.6  # share of its brightness that n.l explains: of a matte ball more, of a mirror less
 FLAT, TALL = 0.7, 4 / 3  # heights over widths of bodies whose shading is compared with a ball's
 
 
@@ -190,35 +191,24 @@ def shaded(coarse: Coarse, sphere: Sphere, *, least: float = -np.inf) -> Shaded 
     return Shaded(share, flat - share, tall - share, directions, lit)
 
 
-def _shading(values: Array, normals: Array, lit: Mask) -> tuple[float, Array]:
-    """Return the share of variance that shading explains, and the fit's directions (F, 3).
+def contradicts_kind(coarse: Coarse, sphere: Sphere) -> str | None:
+    """Say whether a ball, full-size pixels, shades like one of the other kind."""
+    seen = shaded(coarse, coarse.from_full(sphere))
+    if seen is None or not (seen.share > MATTE if sphere.kind == "chrome" else seen.share < MIRROR):
+        return None
+    u, v = sphere.center_px
+    return (
+        f"spheres: the ball at ({u:.0f}, {v:.0f}) px is said to be {sphere.kind}, but n.l explains {seen.share:.0%} of "
+        f"its shading (a white ball: above {MATTE:.0%}, a chrome one: below {MIRROR:.0%}). If it is "
+        f"{'white' if sphere.kind == 'chrome' else 'chrome'}, correct its kind in session.toml."
+    )
 
-    Notes
-    -----
-    Per frame, I = max(0, n.b) + a by alternating: which pixels are lit, then least squares on those, with
-    the brightest residuals (gloss) and clipped samples left out. The attached shadow counts in the score.
-    """
-    design = np.column_stack([normals, np.ones(len(normals))])
-    products = (design[:, :, None] * design[:, None, :]).reshape(len(design), 16)
+
+def _shading(values: Array, normals: Array, lit: Mask) -> tuple[float, Array]:
+    """Return the share of variance that shading explains, the attached shadow's too, and directions (F, 3)."""
     clipped = values >= DISC * np.maximum(values.max(1, keepdims=True), 1e-9)
     clipped &= clipped.mean(1, keepdims=True) > CLIPPED_SHARE
-    use = ~clipped & (values > np.quantile(values, 0.2, axis=1, keepdims=True))
-    b = np.zeros((len(values), 4))
-    residual = values.copy()
-    for _ in range(6):
-        enough = use.sum(1) >= FEWEST_SHADED
-        if not enough.any():
-            break
-        weight = use[enough].astype(np.float64)
-        normal = (weight @ products).reshape(-1, 4, 4) + 1e-9 * np.eye(4)
-        b[enough] = np.linalg.solve(normal, ((weight * values[enough]) @ design)[..., None])[..., 0]
-        cosine = b[:, :3] @ normals.T
-        residual = values - (np.maximum(cosine, 0) + b[:, 3:])
-        size = np.abs(residual)
-        sizes = np.sort(np.where(use, size, np.inf)[enough], axis=1)
-        limit = 3 * MAD * np.take_along_axis(sizes, use[enough].sum(1, keepdims=True) // 2, 1) + 1e-6
-        strength = np.linalg.norm(b[enough, :3], axis=1, keepdims=True)
-        use[enough] = ~clipped[enough] & (cosine[enough] > TERMINATOR * strength) & (size[enough] < limit)
+    b, _, residual = lambert(values, normals, clipped)
     seen = (~clipped).sum(1)
     order = np.argsort(np.where(clipped, np.inf, residual**2), axis=1)
     kept = np.arange(values.shape[1]) < (KEPT * seen).astype(int)[:, None]

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from calibrate.detection.circles import gradient, rank
 from calibrate.detection.coarse import Coarse
 from calibrate.detection.evidence import Points
-from calibrate.silhouette.mirrored_surroundings import Surroundings, TablePlane
-from calibrate.silhouette.mirrored_table import SURE, MirroredTable, fit_mirrored_table, share_explained
+from calibrate.silhouette.mirrored_surroundings import ANY_PLANE, TablePlane
+from calibrate.silhouette.mirrored_table import SURE, MirroredTable, fit_mirrored_table
 from calibrate.silhouette.outline import circles_apart, sampled, share_in_picture
 from scene.camera import Camera
 from scene.frames import Frames
@@ -46,16 +46,13 @@ MOST_SUPPORTED = 40  # circles that are looked at, the best supported
 SAME_PX, SAME_SHARE = 1.5, 0.05  # px, and radii, within which two circles are the same one
 HORIZON, HORIZON_SIGMA = 0.7, 0.08
 """Radius of the table's edge as a ball shows it, in its own: sin 45 degrees for a table seen from above; its spread."""
-TRIED, EDGES, FOLLOWED, SETTLED = 4, 3, 4, 2
-"""Circles about a mirror on which its law is tried; that are taken for the table's edge in it; outlines about these
-that are followed; and fits that are taken to the end."""
-HORIZONS = 0.62, 0.66, 0.7  # radii of a finite table's edge as a ball shows it, in its own, that are tried,
-HORIZON_TILTS, HORIZON_TURNS = np.deg2rad([11.0, 23.0]), 6  # and its tilts, each to so many sides
+TRIED, EDGES, SETTLED = 4, 3, 2
+"""Circles about a mirror on which its law is tried; that are taken for the table's edge in it; and fits that are taken
+to the end."""
+HORIZONS = 0.6, 0.69  # radii of a finite table's edge as a ball shows it, in its own, that are tried
 FARTHEST_MOVED = 0.3  # radii by which the law may move a circle
-HOPEFUL = 0.85  # share of the variance that a start must explain to be followed,
-EXPLAINS = 0.97  # and that the mirrored table explains beside a mirror's outline
+EXPLAINS = 0.97  # share of the variance that the mirrored table explains beside a mirror's outline
 CLEAR = 0.98  # the same, from which on no more circles are tried
-FARTHEST_APART = 0.05  # radii under which two starts are the same one
 LOCATES_PX = 0.15  # standard deviation of the radius to which the law locates a mirror's outline
 FRAMES = 6  # in which it is tried
 
@@ -193,75 +190,39 @@ def by_mirrored_table(
             tables.append(table)
             if table.explained > SURE and _located(table):
                 break
-    best: MirroredTable | None = None
-    settled: dict[int, MirroredTable | None] = {}
-    enough = EXPLAINS if plane is None else CLEAR
-    for are_all in (False, True):
-        if are_all:
-            known = None if plane is None else plane.values
-            around = (fit(circle, rough=True) for circle in _about_horizons(some, camera, circles, blur_px, known))
+    best, enough = None, EXPLAINS if plane is None else CLEAR
+    settled: set[int] = set()
+    for horizons in (False, True):
+        if horizons and best is None:
+            starts = about_horizons(circles, (ANY_PLANE if plane is None else plane).values)
+            around = (fit(circle, rough=True) for circle in starts)
             tables += [table for table in around if table]
-        tables.sort(key=lambda one: -one.explained)
-        for one in tables[:SETTLED] if are_all else [one for one in tables[:1] if one.explained > CLEAR]:
-            if id(one) not in settled:
-                settled[id(one)] = fit(one.sphere)
-            table = settled[id(one)]
-            if table and _located(table) and table.explained > (best.explained if best else enough):
-                best = table
-            if best and best.explained > (SURE if are_all else CLEAR):
-                return _scored(best, camera)
-    return None if best is None else _scored(best, camera)
+        for one in sorted(tables, key=lambda one: -one.explained)[: SETTLED if horizons else 1]:
+            if best is None and (horizons or one.explained > CLEAR) and id(one) not in settled:
+                settled.add(id(one))
+                table = fit(one.sphere)
+                best = table if table and _located(table) and table.explained > enough else None
+    if best is None:
+        return None
+    seen = share_in_picture(camera, best.sphere)
+    return best._replace(sphere=replace(best.sphere, score=seen * best.explained))
 
 
-def _about_horizons(
-    frames: Frames, camera: Camera, circles: list[Sphere], blur_px: float, known: Array | None = None
-) -> list[Sphere]:
-    """Return the circles about the best supported ones that would mirror the table best if these were its edge.
-
-    `known`: the table's plane, where it is.
-    """
-    edges = sorted(circles, key=lambda one: -one.score)[:EDGES]
-    if not edges:
-        return []
-    widest = max(edges, key=lambda one: one.radius_px)
-    table = Surroundings(frames, camera, replace(widest, radius_px=widest.radius_px / HORIZONS[0]))
-    starts = [start for edge in edges for start in about_horizon(edge, known)]
-    shares = np.array([share_explained(table, sphere, [plane], blur_px)[0] for sphere, plane in starts])
-    kept: list[Sphere] = []
-    for n in np.argsort(-shares, kind="stable"):
-        start = starts[n][0]
-        if shares[n] < HOPEFUL or len(kept) == FOLLOWED:
-            break
-        if all(circles_apart(start, other) > FARTHEST_APART * start.radius_px for other in kept):
-            kept.append(start)
-    return kept
-
-
-def about_horizon(edge: Sphere, known: Array | None = None) -> Iterator[tuple[Sphere, Array]]:
-    """Return outlines, and the tables that they stand on, of balls that show the table's edge as this circle.
+def about_horizons(circles: list[Sphere], plane: Array) -> Iterator[Sphere]:
+    """Yield outlines of balls that show the edge of a table as one of the circles; `plane`: its slopes first.
 
     What a table's horizon mirrors lies half-way between view and table: n = (x, y, z) with 2 z (n . t) = v . t, t the
     table's normal, tilted by a. That is nearly a circle of radius cos 45 cos(a / 2), its centre moved by
     cos 45 sin(a / 2) of the ball's radius to where t points. A table that ends before its horizon shows a smaller one.
     """
-    if known is None:
-        turns = np.arange(HORIZON_TURNS) * (2 * np.pi / HORIZON_TURNS)
-        slopes = [(0.0, 0.0), *((t * np.cos(a), t * np.sin(a)) for t in np.tan(HORIZON_TILTS) for a in turns)]
-    else:
-        slopes = [(float(known[0]), float(known[1]))]
-    for ratio in HORIZONS:
-        radius = edge.radius_px / ratio
-        for slope in slopes:
-            steep = float(np.hypot(slope[0], slope[1]))
-            # Up in the picture is v falling.
-            way = np.array([slope[0], -slope[1]]) / max(steep, 1e-9)
+    steep = float(np.hypot(*plane[:2]))
+    # Up in the picture is v falling.
+    way = np.array([plane[0], -plane[1]]) / max(steep, 1e-9)
+    for edge in sorted(circles, key=lambda one: -one.score)[:EDGES]:
+        for ratio in HORIZONS:
+            radius = edge.radius_px / ratio
             off = np.sqrt(0.5) * np.sin(np.arctan(steep) / 2) * radius
-            yield replace(edge, center_px=edge.center_px - off * way, radius_px=radius), np.array([*slope, 1.0])
-
-
-def _scored(table: MirroredTable, camera: Camera) -> MirroredTable:
-    seen = share_in_picture(camera, table.sphere)
-    return table._replace(sphere=replace(table.sphere, score=seen * table.explained))
+            yield replace(edge, center_px=edge.center_px - off * way, radius_px=radius)
 
 
 def _located(table: MirroredTable) -> bool:

@@ -5,14 +5,14 @@ two models are one code and nested. Each ball may move within what its outline a
 within what is known of them.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from calibrate.lights.directions import mean_directions, mirrored_rays, ray_meeting, two_across
-from calibrate.lights.shading import Shading, no_shading
+from calibrate.lights.directions import Shading, mean_directions, mirrored_rays, no_shading, ray_meeting, two_across
 from calibrate.silhouette.outline import moved, outline_shift
 from scene.camera import Camera
 from scene.normals import unit
@@ -20,12 +20,11 @@ from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
 LOG_INVERSE_RANGE = np.log(1e-5), 3.0  # bounds, of 1 / mm: 100 m, farther is distant; and what keeps a step finite
-NEAREST_MM = 100.0  # to the lights where no two rays meet: else they are taken to be as far as the camera
 RANGE_PRIOR = 0.7
 """Loose relative prior of the range about the other lights': what one ball alone sees has no range of its own."""
 STEP, PIXEL_STEP = 1e-4, 0.01
 """Of the differences by the unknowns, in sigmas' order of magnitude, and by the pixel: the mirror's law is smooth."""
-BESIDE_PX = PIXEL_STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+ALL, NONE = -1, -2  # in place of a ball's or a light's number: what depends on all of them, and on none
 OFF_BALL = 1e3  # sigmas: off the ball there is no mirror; a large constant keeps the step from going there
 
 
@@ -73,6 +72,11 @@ class Adjustment:
         self.first_diameter = self.first_ball + 3 * self.balls
         self.first_light = self.first_diameter + len(self.free_diameters)
         self.per_light = 3 if near else 2
+        every, each = np.arange(self.lights), np.arange(self.balls)
+        of_balls = np.concatenate([np.repeat(each, 3), self.free_diameters])
+        nothing = np.full(self.per_light * self.lights, ALL)
+        self.ball_of = np.concatenate([np.full(self.first_ball, ALL), of_balls, nothing]).astype(int)
+        self.light_of = np.concatenate([np.full(self.first_light, ALL), np.repeat(every, self.per_light)]).astype(int)
         typical = self._start_lights()
         # What is small beside the highlights: prior @ (x - middle). |L^-1 d|^2 = d^T C^-1 d whitens the outlines'.
         prior = block_diag(
@@ -82,7 +86,7 @@ class Adjustment:
             *([[[0, 0, 1 / RANGE_PRIOR]]] * self.lights if near else [np.zeros((0, 2 * self.lights))]),
         )
         self.prior = np.asarray(prior, np.float64)
-        self.middle = np.zeros(self.first_light + self.per_light * self.lights)
+        self.middle = np.zeros(len(self.ball_of))
         self.middle[self.first_light + 2 :: 3] = np.log(typical) if near else 0
 
     def _start_lights(self) -> float:
@@ -90,35 +94,38 @@ class Adjustment:
         shown_by = zip(self.seen.spheres, self.seen.highlights, strict=True)
         mirrored = [mirrored_rays(self.camera, sphere, pixels) for sphere, pixels in shown_by]
         points, directions = (np.stack(part) for part in zip(*mirrored, strict=True))
-        self.origin = mean_directions(directions)
-        unseen = ~np.isfinite(self.origin[:, 0])
-        self.origin[unseen] = self.shading.rough[unseen]
-        self.inverse, typical = np.zeros(self.lights), 1.0
+        toward = mean_directions(directions)
+        toward = np.where(np.isfinite(toward), toward, self.shading.rough)
+        inverse, typical = np.zeros(self.lights), 1.0
         if self.near:
             centers = np.broadcast_to(self.shading.centers_mm[:, None], self.shading.directions.shape)
             white = np.where(self.shading.clear[..., None], self.shading.directions, np.nan)
             starts, rays = np.concatenate([points, centers]), np.concatenate([directions, white])
             for f in range(self.lights):
                 shown = np.isfinite(rays[:, f, 0])
-                if shown[: self.balls].sum() >= 2:
-                    shown[self.balls :] = False
                 if shown.sum() >= 2:
                     meeting = ray_meeting(starts[shown, f], rays[shown, f]) - self.reference
                     distance = np.linalg.norm(meeting)
-                    if np.isfinite(distance) and meeting @ self.origin[f] > 0:
-                        self.origin[f] = meeting / distance
-                        self.inverse[f] = 1 / distance
-            some = self.inverse[self.inverse > 0]
-            typical = (
-                float(np.median(some)) if len(some) else 1 / max(float(np.linalg.norm(self.reference)), NEAREST_MM)
-            )
-            self.inverse = np.where(self.inverse > 0, self.inverse, typical)
-            self.inverse = np.clip(self.inverse, 0.2 * typical, 5 * typical)
-        self.side, self.up = two_across(self.origin)
+                    if np.isfinite(distance) and meeting @ toward[f] > 0:
+                        toward[f] = meeting / distance
+                        inverse[f] = 1 / distance
+            # Where no two rays meet, the lights are taken to be as far as the camera.
+            some = inverse[inverse > 0]
+            typical = float(np.median(some)) if len(some) else 1 / max(float(np.linalg.norm(self.reference)), 1.0)
+            inverse = np.clip(np.where(inverse > 0, inverse, typical), 0.2 * typical, 5 * typical)
+        self._begin(toward, inverse)
         return typical
 
-    def start(self) -> Array:
-        """Return the unknowns (n,) to begin with."""
+    def _begin(self, toward: Array, inverse: Array) -> None:
+        self.origin, self.inverse = toward, inverse
+        self.side, self.up = two_across(toward)
+
+    def start(self, positions: Array | None = None) -> Array:
+        """Return the unknowns (n,) to begin with; `positions` (F, 3): of near lights, where they are known."""
+        if positions is not None:
+            away = positions - self.reference
+            distance = np.linalg.norm(away, axis=1)
+            self._begin(away / distance[:, None], 1 / distance)
         x = self.middle.copy()
         if self.near:
             x[self.first_light + 2 :: 3] = np.log(self.inverse)
@@ -161,10 +168,6 @@ class Adjustment:
             return directions, np.zeros(self.lights)
         return directions, np.exp(np.clip(lights[:, 2], *LOG_INVERSE_RANGE))
 
-    def columns_of(self, light: int) -> slice:
-        """Return the places of a light's own unknowns."""
-        return slice(self.first_light + self.per_light * light, self.first_light + self.per_light * (light + 1))
-
     def positions_at(self, x: Array) -> Array:
         """Return the positions (F, 3) of near lights, mm."""
         directions, inverse = self.lights_at(x)
@@ -174,9 +177,10 @@ class Adjustment:
         """Return (S, F, 2) px; NaN where unseen."""
         camera, (directions, inverse) = self.camera_at(x), self.lights_at(x)
         reference, out = self.reference_at(camera), []
+        beside = PIXEL_STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
         for ball, highlights in enumerate(self.seen.highlights):
             # The highlights' pixels, and beside them, at once: each call costs more than what it does.
-            points, rays = mirrored_rays(camera, self.ball_at(x, ball), highlights + BESIDE_PX[:, None])
+            points, rays = mirrored_rays(camera, self.ball_at(x, ball), highlights + beside[:, None])
             seen, (a, b) = rays[0], (rays[1:] - rays[0]) / PIXEL_STEP
             aa, ab, bb = np.sum(a * a, 1), np.sum(a * b, 1), np.sum(b * b, 1)
             inverted = np.stack([bb[:, None] * a - ab[:, None] * b, aa[:, None] * b - ab[:, None] * a], 1)
@@ -192,58 +196,45 @@ class Adjustment:
         """Return (W, F, 2) sigmas; NaN where a white ball shows too little."""
         return self.shading.misses(*self.lights_at(x), self.reference)
 
+    def _misses(self, x: Array) -> Array:
+        """Return (S + W, F, 2) sigmas: what highlights and shading miss by."""
+        return np.concatenate([self.residual_pixels(x) / self.sigma[..., None], self.shading_misses(x)])
+
     def residuals(self, x: Array) -> Array:
         """Return what is to be small, in sigmas: the highlights and the shading that are used, then the priors."""
-        pixels = self.residual_pixels(x) / self.sigma[..., None]
-        pixels = np.where(np.isfinite(pixels), pixels, OFF_BALL)
-        shaded = self.shading_misses(x)[self.shaded]
-        return np.concatenate([pixels[self.used].ravel(), shaded.ravel(), self.prior @ (x - self.middle)])
-
-    def pixel_slopes(self, x: Array) -> tuple[Array, Array]:
-        """Return the derivatives (S, F, 2, n) of `residual_pixels` and (W, F, 2, n) of `shading_misses`.
-
-        By differences; all balls, and all lights, are moved at once: none moves another's highlight.
-        """
-        pixels, shades = self.residual_pixels(x), self.shading_misses(x)
-        by_pixels, by_shades = (np.zeros((*here.shape, len(x))) for here in (pixels, shades))
-        balls, every = np.arange(self.balls), np.arange(self.lights)
-
-        def moved(columns: NDArray[np.intp] | list[int]) -> tuple[Array, Array]:
-            beside = x.copy()
-            beside[columns] += STEP
-            return (self.residual_pixels(beside) - pixels) / STEP, (self.shading_misses(beside) - shades) / STEP
-
-        for column in range(self.first_ball):
-            by_pixels[..., column] = moved([column])[0]
-        own = [(balls, self.first_ball + 3 * balls + k) for k in range(3)]
-        for some, columns in [*own, (self.free_diameters, self.first_diameter + np.arange(len(self.free_diameters)))]:
-            if len(some):
-                by_pixels[some, ..., columns] = moved(columns)[0][some]
-        for k in range(self.per_light):
-            columns = self.first_light + self.per_light * every + k
-            by_pixel, by_shade = moved(columns)
-            by_pixels[:, every, :, columns] = by_pixel.swapaxes(0, 1)
-            by_shades[:, every, :, columns] = by_shade.swapaxes(0, 1)
-        return by_pixels, by_shades
+        misses = self._misses(x)[np.concatenate([self.used, self.shaded])]
+        misses = np.where(np.isfinite(misses), misses, OFF_BALL)
+        return np.concatenate([misses.ravel(), self.prior @ (x - self.middle)])
 
     def slopes(self, x: Array) -> Array:
         """Return the derivatives (R, n) of `residuals`."""
-        by_pixels, by_shades = self.pixel_slopes(x)
-        pixels = np.nan_to_num((by_pixels / self.sigma[..., None, None])[self.used]).reshape(-1, len(x))
-        return np.concatenate([pixels, by_shades[self.shaded].reshape(-1, len(x)), self.prior])
+        ball = np.concatenate([np.arange(self.balls), np.full(len(self.shaded), NONE)])
+        every = np.broadcast_to(np.arange(self.lights)[:, None], (len(ball), self.lights, 2))
+        slopes = self._slopes(self._misses, x, np.broadcast_to(ball[:, None, None], every.shape), every)
+        used = slopes[np.concatenate([self.used, self.shaded])].reshape(-1, len(x))
+        return np.concatenate([np.nan_to_num(used), self.prior])
 
     def position_slopes(self, x: Array) -> Array:
         """Return the derivatives (F, 3, n) of the positions by all unknowns; a light's by the other lights' are 0."""
-        slopes, every = np.zeros((self.lights, 3, len(x))), np.arange(self.lights)
+        light = np.repeat(np.arange(self.lights)[:, None], 3, 1)
+        return self._slopes(self.positions_at, x, np.full(light.shape, NONE), light)
 
-        def difference(columns: NDArray[np.intp] | list[int]) -> Array:
-            step = np.zeros(len(x))
-            step[columns] = STEP
-            return (self.positions_at(x + step) - self.positions_at(x - step)) / (2 * STEP)
+    def _slopes(self, of: Callable[[Array], Array], x: Array, ball: Array, light: Array) -> Array:
+        """Return the derivatives (..., n) of a function's values (...), each of which is of one ball and one light.
 
-        for column in range(self.first_ball):
-            slopes[..., column] = difference([column])
-        for k in range(3):
-            columns = self.first_light + 3 * every + k
-            slopes[every, :, columns] = difference(columns)
-        return slopes
+        By differences; all balls, and all lights, are moved at once: none moves another's values.
+        """
+        here, out = of(x), np.zeros((*light.shape, len(x)))
+        columns = np.arange(len(x))
+        balls, lights = columns[self.first_ball : self.first_diameter], columns[self.first_light :]
+        groups = [[k] for k in range(self.first_ball)] + [balls[k::3] for k in range(3)]
+        groups += [columns[self.first_diameter : self.first_light]]
+        groups += [lights[k :: self.per_light] for k in range(self.per_light)]
+        for group in groups:
+            if len(group):
+                beside = x.copy()
+                beside[group] += STEP
+                own = (self.ball_of[group] == ALL) | (self.ball_of[group] == ball[..., None])
+                own &= (self.light_of[group] == ALL) | (self.light_of[group] == light[..., None])
+                out[..., group] = np.where(own, ((of(beside) - here) / STEP)[..., None], 0)
+        return out

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 from calibrate.calibration import Notes, leave_out
 from calibrate.detection.balls import Ball
 from calibrate.lights.adjustment import Observed
-from calibrate.lights.directions import mean_directions, mirrored_rays, ray_meeting
+from calibrate.lights.directions import Shading, mean_directions, mirrored_rays, ray_meeting
 from calibrate.lights.highlight import Spots, find_spots, measure_spot
 from calibrate.lights.light_model import choose_model
 from calibrate.lights.positions import LightFit
-from calibrate.lights.shading import Shading
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.normals import angular_error_deg, unit

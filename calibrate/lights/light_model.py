@@ -22,7 +22,6 @@ AS_GOOD = 0.1  # of what it explains, by which other suspects may explain less a
 NOTABLE = 0.02  # relative change from which a diameter or a focal length is called wrong
 MANY = 0.25  # share of the highlights left out from which it is no longer the highlights' fault
 DOUBT = 0.5  # relative sigma of a diameter that nobody stated
-LOOSE = 0.1  # radii, sigma of an outline that is suspected
 DISAGREE_DEG = 0.5
 
 
@@ -112,7 +111,7 @@ def _with_diameters(seen: Observed) -> Observed:
 
 
 class _Suspect(NamedTuple):
-    """The fit in which one number is free, how far it went, relative or px, and what that says."""
+    """The fit in which a ball, or the focal length, is free, how far it went, relative, and what that says."""
 
     fit: LightFit
     change: float
@@ -120,19 +119,21 @@ class _Suspect(NamedTuple):
 
 
 def _suspects(seen: Observed) -> Iterator[_Suspect]:
-    """Free one diameter, one outline or the focal length after the other."""
+    """Free one ball, its diameter and its outline, or the focal length after the other."""
     assert seen.diameter_sigma is not None
     for i, sphere in enumerate(seen.spheres):
         doubted, loose = seen.diameter_sigma.copy(), list(seen.covariances)
-        doubted[i], loose[i] = DOUBT, np.eye(3) * (LOOSE * sphere.radius_px) ** 2
-        one = fit_lights(replace(seen, diameter_sigma=doubted), near=True)
-        found = 2 * one.spheres[i].radius_mm
+        doubted[i], loose[i] = DOUBT, np.eye(3) * (DOUBT * sphere.radius_px) ** 2
+        one = fit_lights(replace(seen, diameter_sigma=doubted, covariances=loose), near=True)
+        found, du_dv_more = 2 * one.spheres[i].radius_mm, difference(one.spheres[i], sphere)
+        moved = float(np.abs(du_dv_more).max())
+        larger, off = abs(np.log(found / (2 * sphere.radius_mm))), moved / sphere.radius_px
         text = f"chrome ball {i + 1} is {found:.1f} mm across, not {sphere.diameter_mm:g}"
-        yield _Suspect(one, abs(np.log(found / (2 * sphere.radius_mm))), text)
-        one = fit_lights(replace(seen, covariances=loose), near=True)
-        du, dv, larger = difference(one.spheres[i], sphere)
-        moved = max(float(np.hypot(du, dv)), abs(larger))
-        yield _Suspect(one, moved, f"chrome ball {i + 1}'s outline is {moved:.1f} px off")
+        yield (
+            _Suspect(one, larger, text)
+            if larger > off
+            else _Suspect(one, off, f"chrome ball {i + 1}'s outline is {moved:.1f} px off")
+        )
     camera = seen.camera
     if not camera.focal_sigma:
         one = fit_lights(replace(seen, camera=replace(camera, focal_sigma=DOUBT)), near=True)
@@ -141,11 +142,11 @@ def _suspects(seen: Observed) -> Iterator[_Suspect]:
 
 
 def _with_culprit(near: LightFit, seen: Observed, notes: Notes) -> LightFit:
-    """Return the fit in which one diameter, one outline or the focal length is free, if that alone explains the rest.
+    """Return the fit in which one ball or the focal length is free, if that alone explains the rest.
 
-    Three balls show which it is; two, only that they contradict each other. Highlights of which all are blurred alike
-    miss by more than was stated, too: with their common scale unknown, n observations to spare prefer the suspect by
-    n log(chi^2 / chi^2 with it), which must be much.
+    Three balls show which it is; two, only that they contradict each other: the sigmas are then as wide as the
+    suspects are apart. Highlights of which all are blurred alike miss by more than was stated, too: with their common
+    scale unknown, n observations to spare prefer the suspect by n log(chi^2 / chi^2 with it), which must be much.
     """
     suspects = sorted((s for s in _suspects(seen) if s.change > NOTABLE), key=lambda s: s.fit.chi2_all)
     if not suspects or suspects[0].fit.chi2_all > EXPLAINS * near.chi2_all:
@@ -156,25 +157,17 @@ def _with_culprit(near: LightFit, seen: Observed, notes: Notes) -> LightFit:
     slack = AS_GOOD * (near.chi2_all - best.chi2_all) + NEAR_BIC * best.scale**2
     equal = [s for s in suspects if s.fit.chi2_all - best.chi2_all < slack]
     guess = ", which is a guess: check diameter_mm of every ball, and the camera." if len(equal) > 1 else "."
-    miss = max(near.misfit, float(np.sqrt(near.outline_chi2.max() / 3)))
     notes.warnings.append(
-        f"the chrome balls contradict each other: highlights and outlines miss by {miss:.1f} times what was "
+        f"the chrome balls contradict each other: highlights and outlines miss by {near.miss:.1f} times what was "
         f"expected, unless {' or '.join(s.text for s in equal)}. The lights are as if {suspects[0].text}{guess}"
     )
-    return _unsure(best, [s.fit for s in equal[1:]])
-
-
-def _unsure(fit: LightFit, others: list[LightFit]) -> LightFit:
-    """Widen the lights' sigmas by how far the other fits, as good as this one, have them elsewhere."""
-    turn, stretch, covariance = fit.direction_sigma_deg, fit.range_sigma, np.asarray(fit.position_covariance_mm2)
-    for other in others:
-        assert fit.positions_mm is not None
-        assert other.positions_mm is not None
-        turn = np.hypot(turn, angular_error_deg(fit.directions, other.directions) / 2)
-        stretch = np.hypot(stretch, np.log(other.distance_mm / fit.distance_mm) / 2)
-        half = (other.positions_mm - fit.positions_mm) / 2
+    turn, stretch, covariance = best.direction_sigma_deg, best.range_sigma, np.asarray(best.position_covariance_mm2)
+    for other in (s.fit for s in equal[1:]):
+        turn = np.hypot(turn, angular_error_deg(best.directions, other.directions) / 2)
+        stretch = np.hypot(stretch, np.log(other.distance_mm / best.distance_mm) / 2)
+        half = (np.asarray(other.positions_mm) - np.asarray(best.positions_mm)) / 2
         covariance = covariance + half[:, :, None] * half[:, None, :]
-    return replace(fit, direction_sigma_deg=turn, range_sigma=stretch, position_covariance_mm2=covariance)
+    return replace(best, direction_sigma_deg=turn, range_sigma=stretch, position_covariance_mm2=covariance)
 
 
 def _left_out(fit: LightFit, highlights: Array) -> float:

@@ -67,6 +67,11 @@ class LightFit:
         return float(np.sqrt(self.chi2 / self.freedom))
 
     @property
+    def miss(self) -> float:
+        """The misfit, or that of the worst outline: one wrong outline among many good highlights hides in the mean."""
+        return max(self.misfit, float(np.sqrt(self.outline_chi2.max() / 3)))
+
+    @property
     def distance_mm(self) -> Array:
         """(F,) of near lights from the reference point."""
         assert self.positions_mm is not None
@@ -91,13 +96,11 @@ def fit_lights(seen: Observed, *, near: bool) -> LightFit:
         square = np.nanmedian((size / seen.sigma_px)[problem.used] ** 2) / MEDIAN_SQUARE
         least = np.where(shown.sum(0) < 3, CONTRADICTION_PX, INLIER_PX)
         good = size < np.maximum(INLIER_SIGMAS * max(1.0, float(np.sqrt(square))) * seen.sigma_px, least)
-        contradicted = np.flatnonzero((shown & ~good).any(0))
-        if len(contradicted):
-            misses, slopes = problem.residual_pixels(x), problem.pixel_slopes(x)[0]
-        for f in contradicted:
-            own = slopes[:, f][..., problem.columns_of(int(f))]
-            good[:, f] = _agreeing(misses[:, f], own, seen.sigma_px[:, f], np.flatnonzero(shown[:, f]))
-        problem.used = good & shown
+        problem.used = shown.copy()
+        for f in np.flatnonzero((shown & ~good).any(0)):
+            # Of two that contradict each other nobody knows which is right: the surer one is kept.
+            doubt = size[:, f] if shown[:, f].sum() > 2 else seen.sigma_px[:, f]
+            problem.used[np.where(shown[:, f], doubt, -1).argmax(), f] = False
         problem.shaded = _agreeing_shading(problem, x)
         problem.scale = _scale(problem, x)
         problem.sigma = seen.sigma_px * problem.scale
@@ -116,27 +119,6 @@ def _scale(problem: Adjustment, x: Array) -> float:
     taken = np.sum((slopes @ _covariance(slopes) * slopes)[:rows])
     chi2 = float(residual @ residual) * problem.scale**2
     return max(LEAST_SCALE, float(np.sqrt((chi2 + STATED) / (max(rows - taken, 0.0) + STATED))))
-
-
-def _agreeing(miss: Array, slopes: Array, sigma_px: Array, balls: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Return (S,) which balls of a frame to believe: all but the one without which the others agree best.
-
-    miss (S, 2), slopes (S, 2, k): what the highlights miss by, px, and its derivatives by the light's unknowns. Of two
-    that contradict each other nobody knows which is right: the surer one is kept.
-    """
-    keep = np.zeros(len(miss), bool)
-    if len(balls) < 3:
-        keep[balls[sigma_px[balls].argmin()]] = True
-        return keep
-    left = []
-    for out in balls:
-        others = balls[balls != out]
-        rows, values = slopes[others].reshape(-1, slopes.shape[-1]), miss[others].ravel()
-        # A light moves its highlights in proportion, over the few pixels that are asked for.
-        left.append(np.sum((values - rows @ np.linalg.lstsq(rows, values)[0]) ** 2))
-    keep[balls] = True
-    keep[balls[int(np.argmin(left))]] = False
-    return keep
 
 
 def _agreeing_shading(problem: Adjustment, x: Array) -> NDArray[np.bool_]:

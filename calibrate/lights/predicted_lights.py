@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.lights.adjustment import Adjustment, Observed
-from calibrate.lights.directions import mirrored_at, two_across
+from calibrate.lights.directions import mirrored_at
 from calibrate.lights.from_chrome import ROUND
 from calibrate.lights.reflected_disc import FLOOR_PX
 from calibrate.silhouette.ball_silhouette import table_floor_px
@@ -101,13 +101,7 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
         diameter_sigma=np.array([sphere.diameter_sigma for sphere in chrome]),
     )
     problem = Adjustment(seen, near=True)
-    away = positions - problem.reference
-    distance = np.linalg.norm(away, axis=1)
-    # The starts are the lights themselves: the solution is known.
-    x = problem.start()
-    problem.origin = away / distance[:, None]
-    problem.side, problem.up = two_across(problem.origin)
-    x[problem.first_light + 2 :: 3] = np.log(1 / distance)
+    x = problem.start(positions)
     slopes = problem.slopes(x)
     covariance = np.linalg.inv(slopes.T @ slopes)
     columns = problem.first_light + np.arange(3 * len(positions))

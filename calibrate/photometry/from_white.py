@@ -49,9 +49,7 @@ def intensities_from_white(
     `covariance` (F, 3, 3): see `measure`; by the lights' sigmas where it is not known. `apart_deg` is what
     `compare_with_chrome` found.
     """
-    read = []
-    if covariance is None:
-        covariance = covariance_of(lights)
+    read, covariance = [], covariance_of(lights) if covariance is None else covariance
     for number, surface in enumerate(surfaces):
         name = "the white ball" if len(surfaces) == 1 else f"white ball {number + 1}"
         light = measure(surface, lights, covariance)
@@ -85,13 +83,11 @@ def intensities_from_white(
         usual = np.nanmedian(light.misfit)
         odd = np.nan_to_num(light.misfit) > max(PARTLY, OFTEN * usual)
         for f in np.flatnonzero(odd | shadowed[number]):
-            told = (
-                f"{frames.names[f]}: white ball {number + 1} stands in shadow; the intensity is the others'."
-                if shadowed[number, f]
-                else f"{frames.names[f]}: the white ball {number + 1} misses n.l by {light.misfit[f]:.0%} of the flash "
-                f"(median frame {usual:.1%}): partly in another's shadow, or glared at?"
+            told = "the intensity is the others'" if shadowed[number, f] else "or glared at?"
+            notes.warnings.append(
+                f"{frames.names[f]}: white ball {number + 1} stands in another's shadow, wholly or in part: it misses "
+                f"n.l by {light.misfit[f]:.0%} of the flash (median frame {usual:.1%}); {told}"
             )
-            notes.warnings.append(told)
     intensities, sigma = _together(read, shadowed)
     ambient = read[0].ambient
     return replace(lights, intensities=intensities, intensity_sigma=sigma, ambient=ambient, white_value=np.ones(3))
@@ -112,29 +108,27 @@ def _doubt(
         other = {factor: measure(_scaled(surface, factor), lights) for factor in DIAMETERS if is_near}
         trials = coded | other
         best = min(trials, key=lambda one: trials[one].residual)
+        left = f"{trials[best].residual:.1%}"
+        if trials[best].residual < EXPLAINED * read.residual and best in coded:
+            right = "true" if best < 1 else "false (sRGB) or gamma = 2.2, or give the RAW files"
+            return [
+                f"frames.linear: {misses}, but by {left} if the values are raised to {best:.2g}: the files are coded "
+                f"otherwise than frames says. Set frames.linear = {right}."
+            ], read
         if trials[best].residual < EXPLAINED * read.residual:
-            if best in coded:
-                fault = "linear, and were decoded as if they were not. Set frames.linear = true."
-                if best > 1:
-                    fault = "gamma-encoded. Set frames.linear = false (sRGB) or gamma = 2.2, or give the RAW files."
-                left = trials[best].residual
-                return [f"frames.linear: {misses}, but by {left:.1%} if the values are raised to {best:.2g}: the files "
-                        f"are {fault}"], read  # fmt: skip
             size = 2 * surface.radius
             return [
-                f"{name} contradicts the lights' positions: {misses}, unless it is about "
-                f"{size * best:.1f} mm across, not {size:.1f} (then {trials[best].residual:.1%}). The intensities are "
-                "as if it were. Check diameter_mm of every ball, and the camera's focal length."
+                f"{name} contradicts the lights' positions: {misses}, unless it is about {size * best:.1f} mm across, "
+                f"not {size:.1f} (then {left}). The intensities are as if it were. Check diameter_mm of every ball, "
+                "and the camera's focal length."
             ], measure(_scaled(surface, best), lights, covariance)
-    if is_near and (read.residual > NEAR_RESIDUAL or (apart_deg > NEAR_APART_DEG and read.residual > DOUBTFUL)):
+    contradicts = read.residual > NEAR_RESIDUAL or (apart_deg > NEAR_APART_DEG and read.residual > DOUBTFUL)
+    if contradicts if is_near else read.residual > RESIDUAL:
         return [
-            f"{name} contradicts the lights' positions: its shading points {apart_deg:.1f} degrees beside them "
-            f"(median; expected under {NEAR_APART_DEG:g}), and {misses} (expected under {NEAR_RESIDUAL:.0%}). Is it "
-            "glossy or dirty, another thing that was taken for a ball, or are the frames not linear? Then check "
-            "diameter_mm of every ball, and the camera's focal length."
+            f"{name} contradicts the lights: its shading points {apart_deg:.1f} degrees beside them (median), and "
+            f"{misses}. Is it glossy or dirty, another thing that was taken for a ball, or are the frames not linear? "
+            "Then check diameter_mm of every ball, and the camera's focal length."
         ], read
-    if not is_near and read.residual > RESIDUAL:
-        return [f"{misses}: glossy, dirty, or frames not linear?"], read
     return [], read
 
 

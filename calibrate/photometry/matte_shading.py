@@ -8,20 +8,18 @@ from numpy.typing import NDArray
 from calibrate.lights.directions import toward_camera
 from scene.camera import Camera
 from scene.frames import Frames, gray
-from scene.robust import TUKEY, cluster_sums, spread, tukey
+from scene.robust import MAD, TUKEY, cluster_sums, spread, tukey
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 MOST_PIXELS = 6000
 FACING = 0.35  # cosine to the viewer under which the silhouette edge's blur, and gloss, begin
-LIT = 0.2  # cosine to the light under which a large flash is half set behind the ball's horizon
-DARK = 0.3  # quantile of the brightness under which pixels are taken to be unlit to begin with
-FEWEST_PIXELS = 40
+TERMINATOR = 0.1  # cosine to the light under which a large flash is half set behind the ball's horizon
+FEWEST_PIXELS, FEWEST_SHADED = 40, 20  # that tell a direction, and on which shading is fitted at all
 RINGS, ANGLES = 4, 12  # of the patches
 AROUND, GLARE = (1.1, 2.5), 0.95  # radii about a ball of what lights it from below, and the quantile of its glare
 WHITE = 0.75  # albedo of a white ball, for what its surroundings add to it
-MATTE, MIRROR = 0.9, 0.6
-"""Share of the brightness' variance over a ball that n.l explains: of a matte ball more, of a mirror less."""
 
 
 @dataclass(frozen=True)
@@ -81,68 +79,56 @@ def brightness_beside(frames: Frames, sphere: Sphere) -> NDArray[np.float32]:
 
 
 def shading_directions(surface: Surface, beside: NDArray | None = None) -> tuple[Array, Array]:
-    """Return distant directions (F, 3) and their sigma (F,), degrees, from the shading alone.
+    """Return distant directions (F, 3) and their sigma (F,), degrees, from the shading alone; NaN where it is little.
 
-    I = max(0, n.b) + a + w L (1 - n_z) / 2, b's direction is the light's; the lit side is found by turns with b. The
-    last is what a table, as bright as the picture around the ball, L, throws on a ball of albedo w: it would draw b
-    away from the table by some degrees. `beside` (F,) is L, of `brightness_beside`; None: there is no table.
+    I = max(0, n.b) + a + w L (1 - n_z) / 2, b's direction is the light's. The last is what a table, as bright as the
+    picture around the ball, L, throws on a ball of albedo w: it would draw b away from the table by some degrees.
+    `beside` (F,) is L, of `brightness_beside`; None: there is no table.
     """
-    count = len(surface.values)
-    directions = np.full((count, 3), np.nan)
-    sigma = np.full(count, np.nan)
-    thrown = (1 - surface.normals[:, 2]) / 2
-    for f in range(count):
-        values = surface.values[f].mean(1).astype(np.float64)
-        if beside is not None:
-            values -= WHITE * beside[f] * thrown
-        good = ~surface.clipped[f]
-        use = good & (values > np.quantile(values, DARK))
-        for _ in range(10):
-            if use.sum() < FEWEST_PIXELS:
-                break
-            design = np.column_stack([surface.normals[use], np.ones(use.sum())])
-            weight = tukey_weights(design, values[use])
-            normal = np.linalg.pinv(design.T @ (weight[:, None] * design))
-            b = normal @ (design.T @ (weight * values[use]))
-            length = np.linalg.norm(b[:3])
-            if not length > 0:
-                directions[f] = sigma[f] = np.nan
-                break
-            directions[f] = b[:3] / length
-            residual = values[use] - design @ b
-            sums = cluster_sums((weight * residual)[:, None] * design, surface.block[use])
-            covariance = normal @ (sums.T @ sums) @ normal * len(sums) / max(len(sums) - 4, 1)
-            across = np.eye(3) - np.outer(directions[f], directions[f])
-            sigma[f] = np.rad2deg(np.sqrt(np.trace(across @ covariance[:3, :3] @ across) / 2) / length)
-            lit = good & (surface.normals @ directions[f] > LIT)
-            if np.array_equal(lit, use):
-                break
-            use = lit
+    values, normals = surface.values.mean(-1, dtype=np.float64), surface.normals
+    directions, sigma = np.full((len(values), 3), np.nan), np.full(len(values), np.nan)
+    if not len(normals):
+        return directions, sigma
+    if beside is not None:
+        values = values - WHITE * beside[:, None] * (1 - normals[:, 2]) / 2
+    b, use, residual = lambert(values, normals, surface.clipped)
+    length = np.linalg.norm(b[:, :3], axis=1)
+    for f in np.flatnonzero((use.sum(1) >= FEWEST_PIXELS) & (length > 0)):
+        directions[f] = b[f, :3] / length[f]
+        design = np.column_stack([normals[use[f]], np.ones(use[f].sum())])
+        normal = np.linalg.pinv(design.T @ design)
+        sums = cluster_sums(residual[f, use[f], None] * design, surface.block[use[f]])
+        covariance = normal @ (sums.T @ sums) @ normal * len(sums) / max(len(sums) - 4, 1)
+        across = np.eye(3) - np.outer(directions[f], directions[f])
+        sigma[f] = np.rad2deg(np.sqrt(np.trace(across @ covariance[:3, :3] @ across) / 2) / length[f])
     return directions, sigma
 
 
-def contradicts_kind(frames: Frames, camera: Camera, sphere: Sphere) -> str | None:
-    """Say whether a ball shades like one of the other kind."""
-    surface = read_surface(frames, camera, sphere)
-    explained = []
-    for values, clipped in zip(surface.values.mean(-1, dtype=np.float64), surface.clipped, strict=True):
-        use = ~clipped & (values > np.quantile(values, DARK)) if len(values) else clipped
-        if use.sum() >= FEWEST_PIXELS and np.var(values[use]) > 0:
-            design = np.column_stack([surface.normals[use], np.ones(use.sum())])
-            rest = values[use] - design @ np.linalg.lstsq(design, values[use], rcond=None)[0]
-            explained.append(1 - np.var(rest) / np.var(values[use]))
-    if not explained:
-        return None
-    share = float(np.median(explained))
-    other = {"chrome": "white", "white": "chrome"}[sphere.kind]
-    if not (share > MATTE if sphere.kind == "chrome" else share < MIRROR):
-        return None
-    u, v = sphere.center_px
-    return (
-        f"spheres: the ball at ({u:.0f}, {v:.0f}) px is said to be {sphere.kind}, but n.l explains {share:.0%} of its "
-        f"shading (a white ball: above {MATTE:.0%}, a chrome one: below {MIRROR:.0%}). If it is {other}, correct its "
-        "kind in session.toml."
-    )
+def lambert(values: Array, normals: Array, clipped: Mask) -> tuple[Array, Mask, Array]:
+    """Fit values (F, P) by max(0, n.b) + a, frame by frame; return (b, a) (F, 4), which pixels were used, what is left.
+
+    By turns: which pixels are lit, then least squares on those, with the brightest residuals (gloss) and clipped
+    samples left out. NaN where too few are.
+    """
+    design = np.column_stack([normals, np.ones(len(normals))])
+    products = (design[:, :, None] * design[:, None, :]).reshape(len(design), 16)
+    use = ~clipped & (values > np.quantile(values, 0.2, axis=1, keepdims=True))
+    b, residual = np.zeros((len(values), 4)), values.copy()
+    for _ in range(6):
+        enough = use.sum(1) >= FEWEST_SHADED
+        if not enough.any():
+            break
+        weight = use[enough].astype(np.float64)
+        normal = (weight @ products).reshape(-1, 4, 4) + 1e-9 * np.eye(4)
+        b[enough] = np.linalg.solve(normal, ((weight * values[enough]) @ design)[..., None])[..., 0]
+        cosine = b[:, :3] @ normals.T
+        residual = values - (np.maximum(cosine, 0) + b[:, 3:])
+        size = np.abs(residual)
+        sizes = np.sort(np.where(use, size, np.inf)[enough], axis=1)
+        limit = 3 * MAD * np.take_along_axis(sizes, use[enough].sum(1, keepdims=True) // 2, 1) + 1e-6
+        strength = np.linalg.norm(b[enough, :3], axis=1, keepdims=True)
+        use[enough] = ~clipped[enough] & (cosine[enough] > TERMINATOR * strength) & (size[enough] < limit)
+    return b, use, residual
 
 
 def tukey_weights(design: Array, values: Array) -> Array:

@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from calibrate.photometry.matte_shading import FEWEST_PIXELS, Surface, tukey_weights
+from calibrate.photometry.matte_shading import FEWEST_PIXELS, TERMINATOR, Surface, tukey_weights
 from scene.lights import Lights
 from scene.normals import unit
 
 Array = NDArray[np.float64]
-TERMINATOR = 0.1  # cosine to the flash within which a large one is half set behind the ball's horizon
 DIM = 0.3  # share of the median flash under which a frame is not brought up to the others' weight
 PARTLY, PARTLY_TIMES = 0.05, 3
 """Relative misfit of one frame from which something hides a part of the ball, or glares on it; and in the median's."""

@@ -18,18 +18,19 @@ from calibrate.silhouette.cone_fit import (
     Reader,
     fit_cone,
 )
-from calibrate.silhouette.metal_reflectance import LAWS, Law
-from calibrate.silhouette.mirrored_surroundings import TablePlane
+from calibrate.silhouette.explained_profiles import LAWS, Law
 from calibrate.silhouette.mirrored_table import MirroredTable, fit_mirrored_table
 from calibrate.silhouette.outline import (
+    KERNEL_REACH,
+    agree,
     difference,
+    find_edges,
     image_strips,
     moved,
     offset_jacobian,
     outline_with_normals,
     read_strips,
 )
-from calibrate.silhouette.static_circle import KERNEL_REACH, agree, find_edges
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere
@@ -54,9 +55,7 @@ FLOOR_PX = 0.01  # what shifts an outline that is fitted by its profiles, beyond
 EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35  # the same by the steepest places alone: for softness 1, of their spread
 SAME_PX = 0.3  # under which two places to start from are the same one
 PROFILE_SHARE = 0.5  # share of what another profile would change of a mirror's outline
-BLUR_DOUBT_PX, BLUR_DOUBT = 1.3, 0.01
-"""Relative error of the blur: read at a mirror's edge of radius r, the first over r; read on a matte ball."""
-BLUR_AGREES = 0.15  # relative, up to which a mirror's blur and the matte balls' are the same
+BLUR_DOUBT_PX = 1.3  # over a mirror's radius: the relative error of the blur that its edge shows
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,7 @@ class OutlineFit:
     residual_px: float  # robust spread of the edges about the outline
     blur_px: float = np.nan  # standard deviation of the blur; NaN where only the steepest places were fitted
     by_table: bool = False  # the table that a chrome ball mirrors was found and fits
-    rival: Sphere | None = None  # another circle that stands about as still, and may be a mirror's outline instead
+    is_open: bool = False  # a mirror that does not show the table beside it: it may be the horizon in a larger one
 
     @property
     def clearness(self) -> float:
@@ -82,14 +81,12 @@ def fit_outline(
     *,
     search_px: float,
     shown: MirroredTable | None = None,
-    plane: TablePlane | None = None,
     laws: Sequence[Law] = LAWS,
 ) -> OutlineFit | None:
     """Fit the ball's outline at full size, in about `READ` of the frames together.
 
     The outline may lie `search_px` from the start. `shown`: the table that the ball mirrors, where that is known
-    already; `plane`: what other balls show of it; `laws`: those that their metal may have. None if less than a quarter
-    of the outline shows an edge.
+    already; `laws`: those that its metal may have. None if less than a quarter of the outline shows an edge.
     """
     read = _reader(frames)
     best: list[OutlineFit] = []
@@ -105,7 +102,7 @@ def fit_outline(
         return None
     if sphere.kind == "white":
         return _fit_matte(read, camera, best, sphere, float(best_softness)) or best[0]
-    return _fit_chrome(frames, read, camera, best[0], sphere, (shown, plane, laws), float(best_softness)) or best[0]
+    return _fit_chrome(frames, read, camera, best[0], sphere, shown, laws, float(best_softness)) or best[0]
 
 
 def table_floor_px(radius_px: float, blur_px: float, steepness: float = 0.0) -> float:
@@ -114,22 +111,6 @@ def table_floor_px(radius_px: float, blur_px: float, steepness: float = 0.0) -> 
     `steepness`: tangent of the angle between the table's normal and the view.
     """
     return TABLE_FLOOR_PX * (1 + steepness**2) * float(np.hypot(1, (TABLE_BLURS * blur_px / radius_px) ** 2))
-
-
-def with_blur(frames: Frames, camera: Camera, fit: OutlineFit, blur_px: float) -> OutlineFit:
-    """Return a chrome ball's fit with the blur that matte balls of the same photographs show, where they agree on it.
-
-    What a mirror squeezes into its last pixels looks like blur; a matte ball tells the two apart.
-    """
-    if fit.sphere.kind != "chrome" or fit.by_table or not abs(fit.blur_px / blur_px - 1) < BLUR_AGREES:
-        return fit
-    read = _reader(frames)
-    model = EdgeModel(MIRROR, fit.sphere.radius_px, blur_px, MIRROR_START)
-    first = fit_cone(read, camera, fit.sphere, model, free_blur=False)
-    if first is None:
-        return fit
-    again = _fit_mirror(read, camera, fit, first, BLUR_DOUBT)
-    return again if _apart(again.sphere, fit.sphere) < 0.5 * blur_px else fit
 
 
 def fit_mask(mask: NDArray[np.bool_], camera: Camera, sphere: Sphere) -> OutlineFit | None:
@@ -197,20 +178,17 @@ def _agreements(
     spacing = float(np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).mean())
     strips = read(points, normals, offsets)
     out: list[OutlineFit] = []
-    # Each frame by the mean of all, where there are others: a single one by itself shows edges that it has not.
-    even = [strips / (np.maximum(strips.mean(0), 0) + 0.02 * np.nanmean(strips))] if len(strips) > 1 else []
-    for values in [strips, *even]:
-        edges = find_edges(values, offsets, spacing, softness=softness, search_px=search_px + 1)
-        if edges is None:
+    edges = find_edges(strips, offsets, spacing, softness=softness, search_px=search_px + 1)
+    if edges is None:
+        return []
+    for more, first_reach in starts:
+        start = np.array([0.0, 0.0, more])
+        one = agree(edges, jacobian, start=start, reach_px=first_reach, closest_px=0.35 * softness)
+        if one is None or np.abs(one.shift).max() > 1.5 * search_px or one.score < LEAST_SEEN:
             continue
-        for more, first_reach in starts:
-            start = np.array([0.0, 0.0, more])
-            one = agree(edges, jacobian, start=start, reach_px=first_reach, closest_px=0.35 * softness)
-            if one is None or np.abs(one.shift).max() > 1.5 * search_px or one.score < LEAST_SEEN:
-                continue
-            floor = (EDGE_FLOOR_PX * softness) ** 2 + (EDGE_FLOOR_SHARE * one.spread) ** 2
-            seen = replace(moved(sphere, one.shift), score=one.score, sigma_px=float(np.sqrt(floor)))
-            out.append(OutlineFit(seen, floor * np.eye(3), one.spread))
+        floor = (EDGE_FLOOR_PX * softness) ** 2 + (EDGE_FLOOR_SHARE * one.spread) ** 2
+        seen = replace(moved(sphere, one.shift), score=one.score, sigma_px=float(np.sqrt(floor)))
+        out.append(OutlineFit(seen, floor * np.eye(3), one.spread))
     return out
 
 
@@ -239,22 +217,21 @@ def _fit_chrome(
     camera: Camera,
     edge: OutlineFit,
     start: Sphere,
-    others: tuple[MirroredTable | None, TablePlane | None, Sequence[Law]],
+    shown: MirroredTable | None,
+    laws: Sequence[Law],
     softness: float,
 ) -> OutlineFit | None:
     """Fit a chrome ball by the table that it mirrors, else by a mirror's smooth profile; None if neither holds."""
-    sphere, (shown, plane, laws) = edge.sphere, others
+    sphere = edge.sphere
     farthest = softness + SEARCH * sphere.radius_px
     # A small mirror's rims draw the edge away from where the search began.
     places = [sphere, *([start] if _apart(sphere, start) > SAME_PX else [])]
-    tries = [(near, known, None, softness) for known in ([plane, None] if plane else [None]) for near in places]
+    tries = [(near, None, softness) for near in places]
     if shown:
-        tries = [(shown.sphere, plane, shown.plane.values, shown.blur_px), *tries]
-    for near, known, seen, blur_px in tries if sphere.radius_px > TABLE_FROM_PX else ():
-        table = fit_mirrored_table(frames, camera, near, blur_px=blur_px, plane=known, start=seen, laws=laws)
+        tries = [(shown.sphere, shown.plane.values, shown.blur_px), *tries]
+    for near, plane, blur_px in tries if sphere.radius_px > TABLE_FROM_PX else ():
+        table = fit_mirrored_table(frames, camera, near, blur_px=blur_px, start=plane, laws=laws)
         if table and table.explained > TABLE_EXPLAINS and _apart(table.sphere, near) < farthest:
-            if plane is not None and known is None and not table.plane.agrees(plane):
-                continue
             floor = table_floor_px(table.sphere.radius_px, table.blur_px, table.plane.steepness)
             doubt = np.hypot(floor, TABLE_DOUBT_PX * (1 - table.explained))
             covariance = table.covariance + doubt**2 * np.eye(3)
@@ -264,20 +241,15 @@ def _fit_chrome(
     first = fit_cone(read, camera, sphere, model, free_blur=True)
     if first is None:
         return None
-    fit = _fit_mirror(read, camera, edge, first, BLUR_DOUBT_PX / sphere.radius_px)
-    return fit if _apart(fit.sphere, sphere) < 0.6 * softness + 0.4 else None
-
-
-def _fit_mirror(read: Reader, camera: Camera, edge: OutlineFit, first: ConeFit, blur_doubt: float) -> OutlineFit:
-    """Fit a mirror's profiles where its blur is known to `blur_doubt`, relative."""
     last = fit_cone(read, camera, first.sphere, first.model._replace(terms=MIRROR_CLOSE), free_blur=False) or first
-    sharper = last.model._replace(blur_px=(1 - blur_doubt) * last.model.blur_px)
+    sharper = last.model._replace(blur_px=(1 - BLUR_DOUBT_PX / sphere.radius_px) * last.model.blur_px)
     other = fit_cone(read, camera, last.sphere, sharper, free_blur=False)
     # What the model may err by: other profiles, another blur.
     doubts = [PROFILE_SHARE * difference(first.sphere, last.sphere)]
     doubts += [difference(other.sphere, last.sphere)] if other else []
     covariance = last.covariance + sum(np.outer(d, d) for d in doubts)
-    return _finished(edge, last.sphere, covariance, last.model.blur_px)
+    fit = _finished(edge, last.sphere, covariance, last.model.blur_px)
+    return fit if _apart(fit.sphere, sphere) < 0.6 * softness + 0.4 else None
 
 
 def _finished(edge: OutlineFit, sphere: Sphere, covariance: Array, blur_px: float) -> OutlineFit:

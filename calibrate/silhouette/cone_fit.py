@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from calibrate.silhouette.outline import BINS, SECTOR, binned_outline, moved
-from calibrate.silhouette.static_circle import SINGULAR, robust_step
+from calibrate.silhouette.outline import BINS, SECTOR, SINGULAR, binned_outline, moved, robust_step
 from scene.camera import Camera
 from scene.robust import cluster_sums, tukey
 from scene.spheres import Sphere

@@ -28,7 +28,6 @@ MOVE = 1e-4  # px, of the differences by which what is looked up moves
 SLOPE_SIGMA, HEIGHT_SIGMA = 0.1, 0.05
 """How far the plane under one ball differs from that under the next, by slopes and in radii: tables are not flat, and
 balls may stand on rings."""
-SAME_PLANE = 4.0  # sigmas up to which two planes are one
 
 
 class TablePlane(NamedTuple):
@@ -41,11 +40,6 @@ class TablePlane(NamedTuple):
     def steepness(self) -> float:
         """Tangent of the angle between the table's normal and the view."""
         return float(np.hypot(*self.values[:2]))
-
-    def agrees(self, other: "TablePlane") -> bool:
-        """Whether the slopes are those of another ball's table."""
-        off, sigma = self.values[:2] - other.values[:2], np.hypot(self.sigma[:2], other.sigma[:2])
-        return bool((np.abs(off) < SAME_PLANE * sigma).all())
 
 
 ANY_PLANE = TablePlane(np.array([0.0, 0.0, 1.0]), np.array([1.0, 1.0, 0.3]))

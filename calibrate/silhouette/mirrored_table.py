@@ -7,21 +7,31 @@ unknowns, each pixel inside the outline is some pixel outside of it, dimmed by t
     inside   R I(pixel that the mirrored ray meets),     outside   d + e s
 
 s: distance from the outline; R: as a metal's, it rises to 1 at the outline, by the one of two laws that explains more
-(`calibrate.silhouette.metal_reflectance`). Outline, plane and reflectance are shared by all frames and directions; d
+(`calibrate.silhouette.explained_profiles`). Outline, plane and reflectance are shared by all frames and directions; d
 and e are each profile's own (variable projection [Golub1973]). Texture, shadows and the shadows' edges all speak for
 the outline then, where they would bend a smooth profile's. The mirror's picture is squeezed without bound towards the
 outline; so it is looked up at even steps of the ball's normal, and blurred as the camera blurs it.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.silhouette.cone_fit import SHARPEST_PX
-from calibrate.silhouette.explained_profiles import REFLECTS, Explained, coefficients, explain, outside, without
-from calibrate.silhouette.metal_reflectance import LAWS, Law, fresnel, schlick
+from calibrate.silhouette.explained_profiles import (
+    LAWS,
+    REFLECTS,
+    Explained,
+    Law,
+    coefficients,
+    explain,
+    fresnel,
+    outside,
+    schlick,
+    without,
+)
 from calibrate.silhouette.mirrored_surroundings import ANY_PLANE, Samples, Shown, Surroundings, TablePlane, samples
 from calibrate.silhouette.outline import SECTOR, moved
 from scene.camera import Camera
@@ -36,15 +46,14 @@ TILTS, AZIMUTHS = np.tan(np.deg2rad([30, 55])), np.deg2rad(np.arange(0, 360, 60)
 HEIGHTS, SURE = (1.0, 1.6), 0.985
 """Radii from the ball's centre to the planes that are tried, at these tilts, until one explains so much."""
 LOWEST = 0.85  # a plane nearer than this, in radii, would cut the ball (a ring lets it in a little)
-TURNS, ROUGH_TURNS, LEAST_TURNS, LAST_TURNS = 40, 8, 2, 8
+TURNS, ROUGH_TURNS, LAST_TURNS = 40, 8, 8
+FIRST_DAMPING, MOST_DAMPING = 1e-2, 1e1  # of a step that does not lead down
 USUAL = 0.6  # the same of chromium, before it is known
-AT_REST, ROUGH_PX, FINE_PX = 1e-3, 0.1, 0.005
-"""Relative fall of the sum, step of a rough fit, and one at last, from which on no more is taken."""
+ROUGH_PX, FINE_PX = 0.1, 0.005  # step of a rough fit, and of one to the end, from which on no more is taken
 BLUR_DOUBT = 0.5  # relative, of the blur that edges alone suggest
 FARTHEST = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2, 0.1])  # a step's (u, v, radius) px, plane, and blur in blurs
 SINGULAR = 1e10
 ANEW = 0.2  # relative change of the blur from which on the profiles are sampled anew
-FIRST_DAMPING, MOST_DAMPING = 1e-2, 1e1  # of a step that does not lead down
 OUTLINE, PLANE, BLUR = slice(0, 3), slice(3, 6), 6
 """Places of the unknowns; the eighth is the reflectance, which is solved for in `explain`."""
 
@@ -108,57 +117,45 @@ def _starts(
             yield sphere, plane, blur_px
 
 
-def share_explained(
-    table: Surroundings, sphere: Sphere, planes: Iterable[Array], blur_px: float, law: Law = LAWS[0]
-) -> Array:
-    """Return (P,), the share of the profiles' variance that each plane (3,), mirrored, explains; 0 of what is none."""
-    at, shares = samples(sphere.radius_px, blur_px), []
-    profiles, _ = table.profiles(sphere, at)
-    for plane in planes:
-        shown = table.mirrored_by(sphere, plane, at)
-        explained = explain(profiles, shown, law(at.middle, USUAL), at.offsets, blur_px)
-        shares.append(explained.share if explained and explained.hopeful else 0.0)
-    return np.array(shares)
-
-
 def _rough_plane(
     table: Surroundings, sphere: Sphere, height: float, law: Law, blur_px: float, *, rough: bool
 ) -> Array | None:
     """Return the best of some tilts of a table so far below the ball's centre, or None where none explains anything."""
-    slopes = [(0.0, 0.0), *((t * np.cos(a), t * np.sin(a)) for t in TILTS for a in AZIMUTHS)]
-    planes = np.array([[x, y, height] for x, y in slopes])
-    shares = share_explained(table, sphere, planes, blur_px, law)
-    # Of an even table any tilt explains much: on an outline a slope must pay for itself.
-    left = (1 - shares) * (1.0 if rough else 1 + planes[:, 0] ** 2 + planes[:, 1] ** 2)
-    return planes[np.where(shares > 0, left, np.inf).argmin()] if shares.any() else None
+    at, best, least = samples(sphere.radius_px, blur_px), None, np.inf
+    profiles, _ = table.profiles(sphere, at)
+    for x, y in [(0.0, 0.0), *((t * np.cos(a), t * np.sin(a)) for t in TILTS for a in AZIMUTHS)]:
+        plane = np.array([x, y, height])
+        explained = explain(profiles, table.mirrored_by(sphere, plane, at), law(at.middle, USUAL), at.offsets, blur_px)
+        if explained and explained.hopeful:
+            # Of an even table any tilt explains much: on an outline a slope must pay for itself.
+            left = (1 - explained.share) * (1.0 if rough else 1 + x * x + y * y)
+            best, least = (plane, left) if left < least else (best, least)
+    return best
 
 
 def _settle(
     table: Surroundings, start: tuple[Sphere, Array, float], known: TablePlane, law: Law, *, rough: bool
 ) -> MirroredTable | None:
-    """Move outline, plane (3,) and blur until what the mirror shows is what the picture shows beside it."""
-    sphere, plane, blur_px = start
-    blur, damping, mirror = blur_px, 0.0, USUAL
-    at = samples(sphere.radius_px, blur_px)
-    kept: _Turn | None = None
-    noise: Values | None = None
-    seen: NDArray[np.bool_] | None = None
-    is_last = False
+    """Move outline, plane (3,) and blur until what the mirror shows is what the picture shows beside it.
+
+    Levenberg-Marquardt under Cauchy's weights and a noise that are read anew in each turn that leads down.
+    """
+    (sphere, plane, blur_px), found = start, None
+    blur, mirror, damping, at = blur_px, USUAL, 0.0, samples(sphere.radius_px, blur_px)
     prior = np.zeros(8)
     prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / known.sigma**2
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
+    normal, gradient, least, is_last = np.eye(8), np.zeros(8), np.inf, False
+    kept: Explained | None = None
     for turn in range(ROUGH_TURNS if rough else TURNS):
         if abs(np.log(blur / at.blur_px)) > ANEW:
-            # Other samples, another sum: what it was before does not count.
-            at, kept, seen = samples(sphere.radius_px, blur), None, None
+            at = samples(sphere.radius_px, blur)
         profiles, jacobian = table.profiles(sphere, at)
         shown = table.mirrored_by(sphere, plane, at)
-        explained = explain(profiles, shown, law(at.middle, mirror), at.offsets, blur, noise, seen)
-        fallen = explained.fallen(kept.explained) if explained and kept and seen is not None else np.inf
-        if explained and explained.hopeful and (fallen >= 0 or is_last):
-            slopes, steeper = _slopes(
-                _Seen(profiles, at, jacobian, shown, table.slopes(sphere, plane, at)), blur, law, explained
-            )
+        explained = explain(profiles, shown, law(at.middle, mirror), at.offsets, blur)
+        if explained and explained.hopeful and (is_last or kept is None or explained.cost(kept.noise) < least):
+            looked = _Seen(profiles, at, jacobian, shown, table.slopes(sphere, plane, at))
+            slopes, steeper = _slopes(looked, blur, law, explained)
             pull = explained.weight * explained.residual
             scores = np.einsum("pfnm,fnm->pn", slopes, pull).astype(np.float64)
             if not is_last:
@@ -170,49 +167,28 @@ def _settle(
             size = np.sqrt(np.diag(normal))
             if not (size > 0).all() or np.linalg.cond(normal / np.outer(size, size)) > SINGULAR:
                 return None
-            before = np.concatenate([np.zeros(3), plane - known.values, [blur - blur_px, 0.0]])
-            gradient = scores.sum(1) - prior * before
-            kept, damping = _Turn(explained, (sphere, plane, blur), normal, scores, gradient), damping / 10
-            if turn >= LEAST_TURNS and not (rough or is_last):
-                # From here on one sum falls: there would be none with noise estimated in each turn, and what comes
-                # into view would be a rise.
-                noise, seen = explained.noise, explained.weight > 0
-            is_at_rest = fallen < AT_REST
-        elif kept is None:
-            return None
-        elif is_last:
+            sums, inverse = cluster_sums(scores.T, SECTOR), np.linalg.inv(normal)
+            covariance = inverse @ (sums.T @ sums + np.diag(prior)) @ inverse
+            seen = TablePlane(plane, np.sqrt(np.diag(covariance)[PLANE]))
+            found = MirroredTable(sphere, covariance[OUTLINE, OUTLINE], seen, blur, explained.mirror, explained.share)
+            gradient = scores.sum(1) - prior * np.concatenate([np.zeros(3), plane - known.values, [blur - blur_px, 0]])
+            damping, kept, least = damping / 10, explained, explained.cost(explained.noise)
+        elif found is None or is_last:
             break
         else:
-            is_at_rest, damping = damping > MOST_DAMPING, max(10 * damping, FIRST_DAMPING)
-        sphere, plane, blur = kept.at
-        if is_at_rest or turn == TURNS - LAST_TURNS:
-            kept, noise, seen, damping, is_last = None, None, None, 0.0, True
-            continue
-        mirror = min(max(kept.explained.mirror, REFLECTS[0]), REFLECTS[1])
-        step = np.linalg.solve(kept.normal + damping * np.diag(np.diag(kept.normal)), kept.gradient)
+            damping = max(10 * damping, FIRST_DAMPING)
+        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
         step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12))))
-        if (rough or is_last) and np.abs(step[OUTLINE]).max() < (ROUGH_PX if rough else FINE_PX):
+        is_at_rest = np.abs(step[OUTLINE]).max() < (ROUGH_PX if rough else FINE_PX)
+        if is_at_rest and (rough or is_last):
             break
-        sphere, plane = moved(sphere, np.asarray(step[OUTLINE], np.float64)), plane + step[PLANE]
+        if is_at_rest or damping > MOST_DAMPING or turn == TURNS - LAST_TURNS:
+            is_last, damping, step = True, 0.0, 0 * step
+        sphere, plane = moved(found.sphere, np.asarray(step[OUTLINE], np.float64)), found.plane.values + step[PLANE]
         plane[2] = max(plane[2], LOWEST)
-        blur = float(max(blur + step[BLUR], SHARPEST_PX))
-    if kept is None:
-        return None
-    sums, inverse = cluster_sums(kept.scores.T, SECTOR), np.linalg.inv(kept.normal)
-    covariance = inverse @ (sums.T @ sums + np.diag(prior)) @ inverse
-    (sphere, plane, blur), best = kept.at, kept.explained
-    found = TablePlane(plane, np.sqrt(np.diag(covariance)[PLANE]))
-    return MirroredTable(sphere, covariance[OUTLINE, OUTLINE], found, blur, best.mirror, best.share)
-
-
-class _Turn(NamedTuple):
-    """Where the fit stood in its last good turn."""
-
-    explained: Explained
-    at: tuple[Sphere, Array, float]  # outline, plane, blur
-    normal: Array  # (8, 8)
-    scores: Array  # (8, BINS)
-    gradient: Array  # (8,)
+        blur = float(max(found.blur_px + step[BLUR], SHARPEST_PX))
+        mirror = min(max(found.mirror, REFLECTS[0]), REFLECTS[1])
+    return found
 
 
 class _Seen(NamedTuple):

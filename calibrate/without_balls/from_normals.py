@@ -3,16 +3,16 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.without_balls.probe import FEWEST_PIXELS, by_channel, read_probe, sectors
+from calibrate.without_balls.probe import FEWEST_PIXELS, LIT, SECTORS, read_probe, turned
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.normals import unit
 from scene.robust import TUKEY, spread, tukey
 
 Array = NDArray[np.float64]
-ROUNDS = 30
-LIT = 0.15  # cosine under which a pixel is taken to be in shadow
+ROUNDS, MORE = 200, 30  # turns of lights and albedos, and of either without a part of the pixels
 BRIGHT = 0.3  # share of what it should show, or of the brightest, under which a pixel is in shadow to begin with
 FACING = 0.2  # cosine to the camera's axis under which a pixel mixes with what lies behind
 CURVED = 0.02  # smallest to largest singular value of the normals under which they face too much alike to fix a light
@@ -47,8 +47,8 @@ def lights_from_normals(
     Notes
     -----
     I_pf = rho_p max(0, n_p.b_f): with n known, direction and strength b_f and albedo rho_p are fixed but for one
-    common factor. Gauss-Newton with all rho_p eliminated; Tukey's weights on the relative misfit let
-    shadows and gloss leave. Sigma: how much pixels that face different ways differ in what they say.
+    common factor, and found by turns, each by least squares; Tukey's weights on the relative misfit let shadows and
+    gloss leave. Sigma: how much pixels that face different ways differ in what they say.
     """
     region = mask & np.isfinite(normals).all(-1) & (normals[..., 2] > FACING)
     probe = read_probe(frames, region)
@@ -63,28 +63,39 @@ def lights_from_normals(
     values = probe.values.mean(-1, dtype=np.float64)
     good = ~probe.clipped
     b, albedo = _start(values, good, n)
-    weight = good.astype(np.float64)
-    scale = np.inf
+    weight, scale = good.astype(np.float64), np.inf
     for turn in range(ROUNDS):
         strength = np.linalg.norm(b, axis=1)
         cosine = b @ n.T / strength[:, None]
         residual = values / (albedo * strength[:, None]) - cosine
         lit = good & (cosine > LIT)
         scale = max(spread(residual[lit]), 1e-4)
-        reach = TUKEY * scale * max(1.0, 3.0 - turn / 5)
-        weight = np.where(lit, tukey(residual, reach), 0)
+        weight = np.where(lit, tukey(residual, TUKEY * scale * max(1.0, 3.0 - turn / 25)), 0)
         weight[:, np.count_nonzero(weight, axis=0) < 3] = 0
-        _check_seen(frames, weight)
-        move, shift = _step(n, cosine, weight, residual)
-        albedo = albedo * np.exp(np.clip(shift, -1, 1))
-        b = b + strength[:, None] * move
+        few = np.flatnonzero(np.count_nonzero(weight, axis=1) < FEWEST_PIXELS)
+        if len(few):
+            raise CalibrationError(
+                f"{', '.join(frames.names[f] for f in few[:3])}: fewer than {FEWEST_PIXELS} pixels of the object are "
+                "lit, unclipped and agree with its given normals. Did the flash fire? List the frame under frames.skip."
+            )
+        b, albedo = _turn(values, n, weight, b, albedo)
     strength = np.linalg.norm(b, axis=1)
     directions = b / strength[:, None]
-    sigma_deg, sigma = _sigma(n, directions, weight, values / (albedo * strength[:, None]))
+    sigma_deg, sigma = _sigma(values, n, weight, b, albedo)
+    shading, intensities = directions @ n.T, np.empty((len(b), 3))
+    for c in range(3):
+        # Each channel has albedos and strengths of its own; directions and weights are shared.
+        channel, own = probe.values[..., c].astype(np.float64), strength
+        for _ in range(MORE):
+            shape = shading * own[:, None]
+            pixel = np.sum(weight * shape * channel, 0) / np.maximum(np.sum(weight * shape**2, 0), 1e-12)
+            part, relative = pixel * shading, weight / np.maximum(pixel, 1e-6) ** 2
+            own = np.sum(relative * part * channel, 1) / np.sum(relative * part**2, 1)
+        intensities[:, c] = own
     lights = Lights(
         frames.names,
         directions,
-        by_channel(probe.values, strength, directions @ n.T, weight),
+        intensities,
         None,
         np.zeros(3),
         sigma_deg,
@@ -119,48 +130,33 @@ def _start(values: Array, good: NDArray[np.bool_], n: Array) -> tuple[Array, Arr
     return b, albedo
 
 
-def _check_seen(frames: Frames, weight: Array) -> None:
-    few = np.flatnonzero(np.count_nonzero(weight, axis=1) < FEWEST_PIXELS)
-    if len(few):
-        raise CalibrationError(
-            f"{', '.join(frames.names[f] for f in few[:3])}: fewer than {FEWEST_PIXELS} pixels of the object are lit, "
-            "unclipped and agree with its given normals. Did the flash fire? List the frame under frames.skip."
-        )
+def _turn(values: Array, n: Array, weight: Array, b: Array, albedo: Array) -> tuple[Array, Array]:
+    """Return better light vectors (F, 3) and, with these, albedos (P,), of mean 1."""
+    matrix = (weight @ (n[:, :, None] * n[:, None, :]).reshape(-1, 9)).reshape(-1, 3, 3) + 1e-9 * np.eye(3)
+    b = np.linalg.solve(matrix, ((weight * values / albedo) @ n)[..., None])[..., 0]
+    # Relative errors: a bright flash's scatter in proportion.
+    share = weight / np.sum(b**2, 1, keepdims=True)
+    shading = b @ n.T
+    square = np.sum(share * shading**2, 0)
+    better = np.where(square > 0, np.sum(share * shading * values, 0) / np.maximum(square, 1e-30), albedo)
+    scale = float(better.mean())
+    return b * scale, np.maximum(better, 1e-9 * scale) / scale
 
 
-def _reduced(n: Array, cosine: Array, weight: Array, residual: Array) -> tuple[Array, Array, Array]:
-    """Return the normal matrix (3F, 3F) and its right side with every albedo eliminated, and w m^2 summed (P,)."""
-    count = len(cosine)
-    square = np.maximum(np.sum(weight * cosine**2, 0), 1e-9)
-    v = (weight * cosine)[..., None] * n
-    right = np.einsum("fp,pi->fi", weight * residual, n)
-    right -= np.einsum("p,fpi->fi", np.sum(weight * cosine * residual, 0) / square, v)
-    flat = (v / np.sqrt(square)[:, None]).transpose(0, 2, 1).reshape(3 * count, -1)
-    matrix = -flat @ flat.T
-    blocks = np.einsum("fp,pi,pj->fij", weight, n, n, optimize=True)
-    for f in range(count):
-        matrix[3 * f : 3 * f + 3, 3 * f : 3 * f + 3] += blocks[f]
-    return matrix, right.ravel(), square
-
-
-def _step(n: Array, cosine: Array, weight: Array, residual: Array) -> tuple[Array, Array]:
-    """Return the change of each light (F, 3), relative to its strength, and of each albedo's logarithm (P,)."""
-    matrix, right, square = _reduced(n, cosine, weight, residual)
-    # The common factor of lights and albedos is free: the pseudo-inverse leaves it where it is.
-    move = (np.linalg.pinv(matrix, rcond=1e-7, hermitian=True) @ right).reshape(-1, 3)
-    return move, np.sum(weight * cosine * (residual - move @ n.T), 0) / square
-
-
-def _sigma(n: Array, directions: Array, weight: Array, shown: Array) -> tuple[Array, Array]:
-    """Return the sigma of directions (F,), degrees, and of strengths (F,), relative."""
-    cosine = directions @ n.T
-    moves = []
-    for here in sectors(n):
-        matrix, right, _ = _reduced(n[here], cosine[:, here], weight[:, here], (shown - cosine)[:, here])
-        moves.append((np.linalg.pinv(matrix, rcond=1e-3, hermitian=True) @ right).reshape(-1, 3))
-    all_moves = np.array(moves)
-    along = np.sum(all_moves * directions, -1)
-    across = all_moves - along[..., None] * directions
-    degrees = np.rad2deg(np.sqrt(np.mean(np.sum(across**2, -1), 0) / 2))
-    relative = along - along.mean(1, keepdims=True)
-    return degrees, np.sqrt(np.mean(relative**2, 0))
+def _sigma(values: Array, n: Array, weight: Array, b: Array, albedo: Array) -> tuple[Array, Array]:
+    """Return the sigma of directions (F,), degrees, and of strengths (F,), relative: each part left out in turn."""
+    part = ((turned(n) / (2 * np.pi) + 0.5) * SECTORS).astype(np.intp) % SECTORS
+    without = []
+    for k in range(SECTORS):
+        less, one, pixels = weight * (part != k), b, albedo
+        for _ in range(MORE):
+            one, pixels = _turn(values, n, less, one, pixels)
+        without.append(one)
+    moves = np.stack(without) / np.linalg.norm(b, axis=1)[:, None]
+    directions = unit(b)
+    along = np.sum(moves * directions, -1)
+    across = moves / along[..., None] - directions
+    # What a part says is farther off by as much as there are others.
+    degrees = (SECTORS - 1) * np.rad2deg(np.sqrt(np.mean(np.sum(across**2, -1), 0) / 2))
+    relative = along / along.mean(1, keepdims=True) - 1
+    return degrees, (SECTORS - 1) * np.sqrt(np.mean(relative**2, 0))

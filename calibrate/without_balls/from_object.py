@@ -4,31 +4,29 @@ Directions are known. Every matte pixel says I_f = e_f b.l_f with a vector b of 
 F - 1 in common.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.calibration import Notes
 from calibrate.lights.directions import two_across
-from calibrate.without_balls.probe import FEWEST_PIXELS, Probe, by_channel, read_probe, sectors
+from calibrate.without_balls.probe import CANDIDATES, FEWEST_PIXELS, LIT, Probe, read_probe, turned, varied
 from scene.camera import Camera
 from scene.frames import Frames
-from scene.intensities import Eliminated
+from scene.intensities import GROUPS, Eliminated, Evidence, evidence, solve_intensities
 from scene.lights import Lights
 from scene.normals import unit
-from scene.robust import TUKEY, spread, tukey
+from scene.robust import spread
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
 FEWEST_FRAMES = 5
 """Three frames fix a pixel's b, and the fourth says nothing of itself until there is a fifth to doubt it."""
-LIT = 0.15  # share of a pixel's own brightness under which it is taken to stand in shadow
-ROUNDS = 30
-CANDIDATES, MOST_PIXELS = 12000, 3000
-USUALLY_LIT = 0.6  # share of the frames in which a pixel must be lit and unclipped to be asked
-DARK = 0.01  # of white: what is darker in most frames is noise, or the sensor's pedestal
-CELLS = 12  # normals are sorted into so many cells across the hemisphere, and each cell has the same say at most
+ROUNDS, OUTLIER = 16, 2.5  # turns of the fit, and spreads from which a sample is believed no more
+CONTRAST = 1.5  # of what the next best strengths leave to what the best ones do: less, and the pixels do not tell them
+ARC = 2  # neighbours of `GROUPS` whose strengths scatter: parts of the pixels that face one way
+DRAWS = 8  # of the directions within their sigmas, whose strengths scatter
 RELIEF = 0.07  # how far, of its distance, a surface may lie off the reference point's plane
 TOO_VAGUE = 0.25  # sigma of the strengths from which they are no better than taking all flashes for equally bright
 
@@ -57,17 +55,16 @@ def strengths_from_object(
         flat = camera.points_at_depth(probe.pixels, depth * stretch) if depth < 0 else np.zeros((len(probe.pixels), 3))
         return lights.toward(flat)
 
-    chosen = varied(probe, toward(1.0))
-    probe = probe.take(chosen)
+    probe = varied(probe, toward(1.0))
     # Near flashes: the surface's height is unknown, and what is nearer to them is brighter.
     stretches = (1.0,) if lights.positions_mm is None or depth >= 0 else (1.0, 1 - RELIEF, 1 + RELIEF)
-    read = [intensities_from_object(probe, toward(s), lights.direction_sigma_deg) for s in stretches if len(chosen)]
+    read = [intensities_from_object(probe, toward(s), lights.direction_sigma_deg) for s in stretches]
     good = [one for one in read if one is not None]
     equal = _of_equal_power(lights)
     sigma = np.full(len(lights), np.inf)
     if good and len(good) == len(stretches):
         strengths = np.stack([one.intensities.mean(1) for one in good])
-        sigma = np.hypot(good[0].sigma, np.abs(strengths - strengths[0]).max(0) / strengths[0])
+        sigma = np.hypot(good[0].sigma, np.abs(strengths / strengths[0] - 1).max(0))
     if not np.median(sigma) < TOO_VAGUE:
         if lights.positions_mm is None:
             return None
@@ -115,51 +112,13 @@ def _shrunk(intensities: Array, sigma: Array, equal: Array) -> tuple[Array, Arra
     return drawn / drawn.mean(0), sigma * np.sqrt(np.maximum(keep, 1 / 9)), float(np.sqrt(square))
 
 
-def varied(probe: Probe, toward: Array) -> NDArray[np.intp]:
-    """Return the indices of pixels that are lit in most frames, drawn evenly over what they seem to face."""
-    values = probe.values.mean(-1, dtype=np.float64)
-    if values.shape[1] == 0:
-        return np.zeros(0, np.intp)
-    bright = np.quantile(values, 0.9, axis=0)
-    lit = ~probe.clipped & (values > LIT * bright)
-    good = np.flatnonzero((lit.mean(0) > USUALLY_LIT) & (bright > max(DARK, 0.1 * np.quantile(bright, 0.9))))
-    if not len(good):
-        return good
-    light, weight = np.moveaxis(toward[:, good], 0, 1), lit[:, good].T[..., None]
-    matrix = np.einsum("pfi,pfj->pij", light * weight, light) + 1e-6 * np.eye(3)
-    # As if all flashes were equally bright: near enough to sort by.
-    facing = np.linalg.solve(matrix, np.einsum("pfi,fp->pi", light * weight, values[:, good])[..., None])[..., 0]
-    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-12)
-    cell = ((facing[:, :2] + 1) / 2 * CELLS).astype(np.intp) @ [1, CELLS]
-    order = np.argsort(cell, kind="stable")
-    _, first, count = np.unique(cell[order], return_index=True, return_counts=True)
-    most = next((m for m in range(10, len(good)) if np.minimum(count, m).sum() >= MOST_PIXELS), len(good))
-    picks = [
-        order[a : a + n][np.linspace(0, n - 1, min(n, most)).astype(np.intp)] for a, n in zip(first, count, strict=True)
-    ]
-    return good[np.sort(np.concatenate(picks))]
+class ObjectPhotometry(NamedTuple):
+    """What the object's own shading says of the flashes."""
 
-
-@dataclass(frozen=True)
-class ObjectPhotometry:
-    """What the object's own shading says of the flashes.
-
-    Parameters
-    ----------
-    intensities : (F, 3) float64
-        Relative, each channel's mean 1.
-    sigma : (F,) float64
-        Relative standard deviation, one frame.
-    residual : float
-        Relative misfit of the pixels that were believed, robust standard deviation.
-    pixels : int
-        How many pixels spoke.
-    """
-
-    intensities: Array
-    sigma: Array
-    residual: float
-    pixels: int
+    intensities: Array  # (F, 3) relative, each channel's mean 1
+    sigma: Array  # (F,) relative standard deviation, one frame
+    residual: float  # relative misfit of the samples that were believed, robust standard deviation
+    pixels: int  # how many spoke
 
 
 def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> ObjectPhotometry | None:
@@ -181,88 +140,58 @@ def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> Ob
 
     Notes
     -----
-    Semi-calibrated photometric stereo [Cho2016]: I_pf / e_f = b_p.l_f is linear in 1 / e and in all b_p. With every
-    b_p eliminated the smallest eigenvector of an F x F matrix gives 1 / e; from there, Gauss-Newton on log e
-    minimises the relative misfit itself (the eigenvector's constraint pulls dim or noisy frames). Weights are
-    Tukey's on the relative misfit: shadows and gloss leave. Sigma: how much pixels that face different ways differ,
-    and what the directions' own error moves.
+    Semi-calibrated photometric stereo [Cho2016], see `scene.intensities`, by turns with which samples keep to it:
+    shadows and gloss leave. Sigma: how much pixels that face different ways differ, and what the directions' own error
+    moves.
     """
-    values = probe.values.mean(-1, dtype=np.float64).T
-    light = np.moveaxis(np.asarray(toward, np.float64), 0, 1)
-    bright = np.quantile(values, 0.9, axis=1)
-    believable = ~probe.clipped.T & (values > LIT * bright[:, None])
-    use = (believable.sum(1) >= FEWEST_FRAMES) & (bright > 0.05 * np.quantile(bright, 0.9))
+    bright, believable = probe.bright, probe.lit.T
+    use = believable.sum(1) >= FEWEST_FRAMES
+    use &= bright > 0.05 * np.quantile(bright, 0.9) if len(bright) else use
     if use.sum() < FEWEST_PIXELS:
         return None
-    values, light, believable = values[use] / bright[use, None], light[use], believable[use]
-    colours = probe.values[:, use].astype(np.float64) / bright[use, None]
-    count = values.shape[1]
-    energy = np.ones(count)
-    weight = believable.astype(np.float64)
+    values = np.moveaxis(probe.values[:, use], 0, 1).astype(np.float64)
+    light, believable = np.moveaxis(np.asarray(toward, np.float64)[:, use], 0, 1), believable[use]
+
+    def solved(light: Array, used: NDArray[np.bool_], energy: Array) -> tuple[Array, list[Evidence], float]:
+        """Return intensities (F, 3), what the pixels say of each channel, and how clearly."""
+        said = evidence(values / energy[:, None], used, light)
+        channels = [solve_intensities(one) for one in said]
+        relative = energy[:, None] * np.stack([one.relative for one in channels], -1)
+        return relative / relative.mean(0), said, min(one.contrast for one in channels)
+
+    used, energy, scale = believable, np.ones(len(toward)), np.inf
     for turn in range(ROUNDS):
-        scaled = values / energy
-        pixels = Eliminated.of(light, weight, scaled)
-        shading = np.einsum("pfi,pi->pf", light, pixels.b)
-        length = np.maximum(np.linalg.norm(pixels.b, axis=1), 1e-9)[:, None]
+        relative, _, _ = solved(light, used, energy)
+        energy = np.clip(np.abs(relative.mean(1)), 0.1, 10)  # one that is far off may come out negative at first
+        scaled = values.mean(-1) / energy
+        b = Eliminated.of(light, used.astype(np.float64), scaled).b
+        length = np.maximum(np.linalg.norm(b, axis=1), 1e-9)[:, None]
+        shading = np.einsum("pfi,pi->pf", light, b)
         residual = (scaled - shading) / length
-        if turn < ROUNDS // 3:
-            # Globally right for these weights, whatever the start.
-            part = scaled / length
-            matrix = pixels.left_over(part, part)
-            inverse = np.abs(np.linalg.eigh(matrix)[1][:, 0])
-            step = -np.log(np.maximum(inverse, 1e-6))
-        else:
-            part = shading / length
-            hessian = pixels.left_over(part, part)
-            step = np.linalg.pinv(hessian, rcond=1e-9) @ np.sum(part * weight * residual, 0)
-        energy = energy * np.exp(np.clip(step - step.mean(), -1, 1))
-        energy /= energy.mean()
-        scale = max(spread(residual[weight > 0]), 1e-4)
+        scale = max(spread(residual[used]), 1e-4)
         # Wide at first: the start may be off by more than the misfit that is looked for.
-        reach = TUKEY * scale * max(1.0, 3.0 - turn / 5)
-        weight = np.where(believable, tukey(residual, reach), 0)
-        weight *= shading > LIT * length
-        weight[np.count_nonzero(weight, axis=1) < FEWEST_FRAMES] = 0
-        if np.count_nonzero(weight.any(1)) < FEWEST_PIXELS:
+        used = believable & (np.abs(residual) < OUTLIER * scale * max(1.0, 3.0 - turn / 5)) & (shading > LIT * length)
+        used &= used.sum(1, keepdims=True) >= FEWEST_FRAMES
+        if np.count_nonzero(used.any(1)) < FEWEST_PIXELS:
             return None
-    pixels = Eliminated.of(light, weight, values / energy)
-    shading = np.einsum("pfi,pi->pf", light, pixels.b)
-    length = np.maximum(np.linalg.norm(pixels.b, axis=1), 1e-9)[:, None]
-    part, residual = shading / length, (values / energy - shading) / length
-    hessian = pixels.left_over(part, part)
-    spectrum = np.linalg.eigvalsh(hessian)
-    # The smallest belongs to the common scale and is zero; the next must not be.
-    if spectrum[1] < 1e-5 * spectrum[-1]:
+        if turn == 0:
+            # From here on pixels that face one way are neighbours: they err alike.
+            facing = b / length
+            slant = facing @ unit(facing.mean(0))
+            order = np.lexsort([turned(facing), slant > np.median(slant)])
+            values, light, believable, used = values[order], light[order], believable[order], used[order]
+    relative, said, contrast = solved(light, used, energy)
+    if not contrast > CONTRAST:
         return None
-    inverse = np.asarray(np.linalg.pinv(hessian, rcond=1e-7), np.float64)
-    facing = pixels.b / length
-    covariance = _between_sectors(pixels, facing, part, residual)
-    covariance += _of_directions(light.mean(0), sigma_deg, pixels, facing, part, inverse)
-    each = by_channel(colours, energy, shading.T, weight.T)
-    return ObjectPhotometry(
-        each / each.mean(0), np.sqrt(np.diag(covariance)), scale, int(np.count_nonzero(weight.any(1)))
-    )
-
-
-def _between_sectors(pixels: Eliminated, facing: Array, part: Array, residual: Array) -> Array:
-    """Return the covariance (F, F) of log e: how far apart the pixels that face different ways want it."""
-    moves = []
-    pull = part * pixels.weight * residual
-    for here in sectors(facing):
-        hessian = pixels.left_over(part, part, here)
-        moves.append(np.linalg.pinv(hessian, rcond=1e-4, hermitian=True) @ np.sum(pull[here], 0))
-    return np.array(moves).T @ np.array(moves) / len(moves)
-
-
-def _of_directions(
-    axis: Array, sigma_deg: Array, pixels: Eliminated, facing: Array, part: Array, inverse: Array
-) -> Array:
-    """Return the covariance (F, F) of log e that the directions' own errors make; `axis` (F, 3): those directions."""
-    turn = np.deg2rad(np.nan_to_num(sigma_deg))
-    out = np.zeros_like(inverse)
-    for tangent in two_across(unit(axis)):
-        # A light turned by t changes its own shading by b.t; through b, that of the others.
-        turned: Array = facing @ (tangent * turn[:, None]).T
-        moved = inverse @ pixels.left_over(part, turned)
-        out += moved @ moved.T
-    return out
+    some = (np.arange(GROUPS)[:, None] + np.arange(ARC)) % GROUPS
+    arcs = [np.mean([solve_intensities(Evidence(e.misfit[k], e.noise[k])).relative for e in said], 0) for k in some]
+    sigma = np.sqrt(np.mean((np.stack(arcs) - 1) ** 2, 0))
+    rng, turns, moved = np.random.default_rng(0), np.deg2rad(np.nan_to_num(sigma_deg)), []
+    strength = np.linalg.norm(light, axis=-1, keepdims=True)
+    side, up = two_across(unit(light.mean(0)))
+    for a, c in rng.normal(size=(DRAWS if turns.any() else 0, 2, len(turns), 1)):
+        off = turns[:, None] * (a * side + c * up)
+        moved.append(solved(light + strength * off, used, energy)[0].mean(1) / relative.mean(1) - 1)
+    if moved:
+        sigma = np.hypot(sigma, np.sqrt(np.mean(np.square(moved), 0)))
+    return ObjectPhotometry(relative, sigma, scale, int(np.count_nonzero(used.any(1))))

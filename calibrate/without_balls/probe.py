@@ -9,8 +9,13 @@ from scene.frames import Frames
 
 Array = NDArray[np.float64]
 MOST_PIXELS = 3000
+CANDIDATES = 12000  # pixels that are read where `varied` chooses among them
 SECTORS = 8  # parts of the pixels, by where they face
 FEWEST_PIXELS = 50  # from which on pixels say anything
+LIT = 0.15  # share of a pixel's own brightness, or cosine, under which it is taken to stand in shadow
+USUALLY_LIT = 0.6  # share of the frames in which a pixel must be lit and unclipped to be chosen
+DARK = 0.01  # of white: what is darker in most frames is noise, or the sensor's pedestal
+CELLS = 12  # normals are sorted into so many cells across the hemisphere, and each cell has the same say at most
 
 
 @dataclass(frozen=True)
@@ -25,6 +30,16 @@ class Probe:
         """Return some of the pixels."""
         return Probe(self.pixels[keep], self.values[:, keep], self.clipped[:, keep])
 
+    @property
+    def bright(self) -> Array:
+        """(P,) how bright each is where it is lit."""
+        return np.quantile(self.values.mean(-1, dtype=np.float64), 0.9, axis=0) if len(self.pixels) else np.zeros(0)
+
+    @property
+    def lit(self) -> NDArray[np.bool_]:
+        """(F, P): unclipped and in no shadow."""
+        return ~self.clipped & (self.values.mean(-1) > LIT * self.bright)
+
 
 def read_probe(frames: Frames, region: NDArray[np.bool_], *, most: int = MOST_PIXELS) -> Probe:
     """Read about `most` pixels of a region (H, W), evenly spread, in every frame.
@@ -36,51 +51,47 @@ def read_probe(frames: Frames, region: NDArray[np.bool_], *, most: int = MOST_PI
     down, across = (np.arange(0, size, step).astype(np.intp) for size in region.shape)
     rows, columns = np.nonzero(region[np.ix_(down, across)])
     rows, columns = down[rows], across[columns]
-    if not len(rows):
-        empty = np.zeros((len(frames), 0), bool)
-        return Probe(np.zeros((0, 2), np.intp), np.zeros((len(frames), 0, 3), np.float32), empty)
-    side = slice(int(columns.min()), int(columns.max()) + 1)
     values = np.empty((len(frames), len(rows), 3), np.float32)
     clipped = np.empty((len(frames), len(rows)), bool)
     for row in np.unique(rows):
         here = np.flatnonzero(rows == row)
-        band = slice(int(row), int(row) + 1)
+        band, side = slice(int(row), int(row) + 1), slice(int(columns.min()), int(columns.max()) + 1)
         values[:, here] = frames.read(band, columns=side)[:, 0, columns[here] - side.start]
         clipped[:, here] = frames.saturated(band, columns=side)[:, 0, columns[here] - side.start]
     return Probe(np.stack([columns, rows], -1), values, clipped)
 
 
-def sectors(facing: NDArray) -> list[NDArray[np.intp]]:
-    """Return the indices of vectors (P, 3), parted by their azimuth about their mean; small parts are left out.
+def varied(probe: Probe, toward: Array) -> Probe:
+    """Return pixels that are lit in most frames, drawn evenly over what they seem to face: a table has one normal."""
+    bright, lit = probe.bright, probe.lit
+    good = np.flatnonzero((lit.mean(0) > USUALLY_LIT) & (bright > DARK)) if len(bright) else np.zeros(0, np.intp)
+    good = good[bright[good] > 0.1 * np.quantile(bright, 0.9)] if len(good) else good
+    if not len(good):
+        return probe.take(good)
+    light, weight = np.moveaxis(toward[:, good], 0, 1), lit[:, good].T[..., None]
+    matrix = np.einsum("pfi,pfj->pij", light * weight, light) + 1e-6 * np.eye(3)
+    # As if all flashes were equally bright: near enough to sort by.
+    values = probe.values[:, good].mean(-1, dtype=np.float64)
+    facing = np.linalg.solve(matrix, np.einsum("pfi,fp->pi", light * weight, values)[..., None])[..., 0]
+    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-12)
+    cell = ((facing[:, :2] + 1) / 2 * CELLS).astype(np.intp) @ [1, CELLS]
+    order = np.argsort(cell, kind="stable")
+    _, first, count = np.unique(cell[order], return_index=True, return_counts=True)
+    most = next((m for m in range(10, len(good)) if np.minimum(count, m).sum() >= MOST_PIXELS), len(good))
+    picks = [
+        order[a : a + n][np.linspace(0, n - 1, min(n, most)).astype(np.intp)] for a, n in zip(first, count, strict=True)
+    ]
+    return probe.take(good[np.sort(np.concatenate(picks))])
 
-    Notes
-    -----
-    No surface is quite matte. What that does to a fit agrees among neighbours and does not average out over pixels,
-    so that the usual standard error is ten times too small (on DiLiGenT's ball: 0.15 % for an error of 2 %).
-    Parts that face different ways err differently: their spread, not divided by their number, covers it.
+
+def turned(facing: NDArray) -> Array:
+    """Return the azimuth (P,) of vectors (P, 3) about their mean: pixels that face different ways err differently.
+
+    No surface is quite matte. What that does to a fit agrees among neighbours and does not average out over pixels, so
+    that the usual standard error is ten times too small (on DiLiGenT's ball: 0.15 % for an error of 2 %). The spread of
+    what parts that face different ways say, not divided by their number, covers it.
     """
     axis = facing.mean(0)
     axis = axis / np.linalg.norm(axis)
     side = np.cross(axis, [0.0, 1.0, 0.0] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0])
-    azimuth = np.arctan2(facing @ np.cross(axis, side), facing @ side) + np.pi
-    number = np.minimum((azimuth / (2 * np.pi) * SECTORS).astype(np.intp), SECTORS - 1)
-    parts = [np.flatnonzero(number == k) for k in range(SECTORS)]
-    return [part for part in parts if len(part) >= FEWEST_PIXELS]
-
-
-def by_channel(values: NDArray, strength: Array, cosine: Array, weight: Array) -> Array:
-    """Return intensities (F, 3) by values (F, P, 3): each channel has albedos and strengths of its own.
-
-    `strength` (F,) is where they begin; the shading `cosine` (F, P) and the weights (F, P) are shared.
-    """
-    out = np.empty((len(strength), 3))
-    for c in range(3):
-        channel, e = values[..., c].astype(np.float64), strength.copy()
-        for _ in range(20):
-            shape = cosine * e[:, None]
-            albedo = np.sum(weight * shape * channel, 0) / np.maximum(np.sum(weight * shape**2, 0), 1e-12)
-            part = albedo * cosine
-            relative = weight / np.maximum(albedo, 1e-6) ** 2
-            e = np.sum(relative * part * channel, 1) / np.sum(relative * part**2, 1)
-        out[:, c] = e
-    return out
+    return np.arctan2(facing @ np.cross(axis, side), facing @ side)

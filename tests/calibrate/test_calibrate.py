@@ -107,20 +107,6 @@ def test_unknown_diameters_give_the_directions_at_the_balls_middle_and_no_ranges
     np.testing.assert_allclose(result.spheres[0].center_px, requests[0].center_px, atol=0.2)
 
 
-@pytest.mark.full
-@pytest.mark.parametrize("wrong", [0, 1])
-def test_one_wrong_diameter_of_two_is_noticed(table, wrong):
-    """7 %: highlights cannot fit any more; of two balls nobody knows which."""
-    world, frames = table
-    requests = _hints(world, ["chrome"])
-    requests[wrong] = replace(requests[wrong], diameter_mm=1.07 * requests[wrong].diameter_mm)
-    warning = calibrate(frames, world.camera, requests).warnings[0]
-    assert "contradict each other" in warning
-    assert "chrome ball 1 is" in warning
-    assert "chrome ball 2 is" in warning
-    assert "check diameter_mm" in warning
-
-
 def test_white_ball_alone(table):
     world, frames = table
     result = calibrate(frames, world.camera, _hints(world, ["white"]))

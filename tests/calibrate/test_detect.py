@@ -1,20 +1,15 @@
 """Balls without clicks, among shadows, mirrored rims and an object made of round lumps."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from calibrate.detection.agreement import Rays, agreement
-from calibrate.detection.balls import _by_diameters, find_balls
-from calibrate.detection.choice import Suspect, choose, fitted
+from calibrate.detection.balls import find_balls
+from calibrate.detection.choice import Rays, Suspect, agreement, choose, fitted
 from calibrate.detection.coarse import shrink
-from calibrate.detection.detect import Found, detect
-from calibrate.detection.diameters import Diameter
-from calibrate.detection.mirror_outline import about_horizon, circles_about
-from calibrate.lights.directions import mirrored_rays
-from calibrate.silhouette.ball_silhouette import OutlineFit
+from calibrate.detection.detect import detect
+from calibrate.detection.mirror_outline import circles_about
 from fixtures import ball_scene
 from fixtures.ball_scene import World, dust, flashes
 from scene.camera import Camera
@@ -58,23 +53,6 @@ def test_order_of_frames_does_not_matter(table):
     for a, b in zip(one, two, strict=True):
         # Sums in another order: the fit may stop a step earlier.
         np.testing.assert_allclose(a.sphere.center_px, b.sphere.center_px, atol=3e-3)
-
-
-@pytest.mark.full
-def test_a_shrunken_stack_finds_the_same_balls(table, monkeypatch):
-    """Coarse to fine: searched at half size, fitted at full size."""
-    world, frames = table
-    monkeypatch.setattr("calibrate.detection.coarse.LONGEST_SIDE_PX", 300)
-    coarse = shrink(frames, world.camera)
-    assert coarse.factor == 2
-    assert coarse.images.shape == (len(frames), 200, 300)
-    center = world.camera.project(world.balls[0].center)
-    np.testing.assert_allclose(coarse.to_full(coarse.camera.project(world.balls[0].center)), center, atol=1e-9)
-    found, _ = detect(frames, world.camera, coarse, wanted={"white": 1})
-    kind, center, radius = _truth(world)[2]
-    assert [one.sphere.kind for one in found] == [kind]
-    np.testing.assert_allclose(found[0].sphere.center_px, center, atol=0.15)
-    assert found[0].sphere.radius_px == pytest.approx(radius, abs=0.3)
 
 
 @pytest.mark.full
@@ -174,17 +152,6 @@ def test_a_given_mirror_is_not_lost_in_noise(seed, electrons, stays):
         assert not warnings
 
 
-def test_a_hint_where_no_ball_is_gets_a_doubt_of_its_size():
-    rng = np.random.default_rng(0)
-    frames = Frames.from_linear(tuple("abcd"), 0.2 + 0.01 * rng.normal(size=(4, 200, 240, 3)).astype(np.float32))
-    request = SphereRequest("chrome", center_px=(120.0, 100.0), radius_px=60.0)
-    (ball,), _, (warning,) = find_balls(frames, Camera.orthographic(240, 200), [request])
-    assert ball.sphere.sigma_px == pytest.approx(3.0)
-    np.testing.assert_allclose(ball.covariance, 9 * np.eye(3))
-    assert "no outline was found" in warning
-    assert "3.0 px of doubt" in warning
-
-
 @pytest.mark.parametrize(
     ("request_", "message"),
     [
@@ -259,74 +226,6 @@ def test_the_circle_about_the_mirrored_edge_of_the_table_is_the_likeliest_outlin
         assert any(abs(one.radius_px - 21) < 1 for one in others)
 
 
-@pytest.mark.parametrize(("tilt", "turn"), [(11, 0), (11, 120), (23, 60), (23, 300)])
-def test_what_a_mirror_shows_of_the_horizon_tells_outline_and_tilt(tilt, turn):
-    """Upside down or mirrored, the table would lean to another side."""
-    a, b = np.deg2rad([tilt, turn])
-    up = np.array([np.sin(a) * np.cos(b), -np.sin(a) * np.sin(b), np.cos(a)])
-    camera, ball = (
-        Camera(600, 600, 6000.0, 6000.0, 300.0, 300.0),
-        Sphere("chrome", np.array([300.0, 300.0]), 100.0, 1.0),
-    )
-    top = unit(up + [0, 0, 1])[:2] * [1, -1]  # there the ball mirrors the zenith
-    way = np.stack([np.cos(angles := np.arange(0, 2 * np.pi, 0.1)), np.sin(angles)], -1)
-    places = ball.center_px + 100 * top + np.linspace(0, 99, 1000)[:, None, None] * way
-    _, mirrored = mirrored_rays(camera, ball, places)
-    is_below = ~(np.sum(mirrored * up, -1) > 0)
-    edge = places[is_below.argmax(0), np.arange(len(way))]
-    design = np.column_stack([2 * edge, np.ones(len(edge))])
-    u, v, rest = np.linalg.lstsq(design, np.sum(edge**2, 1), rcond=None)[0]
-    shown = Sphere("chrome", np.array([u, v]), float(np.sqrt(rest + u * u + v * v)))
-    off = [
-        (max(np.hypot(*(start.center_px - 300)), abs(start.radius_px - 100)), plane)
-        for start, plane in about_horizon(shown)
-    ]
-    nearest, plane = min(off, key=lambda one: one[0])
-    assert nearest < 3
-    np.testing.assert_allclose(plane[:2], up[:2] / up[2], atol=0.02)
-
-
-def test_a_mirror_whose_outline_is_not_sure_is_named():
-    """Two circles stand as still, and neither holds the other."""
-    start = Sphere("chrome", np.array([53.0, 50.0]), 30.0)
-    best, rival, *_ = circles_about(_rings((50, 50, 30), (57, 50, 30)), start)
-    assert {round(best.center_px[0]), round(rival.center_px[0])} == {50, 57}
-    fit = OutlineFit(best, np.eye(3), 0.1)
-    warning = Found(fit, rival).warning
-    assert warning is not None
-    assert "a circle of 30 px stands as still" in warning
-
-
-def test_diameters_tell_a_mirror_from_the_table_s_edge_in_it(table):
-    """Of two circles that stand as still, the one that its diameter asks for beside a white ball is taken."""
-    world, frames = table
-    chrome, white = world.spheres()[0], world.spheres()[2]
-    inner = replace(chrome, radius_px=0.7 * chrome.radius_px)
-    fits = [OutlineFit(sphere, 0.01 * np.eye(3), 0.1) for sphere in (chrome, inner)]
-    mm = chrome.diameter_mm
-
-    def told(found, diameter, sure):
-        return _by_diameters(frames, world.camera, found, Diameter(diameter, 0.0), sure, search_px=2.0)
-
-    right = told(Found(fits[0], unexplained=True), mm, [white])
-    assert right.warning is None
-    assert right.sphere.radius_px == chrome.radius_px
-    exchanged = told(Found(fits[1], rival=chrome), mm, [white])
-    assert exchanged.warning is None
-    assert exchanged.sphere.radius_px == pytest.approx(chrome.radius_px, abs=0.1)
-    # Nothing is known without diameters, and a diameter that fits none of both is at fault itself.
-    assert told(Found(fits[1], rival=chrome), None, [white]).warning
-    assert told(Found(fits[1], rival=chrome), mm, []).warning
-    assert told(Found(fits[1], rival=chrome), 5 * mm, [white]).warning
-
-
-def test_a_few_frames_of_many_are_searched():
-    images = np.broadcast_to(np.linspace(0, 1, 60)[:, None, None, None], (60, 40, 60, 3))
-    few = shrink(Frames.from_linear(tuple(map(str, range(60))), images), Camera.orthographic(60, 40))
-    assert len(few.images) == 20
-    np.testing.assert_allclose(few.images[[0, -1], 0, 0], [0, 1], atol=1e-4)
-
-
 CENTERS = np.array([[0.0, 0, -1500], [300.0, 100, -1500]])
 
 
@@ -354,21 +253,6 @@ def test_balls_agree_on_near_lights_and_a_flat_mirror_does_not():
     # Off by one sigma of both across the arc, at most.
     agree, _ = agreement(one, _rays(CENTERS[1], lights, turned=2 * np.sqrt(2)))
     assert agree > np.exp(-0.5) * np.sqrt(12)
-
-
-def test_lights_without_a_range_agree_and_what_is_not_shown_does_not_count():
-    far = 1e7 * unit(np.random.default_rng(3).normal(size=(8, 3)) + [0, 0, 2])
-    one, other = (_rays(center, far) for center in CENTERS)
-    np.testing.assert_allclose(agreement(one, other), [np.sqrt(8), 0], atol=1e-3)
-    wrong = other.directions.copy()
-    wrong[:3] = [0.0, 0.6, 0.8]
-    shown = np.arange(8)[:, None] > 2
-    np.testing.assert_allclose(agreement(one, other._replace(directions=wrong, shown=shown))[0], np.sqrt(5), atol=1e-3)
-    assert agreement(one, other._replace(directions=wrong))[1] > 0.8
-    np.testing.assert_array_equal(agreement(one, other._replace(shown=np.arange(8)[:, None] < 1)), 0)
-    # The second place is where the flash is.
-    two = np.stack([wrong[:, 0], other.directions[:, 0]], 1)
-    assert agreement(one, Rays(other.center, two, np.ones((8, 2), bool), 2.0))[0] == pytest.approx(np.sqrt(8), rel=1e-3)
 
 
 def _suspect(kind, place, *, own, lights, flat=1.0):

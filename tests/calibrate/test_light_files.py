@@ -1,7 +1,6 @@
 """Others' light files: axes, origins and units by files written by hand, then everything there and back."""
 
 import json
-import re
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from formats.light_files.light_formats import FORMATS, export_lights
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
-from scene.store import Store
 
 NAMES = ("right", "above", "front")
 # To the right of the camera, above it, beside its axis: each fails for one wrong sign and for swapped axes.
@@ -204,28 +202,8 @@ def test_refusals_name_the_fault(tmp_path, name, content, message):
     assert name in str(caught.value)
 
 
-def test_refusals_of_mat_files(tmp_path):
-    path = tmp_path / "light.mat"
-    path.write_bytes(b"no matlab")
-    with pytest.raises(CalibrationError, match="cannot be read as a MATLAB file"):
-        read_lights(path, NAMES)
-    scipy.io.savemat(path, {"K": np.eye(3)})
-    with pytest.raises(CalibrationError, match=re.escape("it holds K, no S")):
-        read_lights(path, NAMES)
-    scipy.io.savemat(path, {"S": np.zeros((3, 3)), "Phi": np.ones((4, 3))})
-    with pytest.raises(CalibrationError, match=re.escape("S (3, 3), Phi (4, 3)). Expected S (n x 3")):
-        read_lights(path, NAMES)
-
-
 KNOWN = ("flash_000", "flash_001", "flash_002")
 TOWARD = np.array([[0.6, 0.0, 0.8], [0.0, -0.6, 0.8], [-0.36, 0.48, 0.8]])
-
-
-def test_rows_without_names_are_in_order_even_where_frames_are_named_by_number(tmp_path):
-    np.savetxt(tmp_path / "light_directions.txt", TOWARD)
-    np.testing.assert_allclose(read_lights(tmp_path / "light_directions.txt", ("1", "2", "3")).directions, TOWARD)
-    two = read_lights(tmp_path / "light_directions.txt", ("1", "2"), skipped=(2,))
-    np.testing.assert_allclose(two.directions, TOWARD[:2])
 
 
 @pytest.mark.parametrize("skipped", [(0,), (1,), (2,)])
@@ -248,31 +226,6 @@ def test_diligent_reads_intensities_beside(tmp_path):
     assert not any(lights.flags)
     (tmp_path / "light_intensities.txt").unlink()
     assert lacks_intensities(read_lights(tmp_path / "light_directions.txt", KNOWN))
-
-
-@pytest.mark.parametrize("near", [False, True])
-def test_own_json_comes_back_whole(tmp_path, near):
-    rng = np.random.default_rng(0)
-    lights = Lights(
-        KNOWN,
-        TOWARD,
-        rng.uniform(0.5, 1.5, (3, 3)),
-        1000 * TOWARD if near else None,
-        np.array([1.0, 2.0, -900.0]) if near else np.zeros(3),
-        np.array([0.1, 0.2, np.nan]),
-        white_value=np.ones(3),
-        flags=(("odd",), (), ()),
-    ).normalised()
-    Store(tmp_path).save_lights(lights)
-    back = read_lights(tmp_path / "lights.json", KNOWN)
-    np.testing.assert_allclose(back.directions, lights.directions)
-    np.testing.assert_allclose(back.intensities, lights.intensities)
-    np.testing.assert_allclose(back.white_value, lights.white_value)
-    np.testing.assert_array_equal(back.direction_sigma_deg, lights.direction_sigma_deg)
-    assert back.model == lights.model
-    assert back.flags == lights.flags
-    if near:
-        np.testing.assert_allclose(back.positions_mm, lights.positions_mm)
 
 
 @pytest.mark.parametrize(

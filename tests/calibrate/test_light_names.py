@@ -4,7 +4,6 @@ import unicodedata
 
 import numpy as np
 import pytest
-import scipy.io
 
 from calibrate.known_lights.read_known import read_lights
 from formats.diligent_layout import read_tables
@@ -50,14 +49,6 @@ def test_a_name_is_found_however_it_is_written(tmp_path, frame, name):
     lights = read_lights(path, tuple(frame.format(i) for i in range(COUNT)))
     np.testing.assert_allclose(lights.directions, DIRECTIONS, atol=1e-8)
     assert set(lights.flags) == {("l.lp has no intensities",)}
-
-
-def test_names_that_differ_by_their_case_alone(tmp_path):
-    """To the letter they are told apart; in a third case they are not, and that is refused."""
-    frames = ["img_1", "IMG_1", "a", "b", "c"]
-    np.testing.assert_allclose(read(lp(tmp_path / "l.lp", frames, [1, 0, 4, 3, 2]), frames), DIRECTIONS, atol=1e-8)
-    with pytest.raises(CalibrationError, match="no light for the frame 'img_1', no light for the frame 'IMG_1'"):
-        read(lp(tmp_path / "l.lp", ["Img_1", "Img_1", "a", "b", "c"]), frames)
 
 
 @pytest.mark.parametrize("encoding", ["cp1252", "mac_roman", "cp850", "utf-8-sig", "utf-16"])
@@ -140,17 +131,3 @@ def test_other_tables_are_refused_by_line(tmp_path, rows):
     (tmp_path / "light_directions.txt").write_text("\n".join(rows))
     with pytest.raises(CalibrationError, match=r"line \d is '.*'; expected three numbers a line"):
         read(tmp_path / "light_directions.txt", FRAMES)
-
-
-def test_a_mat_file_with_a_light_a_column(tmp_path):
-    places = np.random.default_rng(0).normal(size=(COUNT, 3)) * 300
-    scipy.io.savemat(tmp_path / "by_line.mat", {"S": places, "Phi": POWER})
-    scipy.io.savemat(tmp_path / "by_column.mat", {"S": places.T, "Phi": POWER.T})
-    want, found = (read_lights(tmp_path / f"by_{way}.mat", tuple(FRAMES)) for way in ("line", "column"))
-    np.testing.assert_allclose(found.positions_mm, want.positions_mm)
-    np.testing.assert_allclose(found.intensities, want.intensities)
-    assert any("a light a column" in flag for flag in found.flags[0])
-    for strange in ({"S": np.ones((6, 2))}, {"S": places, "Phi": POWER.T}, {"S": places, "Phi": np.ones((1, 3))}):
-        scipy.io.savemat(tmp_path / "l.mat", strange)
-        with pytest.raises(CalibrationError, match="Expected S"):
-            read_lights(tmp_path / "l.mat", tuple(FRAMES))

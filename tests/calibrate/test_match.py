@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from calibrate.detection.balls import _match
-from calibrate.detection.detect import Found
 from calibrate.silhouette.ball_silhouette import OutlineFit
 from scene.spheres import Sphere, SphereRequest
 
 
 def _found(kind, radius):
-    return Found(OutlineFit(Sphere(kind, np.zeros(2), radius), np.eye(3), 0.1))
+    return OutlineFit(Sphere(kind, np.zeros(2), radius), np.eye(3), 0.1)
 
 
 def _told(found, asked, given=()):
@@ -38,7 +37,7 @@ def test_what_the_scale_leaves_open_is_the_diameters_doubt():
     (ball,), said = _told([_found("chrome", 30.0)], ASKED[:3])
     assert ball.mm == pytest.approx(np.cbrt(60 * 40 * 20))
     assert ball.sigma == pytest.approx(np.std(np.log([60, 40, 20])))
-    assert "which of 60, 40, 20 mm it is cannot be told" in said
+    assert "which of 60, 40, 20 mm each is cannot be told" in said
     # Both 60 and 55 mm are as the white ball's scale has it.
     (ball, white), said = _told([_found("chrome", 28.7), _found("white", 25.0)], [*ASKED, ("chrome", 55.0)])
     assert white == (50.0, 0.0)

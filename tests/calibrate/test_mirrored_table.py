@@ -5,14 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibrate.lights.directions import mirrored_rays
 from calibrate.silhouette.ball_silhouette import fit_outline
-from calibrate.silhouette.mirrored_surroundings import mirrored_pixels, sized
 from calibrate.silhouette.mirrored_table import fit_mirrored_table
 from fixtures.ball_scene import World, flashes, photograph
 from scene.camera import Camera
-from scene.normals import unit
-from scene.spheres import Sphere
 from twin.camera.virtual_camera import Sensor
 
 CAMERA = Camera(640, 480, 900.0, 900.0, 312.0, 245.0)
@@ -32,22 +28,6 @@ def table_world(seed: int, *, texture: str = "noise", tilt: tuple[float, float] 
 
 def seen(world: World, seed: int):
     return photograph(world, Sensor(full_well_e=40000.0, blur_px=0.6), np.random.default_rng([seed, 1]))
-
-
-def test_a_mirrored_ray_leaves_as_it_came_and_meets_the_plane() -> None:
-    ball = Sphere("chrome", np.array([250.0, 200.0]), 60.0)
-    plane = np.array([0.1, -0.2, 1.3])
-    pixels = ball.outline(CAMERA, 40) * 0.97 + 0.03 * ball.center_px
-    found = mirrored_pixels(CAMERA, sized(ball), plane, *mirrored_rays(CAMERA, sized(ball), pixels))
-    center = replace(ball, diameter_mm=2.0).center_mm(CAMERA)
-    normals, points = replace(ball, diameter_mm=2.0).normals(CAMERA, pixels)
-    _, there = CAMERA.rays(found)
-    up = unit(np.array([plane[0], plane[1], 1.0]))
-    met = there * ((center - plane[2] * up) @ up / (there @ up))[:, None]
-    away, toward = unit(met - points), unit(-points)
-    # The normal halves the angle between the ray's two ends, and all three lie in one plane.
-    assert np.sum(away * normals, -1) == pytest.approx(np.sum(toward * normals, -1), abs=1e-9)
-    assert np.linalg.norm(unit(away + toward) - normals, axis=-1).max() < 1e-9
 
 
 @pytest.mark.parametrize("texture", ["noise", "wood"])

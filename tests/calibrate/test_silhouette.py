@@ -10,35 +10,6 @@ from scene.frames import Frames
 from scene.spheres import Sphere
 
 
-def _coverage(camera, center, radius, oversample=8):
-    """Share of each pixel that the sphere covers, by asking rays whether they pass it (no cone, no ellipse)."""
-    step = (np.arange(oversample) + 0.5) / oversample - 0.5
-    out = np.zeros((camera.height, camera.width))
-    v, u = np.mgrid[0 : camera.height, 0 : camera.width]
-    for dv in step:
-        for du in step:
-            ray = np.stack([(u + du - camera.cx) / camera.fx, -(v + dv - camera.cy) / camera.fy, 0 * u - 1.0], -1)
-            ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
-            out += np.linalg.norm(np.cross(ray, center), axis=-1) < radius
-    return out / oversample**2
-
-
-@pytest.mark.parametrize("center", [[0.0, 0.0, -400.0], [120.0, 70.0, -400.0]], ids=["on axis", "17 degrees off axis"])
-def test_outline_of_a_sphere_in_perspective(center):
-    camera = Camera(300, 200, 400.0, 400.0, 150.3, 98.9)
-    camera = camera if center[0] == 0 else Camera(300, 200, 400.0, 400.0, 40.3, 150.9)
-    image = gaussian_filter(0.1 + 0.5 * _coverage(camera, np.array(center), 40.0), 0.7)
-    frames = Frames.from_linear(("a", "b", "c"), np.repeat(image[None, ..., None], 3, -1).repeat(3, 0))
-    truth = camera.project(np.array(center)), 400.0 * 40 / 400
-    start = Sphere("chrome", truth[0] + [1.5, -1.0], truth[1] - 1.3)
-    fit = fit_outline(frames, camera, start, search_px=4.0)
-    assert fit is not None
-    np.testing.assert_allclose(fit.sphere.center_px, truth[0], atol=0.05)
-    assert fit.sphere.radius_px == pytest.approx(truth[1], abs=0.05)
-    assert fit.sphere.score > 0.95
-    assert 0.01 < fit.sphere.sigma_px < 0.2
-
-
 def test_no_outline_is_said():
     noise = 0.2 + 0.01 * np.random.default_rng(0).normal(size=(4, 120, 120, 3))
     frames = Frames.from_linear(tuple("abcd"), noise)

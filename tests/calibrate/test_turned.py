@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibrate.known_lights.contradictions import contradiction
+from calibrate.known_lights.with_known import contradiction
 
 
 def directions(count=12, seed=0):

@@ -76,14 +76,6 @@ def test_given_normals_tell_every_light():
     assert not any("misses the frames" in text for text in warnings)
 
 
-def test_matte_and_unshadowed_it_is_exact():
-    directions, powers = _truth()
-    frames, normals, mask = _photograph(directions, powers, gloss=0, shadow=False)
-    lights, _, _ = lights_from_normals(frames, CAMERA, normals, mask)
-    assert angular_error_deg(lights.directions, directions).max() < 0.1
-    assert np.abs(_relative(lights, powers)).max() < 0.002
-
-
 def test_normals_beside_their_pixels_are_noticed():
     directions, powers = _truth()
     frames, normals, mask = _photograph(directions, powers)

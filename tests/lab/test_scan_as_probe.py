@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibrate.without_balls.unknown_lights import unknown_lights
+from calibrate.calibration import unknown_lights
 from capture.session.session import load_session
 from lab.registration import _by_the_scan_alone
 from rgbn.export_command import export_session
