@@ -8,9 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from align.light_probe.candidates import rough_lights
 from align.light_probe.from_scan import lights_from_scan
-from align.light_probe.joint_equations import SECTORS, JointEquations
+from align.light_probe.joint_equations import SECTORS, JointEquations, changed, light_slopes, nearness_of
 from align.light_probe.joint_fit import begin, settled
-from align.light_probe.light_step import changed, light_slopes, nearness_of
 from align.mask.object_mask import find_object
 from align.pose.photographed import Photographs
 from align.pose.scan_view import View

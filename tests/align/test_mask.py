@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from align.mask.backdrop import Contradiction
-from align.mask.bright_picture import block_means
+from align.mask.backdrop import Contradiction, block_means
 from align.mask.object_mask import ObjectMask, _trim, find_object
 from align.mask.scan_mask import scan_mask
 from align.pose.photographed import box_of, longer_side
