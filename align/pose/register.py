@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,8 +47,7 @@ BESIDE_DEG = 8.0
 """By how much the scan is turned about each axis, to see what a wrong normal looks like on this material."""
 
 
-@dataclass(frozen=True)
-class Fit:
+class Fit(NamedTuple):
     """How well a pose explains the photographs, in terms that a wrong scan cannot meet."""
 
     overlap: float
@@ -103,9 +103,7 @@ class Registration:
     """How much farther away the scan stands with a focal length one sigma longer, which looks the same but for its
     perspective; 0 where it is known. Fitted with the pose, the focal length was hardly better than from EXIF."""
     evidence: dict[str, float]
-    """overlap (intersection over union of silhouette and mask), normals_deg (median angle to the normals that fit the
-    photographs best), beside_deg (the same of the scan turned a little), outline_share (of the outline within a pixel
-    of an edge), misfit (these as one number, see `Fit`), shading (relative residual), rim_points, edge_bias_px,
+    """What `Fit` has, and its misfit; shading (relative residual), rim_points, edge_bias_px,
     disagreement (of outline and shading: the variance is inflated by it); under near lights scale, scale_sigma (see
     `free_scale`); of the best pose and the next, where there is one: cost, second_cost, second_deviations (see
     `compare_poses`), second_angle_deg; where the focal length is not known: focal_shift_mm."""
@@ -169,10 +167,7 @@ def register(
     _check_distance(photographs, distance)
     fit = fit_of(evidence)
     facts = {
-        "overlap": fit.overlap,
-        "normals_deg": fit.normals_deg,
-        "beside_deg": fit.beside_deg,
-        "outline_share": fit.outline_share,
+        **fit._asdict(),
         "misfit": fit.misfit,
         "shading": evidence.shading_sigma,
         "rim_points": float(len(evidence.edges.pixels)),

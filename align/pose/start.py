@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.motion import cross_matrices, even_directions, looking_along
+from align.pose.motion import even_directions, looking_along
 from align.pose.photographed import ROUGH_SIZE, longer_side
 from scene.camera import Camera
 from scene.errors import AlignError
@@ -45,6 +45,9 @@ class Aim:
 
     @classmethod
     def at(cls, camera: Camera, mask: NDArray[np.bool_]) -> "Aim":
+        """Aim at a mask (H, W)."""
+        from scipy.spatial.transform import Rotation
+
         v, u = np.nonzero(mask)
         origins, directions = camera.rays(np.stack([u, v], -1))
         if camera.is_orthographic:
@@ -60,8 +63,8 @@ class Aim:
             xy = turned[:, :2] / -turned[:, 2:]
             weight = solid / (-turned[:, 2]) ** 3
             middle = np.array([*(weight @ xy / weight.sum()), -1.0])
-            # The turn that takes the centroid's ray to -z, as small as it can be.
-            rotation = rotation @ _smallest_turn(np.array([0.0, 0.0, -1.0]), middle / np.linalg.norm(middle))
+            # The smallest turn that takes -z to the centroid's ray.
+            rotation = rotation @ Rotation.align_vectors(middle, [0.0, 0.0, -1.0])[0].as_matrix()
         pose = Pose.from_rotation_translation(rotation, np.zeros(3))
         return cls(camera, pose, float(weight.sum()), float(np.linalg.norm(xy, axis=1).max()))
 
@@ -109,12 +112,6 @@ def find_starts(
             if len(starts) == count:
                 break
     return starts
-
-
-def _smallest_turn(source: NDArray, target: NDArray) -> Array:
-    """Return the rotation (3, 3) about source x target that takes unit `source` to unit `target`."""
-    skew = cross_matrices(np.cross(source, target)[None])[0]
-    return np.eye(3) + skew + skew @ skew / (1 + source @ target)
 
 
 def _place(caster: RayCaster, aim: Aim, views: Array) -> Array:
