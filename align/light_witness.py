@@ -10,11 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from align.light_probe.joint_equations import SECTORS, JointEquations
-from align.light_probe.light_step import changed
-from align.pose.motion import looking_along
+from align.light_probe.joint_equations import SECTORS, JointEquations, changed
+from align.pose.motion import looking_along, robust_sigma
 from align.pose.photographed import Photographs
-from align.pose.refine import robust_sigma
 from align.pose.scan_view import View
 from align.pose.shading import Samples, choose, find_shadows, take_samples
 from scene.lights import Lights
@@ -86,7 +84,7 @@ def ask_scan(view: View, photographs: Photographs) -> Witness:
     for _ in range(ROUNDS):
         here = equations(found)
         step = here.lights_of(here.solve()[0])
-        found = _changed(found, step * min(1.0, STEP / max(float(np.abs(step).max()), 1e-12)))
+        found = changed(found, step * min(1.0, STEP / max(float(np.abs(step).max()), 1e-12)), 1.0)
     here, change = equations(found), _between(lights, found)
     steps = np.stack([here.lights_of(here.solve(without=sector)[0]) for sector in range(SECTORS)])
     steps -= steps.mean(0)
@@ -111,7 +109,7 @@ def refined(lights: Lights, witness: Witness) -> Lights:
     gain = known @ np.linalg.inv(known + witness.covariance) * moved[:, None, None]
     across, along = _sigmas(known - gain @ known)
     told = [["moved by the scan's shading"] if one else [] for one in moved]
-    better = _changed(lights, np.einsum("nij,nj->ni", gain, witness.change))
+    better = changed(lights, np.einsum("nij,nj->ni", gain, witness.change), 1.0)
     return replace(
         better,
         direction_sigma_deg=np.where(moved, np.rad2deg(across), lights.direction_sigma_deg),
@@ -131,16 +129,6 @@ def said(lights: Lights, witness: Witness) -> list[str]:
         f"the scan's own shading says that lights are off: {listed}. Look at their highlights; reshoot, list them "
         "under frames.skip, or let the scan correct them with --refine-lights."
     ]
-
-
-def _changed(lights: Lights, step: Array) -> Lights:
-    """Return the lights after a step (N, 3); near ones are turned about the reference point."""
-    positions = lights.positions_mm
-    moved = changed(replace(lights, positions_mm=None), step, 1.0)
-    if positions is None:
-        return moved
-    far = np.linalg.norm(positions - lights.reference_point_mm, axis=1, keepdims=True)
-    return replace(moved, positions_mm=lights.reference_point_mm + far * moved.directions)
 
 
 def _between(one: Lights, two: Lights) -> Array:

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from align.pose.motion import nudge
 from align.pose.scan_view import View
-from align.pose.unknown_lengths import LongerFocal
 from align.scan.smooth_normals import smooth_normals
 from scene.camera import Camera
 from scene.mesh import Mesh
@@ -50,7 +49,6 @@ def ground_truth(
     camera: Camera,
     *,
     covariance: NDArray | None = None,
-    longer: LongerFocal | None = None,
     at_vertices: tuple[Array, Array] | None = None,
 ) -> Truth:
     """Cast a ray through every pixel's centre and read the scan's normals.
@@ -64,9 +62,7 @@ def ground_truth(
     camera : Camera
         Perspective or orthographic; distortion is honoured.
     covariance : (6, 6) float, optional
-        Of the pose, as in `Registration.covariance`; without it, sigma is the scan's part alone.
-    longer : LongerFocal, optional
-        Of the same registration; with `covariance`.
+        Of the pose, as in `Registration.covariance`; without it, sigma is the scan's part, and the focal length's.
     at_vertices : ((V, 3), (V,)), optional
         What `smooth_normals(mesh)` returned; computed here when absent.
 
@@ -78,9 +74,9 @@ def ground_truth(
     -----
     The pose's part of sigma is what the normal at the pixel changes by when the pose moves one sigma along each
     axis of its covariance (so curvature counts, and the ray's new hit with it). Over one sigma of a focal length that
-    is not known, pose and camera change together: either alone would shift the picture by pixels, and both hardly
-    change it. The scan's part is that of
-    `smooth_normals`. Where the scan is finer than the pixels, normals are averaged over 3 x 3 places of the pixel.
+    is not known, pose and camera change together: an object farther away through a lens longer by as much looks the
+    same but for its perspective. The scan's part is that of `smooth_normals`. Where the scan is finer than the pixels,
+    normals are averaged over 3 x 3 places of the pixel.
     """
     corners, scatter = smooth_normals(mesh) if at_vertices is None else at_vertices
     caster, square = RayCaster(mesh, corners), scatter[:, None] ** 2
@@ -113,10 +109,9 @@ def ground_truth(
         face = hits.face.reshape(shape)[inner][v, u]
         variance = hits.interpolate(mesh, square).reshape(shape)[inner][v, u]
         if covariance is not None:
-            own = covariance if longer is None else covariance - longer.covariance
-            variance = variance + _pose_variance(view, here, middle, own)
-        if longer is not None:
-            variance = variance + _turned(View(caster, longer.camera, longer.pose), here, middle)
+            variance = variance + _pose_variance(view, here, middle, covariance)
+        if camera.focal_sigma and not camera.is_orthographic:
+            variance = variance + _turned(_longer(view), here, middle)
         found[first + v, u] = _average(view, here, face, depth[first + v, u], middle)
         sigma[first + v, u] = np.sqrt(variance)
     return Truth(found, depth, sigma, np.isfinite(depth))
@@ -181,6 +176,13 @@ def _pose_variance(view: View, pixels: NDArray, normals: Array, covariance: NDAr
             moved = nudge(view.pose, axis * np.sqrt(value) / length, view.pivot)
             total += _turned(replace(view, pose=moved), pixels, normals)
     return total
+
+
+def _longer(view: View) -> View:
+    """Return the view through a lens one sigma longer, of the scan as much farther away."""
+    ratio = 1 + view.camera.focal_sigma
+    camera = replace(view.camera, fx=view.camera.fx * ratio, fy=view.camera.fy * ratio)
+    return View(view.caster, camera, nudge(view.pose, [0, 0, 0, 0, 0, (ratio - 1) * view.pivot[2]], view.pivot))
 
 
 def _turned(view: View, pixels: NDArray, normals: Array) -> Array:

@@ -1,5 +1,6 @@
 """The scan's part of the step `align`: registered, its ground truth and pictures written."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,11 +22,10 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     from align.mask.scan_mask import scan_mask
     from align.pose.motion import apart_px
     from align.pose.photographed import Photographs
-    from align.pose.register import scaled_pose
     from align.pose.scan_outline import outline_strokes
+    from align.pose.scan_scale import scaled_pose
     from align.pose.scan_view import View
     from align.pose.shading import scan_shading
-    from align.pose.unknown_lengths import on_table
     from align.scan.smooth_normals import smooth_normals
     from align.truth import ground_truth
     from compare.report.registration_pictures import write_pictures
@@ -40,8 +40,8 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         lights, start = probe.lights, probe.pose
     mesh, found, scale = _registered(job, mesh, smooth[0], frames, camera, lights, rough_mask.mask, start)
     if probe:
-        found = found.with_covariance(probe.covariance)
-    truth = ground_truth(mesh, found.pose, camera, covariance=found.covariance, longer=found.longer, at_vertices=smooth)
+        found = replace(found, covariance=probe.covariance)
+    truth = ground_truth(mesh, found.pose, camera, covariance=found.covariance, at_vertices=smooth)
     store.save_truth(truth.normals, truth.sigma_deg)
     store.save_pose(
         found.pose,
@@ -50,7 +50,6 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         sigma_deg=found.sigma_deg,
         mm_per_unit=scale,
     )
-    table = on_table(mesh, found.pose, store.load_spheres(), camera)
     final_mask = scan_mask(truth.mask, rough_mask)
     store.save_mask(final_mask.mask)
     lights = lights.seen_from(found.pose.apply(mesh.center_mm))
@@ -84,13 +83,11 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         "size_mm": np.ptp(mesh.vertices, axis=0),
         "mm_per_unit": scale or (None if job.session.scan_unit == "unknown" else UNITS_MM[job.session.scan_unit]),
         "distance_mm": None if camera.is_orthographic else np.linalg.norm(found.pose.apply(mesh.center_mm)),
-        "above_table_mm": table and table.lowest_mm,
         "truth_sigma_deg_median": median_or_none(truth.sigma_deg),
         "lights": witness,
         "light_probe": probe and probe.facts(),
     }
-    under = [table.warning] if table and table.warning else []
-    warnings = [*found.warnings, *under, *final_mask.warnings, *doubts]
+    warnings = [*found.warnings, *final_mask.warnings, *doubts]
     if picked is not None:
         away = apart_px(mesh, camera, scaled_pose(picked.pose, scale or 1.0), found.pose)
         result["picks"] = {"residual_px": picked.residual_px, "from_pose_px": away}
@@ -150,7 +147,8 @@ def _registered(
 ) -> tuple[Mesh, Any, float | None]:
     """Return the scan in millimetres, its registration, and its millimetres per unit where they were not known."""
     from align.pose.photographed import Photographs, sparse_normals
-    from align.pose.register import Registration, register, register_unknown_scale
+    from align.pose.register import Registration, register
+    from align.pose.scan_scale import register_unknown_scale
     from solve.solve import solve
 
     def normals_of(some: NDArray[np.bool_]) -> NDArray:

@@ -11,8 +11,6 @@ from scene.frames import Frames
 
 Kind = Literal["chrome", "white"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
-SURE, IN_A_ROW = 0.01, 0.2
-"""Balls that tell the table: sigma of their outlines, in radii; how far they stand off one line, of their spread."""
 WHITE_BALL_ALBEDO = 0.8
 """Reflectance that a session's white balls are taken to have."""
 
@@ -144,26 +142,3 @@ class Sphere:
         normals, _ = grown.normals(camera, np.stack([u, v], -1))
         out[v0:v1, u0:u1] = np.isfinite(normals[..., 0])
         return out
-
-
-def table_under(spheres: list[Sphere], camera: Camera) -> tuple[NDArray[np.float64], float] | None:
-    """Return the table that balls stand on: its normal (3,), toward the camera, and its offset, mm.
-
-    A point p, camera frame, is normal . p - offset above it. A ball of radius R touches it: normal . centre - offset =
-    R. None where fewer than three balls of known diameter tell it, they stand in a row, or one is known badly.
-    """
-    balls = [one for one in spheres if one.diameter_mm and not one.apart and one.sigma_px < SURE * one.radius_px]
-    if len(balls) < 3 or camera.is_orthographic:
-        return None
-    centers = np.stack([one.center_mm(camera) for one in balls])
-    radii = np.array([one.radius_mm for one in balls])
-    apart, higher = centers - centers.mean(0), radii - radii.mean()
-    _, size, axes = np.linalg.svd(apart, full_matrices=False)
-    if size[1] < IN_A_ROW * size[0]:
-        return None
-    along = axes[:2].T @ (axes[:2] @ (apart.T @ higher) / size[:2] ** 2)
-    rest = 1 - along @ along
-    if rest <= 0:
-        return None
-    normal = along + np.sqrt(rest) * axes[2] * np.sign(-axes[2] @ centers.mean(0))
-    return normal, float(np.mean(centers @ normal - radii))

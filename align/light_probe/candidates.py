@@ -8,11 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from align.light_probe.by_silhouette import BySilhouette
-from align.pose.photographed import Photographs, Target
+from align.pose.motion import Term, descend, distinct, small_steps
+from align.pose.photographed import Photographs, longer_side
+from align.pose.scan_outline import find_outline, outline_jacobian, sample, signed_distance
 from align.pose.scan_view import View
 from align.pose.shading import Samples
 from align.pose.start import find_starts
+from scene.camera import Camera
 from scene.lights import Lights
 from scene.pose import Pose
 from scene.rays import RayCaster
@@ -20,6 +22,8 @@ from scene.rays import RayCaster
 Array = NDArray[np.float64]
 STARTS = 80
 """Orientations tried: by silhouette alone the right one of a potato came 45th."""
+CELLS = 60
+"""Of the raster on which the outline is searched, across the object."""
 ROUNDS = 8
 LEAST_SEEN = 0.3
 """Share of the object's pixels that must show the scan's outside: a scan of one side says nothing from behind."""
@@ -58,19 +62,43 @@ def candidates(
     `STARTS`.
     """
     camera, mask = photographs.camera, photographs.mask
-    target = Target(camera, mask, np.full((*mask.shape, 3), np.nan)).shrunken()
-    starts = find_starts(caster, target, count=STARTS) if start is None else [start]
-    outline = BySilhouette.of(caster, target.camera, target.mask, cells=60)
+    starts = find_starts(caster, camera, mask, None, count=STARTS) if start is None else [start]
+    step_px = longer_side(mask) / CELLS
+    by_outline = partial(_by_outline, caster, camera, mask, signed_distance(mask))
     found = []
-    for done, item in enumerate((executor.map if executor else map)(partial(outline.descend, 8), starts)):
+    for done, item in enumerate((executor.map if executor else map)(by_outline, starts)):
         found.append(item)
         tell(done + 1)
-    distinct = outline.distinct(found, apart_steps=3)
-    rated = [_rated(View(caster, camera, pose), samples) for pose, _ in distinct]
+    found.sort(key=lambda item: item[1])
+    kept = distinct(caster.mesh, camera, [pose for pose, _ in found], least_px=3 * step_px)
+    rated = [_rated(View(caster, camera, found[number][0]), samples) for number in kept]
     # The silhouette has its say: a pose that lies beside it explains pixels that it should not see.
-    outside = np.array([cost for _, cost in distinct]) - distinct[0][1]
+    outside = np.array([found[number][1] for number in kept]) - found[0][1]
     rated = [one._replace(cost=one.cost + more) for one, more in zip(rated, outside, strict=True)]
     return sorted(rated, key=lambda one: one.cost)
+
+
+def _by_outline(
+    caster: RayCaster, camera: Camera, mask: NDArray[np.bool_], distance: NDArray[np.float32], pose: Pose
+) -> tuple[Pose, float]:
+    """Return where a pose comes to rest by silhouette against mask alone, and the cost: a wide basin, a rough answer.
+
+    `distance` (H, W): see `signed_distance`.
+    """
+    step_px = longer_side(mask) / CELLS
+
+    def terms(pose: Pose) -> list[Term]:
+        view = View(caster, camera, pose)
+        outline = find_outline(view, cells=CELLS)
+        # The slope of the mask's distance, not of the outline's: it is what the residual follows.
+        behind, here, ahead = (sample(distance, outline.pixels + d * outline.outward) for d in (-1.0, 0.0, 1.0))
+        jacobian = outline_jacobian(camera, outline.points, outline.outward, view.pivot)
+        jacobian *= (ahead - behind)[:, None] / (4 * step_px)
+        blocks = np.zeros(len(here), np.int64)
+        return [Term(here / (2 * step_px), jacobian, blocks, constant=1 - outline.overlap(mask))]
+
+    scales = small_steps(caster.mesh, camera, pose, step_px=step_px)
+    return descend(terms, pose, caster.mesh.center_mm, scales, steps=8)
 
 
 def _rated(view: View, samples: Samples) -> Candidate:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.light_probe.candidates import STARTS, candidates
+from align.light_probe.joint_equations import nearness_of
 from align.light_probe.joint_fit import Joint, begin, settled
-from align.light_probe.light_step import nearness_of
 from align.pose.motion import apart_px
 from align.pose.photographed import Photographs
 from align.pose.scan_view import View

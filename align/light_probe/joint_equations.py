@@ -9,16 +9,17 @@ third, for 2 degrees of noise on a surface of waves of 10. So a pixel has three 
 normal, which the photographs tell, and the scan as well as its normals are known (total least squares [Golub1980]).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from align.light_probe.light_step import light_slopes
 from align.pose.full_resolution import FinalEvidence
-from align.pose.refine import robust_sigma
+from align.pose.motion import looking_along, robust_sigma
+from align.pose.scan_view import normal_slopes
 from scene.errors import AlignError
 from scene.lights import Lights
+from scene.normals import unit
 
 Array = NDArray[np.float64]
 SECTORS = 8
@@ -30,6 +31,8 @@ FEWEST_PIXELS = 200
 LEAST_SIGMA, LEAST_DOUBT_DEG = 0.003, 0.2
 """Of the samples, relative to the pixel; of the scan's normals."""
 TINY, HELD = 1e-6, 1e6
+NEAREST, FARTHEST = 1.3, 300.0
+"""Distances of a light from the object's middle that are tried, in radii of the object."""
 POSE_PX = 30.0
 """Each of the pose's unknowns is known to so much beforehand: the silhouette found it."""
 
@@ -56,7 +59,7 @@ class JointEquations:
             )
         points, normals = (array[asked] for array in here.surface)
         values = np.where(used, seen.samples.values, 0)[:, asked] / seen.samples.scale[asked]
-        turned = seen.probes.slopes(seen.caster, here.pose, *here.surface)[asked] * units
+        turned = normal_slopes(here.view, seen.rays, *here.surface)[asked] * units
         effect = here.shading(here.pose).information(units)[2]
         pixels = _Pixels.of(seen.toward(points), normals, values, used[:, asked], doubt_deg[asked])
         slopes = light_slopes(lights, points, pixels.m, near=near)
@@ -215,3 +218,44 @@ def _beside(
     strengths = slice(8, None, k)
     matrix[strengths, strengths] += HELD
     return matrix, pull
+
+
+def light_slopes(lights: Lights, points: Array, normals: Array, *, near: bool) -> Array:
+    """Return d(vector . normal) (N, P, 3 or 4) of lights of intensity 1 at points and normals (P, 3), mm.
+
+    Per light: its direction's turn along two tangents (radians), the logarithm of its intensity at the reference point
+    c, and where `near` the inverse k of its distance from there (1 / mm). With u = d - k (p - c) the vector at p is
+    s u / |u|^3, which for k = 0 is a distant light's: a light can be followed from there without a jump.
+    """
+    arm, nearness = points - lights.reference_point_mm, nearness_of(lights)
+    u = lights.directions[:, None] - nearness[:, None, None] * arm
+    length = np.linalg.norm(u, axis=-1, keepdims=True)
+    along, cosine = u / length, np.einsum("npk,pk->np", u / length, normals)
+    # d(u / |u|^3) . n = du . gradient
+    gradient = (normals - 3 * cosine[..., None] * along) / length**3
+    across = looking_along(lights.directions)[:, :2]
+    columns = [np.einsum("npk,nk->np", gradient, across[:, axis]) for axis in range(2)]
+    columns.append(cosine / length[..., 0] ** 2)
+    if near:
+        columns.append(-np.einsum("npk,pk->np", gradient, arm))
+    return np.stack(columns, -1)
+
+
+def changed(lights: Lights, step: Array, radius_mm: float) -> Lights:
+    """Return the lights after a step (N, 3 or 4) of `light_slopes`; with four columns near ones, whatever they were."""
+    across = looking_along(lights.directions)[:, :2]
+    directions = unit(lights.directions + np.einsum("na,nak->nk", step[:, :2], across))
+    nearness, positions = nearness_of(lights), None
+    if step.shape[1] == 4:
+        nearness = np.clip(nearness + step[:, 3], 1 / (FARTHEST * radius_mm), 1 / (NEAREST * radius_mm))
+    if nearness.all():
+        positions = lights.reference_point_mm + directions / nearness[:, None]
+    brighter = np.exp(step[:, 2:3])
+    return replace(lights, directions=directions, positions_mm=positions, intensities=lights.intensities * brighter)
+
+
+def nearness_of(lights: Lights) -> Array:
+    """Return (N,) 1 / distance from the reference point, 1 / mm; 0 of distant lights."""
+    if lights.positions_mm is None:
+        return np.zeros(len(lights))
+    return 1 / np.linalg.norm(lights.positions_mm - lights.reference_point_mm, axis=1)

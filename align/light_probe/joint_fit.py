@@ -6,16 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from align.light_probe.joint_equations import SECTORS, JointEquations
-from align.light_probe.light_step import changed, nearness_of
-from align.pose.appearance import trust
-from align.pose.full_resolution import NEAREST_PX, SETTLED_PX, UNMODELLED, FinalEvidence
+from align.light_probe.joint_equations import SECTORS, JointEquations, changed, nearness_of
+from align.pose.full_resolution import NEAREST_PX, SETTLED_PX, UNMODELLED, FinalEvidence, Observed
 from align.pose.motion import apart_px, nudge
-from align.pose.observed import Observed
 from align.pose.outline_edges import EdgePictures
 from align.pose.photographed import Photographs
 from align.pose.scan_view import View
-from align.pose.shading import cosines
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.pose import Pose
@@ -26,8 +22,6 @@ ROUNDS = 30
 SETTLED_DEG = 0.01
 STEP_PX, STEP = 4.0, 0.25
 """The longest step of the pose; of a light, in radians and as a logarithm."""
-COLOURED = 8
-"""Rounds in which colours of lights and albedos follow each other."""
 REACH_PX = 6.0
 SURE = 2.0
 """Standard errors by which near lights must foretell the sectors left out better."""
@@ -118,19 +112,11 @@ def _about(lights: Lights, point: Array) -> Lights:
 
 
 def _coloured(here: FinalEvidence, lights: Lights) -> Lights:
-    """Return the lights each with its colour: of each channel lights and albedos are unknown, the shading is one."""
-    seen, used = here.seen, here.used
-    b, values = cosines(seen.toward(here.surface[0]), here.surface[1]), np.where(used, seen.samples.values, 0)
-    albedo = (used * b * values).sum(0) / np.maximum((used * b * b).sum(0), 1e-12)
-    weight = trust(used, (values - albedo * b) / seen.samples.scale) / seen.samples.scale**2
-    tint = np.ones((len(lights), 3))
-    for channel in range(3):
-        shown, strength = seen.samples.colours[..., channel].astype(np.float64), seen.lights.intensities[:, channel]
-        for _ in range(COLOURED):
-            lit = b * strength[:, None]
-            albedo = (weight * lit * shown).sum(0) / np.maximum((weight * lit**2).sum(0), 1e-12)
-            lit = albedo * b
-            strength = (weight * lit * shown).sum(1) / np.maximum((weight * lit**2).sum(1), 1e-12)
-        tint[:, channel] = np.maximum(strength, 1e-6)
-    gray = np.exp(np.log(lights.intensities).mean(1, keepdims=True) - np.log(tint).mean(1, keepdims=True))
-    return replace(lights, intensities=tint * gray).normalised()
+    """Return the lights each with its colour: what its frame shows beside the pixels' own colours, in the median."""
+    known = here.seen.lights.intensities
+    some = here.used.any(0)
+    shown = np.log(np.maximum(here.seen.samples.colours[:, some] / known[:, None], 1e-6))
+    shown = np.where(here.used[:, some, None], shown - shown.mean(2, keepdims=True), np.nan)
+    beside = np.ma.masked_invalid(shown - np.nanmean(shown, 0))
+    tint = np.ma.median(beside, axis=1).filled(0.0)
+    return replace(lights, intensities=lights.intensities * np.exp(tint)).normalised()

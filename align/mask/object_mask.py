@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from align.mask.backdrop import Contradiction, contradict_backdrop
-from align.mask.bright_picture import block_means, bright_mean, bright_picture
+from align.mask.backdrop import Contradiction, block_means, bright_mean, bright_picture, contradict_backdrop
 from align.pose.photographed import box_of
 from scene.camera import Camera
 from scene.errors import AlignError

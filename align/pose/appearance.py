@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.refine import robust_sigma
+from align.pose.motion import robust_sigma
 from scene.normals import unit
 
 Array = NDArray[np.float64]

@@ -8,15 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.appearance import Appearance, Lit
-from align.pose.motion import apart_px, small_steps
-from align.pose.observed import Observed
-from align.pose.photographed import longer_side
-from align.pose.refine import Term, descend, disagreement, robust_sigma, settle
-from align.pose.scan_outline import Outline, find_outline, outline_jacobian, sample
-from align.pose.scan_view import View
-from align.pose.shading import FEWEST, choose, cosines, explain, find_shadows
+from align.pose.motion import Term, apart_px, descend, disagreement, robust_sigma, settle, small_steps
+from align.pose.outline_edges import EdgePictures, Edges
+from align.pose.photographed import Photographs, longer_side
+from align.pose.scan_outline import Outline, find_outline, outline_jacobian, sample, signed_distance
+from align.pose.scan_view import View, normal_slopes, probe_rays
+from align.pose.shading import Samples, choose, explain, find_shadows, take_samples
+from scene.camera import Camera
 from scene.lights import Lights
 from scene.pose import Pose
+from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
 
@@ -40,34 +41,69 @@ NEAREST_PX = 2.5
 
 
 @dataclass(frozen=True)
-class Edges:
-    """Where the photographs show the outline of a scan at one pose, and how far the scan's lies from it."""
+class Observed:
+    """A scan and its photographs: what of them does not depend on the pose."""
 
-    on_scan: Array
-    """(K, 3), mm, scan frame: the outline's points that have an edge in the picture."""
-    pixels: Array
-    """(K, 2): where those edges are."""
-    outward: Array
-    """(K, 2)."""
-    bias_px: float
-    """How far outside the picture's edges the scan's outline lies on the whole."""
-    apart_px: float
-    """Median distance from the scan's outline to the picture's edges."""
-    sigma_px: float
-    """Robust, after the common offset."""
-    residual_px: float
-    """Rms of the inliers, after the common offset."""
+    caster: RayCaster
+    camera: Camera
+    lights: Lights
+    mask: NDArray[np.bool_]
+    """(H, W): the object's, as it was found."""
+    distance: NDArray[np.float32]
+    """(H, W), to its border; see `signed_distance`."""
+    near: NDArray[np.float32]
+    """(H, W), to where the outline is: the same, or to the border of the scan's silhouette at a pose that is known."""
+    pictures: EdgePictures | None
+    """None: the mask's border is the edge."""
+    samples: Samples
+    rays: tuple[Array, Array]
+    """The samples' pixels' and their neighbours', see `probe_rays`: undistorted once, cast as the scan moves."""
+    cells: int
+    """Of the raster on which the outline is searched, across the scan."""
+    lights_known: bool = True
+    """Else the object is taken for matte, and what its surroundings send back for the lights' own."""
 
     @classmethod
-    def of(cls, on_scan: Array, pixels: Array, outward: Array, offset: Array) -> "Edges":
-        """Judge K edges by how far inside them the outline lies, `offset` (K,), px."""
-        if not len(offset):
-            return cls(on_scan, pixels, outward, 0.0, np.inf, np.inf, np.inf)
-        bias = -float(np.median(offset))
-        beside = offset + bias
-        sigma = max(robust_sigma(beside), 0.05)
-        residual = float(np.sqrt(np.mean(beside[np.abs(beside) < 3 * sigma] ** 2)))
-        return cls(on_scan, pixels, outward, bias, float(np.median(np.abs(offset))), sigma, residual)
+    def of(
+        cls,
+        caster: RayCaster,
+        photographs: Photographs,
+        pictures: EdgePictures | None,
+        *,
+        count: int,
+        cells: int,
+        silhouette: NDArray[np.bool_] | None = None,
+        lights_known: bool = True,
+    ) -> "Observed":
+        """Read about `count` pixels of the object, or of the scan's `silhouette` (H, W), from all frames."""
+        camera, mask, distance = photographs.camera, photographs.mask, photographs.distance
+        near = distance if silhouette is None else signed_distance(silhouette)
+        samples = take_samples(photographs.frames, photographs.lights, near < 0, count=count)
+        known = caster, camera, photographs.lights, mask, distance, near, pictures, samples
+        return cls(*known, probe_rays(camera, samples.pixels), cells, lights_known)
+
+    def toward(self, points: Array) -> Array:
+        """Return the light vectors (N, P, 3) at points (P, 3), of intensity 1; anything where the scan is missed."""
+        return self.lights.toward(np.where(np.isfinite(points), points, self.lights.reference_point_mm))
+
+    def lit(self, points: Array, scale: float = 1.0) -> Lit:
+        """Return the lights at points (P, 3) of a scan `scale` times as large and as far."""
+        return Lit.of(self.toward(scale * points), -self.rays[1][0])
+
+    @property
+    def near_px(self) -> float:
+        """How far beside an edge an outline is still on it: 1 px, or 0.5 % of the object's size."""
+        return max(1.0, 0.005 * longer_side(self.mask))
+
+    def patches(self, pixels: NDArray) -> NDArray[np.int64]:
+        """Return the number (K,) of the patch that holds each pixel (K, 2), 16 patches across the object."""
+        return patches(pixels, max(4.0, longer_side(self.mask) / 16))
+
+
+def patches(pixels: NDArray, size_px: float) -> NDArray[np.int64]:
+    """Return the number (K,) of the square patch of the image that holds each pixel (K, 2)."""
+    cell = (pixels / size_px).astype(np.int64)
+    return cell[:, 1] * 100_000 + cell[:, 0]
 
 
 class Weighed(NamedTuple):
@@ -101,7 +137,7 @@ class FinalEvidence:
     @cached_property
     def surface(self) -> tuple[Array, Array]:
         """Points and normals (P, 3) that the samples' pixels see; see `View.surface`."""
-        return self.seen.probes.surface(self.seen.caster, self.pose)
+        return self.view.surface(*(part[0] for part in self.seen.rays))
 
     @cached_property
     def lit(self) -> Lit:
@@ -182,15 +218,12 @@ class FinalEvidence:
         mesh, camera, here = self.seen.caster.mesh, self.seen.camera, self
         for index in range(rounds):
             before = here.pose
-            pose = here.settled() if index else descend(here.terms, before, mesh.center_mm, here.steps(0.5), steps=6)[0]
+            how = here.terms, before, mesh.center_mm, here.steps(0.5)
+            pose = settle(*how, steps=4) if index else descend(*how, steps=6)[0]
             here = here.renewed(pose, reach_px=max(NEAREST_PX, self.reach_px / 2 ** (index + 1)))
             if index and apart_px(mesh, camera, before, pose) < SETTLED_PX:
                 break
         return here
-
-    def settled(self) -> Pose:
-        """Return the pose at which the cost's slope vanishes, near this one."""
-        return settle(self.terms, self.pose, self.seen.caster.mesh.center_mm, self.steps(0.5), steps=4)
 
     def steps(self, step_px: float) -> Array:
         """Return (6,) twists that move the scan's image by `step_px`; see `small_steps`."""
@@ -237,10 +270,10 @@ class FinalEvidence:
 
     def shading(self, pose: Pose, scale: float = 1.0) -> Term:
         """Return the shading's term at a pose, of a scan `scale` times as large and as far."""
-        seen = self.seen
-        is_here = pose is self.pose
-        points, normals = self.surface if is_here else seen.probes.surface(seen.caster, pose)
-        slopes = seen.probes.slopes(seen.caster, pose, points, normals)
+        seen, is_here = self.seen, pose is self.pose
+        view = View(seen.caster, seen.camera, pose)
+        points, normals = self.surface if is_here else view.surface(*(part[0] for part in seen.rays))
+        slopes = normal_slopes(view, seen.rays, points, normals)
         lit = self.lit if is_here and scale == 1 else seen.lit(points, scale)
         residuals, _, jacobian = explain(seen.samples, self.used, normals, lit, self.look, slopes)
         assert jacobian is not None
@@ -263,20 +296,3 @@ class FinalEvidence:
             )
             on_edge |= np.abs(offset + self.edges.bias_px) < near
         return float(np.mean(on_edge)) if len(on_edge) else 0.0
-
-    def pixel_costs(self, sigma: float) -> Array:
-        """Return (P,) how badly the pose explains each pixel's samples, 0 to 1; NaN where it says nothing.
-
-        A sample is predicted dark, too, where the scan turns from the light. Cast shadows say nothing: light falls
-        through the holes of a scan.
-        """
-        (points, normals), samples = self.surface, self.seen.samples
-        residuals, albedo, _ = explain(samples, self.used, normals, self.lit, self.look)
-        dark = (cosines(self.lit.vectors, normals) < 0) & ~samples.clipped & np.isfinite(normals[:, 0])
-        beside = samples.values / samples.scale - np.maximum(albedo * self.look.sent_back(normals), 0)
-        relative = np.where(dark, beside, residuals) / (3 * sigma)
-        counted = self.used | dark
-        cost = (counted * relative**2 / (1 + relative**2)).sum(0) / np.maximum(counted.sum(0), 1)
-        cost[self.used.sum(0) < FEWEST] = np.nan
-        cost[~np.isfinite(points[:, 0])] = 1.0
-        return cost

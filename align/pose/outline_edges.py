@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.appearance import Appearance, Lit
+from align.pose.motion import robust_sigma
 from align.pose.photographed import Photographs, box_of
 from align.pose.scan_outline import Outline, sample
 from align.pose.scan_view import View
@@ -141,6 +142,37 @@ class EdgePictures:
         at = pixels[:, None] + along[:, None] * outward[:, None] - self.corner
         sector = np.broadcast_to(sector[:, None, None], (*at.shape[:2], 1))
         return sample(self.pictures, np.concatenate([at, sector], -1))
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Where the photographs show the outline of a scan at one pose, and how far the scan's lies from it."""
+
+    on_scan: Array
+    """(K, 3), mm, scan frame: the outline's points that have an edge in the picture."""
+    pixels: Array
+    """(K, 2): where those edges are."""
+    outward: Array
+    """(K, 2)."""
+    bias_px: float
+    """How far outside the picture's edges the scan's outline lies on the whole."""
+    apart_px: float
+    """Median distance from the scan's outline to the picture's edges."""
+    sigma_px: float
+    """Robust, after the common offset."""
+    residual_px: float
+    """Rms of the inliers, after the common offset."""
+
+    @classmethod
+    def of(cls, on_scan: Array, pixels: Array, outward: Array, offset: Array) -> "Edges":
+        """Judge K edges by how far inside them the outline lies, `offset` (K,), px."""
+        if not len(offset):
+            return cls(on_scan, pixels, outward, 0.0, np.inf, np.inf, np.inf)
+        bias = -float(np.median(offset))
+        beside = offset + bias
+        sigma = max(robust_sigma(beside), 0.05)
+        residual = float(np.sqrt(np.mean(beside[np.abs(beside) < 3 * sigma] ** 2)))
+        return cls(on_scan, pixels, outward, bias, float(np.median(np.abs(offset))), sigma, residual)
 
 
 def _sector_axes() -> Array:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,11 @@ from scene.camera import Camera
 from scene.errors import AlignError
 from scene.frames import Frames
 from scene.lights import Lights
-from scene.normals import unit
 
 ACROSS = 500
 """Pixels across the object, at least, at which normals are solved for the search."""
 ROUGH_SIZE = 500
-"""Pixels across the object, at most, until the frames themselves are asked."""
+"""Pixels across the object, at most, by which a scan's first poses are found."""
 
 
 @dataclass(frozen=True)
@@ -74,27 +73,6 @@ class Photographs:
             f" {border.sum()} of the mask's pixels lie on the image's border. If the object leaves the frame, reshoot "
             "with the whole of it in view; if it does not, give the mask: mask under [object], the object white."
         )
-
-
-@dataclass(frozen=True)
-class Target:
-    """What a scan is looked for by: the object's mask (H, W), and photometric normals (H, W, 3), NaN where unknown."""
-
-    camera: Camera
-    mask: NDArray[np.bool_]
-    normals: NDArray
-
-    def shrunken(self) -> "Target":
-        """Halve all until the object is no larger than `ROUGH_SIZE`: the same scene, fewer pixels."""
-        camera, mask, normals = self.camera, self.mask, self.normals
-        while longer_side(mask) > ROUGH_SIZE:
-            camera = camera.halved()
-            height, width = camera.height, camera.width
-            quarters = [np.s_[row : 2 * height : 2, column : 2 * width : 2] for row in (0, 1) for column in (0, 1)]
-            mask = np.stack([mask[part] for part in quarters]).sum(0) >= 2
-            # One after the other: all four at once are another map of the full size, and their copies more.
-            normals = unit(reduce(np.add, (np.nan_to_num(normals[part]) for part in quarters)))
-        return Target(camera, mask, normals)
 
 
 def box_of(mask: NDArray[np.bool_]) -> tuple[slice, slice]:

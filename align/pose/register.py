@@ -3,17 +3,22 @@
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.fit import Fit, fit_of
+from align.pose.appearance import free_normals
+from align.pose.full_resolution import NEAREST_PX, FinalEvidence
+from align.pose.motion import nudge
 from align.pose.photographed import Photographs
+from align.pose.scan_scale import free_scale
 from align.pose.search import FINALISTS, SURE, Found, search
-from align.pose.unknown_lengths import LongerFocal, free_scale, register_longer
+from align.pose.shading import FEWEST
 from align.scan.smooth_normals import smooth_normals
 from scene.errors import AlignError
 from scene.mesh import Mesh
+from scene.normals import angular_error_deg
 from scene.pose import Pose
 from scene.rays import RayCaster
 
@@ -32,6 +37,54 @@ DOUBTED = 1.5
 UNITS = {10.0: "cm and mm", 25.4: "inch and mm", 1000.0: "m and mm", 100.0: "m and cm", 2.54: "inch and cm"}
 """Between two units of length: the ratio of each pair that people exchange."""
 
+ASKED = 500
+"""Pixels, about, whose best normals are looked for."""
+NORMALS_DEG, OF_BESIDE, APART, OUTSIDE = 5.0, 0.55, 0.75, 0.35
+"""The most that a right scan's normals are off, or as a share of what they are when it is turned; that its outline is
+beside the edges; and what of its silhouette and the mask together may not be common to both: a mask may have taken in
+the object's shadow."""
+BESIDE_DEG = 8.0
+"""By how much the scan is turned about each axis, to see what a wrong normal looks like on this material."""
+
+
+class Fit(NamedTuple):
+    """How well a pose explains the photographs, in terms that a wrong scan cannot meet."""
+
+    overlap: float
+    """Intersection over union of the scan's silhouette and the mask."""
+    normals_deg: float
+    """Median angle between the scan's normals and those that fit the photographs best, pixel by pixel, under the same
+    lights, for the same material, and with the same samples."""
+    beside_deg: float
+    """The same, median, of the scan turned by `BESIDE_DEG` about each of the camera's axes, either way."""
+    outline_share: float
+    """See `FinalEvidence.outline_share`."""
+    apart: float
+    """Median distance from the outline to the edges in the photographs, in units of `Observed.near_px`."""
+
+    @property
+    def misfit(self) -> float:
+        """One number: a scan is refused above 1.
+
+        A metal shows the table and itself, and its normals look wrong where they are right. So they do, then, and more
+        so, where they are wrong by `BESIDE_DEG`: the angle is judged as a share of that one. A ball looks the same
+        turned; an angle that is small is enough, then.
+        """
+        shading = min(self.normals_deg / NORMALS_DEG, self.normals_deg / max(self.beside_deg, 1e-9) / OF_BESIDE)
+        return max(shading, self.apart / APART, (1 - self.overlap) / OUTSIDE)
+
+    @property
+    def words(self) -> str:
+        return (
+            f"at the best pose the silhouette overlaps the mask by {100 * self.overlap:.1f} % (expected above "
+            f"{100 * (1 - OUTSIDE):.0f} %), {100 * self.outline_share:.0f} % of the scan's outline lie on an edge in "
+            f"the photographs, it is {self.apart:.2g} (median) of a pixel, or in a large picture of 0.5 % of the "
+            f"object, from the edges (expected below {APART:g}), and its normals are {self.normals_deg:.1f} degrees "
+            f"(median) from what the photographs show (expected below {NORMALS_DEG:g}, or below "
+            f"{100 * OF_BESIDE:.0f} % of the {self.beside_deg:.1f} that they are when it is turned by "
+            f"{BESIDE_DEG:g} degrees)"
+        )
+
 
 @dataclass(frozen=True)
 class Registration:
@@ -43,30 +96,28 @@ class Registration:
     """Rms distance between the scan's outline and the edge in the photographs, inliers, after their common offset
     (`edge_bias_px` in the evidence: an object darkens toward its blurred outline, and looks a fraction of a pixel
     smaller)."""
-    sigma_mm: float
-    sigma_deg: float
-    """sigma_mm, sigma_deg: standard deviation (rms length) of the position of the scan's middle, and of the rotation.
-    An orthographic camera does not tell depth: it is left out there."""
     covariance: Array
     """(6, 6): of the twist (rotation vector in radians about the scan's middle, translation in mm), camera axes, see
-    `align.pose.motion.nudge`. Where the focal length is not known, its part (`longer`) is in it and in both sigmas."""
+    `align.pose.motion.nudge`, for the camera as given; without depth, where an orthographic one does not tell it."""
+    focal_shift_mm: float
+    """How much farther away the scan stands with a focal length one sigma longer, which looks the same but for its
+    perspective; 0 where it is known. Fitted with the pose, the focal length was hardly better than from EXIF."""
     evidence: dict[str, float]
-    """overlap (intersection over union of silhouette and mask), normals_deg (median angle to the normals that fit the
-    photographs best), beside_deg (the same of the scan turned a little), outline_share (of the outline within a pixel
-    of an edge), misfit (these as one number, see `Fit`), shading (relative residual), rim_points, edge_bias_px,
+    """What `Fit` has, and its misfit; shading (relative residual), rim_points, edge_bias_px,
     disagreement (of outline and shading: the variance is inflated by it); under near lights scale, scale_sigma (see
     `free_scale`); of the best pose and the next, where there is one: cost, second_cost, second_deviations (see
-    `compare_poses`), second_angle_deg; where the focal length is not known: focal_sigma (relative), and
-    focal_shift_mm (of the pose, over one sigma of it)."""
+    `compare_poses`), second_angle_deg; where the focal length is not known: focal_shift_mm."""
     warnings: tuple[str, ...] = ()
-    longer: LongerFocal | None = None
-    """The same with a focal length one sigma longer; None where the focal length is known."""
 
-    def with_covariance(self, covariance: Array) -> "Registration":
-        """Return the same of another covariance (6, 6) but for the focal length's part, and of the sigmas it makes."""
-        whole = covariance if self.longer is None else covariance + self.longer.covariance
-        shift, turn = np.sqrt(np.trace(whole[3:, 3:])), np.degrees(np.sqrt(np.trace(whole[:3, :3])))
-        return replace(self, covariance=whole, sigma_mm=float(shift), sigma_deg=float(turn))
+    @property
+    def sigma_mm(self) -> float:
+        """Standard deviation (rms length) of the position of the scan's middle, the focal length's part with it."""
+        return float(np.sqrt(np.trace(self.covariance[3:, 3:]) + self.focal_shift_mm**2))
+
+    @property
+    def sigma_deg(self) -> float:
+        """Standard deviation (rms angle) of the rotation."""
+        return float(np.degrees(np.sqrt(np.trace(self.covariance[:3, :3]))))
 
 
 def register(
@@ -116,10 +167,7 @@ def register(
     _check_distance(photographs, distance)
     fit = fit_of(evidence)
     facts = {
-        "overlap": fit.overlap,
-        "normals_deg": fit.normals_deg,
-        "beside_deg": fit.beside_deg,
-        "outline_share": fit.outline_share,
+        **fit._asdict(),
         "misfit": fit.misfit,
         "shading": evidence.shading_sigma,
         "rim_points": float(len(evidence.edges.pixels)),
@@ -162,20 +210,11 @@ def register(
         if free.warning and doubted:
             raise AlignError(free.warning + doubted)
         warnings += [free.warning] if free.warning else []
-    longer = register_longer(evidence)
-    if longer is not None:
-        facts["focal_sigma"] = photographs.camera.focal_sigma
-        facts["focal_shift_mm"] = float(np.linalg.norm(longer.twist[3:]))
-    return Registration(
-        pose,
-        evidence.edges.residual_px,
-        0.0,
-        0.0,
-        np.zeros((6, 6)),
-        facts,
-        tuple(warnings),
-        longer,
-    ).with_covariance(evidence.covariance())
+    focal_shift = 0.0 if photographs.camera.is_orthographic else photographs.camera.focal_sigma * distance
+    if focal_shift:
+        facts["focal_shift_mm"] = focal_shift
+    covariance, residual = evidence.covariance(), evidence.edges.residual_px
+    return Registration(pose, residual, covariance, focal_shift, facts, tuple(warnings))
 
 
 def _check_distance(photographs: Photographs, distance: float) -> None:
@@ -216,58 +255,30 @@ def _refuse_mirrored(caster: RayCaster, fit: Fit, search_for: Callable[[RayCaste
         )
 
 
-def register_unknown_scale(
-    mesh: Mesh,
-    photographs: Photographs,
-    register: Callable[[Mesh, Pose | None], Registration],
-    *,
-    start: Pose | None = None,
-) -> tuple[Mesh, Registration, float]:
-    """Register a scan whose unit is not known: its scale comes out of the registration.
-
-    A camera alone cannot tell a small object nearby from a large one far off. The lights were calibrated about a point
-    at a known distance, though, where the balls stand and the object with them: that distance is the scale.
-
-    `mesh` and `start`, camera_from_scan as picks give it, are in the file's unit; `register` takes a mesh in mm, and a
-    start or None. Return the mesh in mm, its
-    registration, and the millimetres of one unit.
-
-    Raises
-    ------
-    AlignError
-        The camera is orthographic: it does not tell distance.
-    """
-    camera = photographs.camera
-    if camera.is_orthographic:
-        raise AlignError(
-            "scan_unit: it is unknown, and an orthographic camera does not tell the scale. Give scan_unit, or a ball "
-            "in the scan: scan_ball_diameter_mm under [object]."
-        )
-    distance = -float(photographs.lights.reference_point_mm[2])
-    if start is None:
-        rows, columns = np.nonzero(photographs.mask)
-        extent_px = float(np.hypot(np.ptp(rows), np.ptp(columns)))
-        # Near enough to look for the pose: the mask's diagonal is about the scan's diameter.
-        scale = distance * extent_px / camera.fx / (2 * mesh.radius_mm)
-        first = register(_scaled(mesh, scale), None)
-    else:
-        scale = distance / -float(start.apply(mesh.center_mm)[2])
-        first = register(_scaled(mesh, scale), scaled_pose(start, scale))
-    middle = first.pose.apply(scale * mesh.center_mm)
-    nearer = distance / -float(middle[2])
-    scale *= nearer
-    found = register(_scaled(mesh, scale), scaled_pose(first.pose, nearer))
-    said = (
-        f"scan_unit is unknown: 1 unit of the scan's file was taken for {scale:.4g} mm, which puts the object at the "
-        f"distance that the lights were calibrated about, {distance:.4g} mm. Normals hardly depend on it; lengths do."
+def fit_of(evidence: FinalEvidence) -> Fit:
+    """Return how well the evidence's pose fits."""
+    pivot = evidence.pose.apply(evidence.seen.caster.mesh.center_mm)
+    beside = []
+    for turn in np.radians(BESIDE_DEG) * np.concatenate([np.eye(3), -np.eye(3)]):
+        pose = nudge(evidence.pose, np.concatenate([turn, np.zeros(3)]), pivot)
+        beside.append(normals_off_deg(evidence.renewed(pose, reach_px=NEAREST_PX)))
+    return Fit(
+        evidence.outline.overlap(evidence.seen.mask),
+        normals_off_deg(evidence),
+        float(np.median(beside)),
+        evidence.outline_share,
+        evidence.edges.apart_px / evidence.seen.near_px,
     )
-    return _scaled(mesh, scale), replace(found, warnings=(*found.warnings, said)), scale
 
 
-def scaled_pose(pose: Pose, scale: float) -> Pose:
-    """Return camera_from_scan when all lengths are multiplied by `scale`."""
-    return Pose.from_rotation_translation(pose.rotation, scale * pose.translation)
-
-
-def _scaled(mesh: Mesh, scale: float) -> Mesh:
-    return Mesh(scale * mesh.vertices, mesh.faces, mesh.repairs)
+def normals_off_deg(evidence: FinalEvidence) -> float:
+    """Return the median angle, degrees, between the scan's normals and those that fit the photographs best."""
+    normals, samples = evidence.surface[1], evidence.seen.samples
+    asked = np.flatnonzero(evidence.used.sum(0) > FEWEST)
+    if not len(asked):
+        return 90.0
+    asked = asked[:: max(1, len(asked) // ASKED)]
+    used, own = evidence.used[:, asked], normals[asked]
+    values = np.where(used, samples.values[:, asked], 0) / samples.scale[asked]
+    best = free_normals(values, used, own, evidence.lit.only(asked), evidence.look)
+    return float(np.median(angular_error_deg(best, own)))

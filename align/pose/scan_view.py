@@ -14,7 +14,7 @@ from scene.rays import Hits, RayCaster
 Array = NDArray[np.float64]
 
 BESIDE = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-"""A pixel and its four neighbours, in steps."""
+"""A pixel and its four neighbours."""
 STRAIGHT = 0.2
 """Cosine between neighbours' normals under which a fold lies between them, and the slope tells nothing."""
 
@@ -55,46 +55,26 @@ class View:
         return self.caster.cast(back.apply(origins), back.rotate(directions), lines=self.camera.is_orthographic)
 
 
-@dataclass(frozen=True)
-class Probes:
-    """P pixels with their rays, undistorted once: cast again and again as the scan moves."""
+def probe_rays(camera: Camera, pixels: NDArray) -> tuple[Array, Array]:
+    """Return origins and directions (5, P, 3) of the rays of pixels (P, 2) and of their four neighbours."""
+    return camera.rays(np.asarray(pixels, np.float64) + BESIDE[:, None])
 
-    camera: Camera
-    pixels: Array
-    """(P, 2)."""
-    step_px: float
-    """How far beside each pixel its neighbours are cast."""
-    origins: Array
-    directions: Array
-    """origins, directions: (5, P, 3): of the pixel's ray and its four neighbours'."""
 
-    @classmethod
-    def of(cls, camera: Camera, pixels: NDArray, *, step_px: float) -> "Probes":
-        pixels = np.asarray(pixels, np.float64)
-        origins, directions = camera.rays(pixels + step_px * BESIDE[:, None])
-        return cls(camera, pixels, step_px, origins, directions)
+def normal_slopes(view: View, rays: tuple[Array, Array], points: Array, normals: Array) -> Array:
+    """Return d(normal)/d(twist) (P, 3, 6) at fixed pixels, for `nudge` about the scan's middle; 0 if unknown.
 
-    def surface(self, caster: RayCaster, pose: Pose) -> tuple[Array, Array]:
-        """Return points and unit normals (P, 3), camera frame; see `View.surface`."""
-        return View(caster, self.camera, pose).surface(self.origins[0], self.directions[0])
-
-    def slopes(self, caster: RayCaster, pose: Pose, points: Array, normals: Array) -> Array:
-        """Return d(normal)/d(twist) (P, 3, 6) at the fixed pixels, for `nudge` about the scan's middle; 0 if unknown.
-
-        A turn w turns the normal by w x n. The surface's point moves in the image, too, and the pixel sees the one
-        that was beside it: minus the normal's slope in the image times that flow. Central differences over
-        neighbouring rays give the slope; one-sided ones would take a scan's ripples for a slope.
-        """
-        view = View(caster, self.camera, pose)
-        beside = view.surface(self.origins[1:].reshape(-1, 3), self.directions[1:].reshape(-1, 3))[1]
-        beside = beside.reshape(4, len(points), 3)
-        flow = image_flow(self.camera, points, view.pivot)
-        out = np.zeros((len(points), 3, 6))
-        out[:, :, :3] = -cross_matrices(normals)
-        for axis in range(2):
-            ahead, behind = beside[2 * axis], beside[2 * axis + 1]
-            slope = (ahead - behind) / (2 * self.step_px)
-            smooth = np.einsum("pk,pk->p", ahead, behind) > STRAIGHT
-            out -= np.where(smooth[:, None], slope, np.nan)[:, :, None] * flow[:, axis, None, :]
-        out[~np.isfinite(out).all((1, 2))] = 0
-        return out
+    `rays`: their `probe_rays`; points and normals (P, 3): what they see. A turn w turns the normal by w x n. The
+    surface's point moves in the image, too, and the pixel sees the one that was beside it: minus the normal's slope in
+    the image times that flow. Central differences over neighbouring rays give the slope; one-sided ones would take a
+    scan's ripples for a slope.
+    """
+    beside = view.surface(*(part[1:].reshape(-1, 3) for part in rays))[1].reshape(4, len(points), 3)
+    flow = image_flow(view.camera, points, view.pivot)
+    out = np.zeros((len(points), 3, 6))
+    out[:, :, :3] = -cross_matrices(normals)
+    for axis in range(2):
+        ahead, behind = beside[2 * axis], beside[2 * axis + 1]
+        smooth = np.einsum("pk,pk->p", ahead, behind) > STRAIGHT
+        out -= np.where(smooth[:, None], (ahead - behind) / 2, np.nan)[:, :, None] * flow[:, axis, None, :]
+    out[~np.isfinite(out).all((1, 2))] = 0
+    return out

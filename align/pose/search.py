@@ -7,16 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.full_resolution import NEAREST_PX, FinalEvidence
+from align.pose.full_resolution import NEAREST_PX, FinalEvidence, Observed, patches
 from align.pose.motion import apart_px, distinct
-from align.pose.observed import Observed, patches
 from align.pose.outline_edges import EdgePictures
-from align.pose.photographed import Photographs, Target, longer_side
+from align.pose.photographed import Photographs, longer_side
 from align.pose.scan_outline import silhouette
 from align.pose.scan_view import View
+from align.pose.shading import FEWEST, cosines, explain
 from align.pose.start import find_starts
 from scene.pose import Pose
 from scene.rays import RayCaster
+
+Array = NDArray[np.float64]
 
 STARTS, REFINED = 60, 12
 """Orientations that are rated by the shading as they are, and of these the ones that are refined at low resolution."""
@@ -90,7 +92,7 @@ def search(
     size = longer_side(mask)
     coarse = Observed.of(caster, photographs, None, count=FEW, cells=40)
     if start is None:
-        starts = find_starts(caster, Target(camera, mask, normals).shrunken(), count=STARTS)
+        starts = find_starts(caster, camera, mask, normals, count=STARTS)
         tell(1, STEPS)
         reach = REACH * size
         rated = sorted((FinalEvidence(coarse, pose, reach) for pose in starts), key=unexplained)
@@ -147,12 +149,30 @@ def search(
 
 def unexplained(one: FinalEvidence) -> float:
     """Return the mean cost of the object's pixels and of the silhouette beyond them: 0 explained, 1 not at all."""
-    cost = one.pixel_costs(USUAL_SIGMA)
+    cost = pixel_costs(one, USUAL_SIGMA)
     return float(np.nan_to_num(cost, nan=HIDDEN).mean()) + one.outline.beyond(one.seen.mask)
 
 
 def _roughly(one: FinalEvidence) -> Pose:
     return one.refined(rounds=ROUGH_ROUNDS).pose
+
+
+def pixel_costs(one: FinalEvidence, sigma: float) -> Array:
+    """Return (P,) how badly the pose explains each pixel's samples, 0 to 1; NaN where it says nothing.
+
+    A sample is predicted dark, too, where the scan turns from the light. Cast shadows say nothing: light falls
+    through the holes of a scan.
+    """
+    (points, normals), samples = one.surface, one.seen.samples
+    residuals, albedo, _ = explain(samples, one.used, normals, one.lit, one.look)
+    dark = (cosines(one.lit.vectors, normals) < 0) & ~samples.clipped & np.isfinite(normals[:, 0])
+    beside = samples.values / samples.scale - np.maximum(albedo * one.look.sent_back(normals), 0)
+    relative = np.where(dark, beside, residuals) / (3 * sigma)
+    counted = one.used | dark
+    cost = (counted * relative**2 / (1 + relative**2)).sum(0) / np.maximum(counted.sum(0), 1)
+    cost[one.used.sum(0) < FEWEST] = np.nan
+    cost[~np.isfinite(points[:, 0])] = 1.0
+    return cost
 
 
 def compare_poses(one: FinalEvidence, two: FinalEvidence) -> PoseTest:
@@ -168,7 +188,7 @@ def compare_poses(one: FinalEvidence, two: FinalEvidence) -> PoseTest:
     object stands. The pose whose hole it is is charged a little, since it may hide there what it does not explain.
     """
     sigma = min(one.shading_sigma, two.shading_sigma)
-    first, second = one.pixel_costs(sigma), two.pixel_costs(sigma)
+    first, second = pixel_costs(one, sigma), pixel_costs(two, sigma)
     pixels = one.seen.samples.pixels
     size = float(np.ptp(pixels, axis=0).max()) + 1
     _, block = np.unique(patches(pixels, size / BLOCKS), return_inverse=True)

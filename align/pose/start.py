@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.motion import cross_matrices, even_directions, looking_along
-from align.pose.photographed import Target
+from align.pose.motion import even_directions, looking_along
+from align.pose.photographed import ROUGH_SIZE, longer_side
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.pose import Pose
@@ -45,6 +45,9 @@ class Aim:
 
     @classmethod
     def at(cls, camera: Camera, mask: NDArray[np.bool_]) -> "Aim":
+        """Aim at a mask (H, W)."""
+        from scipy.spatial.transform import Rotation
+
         v, u = np.nonzero(mask)
         origins, directions = camera.rays(np.stack([u, v], -1))
         if camera.is_orthographic:
@@ -60,8 +63,8 @@ class Aim:
             xy = turned[:, :2] / -turned[:, 2:]
             weight = solid / (-turned[:, 2]) ** 3
             middle = np.array([*(weight @ xy / weight.sum()), -1.0])
-            # The turn that takes the centroid's ray to -z, as small as it can be.
-            rotation = rotation @ _smallest_turn(np.array([0.0, 0.0, -1.0]), middle / np.linalg.norm(middle))
+            # The smallest turn that takes -z to the centroid's ray.
+            rotation = rotation @ Rotation.align_vectors(middle, [0.0, 0.0, -1.0])[0].as_matrix()
         pose = Pose.from_rotation_translation(rotation, np.zeros(3))
         return cls(camera, pose, float(weight.sum()), float(np.linalg.norm(xy, axis=1).max()))
 
@@ -75,20 +78,27 @@ class Aim:
         return self.camera.project(self.pose.apply(origins + directions))
 
 
-def find_starts(caster: RayCaster, target: Target, *, count: int) -> list[Pose]:
+def find_starts(
+    caster: RayCaster, camera: Camera, mask: NDArray[np.bool_], normals: NDArray | None, *, count: int
+) -> list[Pose]:
     """Return the `count` best distinct poses of a scan, best first, any two at least 10 degrees apart.
+
+    `mask` (H, W), `normals` (H, W, 3), NaN where unknown, or None: of the object.
 
     Under perspective the depth is the one at which the scan looks as large as the mask; an orthographic camera does not
     tell it, and the scan is put just behind the plane z = 0.
     """
-    aim = Aim.at(target.camera, target.mask)
+    step = -(-longer_side(mask) // ROUGH_SIZE)
+    camera, mask = camera.every(step), mask[::step, ::step]
+    aim = Aim.at(camera, mask)
     views = looking_along(even_directions(VIEWS))
     offsets = _place(caster, aim, views)
     radius = (np.arange(RADII) + 0.5) / RADII * 1.1 * aim.reach
     angle = np.linspace(0, 2 * np.pi, ANGLES, endpoint=False)
     polar = (radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)).reshape(-1, 2)
 
-    inside, wanted = _sample_target(aim, target, polar)
+    normals = np.full((*mask.shape, 3), np.nan) if normals is None else normals[::step, ::step]
+    inside, wanted = _sample_target(aim, mask, normals, polar)
     seen, rendered = _cast_views(caster, aim, views, offsets, polar, with_normals=True)
     score = _score(inside, wanted, seen, rendered, angle, radius)
 
@@ -102,12 +112,6 @@ def find_starts(caster: RayCaster, target: Target, *, count: int) -> list[Pose]:
             if len(starts) == count:
                 break
     return starts
-
-
-def _smallest_turn(source: NDArray, target: NDArray) -> Array:
-    """Return the rotation (3, 3) about source x target that takes unit `source` to unit `target`."""
-    skew = cross_matrices(np.cross(source, target)[None])[0]
-    return np.eye(3) + skew + skew @ skew / (1 + source @ target)
 
 
 def _place(caster: RayCaster, aim: Aim, views: Array) -> Array:
@@ -170,12 +174,13 @@ def _cast_views(
     return hit, normals
 
 
-def _sample_target(aim: Aim, target: Target, polar: Array) -> tuple[NDArray[np.bool_], Array]:
+def _sample_target(
+    aim: Aim, mask: NDArray[np.bool_], normals: NDArray, polar: Array
+) -> tuple[NDArray[np.bool_], Array]:
     """Return mask (P,) and normals (P, 3), aim frame and averaged over a grid cell, at polar samples."""
     import cv2
 
     pixels = aim.pixels(polar)
-    mask, normals = target.mask, target.normals
     height, width = mask.shape
     # The samples are coarser than the pixels: blur first, so that each stands for its cell.
     cell = aim.reach / RADII * aim.camera.fx / 2

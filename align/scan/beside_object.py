@@ -22,33 +22,24 @@ BENEATH = 0.02
 
 def find_balls(surface: Surface) -> list[tuple[int, float]]:
     """Return the number and the radius of each piece that is a ball, at least half of it."""
+    from trimesh.nsphere import fit_nsphere
+
     balls = []
     order = np.argsort(surface.piece, kind="stable")
     for own in np.split(order, np.flatnonzero(np.diff(surface.piece[order])) + 1):
         if len(own) < 50:
             continue
         points = surface.vertices[np.unique(surface.faces[own])]
-        middle, radius = _sphere(points)
+        middle, radius, _ = fit_nsphere(points)
         misfit = np.abs(np.linalg.norm(points - middle, axis=1) - radius)
         # The foot on the table and a rim of noise are no part of the ball.
         near = misfit < max(4 * float(np.median(misfit)), 1e-3 * radius)
-        middle, radius = _sphere(points[near])
+        middle, radius, _ = fit_nsphere(points[near])
         misfit = np.linalg.norm(points - middle, axis=1) - radius
         wide = np.ptp(points, axis=0).max() > 1.8 * radius
         if wide and near.mean() > 0.9 and np.sqrt((misfit**2).mean()) < ROUND * radius:
-            balls.append((int(surface.piece[own[0]]), radius))
+            balls.append((int(surface.piece[own[0]]), float(radius)))
     return balls
-
-
-def _sphere(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Return middle (3,) and radius of the sphere through points (N, 3): |p|^2 = 2 p . m + r^2 - |m|^2, linear."""
-    shift = points.mean(0)
-    scale = np.ptp(points, axis=0).max()
-    local = (points - shift) / scale
-    rows = np.column_stack([2 * local, np.ones(len(local))])
-    solution = np.linalg.lstsq(rows, (local**2).sum(1), rcond=None)[0]
-    radius = np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0))
-    return solution[:3] * scale + shift, float(radius * scale)
 
 
 def find_table(surface: Surface) -> tuple[NDArray[np.bool_], str]:

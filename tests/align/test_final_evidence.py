@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from align.pose.full_resolution import CHECKED, EDGE_BIAS_PX, EDGE_DOUBT_PX, UNMODELLED, FinalEvidence
+from align.pose.full_resolution import CHECKED, EDGE_BIAS_PX, EDGE_DOUBT_PX, UNMODELLED, FinalEvidence, Observed
 from align.pose.motion import nudge
-from align.pose.observed import Observed
 from align.pose.outline_edges import EdgePictures
 from scene.rays import RayCaster
 

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from align.pose.full_resolution import FinalEvidence
+from align.pose.full_resolution import FinalEvidence, Observed
 from align.pose.motion import nudge
-from align.pose.observed import Observed
 from align.pose.outline_edges import EdgePictures
-from align.pose.search import compare_poses
+from align.pose.search import compare_poses, pixel_costs
 from scene.rays import RayCaster
 
 
@@ -49,7 +48,7 @@ def test_a_hole_in_view_does_not_speak_against_a_pose(world, evidence_at):
     open_front = replace(mesh, faces=mesh.faces[~(seen[:, 2] > front)[mesh.faces].any(1)])
     turned = nudge(world.pose, [0, 0, np.radians(20), 0, 0, 0], world.pose.apply(mesh.center_mm))
     true, other = evidence_at(world.pose, open_front), evidence_at(turned)
-    hole = ~np.isfinite(true.pixel_costs(0.05))
+    hole = ~np.isfinite(pixel_costs(true, 0.05))
     assert 0.02 < hole.mean() < 0.5
     assert compare_poses(true, other).deviations > 4
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from align.light_witness import Witness, _between, ask_scan, refined
+from align.light_witness import ask_scan, refined
 from align.pose.scan_view import View
 from lab.registration import _by_the_scan
 from scene.normals import angular_error_deg, unit
@@ -42,13 +42,6 @@ def glossy(build, bumpy, rotations):
     return build(bumpy, rotations[1], gloss=0.3, table=0.4)
 
 
-def test_a_large_turn_is_told_as_it_is(world):
-    lights = _spoilt(world.lights, 50.0, 0.0)
-    change = _between(lights, world.lights)
-    witness = Witness(change, np.zeros((len(lights), 3, 3)), np.ones(len(lights), bool))
-    assert witness.turn_deg[WRONG] == pytest.approx(50)
-
-
 @pytest.mark.parametrize(("turn", "brighter"), [(4.0, 0.0), (0.0, 0.12), (2.0, -0.08)])
 @pytest.mark.parametrize("kind", ["matte", "glossy"])
 def test_the_light_that_is_off_is_named_and_put_right(world, glossy, kind, turn, brighter):
@@ -81,18 +74,7 @@ def test_three_frames_contradict_nobody(world):
     """Three lights explain any pixel: nothing is asked, no light is moved, and none is surer than it was."""
     every = slice(0, None, 4)
     lights = _spoilt(world.lights, 4.0, 0.0)
-    few = replace(
-        lights,
-        names=lights.names[every],
-        directions=lights.directions[every],
-        intensities=lights.intensities[every],
-        positions_mm=lights.positions_mm[every],
-        direction_sigma_deg=lights.direction_sigma_deg[every],
-        intensity_sigma=lights.intensity_sigma[every],
-        flags=lights.flags[every],
-    ).normalised()
-    frames = world.frames
-    frames = replace(frames, names=frames.names[every], codes=frames.codes[every], gain=frames.gain[every])
+    few, frames = lights.only(every).normalised(), world.frames.only(every)
     photographs = replace(world.photographs, frames=frames, lights=few)
     assert len(photographs.frames) == len(few) == 3
     witness = ask_scan(View(RayCaster(world.mesh), world.camera, world.pose), photographs)

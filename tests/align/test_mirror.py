@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from align.pose.fit import Fit
-from align.pose.register import _refuse_mirrored
+from align.pose.register import Fit, _refuse_mirrored
 from scene.errors import AlignError
 from scene.mesh import Mesh
 from scene.rays import RayCaster

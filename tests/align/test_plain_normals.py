@@ -25,9 +25,3 @@ def test_the_gain_is_what_shaking_the_mesh_shows(bumpy):
     # 200 draws scatter by a twentieth.
     assert np.percentile(ratio, 1) > 0.8
     assert np.percentile(ratio, 99) < 1.2
-
-
-def test_large_faces_turn_less(bumpy):
-    double = Mesh(2 * bumpy.vertices, bumpy.faces)
-    one = plain_normal_gain(bumpy)
-    np.testing.assert_allclose(plain_normal_gain(double), one / 2, rtol=1e-9)

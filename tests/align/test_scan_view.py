@@ -1,10 +1,12 @@
 """What pixels see of the scan, and how it changes when the scan moves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from align.pose.motion import image_flow, nudge
-from align.pose.scan_view import Probes
+from align.pose.scan_view import View, normal_slopes, probe_rays
 from scene.camera import Camera
 from scene.mesh import Mesh
 from scene.pose import Pose
@@ -13,25 +15,26 @@ from scene.rays import RayCaster
 
 @pytest.fixture(scope="module")
 def probed(world):
-    caster = RayCaster(world.mesh)
     v, u = np.nonzero(world.mask)
-    return caster, Probes.of(world.camera, np.stack([u, v], -1)[::4], step_px=0.5)
+    return RayCaster(world.mesh), probe_rays(world.camera, np.stack([u, v], -1)[::4])
 
 
 @pytest.mark.parametrize("axis", range(6))
 def test_slopes_of_the_normals_are_what_moving_the_scan_shows(world, probed, axis):
     """Each sign and each axis: a turn the wrong way round, or a flow of the wrong sign, would correlate at -1 or 0."""
-    caster, probes = probed
-    points, normals = probes.surface(caster, world.pose)
-    pivot = world.pose.apply(world.mesh.center_mm)
-    slopes = probes.slopes(caster, world.pose, points, normals)[:, :, axis]
+    caster, rays = probed
+    here = View(caster, world.camera, world.pose)
+    points, normals = here.surface(rays[0][0], rays[1][0])
+    slopes = normal_slopes(here, rays, points, normals)[:, :, axis]
     twist = np.eye(6)[axis] * (1e-3 if axis < 3 else 0.1)
-    after, before = (probes.surface(caster, nudge(world.pose, sign * twist, pivot))[1] for sign in (1, -1))
+    moved = (replace(here, pose=nudge(world.pose, sign * twist, here.pivot)) for sign in (1, -1))
+    after, before = (view.surface(rays[0][0], rays[1][0])[1] for view in moved)
     real = (after - before) / (2 * twist[axis])
     known = np.isfinite(real).all(1) & (slopes != 0).any(1)
     assert known.mean() > 0.9
     assert np.corrcoef(real[known].ravel(), slopes[known].ravel())[0, 1] > 0.99
-    assert np.median(np.abs(real[known] - slopes[known])) < 0.06 * np.median(np.abs(real[known]))
+    # Slopes are over a pixel to each side, which is coarse on so small a picture.
+    assert np.median(np.abs(real[known] - slopes[known])) < 0.08 * np.median(np.abs(real[known]))
 
 
 def test_the_flow_follows_the_points(world):
@@ -46,9 +49,10 @@ def test_the_flow_follows_the_points(world):
 
 def test_through_a_hole_there_are_points_but_no_normals(world, probed):
     """The side that faces the camera is left out: what is seen is the other wall, from inside."""
-    _, probes = probed
+    origins, directions = probed[1]
     mesh = world.mesh
     back = world.pose.rotate(mesh.face_normals)[:, 2] < 0
-    points, normals = probes.surface(RayCaster(Mesh(mesh.vertices, mesh.faces[back])), world.pose)
+    inside = View(RayCaster(Mesh(mesh.vertices, mesh.faces[back])), world.camera, world.pose)
+    points, normals = inside.surface(origins[0], directions[0])
     assert np.isfinite(points).all(1).mean() > 0.8
     assert np.isnan(normals[np.isfinite(points).all(1)]).mean() > 0.95

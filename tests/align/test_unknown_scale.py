@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from align.pose.motion import apart_px, nudge
-from align.pose.register import register, register_unknown_scale, scaled_pose
+from align.pose.register import register
+from align.pose.scan_scale import register_unknown_scale, scaled_pose
 from scene.camera import Camera
 from scene.errors import AlignError
 

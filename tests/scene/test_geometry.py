@@ -1,7 +1,5 @@
 """Laws of poses, meshes, spheres, lights and normals."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,7 +10,7 @@ from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg, unit
 from scene.pose import Pose
-from scene.spheres import Sphere, table_under
+from scene.spheres import Sphere
 
 number = st.floats(-3, 3)
 twists = st.tuples(number, number, number, number, number, number)
@@ -79,41 +77,6 @@ def near_lights():
     directions = toward / np.linalg.norm(toward, axis=1, keepdims=True)
     intensities = np.random.default_rng(0).uniform(0.5, 1.5, (4, 3))
     return Lights(tuple("abcd"), directions, intensities, positions, reference).normalised()
-
-
-def on_table(normal, offset, radii, places):
-    """Balls that stand on a table, as a camera sees them."""
-    camera = Camera(900, 600, 1200.0, 1200.0, 449.5, 299.5)
-    across = unit(np.cross(normal, [0.0, 1.0, 0.0]))
-    basis = np.stack([across, np.cross(normal, across)])
-    balls = []
-    for radius, place in zip(radii, places, strict=True):
-        center = (offset + radius) * normal + np.array(place) @ basis
-        size = camera.fx * radius / -center[2]
-        balls.append(Sphere("chrome", camera.project(center), size, 2 * radius, sigma_px=0.001 * size))
-    return balls, camera
-
-
-@pytest.mark.parametrize("radii", [(38, 38, 35), (50, 20, 35), (38, 38, 38, 25, 60)])
-@pytest.mark.parametrize("tilt", [(0.0, 0.0), (0.3, -0.5), (-0.1, 0.7)])
-def test_three_balls_tell_the_table_that_they_stand_on(radii, tilt):
-    normal, offset = unit(np.array([*tilt, 1.0])), -1000.0
-    places = [(-200, -150), (220, -100), (30, 180), (-150, 120), (200, 160)][: len(radii)]
-    balls, camera = on_table(normal, offset, radii, places)
-    found, height = table_under(balls, camera)
-    np.testing.assert_allclose(found, normal, atol=1e-9)
-    assert height == pytest.approx(offset, abs=1e-6)
-
-
-def test_balls_that_do_not_tell_a_table():
-    normal = unit(np.array([0.1, -0.4, 1.0]))
-    row, camera = on_table(normal, -1000.0, (38, 38, 35), [(-200, 5), (0, 0), (200, -5)])
-    assert table_under(row, camera) is None
-    balls, camera = on_table(normal, -1000.0, (38, 38, 35), [(-200, -150), (220, -100), (30, 180)])
-    assert table_under(balls[:2], camera) is None
-    assert table_under([*balls[:2], replace(balls[2], sigma_px=0.02 * balls[2].radius_px)], camera) is None
-    assert table_under([*balls[:2], replace(balls[2], diameter_mm=None)], camera) is None
-    assert table_under(balls, Camera.orthographic(900, 600)) is None
 
 
 def test_near_light_is_itself_at_the_reference_and_falls_off_by_the_square():
