@@ -39,20 +39,13 @@ def plan(
         return
     from rich.console import Console
 
-    from rgbn.step_tables import number_table
-    from shoot.plan.plan_page import BALL_HEADS, FLASH_HEADS, answer_of, ball_rows, flash_rows, lights_of
+    from lab.terminal_tables import number_table
+    from shoot.plan.plan_page import BALLS, FLASHES, answer_of, lights_of
 
-    console, tables = Console(), {
-        "flashes, the most useful first": (FLASH_HEADS, flash_rows(facts["flashes"])),
-        "balls": (BALL_HEADS, ball_rows(facts)),
-    }  # fmt: skip
-    for title, (heads, rows) in tables.items():
-        if not rows:
-            # A session's balls of unknown size: where they stand nobody knows.
-            continue
-        forms = {head: f"{{cell_{number}}}" for number, head in enumerate(heads)}
-        cells = [{f"cell_{number}": cell for number, cell in enumerate(row)} for row in rows]
-        console.print(number_table(title, forms, cells))
+    console = Console()
+    console.print(number_table("flashes, the most useful first", FLASHES, facts["flashes"]))
+    if facts["balls"]:
+        console.print(number_table("balls, from the object's middle", BALLS, facts["balls"]))
     console.print(lights_of(facts))
     for name in ("plan.html", "plan.json"):
         # As they are, to be copied: a long path is not wrapped.

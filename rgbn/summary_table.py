@@ -10,7 +10,8 @@ from typing import Any
 from lab.job import Job
 from lab.run_log import log
 from lab.streams import is_quiet, say
-from rgbn.step_tables import TABLES, fact_table
+from lab.terminal_tables import fact_table
+from rgbn.step_tables import TABLES
 
 LOG_COLUMNS = 110
 OWN = {"solve": ("solve", "trust")}
