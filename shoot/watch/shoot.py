@@ -28,7 +28,7 @@ from shoot.init.answers import Asking
 from shoot.plan.shoot_plan import next_flash
 from shoot.plan.under_way import under_way
 from shoot.watch.lights_so_far import LightsSoFar
-from shoot.watch.shots import Shot, mean_codes, sort_shots
+from shoot.watch.taken import Shot, mean_codes, sort_shots
 from solve.solve import solve
 
 LOOKED_BACK = 12

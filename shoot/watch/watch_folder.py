@@ -27,9 +27,8 @@ from shoot.init.init_session import write_session
 from shoot.init.prepare import begun, completed, encoding_of
 from shoot.init.session_text import is_unedited
 from shoot.watch.shoot import Shoot
-from shoot.watch.shots import Shot
 from shoot.watch.status import Screen
-from shoot.watch.taken import Taken
+from shoot.watch.taken import Shot, Taken
 
 EVERY_S = 0.5
 """A folder is listed so often; one that is slow to list, half of the time."""
