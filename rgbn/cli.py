@@ -15,9 +15,7 @@ from lab.streams import check_words, is_quiet, keep_quiet, log_to, open_streams
 from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
 from rgbn.export_command import FORMATS
-from rgbn.init_command import init
-from rgbn.plan_command import plan
-from rgbn.watch_command import watch
+from rgbn.shoot_commands import init, plan, watch
 from studio.studio_command import studio
 
 app = App(

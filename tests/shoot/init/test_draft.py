@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capture.session.manifest import BoardTable, FramesTable, Manifest, SphereTable
+from capture.session.manifest import FramesTable, Manifest, SphereTable
 from capture.session.session import load_session
-from capture.session.session_types import Board, Lens
+from capture.session.session_types import Lens
 from scene.errors import SceneError, SessionError
 from scene.files import write_png
 from scene.frames import Frames
@@ -38,17 +38,6 @@ def test_each_question_is_asked_once_until_its_answer_can_be_read(monkeypatch, c
     assert "2 chrome balls at (1, 2), (3, 4) px; where they differ" in told
     with pytest.raises(SessionError, match="--white 70 50: 2 diameters, but 3 white balls"):
         asked.diameters("white", [], 3)
-
-
-def test_what_nobody_answers_is_not_asked_again(monkeypatch, capsys):
-    asked = asking(monkeypatch, "\n")
-    for _ in range(2):
-        assert asked.diameters("white", [], 1) == ()
-        # The end of input: nobody is there.
-        assert asked.unit("a.ply", None) is None
-        assert asked.is_linear("a.png") is False
-        assert asked.camera(is_known=False) == {}
-    assert capsys.readouterr().err.count("Enter") == 2
 
 
 def test_what_is_known_is_not_asked(monkeypatch, capsys):
@@ -113,10 +102,6 @@ def loaded(draft):
     return load_session(draft.folder)
 
 
-def circles(draft):
-    return [spec.center_px for spec in loaded(draft).spheres]
-
-
 def test_what_was_found_is_what_the_session_says(draft):
     session = loaded(draft)
     assert [path.name for path in session.flash] == ["flash_1.png", "flash_2.png", "flash_3.png"]
@@ -149,12 +134,6 @@ def test_circles_are_written_where_detection_would_find_others(draft, balls, wit
     written = draft.with_balls(balls).written.spheres
     assert [one.kind for one in written if one.center_px] == with_circle
     assert [one.diameter_mm for one in written] == [one.diameter_mm for one in balls]
-
-
-def test_balls_that_are_all_given_up_are_not_looked_for_again(draft):
-    """The file said nothing of balls then, and all were found again."""
-    assert loaded(draft.with_balls([])).no_spheres
-    assert not loaded(replace(draft, found=()).with_balls([])).no_spheres
 
 
 @pytest.mark.parametrize(
@@ -190,14 +169,6 @@ def test_the_camera_that_was_told(draft, lens):
     # In the words of session.toml's reader, for a person who types it into the studio.
     with pytest.raises(SessionError, match=r"camera\.focal_mm: found 0\.5; expected 1 to 3000: millimetres"):
         draft.saying("camera", focal_mm=0.5)
-
-
-def test_a_board_that_was_seen(draft):
-    shots = [draft.folder / "board_1.png", draft.folder / "board_2.png"]
-    board = BoardTable(squares=[11, 8], marker_mm=14.0, dictionary="DICT_4X4_1000")
-    seen = draft.saying("camera", charuco=["board_*.png"], board=board)
-    assert seen.photographs["board"] == shots
-    assert loaded(seen).camera == Board(tuple(shots), (11, 8), 20.0, 14.0, "DICT_4X4_1000")
 
 
 def test_names_that_are_no_globs(tmp_path, draft):

@@ -12,7 +12,7 @@ import pytest
 
 from calibrate.calibration import Calibration
 from calibrate.detection.balls import Ball
-from capture.photographs.kept import Kept, KeptStack
+from capture.photographs.kept import Kept
 from capture.survey.hot_folder import HotFolder, list_photographs
 from scene.camera import Camera
 from scene.current import file_digest
@@ -107,18 +107,6 @@ def test_a_file_that_is_never_whole_is_told_once_and_read_when_it_is(taking):
     assert not taking.taken.unreadable
 
 
-def test_a_photograph_is_kept_as_it_was_read_and_is_a_part_of_one_array(shot_of, tmp_path):
-    from capture.photographs.raw import read_raw
-
-    shots = [shot_of(f"flash_{i:03d}.dng", f"{i}.dng") for i in range(3)]
-    assert np.array_equal(shots[0].codes, read_raw(shots[0].path).codes)
-    stack, whole = KeptStack([one.codes for one in shots]), np.stack([one.codes for one in shots])
-    assert stack.shape == whole.shape
-    for key in (1, (1, slice(5, 9)), (slice(1, None), slice(2, 7), slice(None, None, 3)), ([2, 0], slice(0, 4))):
-        assert np.array_equal(stack[key], whole[key])
-    assert np.array_equal(stack[1:][0], whole[1])
-
-
 def test_a_warning_is_the_same_though_its_numbers_change():
     names = ["flash_30", "flash_3"]
     first = warning_key("flash_3: lies 1.2 px off", names)
@@ -141,16 +129,6 @@ def test_a_frame_without_flash_is_the_ambient_one_or_a_misfire(shot_of, tmp_path
     assert roles["ambient"] == [named]
     assert "did not fire" in told[dark.digest]
     assert dark not in roles["flash"]
-
-
-def test_of_few_frames_only_what_is_a_frames_own_is_said(shot_of, tmp_path, monkeypatch):
-    """Of four, the ambient light that white balls show is noise: an alarm that all the frames did not bear out."""
-    monkeypatch.setattr(LightsSoFar, "renew", lambda *_: ["frames.ambient: 3 % is left", "shot_0: shows no highlight"])
-    shoot, shots = Shoot(tmp_path / "hot", SILENT), [shot_of(f"flash_{i:03d}.dng", f"shot_{i}.dng") for i in range(8)]
-    for count, expected in ((4, ["shot_0: shows no highlight"]), (8, ["frames.ambient: 3 % is left"])):
-        shoot.judge(shots[:count], fit_all=False)
-        said = shoot.follow()
-        assert [text for text in said if "highlight" in text or "ambient" in text] == expected
 
 
 def test_where_photographs_are_taken_away_no_normals_are_told(tmp_path):
