@@ -130,28 +130,9 @@ def _border(shape: Array, inset: float) -> Array:
     return side + np.concatenate([edge, edge[:, ::-1]]) * (shape - 2 * inset)
 
 
-def usual_balls(set_up: SetUp, positions: Array) -> list[Sphere]:
-    """Return three chrome balls and a white one, the smallest that are sold and surely found; else the largest.
-
-    Raises
-    ------
-    SceneError
-        No ball that would be found has room in the picture.
-    """
-    stood: list[Sphere] = []
-    for diameter in USUAL_MM:
-        if set_up.camera.fx * diameter / 2 / -(set_up.table_mm + diameter / 2) < LEAST_PX:
-            continue
-        kinds: list[tuple[Kind, float]] = [("chrome", diameter)] * 3
-        try:
-            stood = stand_balls(set_up, positions, [*kinds, ("white", diameter)])
-        except SceneError:
-            break
-        if stood[0].radius_px >= GOOD_PX:
-            break
-    if not stood:
-        raise SceneError(
-            "balls: no usual ball of 20 px in radius or more has room in the picture beside the object. Take a greater "
-            "--distance-mm, a longer lens, or say which balls there are: --chrome MM --white MM."
-        )
-    return stood
+def usual_balls(set_up: SetUp) -> list[tuple[Kind, float]]:
+    """Return three chrome balls and a white one, of the least diameter that is sold and surely found."""
+    radii = {mm: -set_up.camera.fx * mm / 2 / (set_up.table_mm + mm / 2) for mm in USUAL_MM}
+    diameter = next((mm for mm, radius in radii.items() if radius >= GOOD_PX), USUAL_MM[-1])
+    kinds: tuple[Kind, ...] = ("chrome", "chrome", "chrome", "white")
+    return [(kind, diameter) for kind in kinds]

@@ -9,7 +9,6 @@ from cyclopts.validators import Number
 from scene.length_units import Unit
 from shoot.init.answers import diameters
 
-Gloss = Literal["matte", "satin", "semi-gloss", "gloss"]
 View = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 FEWEST, MOST = 4, 200
 """Flashes: three tell a normal, and nothing whether it is right."""
@@ -33,15 +32,8 @@ class PlanOptions:
         Parameter(help="The scan's axis that points to the camera. Up in the picture is z, or y if z points there."),
     ] = "+z"
     size_mm: Annotated[float, _number("Without a scan, the diameter of a sphere in its place.", gt=0)] = 150.0
-    gloss: Annotated[
-        Gloss,
-        Parameter(
-            help="matte: plaster, stone, paper. satin: wax, skin, worn wood. semi-gloss: eggshell, paint. gloss: "
-            "glaze, varnish. What is glossier (metal, glass, polish) no method here can tell."
-        ),
-    ] = "matte"
     albedo: Annotated[
-        float, _number("Share of the light that it gives back: white 0.8, wood 0.4, dark 0.1.", gt=0, lte=1)
+        float, _number("Share of the light that the object gives back: white 0.8, wood 0.4, dark 0.1.", gt=0, lte=1)
     ] = 0.5
     focal_mm: Annotated[float, _number("Focal length of the lens.", gt=0)] = 50.0
     sensor_mm: Annotated[float, _number("Width of its sensor: 36 for full frame, 23.5 for APS-C.", gt=0)] = 36.0

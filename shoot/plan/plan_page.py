@@ -71,7 +71,6 @@ def plan_facts(plan: ShootPlan) -> dict[str, Any]:
         "object": {
             "size_mm": set_up.size_mm,
             "mm_per_px": None if camera.is_orthographic else -middle[2] / camera.fx,
-            "gloss": set_up.gloss,
             "albedo": set_up.albedo,
             "outline_px": _outline(camera.project(plan.pixels.points)),
         },
@@ -98,12 +97,7 @@ def _outline(places: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _warnings(plan: ShootPlan) -> list[str]:
     """Return what is to be looked at before the shoot."""
-    found, result, wanted, gloss = [], plan.predicted[-1], plan.options.accuracy_deg, plan.pixels.set_up.gloss
-    if gloss != "matte":
-        found.append(
-            f"a {gloss} object: the error counts the samples that lie neither in gloss nor in shadow. A method must "
-            "leave those out too (iterative, rpca); what gloss it keeps, and light from part to part, come on top."
-        )
+    found, result, wanted = [], plan.predicted[-1], plan.options.accuracy_deg
     if result is not None and (told := float((result.sigma_deg < 90).mean())) < 0.995:
         found.append(
             f"{1 - told:.1%} of the object is lit by fewer than three of the flashes, and has no normal: lower "
@@ -144,7 +138,7 @@ def answer_of(facts: dict[str, Any]) -> str:
     if error is None:
         return f"{many}: too few to tell the normals."
     text = (
-        f"{many}: normals to {error:.2g}° (median error to be expected, gloss and shadows left out), by the "
+        f"{many}: normals to {error:.2g}° (median error to be expected, of a matte surface, shadows left out), by the "
         f"photographs' noise {facts['by_noise_deg']:.2g}° and by what the balls leave unknown of the lights "
         f"{facts['by_lights_deg']:.2g}° a tangent axis."
     )

@@ -65,7 +65,7 @@ def _opened(source: Path | None, options: PlanOptions, out: Path | None) -> Iter
                 "session's photographs."
             )
         with open_job(source, out=out) as job:
-            so_far = session_so_far(job, options.gloss)
+            so_far = session_so_far(job)
             yield job.record, plan_shoot(so_far.pixels, so_far.spheres, so_far.within(options), so_far=so_far)
         return
     set_up = _new_set_up(source, options)
@@ -77,7 +77,7 @@ def _opened(source: Path | None, options: PlanOptions, out: Path | None) -> Iter
         places = places_in_reach(options, set_up.middle_mm, set_up.size_mm)
         chrome: list[tuple[Kind, float]] = [("chrome", one) for one in options.chrome]
         given = [*chrome, *(("white", one) for one in options.white)]
-        spheres = stand_balls(set_up, places, given) if given else usual_balls(set_up, places)
+        spheres = stand_balls(set_up, places, given or usual_balls(set_up))
         yield record, plan_shoot(pixels_of(set_up), spheres, options)
 
 
@@ -101,4 +101,4 @@ def _new_set_up(source: Path | None, options: PlanOptions) -> SetUp:
         f"camera: {options.focal_mm:g} mm on {options.sensor_mm:g} mm, {lens.width} x {lens.height} px; {where}",
         f"noise of a usual sensor at ISO {options.iso:g}",
     )
-    return SetUp(lens, mesh, replace(Sensor(), iso=options.iso), options.gloss, options.albedo, said=said)
+    return SetUp(lens, mesh, replace(Sensor(), iso=options.iso), options.albedo, said=said)

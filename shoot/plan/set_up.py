@@ -11,6 +11,7 @@ from scene.camera import Camera
 from scene.errors import SceneError
 from scene.lights import Lights
 from scene.mesh import Mesh
+from scene.normals import unit
 from scene.rays import RayCaster
 from scene.spheres import WHITE_BALL_ALBEDO
 from shoot.plan.plan_options import AS_USUAL, View
@@ -19,13 +20,6 @@ from twin.camera.virtual_camera import Sensor
 from twin.visibility import Sight
 
 Array = NDArray[np.float64]
-GLOSSES: dict[str, tuple[float, float] | None] = {
-    "matte": None,
-    "satin": (0.4, 0.5),
-    "semi-gloss": (0.3, 1.0),
-    "gloss": (0.1, 1.0),
-}
-"""Roughness and specularity of `RoughPlastic`: chalk and plaster; wax and skin; painted wood, eggshell; glazed ware."""
 FILLS = 0.4
 """Share of the picture's height that the object fills: the balls stand beside it."""
 EXPOSURE = 0.7
@@ -36,8 +30,6 @@ RIM = 0.15
 """Cosine to the view under which a pixel is not counted: at the outline, half of it is something else."""
 SHADOWED = 0.05
 """Share of a pixel's 75th percentile under which the default solver takes a sample for shadowed."""
-OUTLIER, FLOOR = 2.5, 0.004
-"""Of the default solver: sigmas from which gloss is left out, and the least sigma, share of what is bright."""
 LEFT_BY_MOSAIC = np.array([0.5625, 0.625, 0.5625])
 """Of a sample's variance, mean over a Bayer pattern, red, green, blue: measured, or the mean of two or four."""
 
@@ -53,8 +45,6 @@ class SetUp:
         The object in the camera frame, mm.
     sensor : Sensor
         Whose photon and read noise the photographs have.
-    gloss : str
-        A key of `GLOSSES`.
     albedo : float
         Reflectance of the object; a white ball has 0.8.
     white_value : float
@@ -68,7 +58,6 @@ class SetUp:
     camera: Camera
     mesh: Mesh
     sensor: Sensor = field(default_factory=Sensor)
-    gloss: str = AS_USUAL.gloss
     albedo: float = AS_USUAL.albedo
     white_value: float = EXPOSURE / WHITE_BALL_ALBEDO
     is_mosaic: bool = True
@@ -174,7 +163,7 @@ class ObjectPixels:
 
         Notes
         -----
-        value = white x intensity x (albedo n.l + coat); white is `SetUp.white_value`. Its variance is value /
+        value = white x intensity x albedo n.l; white is `SetUp.white_value`. Its variance is value /
         electrons + read^2; gray is the channels' mean by `GRAY`, each divided by the intensity.
         """
         set_up, sensor = self.set_up, self.set_up.sensor
@@ -186,39 +175,15 @@ class ObjectPixels:
         else:
             seen = shade > 0
         body, white = self.albedo * np.maximum(shade, 0), set_up.white_value * lights.intensities.mean(1)[:, None]
-        coat = self._coat(vectors)
         seen &= shade > SHADOWED * np.quantile(np.where(seen, shade, 0), 0.75, axis=0)
         neutral = np.array(sensor.neutral)
-        value = white * (body + coat)
+        value = white * body
         read = sensor.noise_e / sensor.white_e
         kept = LEFT_BY_MOSAIC if set_up.is_mosaic else np.ones(3)
         variance = np.einsum("c,fpc->fp", GRAY**2 * kept, value[..., None] * neutral / sensor.white_e + read**2)
         noise = np.hypot(np.sqrt(variance) / (white * (GRAY @ neutral)), self.scatter * body)
         seen &= value < 1
-        bright = float(np.quantile(body[seen], 0.99)) if seen.any() else 1.0
-        seen &= coat < OUTLIER * np.maximum(noise, FLOOR * bright)
         return Shown(vectors, noise, seen)
-
-    def _coat(self, vectors: Array) -> Array:
-        """Return what the gloss adds (F, P), in units of albedo x vector."""
-        material = GLOSSES[self.set_up.gloss]
-        if material is None:
-            return np.zeros(vectors.shape[:2])
-        from twin.material.reflection_models import coat, reflected
-
-        roughness, specularity = material
-        length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-        toward = np.ascontiguousarray((vectors / length).swapaxes(0, 1))
-        views = toward_camera(self.set_up.camera, self.points)
-        gloss = reflected(coat(roughness), np.ascontiguousarray(self.normals), views, toward)[1]
-        return specularity * gloss.T * length[..., 0]
-
-
-def toward_camera(camera: Camera, points: Array) -> Array:
-    """Return unit vectors (P, 3) from points (P, 3) to the camera."""
-    if camera.is_orthographic:
-        return np.tile([0.0, 0.0, 1.0], (len(points), 1))
-    return -points / np.linalg.norm(points, axis=1, keepdims=True)
 
 
 def pixels_of(set_up: SetUp, count: int = PIXELS) -> ObjectPixels:
@@ -241,7 +206,8 @@ def pixels_of(set_up: SetUp, count: int = PIXELS) -> ObjectPixels:
     face, weights, points = face[hit], weights[hit], points[hit]
     normals = np.einsum("pc,pck->pk", weights, mesh.vertex_normals[mesh.faces[face]])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
-    flat, toward = mesh.face_normals[face], toward_camera(camera, points)
+    flat = mesh.face_normals[face]
+    toward = np.array([[0.0, 0.0, 1.0]]) if camera.is_orthographic else unit(-points)
     good = (np.sum(normals * toward, 1) > RIM) & (np.sum(flat * toward, 1) > 0)
     albedo = np.full(int(good.sum()), set_up.albedo)
     return ObjectPixels(set_up, points[good], normals[good], flat[good], albedo)

@@ -15,7 +15,7 @@ from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.spheres import Sphere
-from shoot.plan.plan_options import AS_USUAL, PlanOptions
+from shoot.plan.plan_options import PlanOptions
 from shoot.plan.set_up import PIXELS, ObjectPixels, SetUp, Shown, pixels_of
 from solve.samples import GRAY
 
@@ -64,7 +64,7 @@ class UnderWay(NamedTuple):
         return replace(options, flash_mm=float(np.median(np.linalg.norm(away, axis=1))))
 
 
-def session_so_far(job: Job, gloss: str) -> UnderWay:
+def session_so_far(job: Job) -> UnderWay:
     """Solve what there is of a session, and return it.
 
     The object is the registered scan with its shadows; without one the normals found so far, without cast shadows.
@@ -87,7 +87,7 @@ def session_so_far(job: Job, gloss: str) -> UnderWay:
         scan, pose = job.load_scan(), store.load_pose()
         mesh = Mesh(pose.apply(scan.vertices), scan.faces)
     found = store.load_frames(), store.load_camera(), lights, store.load_spheres(), store.load_estimate(method)
-    return under_way(*found, gloss=gloss, mesh=mesh)
+    return under_way(*found, mesh=mesh)
 
 
 def under_way(
@@ -97,7 +97,6 @@ def under_way(
     spheres: list[Sphere],
     estimate: Estimate,
     *,
-    gloss: str = AS_USUAL.gloss,
     mesh: Mesh | None = None,
     count: int = PIXELS,
 ) -> UnderWay:
@@ -107,8 +106,6 @@ def under_way(
     ----------
     frames, camera, lights, spheres, estimate
         So far; a normal map and albedo of the frames' size.
-    gloss : str
-        A key of `shoot.plan.set_up.GLOSSES`.
     mesh : Mesh, optional
         The object, registered; its cast shadows count. Default: the estimate's normals are the object.
     count : int
@@ -132,7 +129,7 @@ def under_way(
     places = np.stack([columns[some], rows[some]], -1)
     points = camera.points_at_depth(places, float(lights.reference_point_mm[2]) or -1000.0)
     set_up = SetUp(
-        camera, mesh or Mesh(points, np.zeros((0, 3), np.int64)), sensor_like(frames), gloss,
+        camera, mesh or Mesh(points, np.zeros((0, 3), np.int64)), sensor_like(frames),
         white_value=1.0, is_mosaic=frames.is_mosaic,
         said=(f"{len(lights)} flashes so far; noise measured on the frames",
               "object: registered scan" if mesh else f"object: normals by {estimate.method}, no cast shadows"),

@@ -56,7 +56,7 @@ def test_each_fault_is_one_message_and_nothing_is_written(tmp_path, run_rgbn, so
 def test_a_scan_is_planned_written_and_told(tmp_path, run_rgbn, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = ["plan", box(tmp_path / "box.ply"), "--flashes", "5", "--unit", "mm", "--pixels", "900", "600"]
-    words += ["--chrome", "30", "30", "--white", "30", "--gloss", "satin"]
+    words += ["--chrome", "30", "30", "--white", "30"]
     code, printed, said = run_rgbn(*words, "--json")
     assert code == 0, said
     written = json.loads((tmp_path / "out" / "plan-box" / "plan.json").read_text())
@@ -71,8 +71,7 @@ def test_a_scan_is_planned_written_and_told(tmp_path, run_rgbn, monkeypatch):
     told = " ".join(run_rgbn(*words)[1].split())
     assert "flashes, the most useful first" in told
     assert "plan.html" in told
-    assert "gloss and shadows left out" in told
-    assert "a satin object: the error counts the samples that lie neither in gloss nor in shadow" in told
+    assert "of a matte surface, shadows left out" in told
 
 
 @pytest.mark.full
