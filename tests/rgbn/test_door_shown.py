@@ -1,9 +1,7 @@
 """What a person at a prompt or in a notebook sees of a result: a line, a small table, a figure."""
 
-import base64
 import re
 
-import cv2
 import numpy as np
 import pytest
 
@@ -11,10 +9,8 @@ from compare.statistics.statistics import angular_statistics
 from rgbn.result_tables import ball_table, error_table
 from scene.camera import Camera
 from scene.errors import SceneError
-from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
-from scene.map_pictures import PAPER
 from scene.spheres import Sphere
 
 
@@ -70,32 +66,6 @@ def test_lights_in_one_line_one_table_and_one_figure_each():
     assert len(marks(lights.plot("intensities"))) == 3 * 12
     with pytest.raises(SceneError, match="directions, intensities, sigmas"):
         lights.plot("colours")
-
-
-def uri_picture(html):
-    data = re.search(r"base64,([A-Za-z0-9+/=]+)", html)[1]
-    return cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
-
-
-def test_an_estimate_shows_its_normals_and_its_doubts():
-    normals = np.full((40, 60, 3), np.nan, np.float32)
-    normals[:, :30] = [1, 0, 0]
-    normals[:20, 30:50] = [0, 0, 1]
-    estimate = Estimate(
-        "ls", normals, normals, np.ones((40, 60), np.uint16), processor_seconds=2.0,
-        warnings=("too <dark>",),
-        sigma_deg=np.full((40, 60), 0.5, np.float32),
-    )  # fmt: skip
-    words = "ls: normals of 1,600 of 60 x 40 pixels, sigma 0.5 degrees (median), 2.0 processor s, 1 warning"
-    assert repr(estimate) == words
-    html = estimate._repr_html_()
-    assert "too &lt;dark&gt;" in html
-    picture = uri_picture(html).astype(int)
-    assert picture.shape == (40, 60, 3)
-    assert np.abs(picture[5, 5] - [255, 128, 128]).max() <= 1
-    assert np.abs(picture[5, 40] - [128, 128, 255]).max() <= 1
-    assert (picture[5, 55] == PAPER).all()
-    assert np.array_equal(uri_picture(estimate.plot()), picture)
 
 
 def test_balls_are_drawn_where_they_are():

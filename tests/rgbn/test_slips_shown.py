@@ -5,18 +5,12 @@ import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from align.mask.object_mask import find_object
-from align.pose.register import _check_distance, _doubted_lengths
-from calibrate.detection.balls import _match
-from calibrate.detection.detect import Found, Rejected
 from calibrate.detection.diameters import doubted_diameters
-from calibrate.silhouette.ball_silhouette import OutlineFit
 from capture.camera.exif import Exif
 from capture.camera.focal_length import camera_from_lens
 from capture.camera.session_camera import camera_of, fitted
@@ -24,13 +18,12 @@ from capture.session.requests import read_mask
 from capture.session.session import load_session
 from capture.session.session_types import Lens
 from scene.camera import Camera
-from scene.errors import AlignError, SessionError
+from scene.errors import SessionError
 from scene.files import write_png
 from scene.frames import Frames
-from scene.spheres import Sphere, SphereRequest
+from scene.spheres import Sphere
 
 FIXTURE = Path(__file__).parents[2] / "fixtures" / "bumpy"
-BALL = '[[spheres]]\nkind = "{}"\ndiameter_mm = {}'
 EXIF = Exif(focal_mm=50.0, pixels_per_mm=(160.0, 160.0), width_px=3760, camera="NIKON D7500")
 
 
@@ -122,40 +115,6 @@ def test_pictures_that_a_viewer_turns(tmp_path):
 # The balls.
 
 
-def _told(found, asked, rejected=()):
-    """Return the warnings for balls found (kind, radius) where others were asked for (kind, diameter)."""
-    warnings = []
-    balls = [Found(OutlineFit(Sphere(kind, np.array([9.0, 9.0]), radius), np.eye(3), 0.1)) for kind, radius in found]
-    _match(balls, [SphereRequest(kind, diameter) for kind, diameter in asked], [], rejected, warnings)
-    return warnings
-
-
-MIRROR = Rejected("chrome", np.array([92.0, 104.0]), 45.0, 0.9, 1.0, "a chrome ball")
-
-
-def test_kinds_exchanged_are_one_message():
-    found = [("chrome", 45.0), ("white", 41.0)]
-    (text,) = _told(found, [("white", 100.0), ("white", 100.0), ("chrome", 90.0)], (MIRROR,))
-    assert text.startswith("2 white balls asked for, 1 found; and at (92, 104) px, radius 45 px, stands a chrome ball")
-    assert 'Is kind wrong there? A mirror is "chrome", a matte ball "white".' in text
-    (text,) = _told(found, [("chrome", 100.0), ("white", 90.0)], (MIRROR,))
-    assert "that session.toml does not list stands at (92, 104) px" in text
-
-
-def test_a_ball_that_is_not_in_the_picture():
-    asked = [("chrome", 100.0), ("chrome", 100.0), ("white", 90.0)]
-    (text,) = _told([("chrome", 45.0), ("white", 41.0)], asked)
-    assert text.startswith("2 chrome balls asked for, 1 found. Give center_px and radius_px")
-    assert text.endswith("correct its kind, or drop it.")
-
-
-def test_one_of_two_diameters_is_missing():
-    found, asked = [("chrome", 45.0), ("chrome", 44.8)], [("chrome", 100.0), ("chrome", None)]
-    (text,) = _told(found, asked)
-    assert "diameter_mm is listed for 1 of 2 (100)" in text
-    assert text.endswith("Give each its diameter_mm.")
-
-
 @pytest.mark.parametrize(("diameter", "times"), [(9.0, "0.099"), (3.54, "0.039"), (45.0, "0.5"), (2286.0, "25")])
 def test_one_diameter_in_another_unit_or_the_radius(diameter, times):
     """Of 90 mm: in cm, in inch, its radius, in mm times 25.4."""
@@ -191,27 +150,6 @@ def test_an_inverted_mask_is_named():
     assert find_object(frames, camera, [], mask_given=mask).warnings == ()
     (text,) = find_object(frames, camera, [], mask_given=~mask).warnings
     assert text == "mask: 100% of the picture's border is white. White marks the object: is the mask inverted?"
-
-
-@pytest.mark.parametrize(
-    ("factor", "words"),
-    [
-        (0.001, "1,000.0 times too small (m and mm exchanged?), or diameter_mm of the balls so much too large"),
-        (0.1, "10.0 times too small (cm and mm exchanged?)"),
-        (1 / 25.4, "25.4 times too small (inch and mm exchanged?)"),
-        (25.8, "25.8 times too large (inch and mm exchanged?), or diameter_mm of the balls so much too small"),
-        (4.0, "4.0 times too large, or diameter_mm"),
-    ],
-)
-def test_a_scan_in_another_unit(factor, words):
-    lights = SimpleNamespace(reference_point_mm=np.array([0.0, 0.0, -1000.0]))
-    photographs: Any = SimpleNamespace(lights=lights, camera=Camera(64, 48, 90.0, 90.0, 32.0, 24.0), cut_words="")
-    with pytest.raises(AlignError, match="scan_unit under") as told:
-        _check_distance(photographs, 1000 * factor)
-    assert str(told.value).startswith(f"scan: about {words}")
-    _check_distance(photographs, 1100)
-    assert _doubted_lengths(photographs, 1100) == ""
-    assert "2 times as far" in _doubted_lengths(photographs, 2000)
 
 
 @pytest.mark.full

@@ -81,5 +81,5 @@ def test_a_worker_that_would_give_something_else_is_refused(tmp_path, other, tol
     run = {"id": told, "scheduler": "tcp://here", "folder": tmp_path, "code": code_fingerprint(), "files": {}}
     run |= {"libraries": libraries()}
     refuse(run | {"id": f"fit {told}"})
-    with pytest.raises(ClusterError, match=f"would not do as this computer does: {told}.*start it again"):
+    with pytest.raises(ClusterError, match=f"would not do as this computer does: .*{told}.*start it again"):
         refuse(run | other)

@@ -10,7 +10,7 @@ import pytest
 from capture.session.manifest import FramesTable, Manifest, SphereTable
 from capture.session.session import load_session
 from capture.session.session_types import Lens
-from scene.errors import SceneError, SessionError
+from scene.errors import SessionError
 from scene.files import write_png
 from scene.frames import Frames
 from shoot.init.answers import Answers, Asking
@@ -38,30 +38,6 @@ def test_each_question_is_asked_once_until_its_answer_can_be_read(monkeypatch, c
     assert "2 chrome balls at (1, 2), (3, 4) px; where they differ" in told
     with pytest.raises(SessionError, match="--white 70 50: 2 diameters, but 3 white balls"):
         asked.diameters("white", [], 3)
-
-
-def test_what_is_known_is_not_asked(monkeypatch, capsys):
-    given = Answers(chrome=(76.0,), unit="inch", linear=True)
-    asked = asking(monkeypatch, "", given, earlier=Answers(chrome=(50.0,), white=(70.0,), focal_mm=35.0, sensor_mm=36))
-    assert (asked.diameters("chrome", [], 3), asked.diameters("white", [], 1)) == ((76.0,) * 3, (70.0,))
-    assert asked.unit("a.ply", "mm") == "inch", "what the user says counts"
-    assert asked.is_linear("a.png")
-    assert asked.camera(is_known=False) == {"focal_mm": 35.0, "sensor_mm": 36}, "as it was said before"
-    assert Asking(Answers()).unit("a.ply", "cm") is None, "what the picture tells is not asked"
-    assert Asking(Answers()).camera(is_known=True) == {}, "nor what EXIF tells"
-    assert capsys.readouterr().err == ""
-
-
-@pytest.mark.parametrize(
-    ("said", "told"),
-    [
-        ({"focal_mm": -5.0}, "--focal-mm: found -5.0"),
-        ({"sensor_mm": 3600.0}, "--sensor-mm: found 3600.0; expected 1 to 250"),
-    ],
-)
-def test_answers_that_cannot_be_meant(said, told):
-    with pytest.raises(SceneError, match=told):
-        Answers(**said)
 
 
 @pytest.mark.parametrize(

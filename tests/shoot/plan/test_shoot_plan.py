@@ -10,9 +10,9 @@ from calibrate.lights.predicted_lights import predict_lights
 from scene.errors import SceneError
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg, unit
-from shoot.plan.places import GOOD_PX, places_in_reach, stand_balls, usual_balls
+from shoot.plan.places import places_in_reach, stand_balls
 from shoot.plan.plan_options import PlanOptions
-from shoot.plan.plan_page import MOST_ROWS, answer_of, clock, lights_of, plan_facts, plan_page
+from shoot.plan.plan_page import MOST_ROWS, answer_of, lights_of, plan_facts, plan_page
 from shoot.plan.set_up import SetUp, before_camera, lens_camera, lights_at, pixels_of
 from shoot.plan.shoot_plan import enough, joint_covariance, light_slopes, plan_shoot, predict
 from shoot.plan.under_way import UnderWay
@@ -160,24 +160,6 @@ def test_balls_stand_whole_in_the_picture_beside_the_object_and_apart(pixels, sp
         assert sphere.center_mm(CAMERA)[2] == pytest.approx(pixels.set_up.table_mm + 20.0)
     with pytest.raises(SceneError, match="no room in the picture"):
         stand_balls(pixels.set_up, pixels.points, [("chrome", 400.0)])
-
-
-def test_the_smallest_balls_that_are_surely_found_are_taken(pixels):
-    places = places_in_reach(REACH, pixels.set_up.middle_mm, 120.0)[::6]
-    spheres = stand_balls(pixels.set_up, places, usual_balls(pixels.set_up))
-    assert [one.kind for one in spheres] == ["chrome"] * 3 + ["white"]
-    assert GOOD_PX <= spheres[0].radius_px < 1.34 * GOOD_PX
-
-
-def test_an_azimuth_is_told_by_the_clock():
-    assert [clock(azimuth) for azimuth in (90, 0, 270, 180, 94, 86)] == [
-        "12:00",
-        "3:00",
-        "6:00",
-        "9:00",
-        "11:45",
-        "12:15",
-    ]
 
 
 @pytest.mark.full

@@ -23,7 +23,7 @@ from scene.spheres import Sphere
 from shoot.init.answers import Answers, Asking
 from shoot.watch import lights_so_far
 from shoot.watch.lights_so_far import NEWEST, LightsSoFar, joined
-from shoot.watch.shoot import Shoot, warning_key
+from shoot.watch.shoot import warning_key
 from shoot.watch.taken import PATIENCE_S, Taken, read_shot, sort_shots
 from shoot.watch.watch_folder import whole_photographs
 
@@ -129,19 +129,6 @@ def test_a_frame_without_flash_is_the_ambient_one_or_a_misfire(shot_of, tmp_path
     assert roles["ambient"] == [named]
     assert "did not fire" in told[dark.digest]
     assert dark not in roles["flash"]
-
-
-def test_where_photographs_are_taken_away_no_normals_are_told(tmp_path):
-    """Two flashes tell none; the watch ended with an error of ours."""
-    names, ones = tuple("abcd"), np.ones(4)
-    toward = unit(np.array([[0.5, 0, 1], [-0.5, 0, 1], [0, 0.5, 1], [0, -0.5, 1]]))
-    lights = Lights(names, toward, np.ones((4, 3)), None, np.zeros(3), ones, ones)
-    shoot, camera = Shoot(tmp_path, SILENT), Camera(8, 6, 9.0, 9.0, 3.5, 2.5)
-    shoot.lights_so_far.found = Calibration([], lights, np.zeros((0, 4, 2)), camera=camera)
-    shoot._mask, shoot._looked_with, shoot.sigma_deg = np.ones((6, 8), bool), 4, np.ones((6, 8))
-    shoot._look_at_normals(Frames(names[:2], np.full((2, 6, 8, 3), 900, np.uint16), np.ones(2)))
-    assert shoot.sigma_deg is None
-    assert shoot.why.startswith("2 flash frames are left")
 
 
 @pytest.mark.parametrize(
