@@ -51,7 +51,7 @@ Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler; d
 
 def _run(as_json: bool, session: Path, wanted: str, *, whole: bool = False, **how: Any) -> None:
     """Run a verb on a session, and tell what came out."""
-    from rgbn.summary_table import tell
+    from rgbn.step_tables import tell
 
     run_session(session, wanted, shown=partial(tell, verb=wanted, as_json=as_json, whole=whole), **how)
 

@@ -4,9 +4,10 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from capture.photographs.kept import kept_folder
 from capture.session.globs import kind_of
@@ -24,7 +25,7 @@ from shoot.init.answers import Answers, Asking
 from shoot.init.draft import Draft
 from shoot.init.draft_notes import notes_of
 from shoot.init.init_session import write_session
-from shoot.init.prepare import begun, completed, encoding_of
+from shoot.init.prepare import prepare
 from shoot.init.session_text import is_unedited
 from shoot.watch.shoot import Shoot
 from shoot.watch.status import Screen
@@ -185,16 +186,18 @@ def _draft_of(folder: Path, shoot: Shoot, asking: Asking, taken: Taken) -> Draft
             "written. Shoot more, and run the same command again: what was taken is kept."
         )
     frames = {shot.digest for shot in (*flash, *ambient)}
-    notes = [f"{taken.shots[digest].name}: {text}" for digest, text in shoot.left_out.items() if digest not in frames]
-    photographs = {role: [shot.path for shot in there(role)] for role in shoot.roles}
-    linear, _ = encoding_of(flash[0].path, asking)
-    small, unlit = [shot.small for shot in flash], [shot.small for shot in ambient]
-    draft = begun(folder, photographs, small, unlit, linear=linear, notes=(*notes, *taken.unreadable))
-    files, balls = sorted_files(files_below(folder), folder), shoot.lights_so_far.balls
+    left_out = {taken.shots[digest].path: text for digest, text in shoot.left_out.items() if digest not in frames}
+    notes = (*(f"{path.name}: {text}" for path, text in left_out.items()), *taken.unreadable)
+    files, counted = sorted_files(files_below(folder), folder), {shot.path for shot in taken.shots.values()}
+    counted -= left_out.keys()
+    named = {role: [path for path in some if path in counted] for role, some in files.photographs.items()}
+    files = replace(files, photographs=named)
+    known: dict[str, Any] = {"small": [shot.small for shot in taken.shots.values()], "balls": shoot.lights_so_far.balls}
     try:
-        return completed(draft, files, asking, balls)
+        return prepare(files, asking, nullcontext(lambda done, total: None), **known).noting(*notes)
     except SessionError as error:
         # The shoot is over: a diameter that does not fit is put right in session.toml.
         say(f"warning: {error}", always=True)
         plain = Asking(replace(asking.answers, chrome=(), white=()), silent=True)
-        return completed(draft.noting(str(error)), files, plain, balls)
+        draft = prepare(files, plain, nullcontext(lambda done, total: None), **known)
+        return draft.noting(*notes, str(error))
