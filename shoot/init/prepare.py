@@ -119,12 +119,10 @@ def encoding_of(first: Path, asking: Asking) -> tuple[bool | None, Encoding]:
     """Return what session.toml is to say of the values' coding, None for nothing, and the coding."""
     if kind_of(first) != "image":
         return None, "linear"
-    if first.suffix.lower() in (".jpg", ".jpeg"):
-        linear = bool(asking.answers.linear or asking.earlier.linear)
-    elif asking.answers.linear is None and not _has_eight_bits(first):
+    linear = asking.said("linear")
+    if linear is None and first.suffix.lower() not in (".jpg", ".jpeg") and not _has_eight_bits(first):
         return True, "linear"
-    else:
-        linear = asking.is_linear(first.name)
+    linear = bool(linear)
     return linear, "linear" if linear else "srgb"
 
 
@@ -184,4 +182,5 @@ def _given(draft: Draft, files: FolderFiles, asking: Asking) -> Draft:
     ]  # fmt: skip
     across = object_across_px(draft.small, small_camera(draft), circles) if circles else None
     draft = replace(draft, across_px=across and across * draft.step)
-    return draft.saying("object", scan_unit=asking.unit(scans[0].name, draft.likely_unit))
+    unit = asking.answers.unit or (None if draft.likely_unit else asking.said("unit"))
+    return draft.saying("object", scan_unit=unit)

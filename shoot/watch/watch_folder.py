@@ -11,22 +11,20 @@ from typing import Any
 
 from capture.photographs.kept import kept_folder
 from capture.session.globs import kind_of
-from capture.survey.folder_files import FEWEST, files_below, sorted_files
+from capture.survey.folder_files import FEWEST, FolderFiles, files_below, sorted_files
 from capture.survey.hot_folder import ALONE_S, HotFolder, list_photographs, look_of
 from lab.progress import say
 from lab.run import run_session
 from lab.run_log import logged
-from lab.session_place import MANIFEST, default_out, note_session
+from lab.session_place import default_out, note_session
 from scene.errors import SessionError
-from scene.light_text import FILENAMES
 from scene.origin import Origin
 from scene.output_folder import open_record
 from shoot.init.answers import Answers, Asking
 from shoot.init.draft import Draft
 from shoot.init.draft_notes import notes_of
-from shoot.init.init_session import write_session
+from shoot.init.init_session import check_free, check_layout, write_session
 from shoot.init.prepare import prepare
-from shoot.init.session_text import is_unedited
 from shoot.watch.shoot import Shoot
 from shoot.watch.status import Screen
 from shoot.watch.taken import Shot, Taken
@@ -75,7 +73,12 @@ def watch_folder(
         few photographs make no session.
     """
     folder = folder.resolve()
-    _check_folder(folder)
+    if not folder.is_dir():
+        lacks = "is no folder" if folder.exists() else "there is no such folder"
+        raise SessionError(f"{folder}: {lacks}. Give the folder that the camera's program writes into.")
+    check_layout(folder)
+    # In the end session.toml is written; one that rgbn wrote and nobody has changed is written anew.
+    check_free(FolderFiles(folder))
     asking = Asking(answers, silent=True)
     origin = Origin("session", folder, whole_photographs(folder))
     out = out or default_out(origin, folder.name)
@@ -149,22 +152,6 @@ def _loop(
             time.sleep(max(EVERY_S, listed_s))
         for text in warnings:
             screen.warn(text)
-
-
-def _check_folder(folder: Path) -> None:
-    """Raise SessionError where a folder cannot be watched; a session.toml that nobody has changed is written anew."""
-    if not folder.is_dir():
-        lacks = "is no folder" if folder.exists() else "there is no such folder"
-        raise SessionError(f"{folder}: {lacks}. Give the folder that the camera's program writes into.")
-    if (folder / FILENAMES).is_file():
-        raise SessionError(f"{folder}: is a session in the DiLiGenT layout already. Run: rgbn process {folder}")
-    manifest = folder / MANIFEST
-    is_ours = manifest.is_file() and is_unedited(manifest.read_bytes().decode("utf-8", "replace"))
-    if (manifest.exists() or manifest.is_symlink()) and not (is_ours and not manifest.is_symlink()):
-        raise SessionError(
-            f"{manifest}: is there already, and a watch would write over it in the end. Watch a new folder; or rename "
-            f"{MANIFEST} and start again: what was shot is taken too."
-        )
 
 
 def _draft_of(folder: Path, shoot: Shoot, asking: Asking, taken: Taken) -> Draft:

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from lab.job import Outcome
-from lab.options import AS_BEFORE, Settings, Solving
+from lab.options import Settings, Solving
 from lab.plan import STEPS
 from lab.run import run_session, session_and_out
 from scene.errors import SceneError
 from scene.files import write_text
-from scene.output_folder import open_record, read_record
+from scene.output_folder import open_record
 
 KEPT = {"check": "frames", "calibrate": "lights", "align": "mask", "trust": "trust", "compare": "report"}
 
@@ -183,16 +183,6 @@ def test_no_order_of_verbs_sessions_and_folders_loses_results(quick, seed):
             assert not lost or methods, f"{lost} without an option that asks for others"
         if methods:
             asked[went_to] = methods.split(",")
-
-
-def test_settings_come_back_as_they_were_kept(tmp_path):
-    other = Settings("ls", None, ("a=b {data} {out}",), 3.5, False, False, "many", 0.02, True, False, None, tmp_path)
-    for settings in (Settings(), Settings(external=()), other):
-        with open_record(tmp_path / "out") as record:
-            settings.keep(record)
-        assert Settings.of(read_record(tmp_path / "out")) == settings
-    assert other.but(AS_BEFORE) == other
-    assert other.but(Solving(external=()), None) == replace(other, external=())
 
 
 def test_links_are_never_written_through(tmp_path):

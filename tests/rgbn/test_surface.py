@@ -86,22 +86,6 @@ def test_the_mesh_is_the_ball_where_it_stood(near_session, tmp_path):
     assert np.isclose(vertices[:, 2].max(), np.nanmax(depth), atol=1e-3), "the depth map's own surface"
 
 
-@pytest.mark.parametrize(
-    ("methods", "whose"),
-    [
-        pytest.param("reflectance,near", "reflectance", marks=pytest.mark.full),
-        ("ls,reflectance", "reflectance"),
-    ],
-)
-def test_the_first_method_that_finds_depth_is_written(near_session, tmp_path, methods, whose):
-    mesh = tmp_path / "ball.ply"
-    run = solve(near_session, tmp_path / "out", "--method", methods, "--mesh", mesh)
-    assert run.returncode == 0, run.stderr
-    assert f"{whose}," in run.stderr
-    assert "distance was found by the shading" in run.stderr
-    assert np.median(np.abs(radii(mesh) - RADIUS_MM)) < 2
-
-
 def test_without_depth_the_first_methods_normals_are_integrated(near_session, tmp_path):
     mesh = tmp_path / "ball.ply"
     run = solve(near_session, tmp_path / "out", "--method", "iterative,ls", "--mesh", mesh)

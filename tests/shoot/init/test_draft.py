@@ -27,11 +27,10 @@ def asking(monkeypatch, text, answers=None, **more):
 
 
 def test_each_question_is_asked_once_until_its_answer_can_be_read(monkeypatch, capsys):
-    asked = asking(monkeypatch, "about 3 inch\n-5\n76\n70, 50 mm\ncm\n0.2\n50\n36\n")
+    asked = asking(monkeypatch, "about 3 inch\n-5\n76\n70, 50 mm\n0.2\n50\n36\n")
     for _ in ("one object", "another"):
         assert asked.diameters("chrome", [(1.0, 2.0), (3.0, 4.0)], 2) == (76.0, 76.0)
         assert asked.diameters("white", [], 2) == (70.0, 50.0)
-        assert asked.unit("a.ply", None) == "cm"
         assert asked.camera(is_known=False) == {"focal_mm": 50.0, "sensor_mm": 36.0}
     told = capsys.readouterr().err
     assert told.count("expected") == 3
@@ -45,7 +44,7 @@ def test_each_question_is_asked_once_until_its_answer_can_be_read(monkeypatch, c
     [(450, 387, "mm"), (45, 387, "cm"), (0.45, 387, "m"), (17.7, 387, "inch"), (450, None, None), (35, 500, None)],
 )
 def test_the_objects_size_tells_the_scans_unit(diagonal, size, unit):
-    """35 for 500 mm may be centimetres or inches: then a person is asked."""
+    """35 for 500 mm may be centimetres or inches: then none is told."""
     assert unit_by_size(diagonal, size) == unit
 
 

@@ -138,7 +138,7 @@ def test_a_frame_without_flash_is_the_ambient_one_or_a_misfire(shot_of, tmp_path
         (["hot"], [], "is no folder"),
         (["hot/a.dng"], ["--out", "hot/out"], "lies in the folder"),
         (["hot/a.dng", "out/thesis.txt"], ["--out", "out"], "is not empty (thesis.txt)"),
-        (["hot/session.toml"], ["--out", "out"], "session.toml: is there already, and a watch would write over it"),
+        (["hot/session.toml"], ["--out", "out"], "session.toml: is there already, and is not written over"),
         (["hot/filenames.txt"], ["--out", "out"], "is a session in the DiLiGenT layout already"),
         (["hot/a.txt"], ["--out", "out", "--until-idle", "-1"], "for --until-idle. Must be > 0"),
         (["hot/a.txt"], ["--out", "out", "--until-idle", "0.1"], "0 photographs show the flash; a session needs 3"),
