@@ -137,10 +137,13 @@ def solve(
     json: Json = False,
 ) -> None:
     """Recover normals and albedo by photometric stereo, and the surface as a mesh if asked."""
-    from rgbn.surface_file import surface_written
+    from rgbn.surface_file import check_name, write_surface
 
-    around = surface_written(mesh) if mesh else None
-    _run(json, session, "solve", out=out, said=said, scheduler=scheduler, around=around)
+    if mesh:
+        check_name(mesh)
+    _run(json, session, "solve", out=out, said=said, scheduler=scheduler)
+    if mesh:
+        write_surface(session, out, mesh)
 
 
 @app.command(sort_key=7)
