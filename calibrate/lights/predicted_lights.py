@@ -71,7 +71,7 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
     Raises
     ------
     CalibrationError
-        No chrome ball, or an orthographic camera.
+        No chrome ball, balls so small that they tell nothing, or an orthographic camera.
 
     Notes
     -----
@@ -109,7 +109,13 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
     problem.side, problem.up = two_across(problem.origin)
     x[problem.first_light + 2 :: 3] = np.log(1 / distance)
     slopes = problem.slopes(x)
-    covariance = np.linalg.inv(slopes.T @ slopes)
+    try:
+        covariance = np.linalg.inv(slopes.T @ slopes)
+    except np.linalg.LinAlgError:
+        raise CalibrationError(
+            f"balls: of {radius.min():.3g} to {radius.max():.3g} px in radius, they tell nothing of flashes at "
+            f"{np.linalg.norm(positions - problem.reference, axis=1).max():.3g} mm. Take balls of 20 px or more."
+        ) from None
     columns = problem.first_light + np.arange(3 * len(positions))
     own = np.sqrt(np.diag(covariance)[columns].reshape(-1, 3))
     flat = problem.position_slopes(x).reshape(-1, len(x))
