@@ -34,7 +34,11 @@ def box(path):
         (None, ["--size-mm", "-1"], "--size-mm. Must be > 0"),
         (None, ["--albedo", "2"], "--albedo. Must be <= 1"),
         (None, ["--iso", "0"], "--iso. Must be > 0"),
-        (None, ["--flash-mm", "1e6", "--chrome", "0.1"], "they tell nothing of flashes at 1e+06 mm"),
+        (
+            None,
+            ["--flash-mm", "1e6", "--chrome", "0.1", "--focal-mm", "1", "--sensor-mm", "1000"],
+            "they tell nothing of flashes at",
+        ),
         (None, ["--empty-pixels"], "Unknown option: --empty-pixels"),
         (None, ["--empty-azimuths-deg"], "Unknown option: --empty-azimuths-deg"),
     ],
