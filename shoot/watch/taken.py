@@ -15,7 +15,7 @@ from capture.photographs.kept import Kept
 from capture.photographs.photograph import Photograph
 from capture.session.globs import natural_key
 from capture.survey.folder_files import sorted_files
-from capture.survey.hot_folder import STILL_S, Whole, look_of
+from capture.survey.hot_folder import Whole, look_of
 from capture.survey.small_pictures import Small, by_light, of_one_size, small_of
 from scene.current import file_digest
 from scene.errors import CaptureError
@@ -132,13 +132,11 @@ def mean_codes(shots: Sequence[Shot]) -> NDArray | None:
 
 @dataclass
 class _Unread:
-    """A file that stands still and cannot be read: since when, when it is tried again, and why it is none."""
+    """A file that stands still and cannot be read: since when, and what was told of it once patience was over."""
 
     clock: str
     since: float
-    again: float
-    why: str = ""
-    is_told: bool = False
+    told: str = ""
 
 
 class Taken:
@@ -167,12 +165,12 @@ class Taken:
     @property
     def unreadable(self) -> list[str]:
         """What was said of the files that are no photographs."""
-        return [one.why for one in self._unread.values() if one.is_told]
+        return [one.told for one in self._unread.values() if one.told]
 
     @property
     def is_waiting(self) -> bool:
         """Whether a file will be tried again."""
-        return any(not one.is_told for one in self._unread.values())
+        return any(not one.told for one in self._unread.values())
 
     def renew(self, files: Sequence[Whole], now: float) -> tuple[list[Shot], bool]:
         """Take the photographs that stand in the folder, up to `LATEST` new ones.
@@ -189,7 +187,8 @@ class Taken:
         self._read = {whole: shot for whole, shot in self._read.items() if whole in files}
         self._unread = {whole: one for whole, one in self._unread.items() if whole in files}
         for whole in files:
-            if whole in self._read or not self._is_due(whole, now) or len(fresh) == LATEST:
+            is_hopeless = whole in self._unread and bool(self._unread[whole].told)
+            if whole in self._read or is_hopeless or len(fresh) == LATEST:
                 continue
             shot = self._shot_of(whole, now)
             if shot is not None:
@@ -203,10 +202,6 @@ class Taken:
         paths = {digest: shot.path for digest, shot in self.shots.items()}
         is_changed = any(paths.get(digest) != shot.path for digest, shot in before.items())
         return [shot for shot in fresh if shot.digest in self.shots], is_changed
-
-    def _is_due(self, whole: Whole, now: float) -> bool:
-        one = self._unread.get(whole)
-        return one is None or (not one.is_told and now >= one.again)
 
     def _shot_of(self, whole: Whole, now: float) -> Shot | None:
         path = self._folder / whole.name
@@ -230,15 +225,13 @@ class Taken:
         return shot if look_of(path) == whole.look else None
 
     def _refuse(self, whole: Whole, why: str, now: float) -> None:
-        one = self._unread.setdefault(whole, _Unread(f"{datetime.now():%H:%M}", now, now))
-        one.again = now + max(STILL_S, now - one.since)
+        one = self._unread.setdefault(whole, _Unread(f"{datetime.now():%H:%M}", now))
         if now - one.since >= PATIENCE_S:
-            one.is_told = True
-            one.why = (
+            one.told = (
                 f"{whole.name}: half written since {one.clock}, or damaged, and no photograph yet. Let the camera's "
                 f"program finish it, copy it again, or take it out of the folder. ({why})"
             )
-            self._warn(one.why)
+            self._warn(one.told)
 
     def _counted(self, files: Sequence[Whole]) -> dict[str, Shot]:
         """Return one photograph of each content: the one that counted before, if it is still there."""
