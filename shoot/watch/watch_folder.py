@@ -4,6 +4,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -126,32 +127,46 @@ def _loop(
     until_idle_s: float | None,
     clock: Callable[[], float],
 ) -> None:
-    hot, last, is_judged, was_there = HotFolder(), clock(), True, True
-    while True:
-        start = clock()
-        files = hot.see(list_photographs(folder), start)
-        listed_s = clock() - start
-        if hot.is_there != was_there:
-            was_there = hot.is_there
-            screen.note("the folder is there again" if was_there else "the folder is gone; waiting for it to return")
-        counted = len(taken.shots)
-        fresh, is_changed = taken.renew(files, start)
-        warnings: list[str] = []
-        if is_changed or len(taken.shots) > counted:
-            warnings = shoot.judge(list(taken.shots.values()), fit_all=is_changed)
-            for shot in fresh:
-                say(f"{shot.name}: {shoot.role_of(shot)} ({clock() - start:.1f} s)")
-            is_judged, last = False, clock()
-        elif not is_judged:
-            # Photographs that came meanwhile went first.
-            warnings, is_judged = shoot.follow(), True
-            screen.renew()
-        elif until_idle_s is not None and start - last > until_idle_s and not (hot.is_growing or taken.is_waiting):
-            return
-        else:
-            time.sleep(max(EVERY_S, listed_s))
-        for text in warnings:
-            screen.warn(text)
+    hot, last, is_followed, was_there = HotFolder(), clock(), True, True
+    following: Future[list[str]] | None = None
+    # Beside: a new photograph is judged at once, whatever is still computed of those before.
+    with ThreadPoolExecutor(1) as beside:
+        while True:
+            start = clock()
+            files = hot.see(list_photographs(folder), start)
+            listed_s = clock() - start
+            if hot.is_there != was_there:
+                was_there = hot.is_there
+                gone = "the folder is gone; waiting for it to return"
+                screen.note("the folder is there again" if was_there else gone)
+            counted = len(taken.shots)
+            fresh, is_changed = taken.renew(files, start)
+            warnings: list[str] = []
+            if is_changed or len(taken.shots) > counted:
+                warnings = shoot.judge(list(taken.shots.values()))
+                for shot in fresh:
+                    say(f"{shot.name}: {shoot.role_of(shot)} ({clock() - start:.1f} s)")
+                is_followed, last = False, clock()
+            elif following is None and not is_followed:
+                is_followed = True
+                if shoot.frames is not None:
+                    what = shoot.frames, list(shoot.flash), list(shoot.roles["ambient"])
+                    following = beside.submit(shoot.follow, *what)
+                else:
+                    screen.renew()
+            elif (
+                until_idle_s is not None
+                and start - last > until_idle_s
+                and not (following or hot.is_growing or taken.is_waiting)
+            ):
+                return
+            else:
+                time.sleep(max(EVERY_S, listed_s))
+            if following is not None and following.done():
+                warnings, following = [*warnings, *shoot.new(following.result())], None
+                screen.renew()
+            for text in warnings:
+                screen.warn(text)
 
 
 def _draft_of(folder: Path, shoot: Shoot, asking: Asking, taken: Taken) -> Draft:

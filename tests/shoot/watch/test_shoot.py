@@ -3,29 +3,20 @@
 import os
 import re
 import shutil
+import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
-from calibrate.calibration import Calibration
-from calibrate.detection.balls import Ball
 from capture.photographs.kept import Kept
 from capture.survey.hot_folder import HotFolder, list_photographs
-from scene.camera import Camera
 from scene.current import file_digest
-from scene.frames import Frames
-from scene.lights import Lights
-from scene.normals import unit
-from scene.spheres import Sphere
 from shoot.init.answers import Answers, Asking
-from shoot.watch import lights_so_far
-from shoot.watch.lights_so_far import NEWEST, LightsSoFar, joined
 from shoot.watch.shoot import warning_key
 from shoot.watch.taken import PATIENCE_S, Taken, read_shot, sort_shots
-from shoot.watch.watch_folder import whole_photographs
+from shoot.watch.watch_folder import _loop, whole_photographs
 
 RAW = Path(__file__).parents[3] / "fixtures" / "bumpy" / "raw"
 SILENT = Asking(Answers({}), silent=True)
@@ -161,68 +152,38 @@ def test_what_cannot_be_watched_is_one_message(run_rgbn, tmp_path, monkeypatch, 
     assert all(Path(name).read_text() == "mine" for name in made)
 
 
-def test_lights_of_the_newest_frames_are_joined_to_those_before():
-    """The whole, of parts that are relative to their own means; what is gone is left out, what nobody knows is told."""
-    rng, names = np.random.default_rng(0), tuple("abcdefgh")
-    positions, strength = rng.normal(0, 300, (8, 3)) + [0, 0, 900], rng.uniform(0.5, 2, (8, 3))
-    sigma = rng.uniform(0.1, 1, (2, 8))
-    flags = tuple((name,) for name in names)
+def test_a_photograph_is_judged_while_the_lights_of_those_before_are_fitted(tmp_path):
+    judged, fitted, said = [], threading.Event(), []
+    taken = SimpleNamespace(shots={}, is_waiting=False)
 
-    def part(rows):
-        some = np.arange(8)[rows]
-        lights = Lights(
-            tuple(names[i] for i in some), unit(positions[some]), strength[some], positions[some], np.zeros(3),
-            sigma[0, some], sigma[1, some], flags=tuple(flags[i] for i in some),
-        )  # fmt: skip
-        return Calibration([], lights.normalised(), np.zeros((0, len(some), 2)))
+    def renew(files, now):
+        # The second one comes while the first is followed.
+        if not judged or (len(judged) == 1 and following.is_set()):
+            taken.shots[len(judged)] = SimpleNamespace(name=f"{len(judged)}.dng")
+        return [], False
 
-    whole = part(slice(None)).lights
-    found = joined(part(slice(0, 6)), part(slice(3, 8)), names).lights
-    for field in ("names", "flags", "directions", "intensities", "positions_mm", "direction_sigma_deg"):
-        if field in ("names", "flags"):
-            assert getattr(found, field) == getattr(whole, field)
-        else:
-            np.testing.assert_allclose(getattr(found, field), getattr(whole, field), err_msg=field)
-    assert joined(part(slice(0, 6)), part(slice(3, 8)), names[1:]).lights.names == names[1:]
-    assert joined(part(slice(0, 5)), part(slice(3, 7)), names) is None, "nobody knows h"
-    assert joined(part(slice(0, 4)), part(slice(4, 8)), names) is None, "no frame tells the factor between the parts"
+    following = threading.Event()
 
+    def follow(frames, flash, ambient):
+        following.set()
+        assert fitted.wait(20), "the second photograph waited for it"
+        return [f"of {len(flash)}"]
 
-def test_all_lights_are_fitted_where_the_newest_lie_in_one_plane_or_a_photograph_was_replaced(monkeypatch):
-    """Twenty flashes, the last of them along one arc, as a hand goes."""
-    rng, fitted = np.random.default_rng(1), []
-    tilt = np.radians(np.linspace(10, 60, 10))
-    arc = np.stack([np.sin(tilt), 0 * tilt, np.cos(tilt)], -1)
-    directions = np.concatenate([unit(rng.normal(0, 1, (10, 3)) + [0, 0, 3]), arc])
-    names = tuple(f"flash_{i:02d}" for i in range(20))
-    camera = Camera(4, 3, 5.0, 5.0, 1.5, 1.0)
-    frames = Frames(names, np.zeros((20, 3, 4, 3), np.uint16), np.ones(20))
+    def judge(shots):
+        judged.append(len(shots))
+        shoot.flash = shots
+        if len(shots) == 2:
+            fitted.set()
+        return []
 
-    def by_balls(some, camera, balls):
-        fitted.append(len(some))
-        rows = [names.index(name) for name in some.names]
-        sigma = np.full(len(rows), 0.1)
-        lights = Lights(some.names, directions[rows], np.ones((len(rows), 3)), None, np.zeros(3), sigma, sigma)
-        lights.check()
-        return Calibration([], lights, np.zeros((0, len(rows), 2)), camera=camera)
-
-    monkeypatch.setattr(lights_so_far, "lights_of_balls", by_balls)
-    monkeypatch.setattr(LightsSoFar, "_camera", lambda *_: camera)
-    watched = LightsSoFar(Asking(Answers({}), silent=True))
-    watched._looked_with = 99
-    watched._balls = [Ball(Sphere("chrome", np.ones(2), 1.0), np.eye(3), frames, None)]
-    for count, expected in ((10, [10]), (11, [NEWEST]), (20, [20])):
-        fitted.clear()
-        assert watched.renew(frames.only(slice(0, count)), [], 1) == []
-        assert fitted == expected, count
-        assert watched.found.lights.names == names[:count]
-    fitted.clear()
-    watched.renew(frames, [], 1)
-    assert fitted == [NEWEST, 20], "the newest eight lie in one plane"
-    watched.fit_all()
-    fitted.clear()
-    watched.renew(frames, [], 1)
-    assert fitted == [20]
+    taken.renew = renew
+    shoot = SimpleNamespace(
+        judge=judge, follow=follow, frames=1, flash=[], roles={"ambient": []}, new=lambda told: told
+    )
+    screen = SimpleNamespace(renew=lambda: None, warn=said.append, note=said.append)
+    _loop(tmp_path, taken, shoot, screen, 1.0, time.monotonic)
+    assert judged == [1, 2]
+    assert said == ["of 1", "of 2"]
 
 
 def test_a_half_written_photograph_does_not_tell_a_session_from_others(tmp_path):
