@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from lab.options import DEFAULT_METHODS, Staging, in_any_case
+from lab.options import BY_DEFAULT, Solving, Staging
 from lab.progress import say
 from scene.errors import SceneError
 from scene.method_names import METHODS
@@ -158,35 +158,19 @@ def add(
 
 @dataset.command(sort_key=5)
 def run(
-    command: Annotated[
-        list[str] | None,
-        Parameter(
-            help="Other programs, each NAME=COMMAND: it reads {data}, a dataset in the DiLiGenT layout, and writes a "
-            "normal map into {out}. See docs/guide/learned-methods.md."
-        ),
-    ] = None,
-    /,
     *,
     on: Annotated[
         list[str] | None,
         Parameter(help="Datasets of the shelf: names, patterns, or benchmark. Default: all.", negative=""),
     ] = None,
-    method: Annotated[
-        str, Parameter(alias="-m", help=f"Our methods beside them, with commas: {', '.join(METHODS)}.")
-    ] = DEFAULT_METHODS,
-    profile: Annotated[
-        str, Parameter(help="Settings of our methods: default, or seed.", converter=in_any_case)
-    ] = "default",
-    timeout_s: Annotated[float, Parameter(help="Seconds after which a program is ended.")] = 3600.0,
+    said: Solving = BY_DEFAULT,
     shelf: Shelf = SHELF,
     out: Annotated[Path, Parameter(alias="-o", help="Output folder.")] = Path("out") / "datasets-table",
 ) -> None:
     """Solve datasets of the shelf by methods and other programs: a table of angular errors, and a gallery."""
     from experiments.datasets.run_methods import results_text
     from experiments.datasets.run_methods import run as run_methods
-    from lab.options import Solving
 
-    solving = Solving(method, profile, tuple(command or ()), timeout_s)
-    rows = run_methods(shelf, on or [], solving=solving, out=out)
+    rows = run_methods(shelf, on or [], solving=said, out=out)
     print(results_text(rows), end="")
     say(f"gallery: {out / 'index.html'}")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.options import named
 from lab.progress import say
 from lab.run_log import log, logged
 from lab.streams import is_quiet
@@ -126,16 +127,10 @@ def _common(folders: tuple[Folder, Folder], asked: str | None) -> tuple[str, ...
         raise SceneError(f"compare: no method's normals are in both folders ({names}). Process both alike.")
     if asked is None:
         return common
-    spelt = {name.casefold(): name for name in common}
-    words = (word.strip() for word in asked.split(",") if word.strip())
-    wanted = tuple(dict.fromkeys(spelt.get(word.casefold(), word) for word in words))
-    missing = [name for name in wanted if name not in common]
-    if missing or not wanted:
-        raise SceneError(
-            f"--method {asked}: {', '.join(missing) or 'nothing'} is not among the methods that both folders have "
-            f"normals of ({names}). Ask for {', '.join(common)}, or process both by it."
-        )
-    return wanted
+    try:
+        return named("--method", asked, common)
+    except SceneError as error:
+        raise SceneError(f"{error} These both folders have normals of ({names}): process both alike.") from None
 
 
 def open_folder(path: Path) -> Folder:

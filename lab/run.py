@@ -2,7 +2,7 @@
 
 import shutil
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,7 +78,6 @@ def run_session(
     session_path: Path,
     wanted: str,
     *,
-    around: Callable[["Job"], AbstractContextManager] | None = None,
     shown: Callable[["Job", dict[str, Any]], None] | None = None,
     **how: Any,
 ) -> dict[str, Any]:
@@ -88,8 +87,6 @@ def run_session(
     ----------
     wanted : str
         The last step to run, a key of `lab.plan.STEPS`.
-    around : callable, optional
-        Takes the job and gives the context in which the steps run: what a verb checks before and makes after them.
     shown : callable, optional
         Takes the job and the summary, and tells people, while the run's log is open.
     session_path, **how
@@ -100,9 +97,8 @@ def run_session(
     from lab.summary import write_summary
 
     with open_job(session_path, **how) as job:
-        with around(job) if around else nullcontext():
-            for step in job.wanted(wanted):
-                job.run(STEPS, step)
+        for step in job.wanted(wanted):
+            job.run(STEPS, step)
         # The frames are in the store.
         shutil.rmtree(kept_folder(job.record.folder), ignore_errors=True)
         arguments = {

@@ -15,9 +15,7 @@ from lab.streams import check_words, is_quiet, keep_quiet, log_to, open_streams
 from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
 from rgbn.export_command import FORMATS
-from rgbn.init_command import init
-from rgbn.plan_command import plan
-from rgbn.watch_command import watch
+from rgbn.shoot_commands import init, plan, watch
 from studio.studio_command import studio
 
 app = App(
@@ -53,7 +51,7 @@ Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler; d
 
 def _run(as_json: bool, session: Path, wanted: str, *, whole: bool = False, **how: Any) -> None:
     """Run a verb on a session, and tell what came out."""
-    from rgbn.summary_table import tell
+    from rgbn.step_tables import tell
 
     run_session(session, wanted, shown=partial(tell, verb=wanted, as_json=as_json, whole=whole), **how)
 
@@ -139,10 +137,13 @@ def solve(
     json: Json = False,
 ) -> None:
     """Recover normals and albedo by photometric stereo, and the surface as a mesh if asked."""
-    from rgbn.surface_file import surface_written
+    from rgbn.surface_file import check_name, write_surface
 
-    around = surface_written(mesh) if mesh else None
-    _run(json, session, "solve", out=out, said=said, scheduler=scheduler, around=around)
+    if mesh:
+        check_name(mesh)
+    _run(json, session, "solve", out=out, said=said, scheduler=scheduler)
+    if mesh:
+        write_surface(session, out, mesh)
 
 
 @app.command(sort_key=7)

@@ -14,12 +14,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from rgbn.result_tables import Balls, Errors, Table
+    from rgbn.result_tables import Table
     from scene.camera import Camera
     from scene.estimate import Estimate
     from scene.frames import Frames
     from scene.lights import Lights
     from scene.pose import Pose
+    from scene.spheres import Sphere
 
 Method = Solving | str | None
 
@@ -116,7 +117,7 @@ class Session:
         return self._told or self.check()._told
 
     @property
-    def warnings(self) -> "Table":
+    def warnings(self) -> "Table[dict[str, Any]]":
         """What is suspicious so far, with the step that says it."""
         from rgbn.result_tables import Table
 
@@ -146,12 +147,12 @@ class Session:
         return self._as_of("calibrate").load_camera()
 
     @property
-    def spheres(self) -> "Balls":
-        """The calibration balls that were found. Runs `calibrate`."""
-        from rgbn.result_tables import Balls
+    def spheres(self) -> "Table[Sphere]":
+        """The calibration balls that were found, `scene.spheres.Sphere`. Runs `calibrate`."""
+        from rgbn.result_tables import ball_table
 
         self._need("calibrate")
-        return Balls(self.store.load_spheres(), self.camera, self.store.load_frames())
+        return ball_table(self.store.load_spheres(), self.camera, self.store.load_frames())
 
     @property
     def lights(self) -> "Lights":
@@ -209,13 +210,13 @@ class Session:
         return angular_error_deg(self.normals(method, twin=twin), truth).astype("float32")
 
     @property
-    def errors(self) -> "Errors":
+    def errors(self) -> "Table[dict[str, Any]]":
         """The methods' angular errors, on the photographs and on the twin. Runs `compare`."""
-        from rgbn.result_tables import Errors
+        from rgbn.result_tables import error_table
 
         self._require_truth("error")
         self._need("compare")
-        return Errors(self._told["compare"])
+        return error_table(self._told["compare"])
 
     @property
     def report(self) -> Path:

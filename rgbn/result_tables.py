@@ -1,7 +1,7 @@
 """What a session's tables are in Python: a short text, a small table in a notebook, a pandas DataFrame, a figure."""
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any, Self
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 
@@ -16,81 +16,82 @@ if TYPE_CHECKING:
 
     from draw.svg import Drawing
 
+T = TypeVar("T")
 
-class _Shown:
-    """Rows that a person at a prompt or in a notebook sees: `caption` says in one line what matters."""
+
+class Table(tuple[T, ...]):
+    """Results that a person at a prompt or in a notebook sees as a table.
+
+    Parameters
+    ----------
+    items : iterable
+        The results themselves.
+    caption : str
+        What matters, in one line.
+    rows : list of dict, optional
+        Plain values, the units in the names. Default: the items are these.
+    draw : callable, optional
+        Returns the figure that `plot` gives.
+    """
 
     caption: str
+    _rows: list[dict[str, Any]]
+    _draw: "Callable[[], Drawing | None] | None"
+
+    def __new__(
+        cls,
+        items: Iterable[T],
+        caption: str,
+        rows: list[dict[str, Any]] | None = None,
+        draw: "Callable[[], Drawing | None] | None" = None,
+    ) -> Self:
+        found = super().__new__(cls, items)
+        found.caption, found._draw = caption, draw
+        found._rows = list(found) if rows is None else rows  # type: ignore[assignment]
+        return found
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the rows, each a dict of plain values; the units are in the names."""
-        raise NotImplementedError
+        return self._rows
 
     def to_dataframe(self) -> "pandas.DataFrame":
         """Return the rows as a pandas DataFrame; NaN where unknown."""
-        return data_frame(self.rows())
+        return data_frame(self._rows)
+
+    def plot(self) -> "Drawing":
+        """Return a drawing: of errors their histograms, of balls their outlines in the first photograph.
+
+        Raises
+        ------
+        SceneError
+            There is nothing to draw.
+        """
+        drawn = self._draw() if self._draw else None
+        if drawn is None:
+            raise SceneError(f"{self.caption}: there is nothing to draw.")
+        return drawn
 
     def __repr__(self) -> str:
         return self.caption
 
     def _repr_html_(self) -> str:
-        return table_html(self.rows(), self.caption)
+        return table_html(self._rows, self.caption)
 
 
-class Table(_Shown, tuple[dict[str, Any], ...]):
-    """Rows of a table.
+def error_table(compared: dict[str, Any]) -> Table[dict[str, Any]]:
+    """Return the methods' angular errors, a row a method and kind of frames; see `statistics_rows` for the columns.
 
-    Parameters
-    ----------
-    rows : iterable of dict
-    caption : str
+    `compared`: the part `compare` of summary.json. The drawing has the share of pixels by error in degrees, a panel a
+    method, real filled, twin a line.
     """
+    from compare.statistics.statistics import statistics_rows
+    from draw.object_charts import error_histograms
 
-    def __new__(cls, rows: Iterable[dict[str, Any]], caption: str) -> Self:
-        found = super().__new__(cls, rows)
-        found.caption = caption
-        return found
-
-    def rows(self) -> list[dict[str, Any]]:
-        """Return the rows."""
-        return list(self)
-
-
-class Errors(Table):
-    """The methods' angular errors, a row a method and kind of frames; see `statistics_rows` for the columns.
-
-    Parameters
-    ----------
-    compared : dict
-        The part `compare` of summary.json.
-    """
-
-    _compared: dict[str, Any]
-
-    def __new__(cls, compared: dict[str, Any]) -> Self:
-        from compare.statistics.statistics import statistics_rows
-
-        rows = statistics_rows(compared)
-        said = (f"{row['method']} {row['median_deg']:.2f} ({row['frames']})" for row in rows)
-        caption = f"median angular error, degrees: {', '.join(said) or 'none is known'}"
-        found = super().__new__(cls, rows, caption)
-        found._compared = compared
-        return found
-
-    def plot(self) -> "Drawing":
-        """Return a drawing: the share of pixels by error in degrees, a panel a method, real filled, twin a line.
-
-        Raises
-        ------
-        SceneError
-            No method has an error.
-        """
-        from draw.object_charts import error_histograms
-
-        drawn = error_histograms(self._compared, list(dict.fromkeys(row["method"] for row in self)))
-        if drawn is None:
-            raise SceneError("errors: no method shares a pixel with the truth, so there is nothing to draw.")
-        return drawn
+    rows = statistics_rows(compared)
+    said = ", ".join(f"{row['method']} {row['median_deg']:.2f} ({row['frames']})" for row in rows)
+    methods = list(dict.fromkeys(row["method"] for row in rows))
+    caption = f"median angular error, degrees: {said or 'none is known'}"
+    return Table(rows, caption, draw=lambda: error_histograms(compared, methods))
 
 
 def ball_rows(balls: Iterable[Sphere], camera: Camera) -> list[dict[str, Any]]:
@@ -115,37 +116,26 @@ def ball_rows(balls: Iterable[Sphere], camera: Camera) -> list[dict[str, Any]]:
     return rows
 
 
-class Balls(_Shown, tuple[Sphere, ...]):
-    """The calibration balls, `scene.spheres.Sphere`, with the camera that saw them and the photographs."""
+def ball_table(balls: Iterable[Sphere], camera: Camera, frames: Frames) -> Table[Sphere]:
+    """Return the calibration balls with the camera that saw them, a row each: see `ball_rows`.
 
-    _camera: Camera
-    _frames: Frames
+    The drawing is the first photograph with the balls' outlines; axes in px.
+    """
+    balls = list(balls)
 
-    def __new__(cls, balls: Iterable[Sphere], camera: Camera, frames: Frames) -> Self:
-        found = super().__new__(cls, balls)
-        found._camera, found._frames = camera, frames
-        kinds = [ball.kind for ball in found]
-        counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
-        found.caption = f"{len(found)} balls: {counts}" if found else "no balls"
-        return found
-
-    def rows(self) -> list[dict[str, Any]]:
-        """Return a row a ball, see `ball_rows`."""
-        return ball_rows(self, self._camera)
-
-    def plot(self) -> "Drawing":
-        """Return a drawing of the first photograph with the balls' outlines; axes in px."""
+    def draw() -> "Drawing":
         from compare.report.pictures import Exposure, thumbnail
         from draw.object_charts import map_chart
         from scene.estimate import PLOTTED_WIDTH
         from scene.map_pictures import data_uri
 
-        frames = self._frames
         picture = Exposure.for_frames(frames).develop(thumbnail(frames, 0, PLOTTED_WIDTH))
-        outlines = {}
-        for index, ball in enumerate(self):
-            line = ball.outline(self._camera)
-            outlines[f"{ball.kind} ball {index + 1}"] = np.concatenate([line, line[:1]])
-        uri = data_uri(picture, photograph=True)
-        label = "the first photograph with the balls' outlines"
+        lines = {f"{ball.kind} ball {n}": ball.outline(camera) for n, ball in enumerate(balls, 1)}
+        outlines = {name: np.concatenate([line, line[:1]]) for name, line in lines.items()}
+        uri, label = data_uri(picture, photograph=True), "the first photograph with the balls' outlines"
         return map_chart(uri, width=frames.width, height=frames.height, label=label, outlines=outlines)
+
+    kinds = [ball.kind for ball in balls]
+    counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+    caption = f"{len(balls)} balls: {counts}" if balls else "no balls"
+    return Table(balls, caption, ball_rows(balls, camera), draw)

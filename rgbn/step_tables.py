@@ -1,21 +1,35 @@
-"""What each step found, as tables for a terminal, in natural units.
+"""The end of a run, for people at a terminal: what each step found, where it wrote it, and what comes next."""
 
-A table's columns and lines are forms, "{residual_px:.2f} px", that are filled in with a row's values; what has no value
-there, or None, is left out.
-"""
-
+import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import os
+import shlex
+from collections.abc import Callable, Iterator, Mapping
+from io import StringIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from compare.report.verdict import trust_sentence
 from lab.job import Job
+from lab.run_log import log
+from lab.streams import is_quiet, say
+from lab.terminal_tables import fact_table, number_table
 from scene.camera import Camera
 from scene.store import Store
 
 Values = Mapping[str, Any]
+LOG_COLUMNS = 110
+OWN = {"solve": ("solve", "trust")}
+"""Of a verb, the steps whose findings it shows, where these are more than its own."""
+SOUGHT = ("report.html", "lights.json", "lights.csv", "spheres.json", "pose.json", "normals", "twin", "statistics.csv")
+"""What people look for first in an output folder."""
+NEXT = {
+    "check": "rgbn calibrate {0}", "calibrate": "rgbn align {0}",
+    "align": "rgbn solve {0}", "solve": "rgbn twin {0}", "twin": "rgbn compare {0}",
+    "compare": "look at {0}/report.html; rgbn studio {0}",
+}  # fmt: skip
 MOST, WORST = 24, 12
 """More lights are not all listed, but so many: those that are flagged, then the least certain."""
 LIGHTS = {
@@ -61,48 +75,6 @@ TWIN = {
     "foretold": "{relative_rmse_lit:.2%} of frames not fitted to, where lit",
     "rendering": "engine {engine}, {seconds:.0f} s, error {error:.2%}",
 }
-
-
-def filled(form: str, values: Values) -> str:
-    """Return a form filled in; "–" where a value is not known."""
-    known = {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in values.items()}
-    try:
-        return form.format(**known)
-    except (KeyError, TypeError):
-        # None has no digits.
-        return "–"
-
-
-def number_table(title: str, columns: Mapping[str, str], rows: Iterable[Values], caption: str = "") -> Any:
-    """Return a table, forms by their heads; columns without any value are left out. Texts stand left, numbers right."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(title=Text(title, style="bold"), title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
-    table.caption, table.caption_justify = caption or None, "left"
-    rows = list(rows)
-    cells = {head: [filled(form, row) for row in rows] for head, form in columns.items()}
-    cells = {head: column for head, column in cells.items() if not rows or {*column} - {"–", ""}}
-    for head in cells:
-        table.add_column(head, justify="right" if ":" in columns[head] else "left")
-    for row in zip(*cells.values(), strict=True):
-        table.add_row(*map(Text, row))
-    return table
-
-
-def fact_table(title: str, lines: Mapping[str, str], values: Values | None = None) -> Any:
-    """Return facts, a line each, what and how much: forms, or with no values texts as they are."""
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(title=Text(title, style="bold"), title_justify="left", box=None, show_header=False, pad_edge=False)
-    table.add_column(no_wrap=True)
-    table.add_column()
-    for what, form in lines.items():
-        if (text := form if values is None else filled(form, values)) != "–":
-            table.add_row(what, Text(text))
-    return table
 
 
 def check_tables(job: Job, summary: Values) -> Iterator[Any]:
@@ -243,3 +215,63 @@ TABLES: dict[str, Callable[[Job, Values], Iterator[Any]]] = {
     "twin": twin_tables,
     "compare": compare_tables,
 }
+
+
+def tell(job: Job, summary: dict[str, Any], *, verb: str, as_json: bool = False, whole: bool = False) -> None:
+    """Print what a verb found, as tables or the whole summary as JSON.
+
+    Parameters
+    ----------
+    job : Job
+        Its output folder is read.
+    summary : dict
+        summary.json.
+    verb : str
+        The step that was asked for.
+    as_json : bool
+    whole : bool
+        Show what every step found, not the verb's own alone.
+    """
+    steps = list(TABLES) if whole else OWN.get(verb, (verb,))
+    tables = [table for step in steps for table in TABLES[step](job, summary)]
+    tables.append(fact_table("", _places(job, verb)))
+    _print(tables, StringIO(), LOG_COLUMNS)
+    if as_json:
+        print(json.dumps(summary, indent=1))
+        return
+    if not is_quiet():
+        _print(tables)
+    before = {*_before(verb), *steps}
+    for warning in summary["warnings"]:
+        if warning["step"] in before:
+            say(f"warning ({warning['step']}): {warning['text']}", always=True)
+
+
+def _print(tables: list[Any], stream: StringIO | None = None, columns: int | None = None) -> None:
+    """Print on standard output; with a stream, into the run's log."""
+    from rich.console import Console
+
+    # Numbers in texts are no more important than the words.
+    console = Console(file=stream, width=columns, highlight=False)
+    for table in tables:
+        console.print(table)
+        console.print()
+    if stream:
+        log(stream.getvalue())
+
+
+def _before(verb: str) -> set[str]:
+    """Return a step and all that it needs."""
+    from lab.plan import STEPS
+
+    return {verb}.union(*(_before(need) for need in STEPS[verb].needs))
+
+
+def _places(job: Job, verb: str) -> dict[str, str]:
+    """Return where the results are, by the shorter way from here, and what comes next."""
+    folder, here = job.store.folder, Path(os.path.relpath(job.store.folder))
+    near = folder if here.parts[:2] == ("..", "..") else here
+    there = [name for name in SOUGHT if (folder / name).exists()]
+    has_twin = verb != "solve" or (folder / "pose.json").exists()
+    command = NEXT[verb if has_twin else "twin"].format(shlex.quote(str(near)))
+    return {"written": f"{near}: {', '.join([*there, 'summary.json'])}", "next": command}

@@ -13,7 +13,7 @@ from calibrate.lights.reflected_disc import FLOOR_PX
 from calibrate.silhouette.ball_silhouette import table_floor_px
 from scene.camera import Camera
 from scene.errors import CalibrationError
-from scene.lights import Lights
+from scene.lights import Lights, known_median
 from scene.normals import unit
 from scene.spheres import Sphere
 
@@ -71,7 +71,7 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
     Raises
     ------
     CalibrationError
-        No chrome ball, or an orthographic camera.
+        No chrome ball, balls so small that they tell nothing, or an orthographic camera.
 
     Notes
     -----
@@ -103,7 +103,13 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
     problem = Adjustment(seen, near=True)
     x = problem.start(positions)
     slopes = problem.slopes(x)
-    covariance = np.linalg.inv(slopes.T @ slopes)
+    try:
+        covariance = np.linalg.inv(slopes.T @ slopes)
+    except np.linalg.LinAlgError:
+        raise CalibrationError(
+            f"balls: of {radius.min():.3g} to {radius.max():.3g} px in radius, they tell nothing of flashes at "
+            f"{np.linalg.norm(positions - problem.reference, axis=1).max():.3g} mm. Take balls of 20 px or more."
+        ) from None
     columns = problem.first_light + np.arange(3 * len(positions))
     own = np.sqrt(np.diag(covariance)[columns].reshape(-1, 3))
     flat = problem.position_slopes(x).reshape(-1, len(x))
@@ -116,16 +122,16 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
 def known_alike(lights: Lights, positions: Array, reference: Array) -> PredictedLights:
     """Return lights at positions (F, 3), mm, each as well known as the median one of `lights`, and by itself.
 
-    For flashes that no ball of known size tells: of a session whose lights were given, or are distant.
+    For flashes that no ball of known size tells: of a session whose lights were given, or are distant. NaN where
+    nothing is known of those.
     """
     away = positions - reference
     distance = np.linalg.norm(away, axis=1)
     toward = away / distance[:, None]
-    turn, intensity = (
-        float(np.median(np.nan_to_num(sigma))) for sigma in (lights.direction_sigma_deg, lights.intensity_sigma)
-    )
+    turn, intensity = known_median(lights.direction_sigma_deg), known_median(lights.intensity_sigma) or 0.0
     across = np.eye(3) - toward[:, :, None] * toward[:, None, :]
     every = np.arange(len(positions))
     joint = np.zeros((len(positions), 3, len(positions), 3))
-    joint[every, :, every] = across * ((np.radians(turn) * distance) ** 2)[:, None, None]
-    return PredictedLights(np.full(len(positions), turn), np.zeros(len(positions)), joint, intensity)
+    joint[every, :, every] = across * ((np.radians(turn or 0.0) * distance) ** 2)[:, None, None]
+    known = np.full(len(positions), np.nan if turn is None else turn)
+    return PredictedLights(known, np.zeros(len(positions)), joint, intensity)

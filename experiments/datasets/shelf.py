@@ -116,5 +116,7 @@ def listing(found: list[Entry]) -> str:
     rows = ["".join(f"{cell:{width}}" for cell, width in zip(line, widths, strict=False)) + line[3] for line in lines]
     own = [one for one in found if not one.same_as]
     more = f" and {len(found) - len(own)} other names" if len(own) < len(found) else ""
-    marked, there = sum(one.benchmark for one in own), sum(bool(one.state) for one in own)
+    # A copy of another size is the same one of the list.
+    marked = sum(one.name in benchmark_names() for one in own)
+    there = sum(bool(one.state) for one in own)
     return "\n".join([*rows, f"{len(own)} datasets{more}; {marked} of the benchmark's list; {there} on the shelf"])

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from cyclopts import Parameter
 
@@ -54,12 +54,15 @@ class Answers:
     white: Annotated[tuple[float, ...], diameters("Diameter of the white balls, mm.")] = ()
     unit: Annotated[
         Unit | None,
-        Parameter(help="Unit of the scan. Default: told by the object's size in the picture."),
+        Parameter(help="Unit of the scan. Default: told by the object's size in the picture, where it can be."),
     ] = None
     focal_mm: Annotated[float | None, Parameter(help="Focal length engraved on the lens, mm. Default: EXIF's.")] = None
     sensor_mm: Annotated[float | None, Parameter(help="Width of the sensor, mm: 36 for full frame.")] = None
     linear: Annotated[
-        bool | None, Parameter(help="Whether values of 8-bit files are proportional to light. Default: asked.")
+        bool | None,
+        Parameter(
+            help="Values of 8-bit files are proportional to light. Default: sRGB-encoded, as cameras write them."
+        ),
     ] = None
 
     def __post_init__(self) -> None:
@@ -134,16 +137,10 @@ class Asking:
             )
         return given * balls if len(given) == 1 else given
 
-    def unit(self, scan: str, likely: Unit | None) -> Unit | None:
-        """Return the scan's unit as a person says it; None where nobody does, or `likely` tells it."""
-        if self.answers.unit is None and likely is not None:
-            return None
-        return self._once("unit", f"Unit of {scan}: m, cm, mm, inch or unknown (Enter: not known)", UNITS)
-
-    def is_linear(self, file: str) -> bool:
-        """Return whether 8-bit values are proportional to light."""
-        what = f"{file} has 8 bits. Are its values proportional to light (not a camera's JPEG, not sRGB)? y or n"
-        return bool(self._once("linear", f"{what} (Enter: n)", YES))
+    def said(self, what: str) -> Any:
+        """Return what is said of a field of `Answers`, now or earlier; None where nothing is."""
+        known = (getattr(answers, what) for answers in (self.answers, self.earlier))
+        return next((value for value in known if value not in (None, ())), None)
 
     def camera(self, *, is_known: bool) -> dict[str, float]:
         """Return what is said of the lens, by its keys in session.toml; asked for where nothing else tells it."""
@@ -160,11 +157,9 @@ class Asking:
 
     def _once(self, what: str, question: str, read: Callable[[str], T]) -> T | None:
         """Return what was given, said earlier, or asked for once; None where nobody answers."""
-        for answers in (self.answers, self.earlier):
-            if getattr(answers, what) not in (None, ()):
-                return getattr(answers, what)
-        if self.silent or what in self._asked:
-            return None
+        known = self.said(what)
+        if known is not None or self.silent or what in self._asked:
+            return known
         self._asked.add(what)
         answer = self._ask(question, read)
         if answer is not None:
@@ -185,15 +180,6 @@ class Asking:
                 print(f"  {error}", file=sys.stderr)
 
 
-def _choice(meanings: dict[str, T]) -> Callable[[str], T]:
-    def read(text: str) -> T:
-        if text.lower() not in meanings:
-            raise ValueError(f"{text}: expected one of {', '.join(meanings)}")
-        return meanings[text.lower()]
-
-    return read
-
-
 def _number(key: str) -> Callable[[str], float]:
     def read(text: str) -> float:
         (value,) = lengths_of(text)[:1]
@@ -202,7 +188,3 @@ def _number(key: str) -> Callable[[str], float]:
         return value
 
     return read
-
-
-UNITS: Callable[[str], Unit] = _choice({**{unit: unit for unit in get_args(Unit)}, "in": "inch", "inches": "inch"})
-YES = _choice({"y": True, "n": False, "yes": True, "no": False})

@@ -32,11 +32,12 @@ def _missing(draft: Draft) -> Iterator[str]:
     if not manifest.frames.ambient:
         yield "there is no ambient frame (flash off, same exposure): the room must have been dark."
     if manifest.frames.linear is False:
-        yield f"{draft.photographs['flash'][0].suffix} values are taken as sRGB-encoded, as cameras write them."
+        suffix = draft.photographs["flash"][0].suffix
+        yield f"{suffix} values are taken as sRGB-encoded, as cameras write them; else say --linear."
     if not known.scan and not known.normals:
         yield "there is no scan: no ground truth, no twin."
     elif known.scan and unit == "unknown":
-        yield "the scan's unit is not known: give it, or a ball's diameter."
+        yield "the scan's unit is not known: give it (--unit), or a ball's diameter."
     elif known.scan and draft.likely_unit not in (None, unit):
         yield (
             f"the scan is {draft.scan_told}, but the object looks {draft.object_mm:.0f} mm large in the picture, as "

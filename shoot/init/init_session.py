@@ -58,9 +58,7 @@ def init_sessions(
         There is a session.toml of a person's, or the folder is one in the DiLiGenT layout; no photographs; answers do
         not fit.
     """
-    if (folder / FILENAMES).is_file():
-        run = f"rgbn process {shlex.quote(str(folder))}"
-        raise SessionError(f"{folder}: is a session in the DiLiGenT layout already. Run: {run}")
+    check_layout(folder)
     found = survey(folder)
     for one in found:
         check_free(one)
@@ -113,14 +111,21 @@ def _said_before(manifest: Path) -> Answers:
     return Answers()
 
 
+def check_layout(folder: Path) -> None:
+    """Raise SessionError where a folder needs no session.toml."""
+    if (folder / FILENAMES).is_file():
+        run = f"rgbn process {shlex.quote(str(folder))}"
+        raise SessionError(f"{folder}: is a session in the DiLiGenT layout already. Run: {run}")
+
+
 def check_free(files: FolderFiles) -> None:
     """Raise SessionError where session.toml is there already and not as rgbn wrote it, or cannot be written."""
     manifest = files.folder / MANIFEST
     own = not manifest.is_symlink() and manifest.is_file()
     if os.path.lexists(manifest) and not (own and is_unedited(manifest.read_bytes().decode("utf-8", "replace"))):
         raise SessionError(
-            f"{manifest}: is there already, and is not written over. Correct it by hand, or rename it and run "
-            f"rgbn init {shlex.quote(str(files.folder))} again."
+            f"{manifest}: is there already, and is not written over. Correct it by hand, or rename it and run the same "
+            "command again."
         )
     if not os.access(files.folder, os.W_OK):
         raise SessionError(f"{files.folder}: cannot be written. Copy the folder to a place of your own.")

@@ -32,10 +32,18 @@ SAME_OBJECT = 0.7
 one object, 0.17 to 0.71 of seven."""
 
 
-def prepare(files: FolderFiles, asking: Asking, progress: AbstractContextManager[Callable[[int, int], None]]) -> Draft:
+def prepare(
+    files: FolderFiles,
+    asking: Asking,
+    progress: AbstractContextManager[Callable[[int, int], None]],
+    *,
+    small: Sequence[Small] = (),
+    balls: Sequence[SphereTable] | None = None,
+) -> Draft:
     """Return what a folder's files are, with what the user answered.
 
-    `progress` gives what is told of how many photographs are read; it is closed before a question comes.
+    `progress` gives what is told of how many photographs are read; it is closed before a question comes. `small`,
+    `balls`: the photographs as they were read already, and the balls as they were found.
 
     Raises
     ------
@@ -44,32 +52,10 @@ def prepare(files: FolderFiles, asking: Asking, progress: AbstractContextManager
         found.
     """
     linear, encoding = encoding_of(files.photographs["flash"][0], asking)
+    every = [path for role in ("flash", "ambient", "board") for path in files.photographs.get(role, [])]
     with progress as tell:
-        draft = _look(files, linear, encoding, tell)
-    return completed(draft, files, asking)
-
-
-def begun(
-    folder: Path, photographs: dict[str, list[Path]], flash: Sequence[Small], ambient: Sequence[Small], *,
-    linear: bool | None, notes: Sequence[str] = (),
-) -> Draft:  # fmt: skip
-    """Return a draft whose photographs have their roles, and nothing else."""
-    first = flash[0]
-    draft = Draft(
-        Manifest(frames=FramesTable(flash=["*"], linear=linear)), folder, first.width, first.height,
-        frames_of(list(flash), list(ambient)), first.step, exif=tuple(read_exif(one.path) for one in flash),
-        notes=tuple(notes),
-    )  # fmt: skip
-    if boards := photographs.get("board"):
-        draft = draft.noting(f"{len(boards)} shots of a board are not used: rgbn init looks for the board in them.")
-    return draft.with_photographs(photographs)
-
-
-def completed(draft: Draft, files: FolderFiles, asking: Asking, balls: Sequence[SphereTable] | None = None) -> Draft:
-    """Return a draft whose photographs have their roles with all else: camera, balls, mask, scan; see `prepare`.
-
-    `balls`: as they were found already; None: they are looked for.
-    """
+        small, unread = (small, []) if small else read_small(every, encoding, tell)
+    draft = _look(files, linear, {one.path: one for one in small}, unread)
     if "board" not in draft.photographs:
         draft = draft.saying("camera", **asking.camera(is_known=draft.known_camera()[0] is not None))
         draft.known_camera()
@@ -77,14 +63,11 @@ def completed(draft: Draft, files: FolderFiles, asking: Asking, balls: Sequence[
     return _given(draft, files, asking)
 
 
-def _look(files: FolderFiles, linear: bool | None, encoding: Encoding, tell: Callable[[int, int], None]) -> Draft:
-    """Decode small; give the photographs whose names tell nothing their roles."""
+def _look(files: FolderFiles, linear: bool | None, by_path: dict[Path, Small], unread: list[str]) -> Draft:
+    """Give the photographs whose names tell nothing their roles."""
     flash, notes = files.photographs["flash"], list(files.left_out)
     boards, dims = files.photographs.get("board", []), files.photographs.get("ambient", [])
-    every = [*flash, *dims, *boards]
-    small, unread = read_small(every, encoding, tell)
     notes += [f"left out, cannot be read: {text}" for text in unread]
-    by_path = {one.path: one for one in small}
     shots = [by_path[path] for path in flash if path in by_path]
     if len(shots) < FEWEST:
         raise SessionError(
@@ -121,7 +104,11 @@ def _look(files: FolderFiles, linear: bool | None, encoding: Encoding, tell: Cal
         "dark": [*files.photographs.get("dark", []), *(one.path for one in roles.get("dark", []))],
         "flat": files.photographs.get("flat", []),
     }
-    draft = begun(files.folder, photographs, shots, ambient, linear=linear, notes=notes)
+    first = shots[0]
+    draft = Draft(
+        Manifest(frames=FramesTable(flash=["*"], linear=linear)), files.folder, first.width, first.height,
+        frames_of(shots, ambient), first.step, exif=tuple(read_exif(one.path) for one in shots), notes=tuple(notes),
+    ).with_photographs(photographs)  # fmt: skip
     if layout is None:
         return draft
     shots_key = "charuco" if layout.dictionary else "chessboard"
@@ -132,12 +119,10 @@ def encoding_of(first: Path, asking: Asking) -> tuple[bool | None, Encoding]:
     """Return what session.toml is to say of the values' coding, None for nothing, and the coding."""
     if kind_of(first) != "image":
         return None, "linear"
-    if first.suffix.lower() in (".jpg", ".jpeg"):
-        linear = bool(asking.answers.linear or asking.earlier.linear)
-    elif asking.answers.linear is None and not _has_eight_bits(first):
+    linear = asking.said("linear")
+    if linear is None and first.suffix.lower() not in (".jpg", ".jpeg") and not _has_eight_bits(first):
         return True, "linear"
-    else:
-        linear = asking.is_linear(first.name)
+    linear = bool(linear)
     return linear, "linear" if linear else "srgb"
 
 
@@ -197,4 +182,5 @@ def _given(draft: Draft, files: FolderFiles, asking: Asking) -> Draft:
     ]  # fmt: skip
     across = object_across_px(draft.small, small_camera(draft), circles) if circles else None
     draft = replace(draft, across_px=across and across * draft.step)
-    return draft.saying("object", scan_unit=asking.unit(scans[0].name, draft.likely_unit))
+    unit = asking.answers.unit or (None if draft.likely_unit else asking.said("unit"))
+    return draft.saying("object", scan_unit=unit)

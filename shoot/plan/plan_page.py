@@ -1,121 +1,201 @@
-"""A plan for people: its answer in words, its tables, and one page to print."""
+"""A plan's facts, with their units in their names: as plan.json, as tables, in words, and as one page to print."""
 
 from pathlib import Path
 from typing import Any
 
-from shoot.plan.plan_drawing import error_chart, top_view
-from shoot.plan.plan_facts import brief
+import numpy as np
+from numpy.typing import NDArray
+
+from draw.light_charts import directions
+from draw.svg import Drawing, circle, line, svg
+from lab.terminal_tables import filled
+from scene.files import plain
+from scene.lights import known_median
+from shoot.plan.places import GOOD_PX, LEAST_PX
+from shoot.plan.set_up import EXPOSURE
+from shoot.plan.shoot_plan import ShootPlan
 
 TEMPLATE = Path(__file__).parent / "plan_page.html"
 MOST_ROWS = 36
 """Flashes in the page's table: a page has no room for more; plan.json has all."""
-FLASH_HEADS = ("no.", "from axis", "o'clock", "height, cm", "aside, cm", "error after", "minutes")
-BALL_HEADS = ("ball", "diameter", "from the middle, cm", "radius")
+FLASHES = {
+    "no.": "{number}", "from axis": "{zenith_deg:.0f}°", "o'clock": "{clock}", "height, cm": "{height_cm:.0f}",
+    "aside, cm": "{aside_cm:.0f}", "error after": "{error_median_deg:.2g}°", "": "{there}",
+}  # fmt: skip
+BALLS = {
+    "ball": "{kind}", "diameter": "{diameter_mm:g} mm", "right, cm": "{right_cm:.0f}", "up, cm": "{up_cm:.0f}",
+    "radius": "{radius_px:.0f} px",
+}  # fmt: skip
+"""Right and up: from the object's middle, as the camera sees it."""
+WIDE = 560.0
+"""Of the drawing of the picture, pixels."""
+BALL_COLOURS = {"chrome": "#59636e", "white": "#fff"}
 
 
-def plan_page(facts: dict[str, Any]) -> str:
-    """Return the page of a plan's facts; see `shoot.plan.plan_facts`."""
-    from jinja2 import Environment, StrictUndefined
+def plan_facts(plan: ShootPlan) -> dict[str, Any]:
+    """Return the plan."""
+    set_up, options, result = plan.pixels.set_up, plan.options, plan.predicted[-1]
+    camera, middle = set_up.camera, set_up.middle_mm
+    if result is not None and result.error_deg >= 90:
+        result = None
+    rows = plan.lights.facts()["frames"]
+    for number, (row, predicted) in enumerate(zip(rows, plan.predicted, strict=True), 1):
+        away = row["position_mm"] - middle
+        row |= {
+            "number": number,
+            "there": "there" if number <= plan.there else "",
+            "clock": clock(row["azimuth_deg"]),
+            "height_cm": (row["position_mm"][2] - set_up.table_mm) / 10,
+            "aside_cm": np.hypot(*away[:2]) / 10,
+            "error_median_deg": None if predicted is None or predicted.error_deg >= 90 else predicted.error_deg,
+        }
+    balls = []
+    for sphere in plan.spheres:
+        # Where a ball of unknown size stands nobody knows.
+        if sphere.diameter_mm:
+            right, up, _ = (sphere.center_mm(camera) - middle) / 10
+            told = {"kind": sphere.kind, "diameter_mm": sphere.diameter_mm, "radius_px": sphere.radius_px}
+            balls.append(told | {"center_px": sphere.center_px, "right_cm": right, "up_cm": up})
+    facts = {
+        "flashes": rows,
+        "there": plan.there,
+        "error_median_deg": None if result is None else result.error_deg,
+        "by_noise_deg": None if result is None else np.median(result.by_noise_deg),
+        "by_lights_deg": None if result is None else np.median(result.by_lights_deg),
+        "lights_sigma_deg": known_median(plan.lights.direction_sigma_deg),
+        "accuracy_deg": options.accuracy_deg,
+        "stop_after": plan.stop_after,
+        "helps_until": plan.helps_until,
+        "balls": balls,
+        "camera": {"width": camera.width, "height": camera.height, "distance_mm": np.linalg.norm(middle)},
+        "object": {
+            "size_mm": set_up.size_mm,
+            "mm_per_px": None if camera.is_orthographic else -middle[2] / camera.fx,
+            "albedo": set_up.albedo,
+            "outline_px": _outline(camera.project(plan.pixels.points)),
+        },
+        "flash_mm": np.median([row["distance_mm"] for row in rows]),
+        "white_ball_value": EXPOSURE,
+        "said": set_up.said,
+        "warnings": _warnings(plan),
+    }
+    return plain(facts)
 
-    template = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
-    rows = [row for row in facts["flashes"] if not row["is_there"] or len(facts["flashes"]) <= MOST_ROWS]
-    return template.from_string(TEMPLATE.read_text("utf-8")).render(
-        facts,
-        answer=answer_of(facts),
-        view=top_view(facts),
-        chart=error_chart(facts),
-        flash_heads=FLASH_HEADS,
-        flash_rows=flash_rows(rows),
-        most_rows=MOST_ROWS,
-        ball_heads=BALL_HEADS,
-        ball_rows=ball_rows(facts),
-        lights_told=lights_of(facts),
-        checklist=_checklist(facts),
-    )
+
+def clock(azimuth_deg: float) -> str:
+    """Return an azimuth, 0 right and 90 up, as the hour on a clock's face, to a quarter: 12:00 is up."""
+    quarters = round(((90 - azimuth_deg) % 360) / 7.5) % 48
+    return f"{(quarters // 4) or 12}:{15 * (quarters % 4):02d}"
+
+
+def _outline(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the corners (K, 2) of the hull of places in the picture."""
+    import cv2
+
+    return np.asarray(cv2.convexHull(np.ascontiguousarray(places, np.float32)), np.float64).reshape(-1, 2)
+
+
+def _warnings(plan: ShootPlan) -> list[str]:
+    """Return what is to be looked at before the shoot."""
+    found, result, wanted = [], plan.predicted[-1], plan.options.accuracy_deg
+    if result is not None and (told := float((result.sigma_deg < 90).mean())) < 0.995:
+        found.append(
+            f"{1 - told:.1%} of the object is lit by fewer than three of the flashes, and has no normal: lower "
+            "flashes (--to-deg), or a second view."
+        )
+    if result is not None and wanted and plan.stop_after is None:
+        noise, lights = np.median(result.by_noise_deg), np.median(result.by_lights_deg)
+        found.append(
+            f"{wanted:g} degrees are not reached with {len(plan.predicted)} flashes (expected "
+            f"{result.error_deg:.2g}): by noise alone {noise:.2g}, by the lights alone {lights:.2g}. "
+            + ("Larger balls." if lights > noise else "More light, or a lower ISO.")
+        )
+    kinds = [sphere.kind for sphere in plan.spheres]
+    if "chrome" in kinds and "white" not in kinds:
+        found.append("no white ball: how bright each flash was is then only known to some 10 %. Add one.")
+    if kinds.count("chrome") == 1:
+        found.append("one chrome ball: the flashes have no distance. Add a second one on the object's other side.")
+    smallest = min((sphere.radius_px for sphere in plan.spheres), default=LEAST_PX)
+    if smallest < LEAST_PX:
+        found.append(
+            f"balls of {smallest:.0f} px in radius are not found surely: {LEAST_PX:g} px are needed, {GOOD_PX:g} are "
+            "good. Larger balls, or a nearer camera."
+        )
+    depth = float(np.ptp(plan.pixels.points[:, 2]))
+    nearest = min(row["distance_mm"] for row in plan.lights.facts()["frames"])
+    if depth > 0.1 * nearest:
+        found.append(
+            f"the object is {depth:.0f} mm deep under flashes {nearest:.0f} mm away. Solve with --method near, which "
+            "knows its depth; others add degrees of error that do not go away with more flashes."
+        )
+    return found
 
 
 def answer_of(facts: dict[str, Any]) -> str:
-    """Return what the plan gives, in two or three sentences."""
-    count, there, predicted = len(facts["flashes"]), facts["there"], facts["predicted"]
-    many = f"{there} flashes are there, {count - there} more" if there else f"{count} flashes"
-    if predicted is None:
+    """Return what the plan gives, in a few sentences."""
+    flashes, there, error = facts["flashes"], facts["there"], facts["error_median_deg"]
+    many = f"{there} flashes are there, {len(flashes) - there} more" if there else f"{len(flashes)} flashes"
+    if error is None:
         return f"{many}: too few to tell the normals."
     text = (
-        f"{many}, {facts['minutes']:.0f} minutes: normals to {brief(predicted['error_median_deg'])}° (median error to "
-        f"be expected, gloss and shadows left out), by the photographs' noise {brief(predicted['by_noise_deg'])}° and "
-        f"by what the balls leave unknown of the lights {brief(predicted['by_lights_deg'])}° a tangent axis."
+        f"{many}: normals to {error:.2g}° (median error to be expected, of a matte surface, shadows left out), by the "
+        f"photographs' noise {facts['by_noise_deg']:.2g}° and by what the balls leave unknown of the lights "
+        f"{facts['by_lights_deg']:.2g}° a tangent axis."
     )
-    accuracy, stop = facts["accuracy_deg"], facts["stop_after"]
-    if accuracy and stop is not None:
-        text += f" Stop after flash {max(stop, there)}: {accuracy:g}° are reached."
-    elif accuracy:
-        text += f" {accuracy:g}° are not reached."
-    if facts["helps_until"] < count:
+    if accuracy := facts["accuracy_deg"]:
+        stop = facts["stop_after"]
+        text += f" {accuracy:g}° are not reached." if stop is None else f" {accuracy:g}° are reached."
+    if facts["helps_until"]:
         text += f" From flash {facts['helps_until']} on each one lowers the error by less than 1 %."
-    elif there and facts["next_flashes"]:
-        row = [*facts["flashes"][there:], *facts["next_flashes"]][0]
-        now, then = facts["flashes"][there - 1]["error_median_deg"], row["error_median_deg"]
-        gain = "" if now is None or then is None else f", which brings {brief(now)}° to {brief(then)}°"
-        text += f" Next: {row['from_axis_deg']:.0f}° from the axis at {row['clock']} o'clock{gain}."
+    if 0 < there < len(flashes):
+        now, row = flashes[there - 1]["error_median_deg"], flashes[there]
+        gain = f", which brings {now:.2g}° to {row['error_median_deg']:.2g}°" if now else ""
+        text += f" Next: {row['zenith_deg']:.0f}° from the axis at {row['clock']} o'clock{gain}."
     return text
 
 
-def flash_rows(flashes: list[dict[str, Any]]) -> list[tuple[str, ...]]:
-    """Return the cells of a table of flashes, below `FLASH_HEADS`."""
-    return [
-        (
-            str(row["number"]),
-            f"{row['from_axis_deg']:.0f}°",
-            row["clock"],
-            f"{row['height_mm'] / 10:.0f}",
-            f"{row['aside_mm'] / 10:.0f}",
-            "" if not (row["error_median_deg"] or 90) < 90 else f"{brief(row['error_median_deg'])}°",
-            "there" if row["is_there"] else f"{row['minutes']:.0f}",
-        )
-        for row in flashes
-    ]
-
-
-def ball_rows(facts: dict[str, Any]) -> list[tuple[str, ...]]:
-    """Return the cells of the table of the balls, below `BALL_HEADS`."""
-    rows = []
-    for number, ball in enumerate(facts["balls"], 1):
-        side, height = ("right", "left")[ball["right_mm"] < 0], ("up", "down")[ball["up_mm"] < 0]
-        rows.append(
-            (
-                f"{ball['kind'][0].upper()}{number} {ball['kind']}",
-                f"{ball['diameter_mm']:g} mm",
-                f"{abs(ball['right_mm']) / 10:.0f} {side}, {abs(ball['up_mm']) / 10:.0f} {height}",
-                f"{ball['radius_px']:.0f} px",
-            )
-        )
-    return rows
-
-
 def lights_of(facts: dict[str, Any]) -> str:
-    """Return how well the balls tell the lights."""
-    lights = facts["lights"]
-    known = {name: None if value is None else brief(value) for name, value in lights.items()}
-    return (
-        f"Directions at the object to {known['direction_sigma_deg']}°, positions to {known['position_sigma_mm']} mm, "
-        f"intensities to {lights['intensity_sigma']:.1%} (one standard deviation)."
+    """Return how well the directions of the lights are told."""
+    sigma = facts["lights_sigma_deg"]
+    if sigma is None:
+        return "How far the lights' directions are off is not known, and the error counts nothing of it."
+    return f"Directions of the lights at the object to {sigma:.2g}° (one standard deviation)."
+
+
+def picture_of(facts: dict[str, Any]) -> Drawing:
+    """Return where the object and the balls stand in the camera's picture."""
+    camera, outline = facts["camera"], facts["object"]["outline_px"]
+    scale = WIDE / camera["width"]
+    corners = [(scale * u, scale * v) for u, v in [*outline, *outline[:1]]]
+    wide, high = WIDE, scale * camera["height"]
+    frame = [(0, 0), (wide, 0), (wide, high), (0, high), (0, 0)]
+    parts = [line(frame, "#b9c6d1"), line(corners, "#b08d4a", fill="#f3e3c3")]
+    for ball in facts["balls"]:
+        u, v, radius = (scale * value for value in (*ball["center_px"], ball["radius_px"]))
+        parts.append(circle(u, v, radius, BALL_COLOURS[ball["kind"]], ball["kind"], stroke="#1d2329"))
+    return svg(wide, high, parts, label="the object and the balls in the picture")
+
+
+def plan_page(facts: dict[str, Any]) -> str:
+    """Return the page of a plan's facts."""
+    from jinja2 import Environment, StrictUndefined
+
+    template = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
+    rows = [row for row in facts["flashes"] if not row["there"] or len(facts["flashes"]) <= MOST_ROWS]
+    tables = {
+        "flashes": (FLASHES, rows[:MOST_ROWS]),
+        "balls": (BALLS, facts["balls"]),
+    }
+    cells = {
+        name: (list(columns), [[filled(form, row) for form in columns.values()] for row in some])
+        for name, (columns, some) in tables.items()
+    }
+    return template.from_string(TEMPLATE.read_text("utf-8")).render(
+        facts,
+        answer=answer_of(facts),
+        dome=directions({"frames": facts["flashes"]}),
+        picture=picture_of(facts),
+        tables=cells,
+        left_out=len(rows) - MOST_ROWS,
+        lights_told=lights_of(facts),
     )
-
-
-def _checklist(facts: dict[str, Any]) -> list[str]:
-    sizes = ", ".join(dict.fromkeys(f"{ball['diameter_mm']:g}" for ball in facts["balls"]))
-    shaded = [str(n) for n, ball in enumerate(facts["balls"], 1) if ball["shaded_share"]]
-    low = max(facts["flashes"], key=lambda row: row["from_axis_deg"])["number"]
-    hidden = f" (ball {', '.join(shaded)} lies in the object's shadow from some)" if shaded else ""
-    return [
-        "Tripod fixed, stabiliser off; nothing is touched until the last frame",
-        f"Balls clean, whole in the picture; diameters measured with calipers ({sizes} mm planned)",
-        "Room dark; focus on the object, then off",
-        f"Test frame from flash {low}, the lowest: no ball in shadow{hidden}",
-        "Test frame from the nearest flash: white ball not clipped",
-        "Flash off: 1 photograph, again after the last flash",
-        "Each flash: within 10 cm and 5° of its place is enough, the balls tell where it was",
-        "Flash charged before each frame; hand and cable not in the picture",
-        "If time runs out, stop anywhere: the flashes are in the order of their use",
-        "rgbn check on the photographs before anything is taken down",
-    ]

@@ -11,20 +11,19 @@ from lab.run import open_job
 from lab.session_place import is_output, is_session
 from scene.errors import SceneError
 from scene.files import write_json, write_text
+from scene.mesh import Mesh
 from scene.origin import Origin
 from scene.output_folder import open_record, own_folder
 from scene.record import Record
 from scene.spheres import Kind
-from shoot.plan.ball_places import best_balls, stand_balls
-from shoot.plan.flash_places import places_in_reach
-from shoot.plan.flash_samples import pixels_of
-from shoot.plan.plan_facts import plan_facts
+from shoot.plan.places import places_in_reach, stand_balls, usual_balls
 from shoot.plan.plan_options import PlanOptions
-from shoot.plan.plan_page import plan_page
-from shoot.plan.set_up import SetUp, before_camera, lens_camera, simple_shape
+from shoot.plan.plan_page import plan_facts, plan_page
+from shoot.plan.set_up import SetUp, before_camera, lens_camera, pixels_of
 from shoot.plan.shoot_plan import ShootPlan, plan_shoot
-from shoot.plan.under_way import UnderWay, session_so_far
+from shoot.plan.under_way import session_so_far
 from twin.camera.virtual_camera import Sensor
+from twin.description.object_mesh import built_in
 
 PLAN = "plan"
 
@@ -35,20 +34,20 @@ def run_plan(source: Path | None, options: PlanOptions, *, out: Path | None = No
     Parameters
     ----------
     source : Path or None
-        A scan; a session or an output folder, whose flashes so far count; None: a simple shape.
+        A scan; a session or an output folder, whose flashes so far count; None: a sphere.
     options : PlanOptions
         What `source` does not tell.
     out : Path, optional
-        Default: a session's own; out/NAME by the scan's or the shape's name.
+        Default: a session's own; out/plan-NAME by the scan's name.
 
     Raises
     ------
     SceneError
         An option or the source is at fault.
     """
-    with _opened(source, options, out) as (record, so_far, set_up):
-        facts = plan_facts(_planned(so_far, set_up, options))
-        name = f"{options.shape} of {options.size_mm:g} mm" if source is None else source.resolve().stem
+    with _opened(source, options, out) as (record, plan):
+        facts = plan_facts(plan)
+        name = f"sphere of {options.size_mm:g} mm" if source is None else source.resolve().stem
         facts |= {"name": name, "source": None if source is None else str(source)}
         with record.part_of(PLAN):
             write_json(record.folder / "plan.json", facts)
@@ -57,10 +56,8 @@ def run_plan(source: Path | None, options: PlanOptions, *, out: Path | None = No
 
 
 @contextmanager
-def _opened(
-    source: Path | None, options: PlanOptions, out: Path | None
-) -> Iterator[tuple[Record, UnderWay | None, SetUp | None]]:
-    """Yield the output folder's record, and either what there is of a session or the set-up of a new one."""
+def _opened(source: Path | None, options: PlanOptions, out: Path | None) -> Iterator[tuple[Record, ShootPlan]]:
+    """Yield the output folder's record, held, and the plan."""
     if source is not None and (source.is_dir() or is_output(source) or source.suffix == ".toml"):
         if source.is_dir() and not (is_session(source) or is_output(source)):
             raise SceneError(
@@ -68,21 +65,27 @@ def _opened(
                 "session's photographs."
             )
         with open_job(source, out=out) as job:
-            yield job.record, session_so_far(job, options.gloss), None
+            so_far = session_so_far(job)
+            yield job.record, plan_shoot(so_far.pixels, so_far.spheres, so_far.within(options), so_far=so_far)
         return
     set_up = _new_set_up(source, options)
-    usual, origin = Path("out") / f"plan-{options.shape}", "plan"
+    usual, origin = Path("out") / "plan-sphere", "plan"
     if source is not None:
         origin = Origin("scan", source.resolve())
         usual = own_folder(Path("out") / f"plan-{source.stem}", origin)
     with open_record(out or usual, origin=origin, inputs=[] if source is None else [source]) as record:
-        yield record, None, set_up
+        places = places_in_reach(options, set_up.middle_mm, set_up.size_mm)
+        chrome: list[tuple[Kind, float]] = [("chrome", one) for one in options.chrome]
+        given = [*chrome, *(("white", one) for one in options.white)]
+        spheres = stand_balls(set_up, places, given or usual_balls(set_up))
+        yield record, plan_shoot(pixels_of(set_up), spheres, options)
 
 
 def _new_set_up(source: Path | None, options: PlanOptions) -> SetUp:
     if source is None:
-        mesh = simple_shape(options.shape, options.size_mm)
-        told = f"object: a {options.shape} of {options.size_mm:g} mm"
+        ball = built_in("sphere")
+        mesh = Mesh(ball.vertices * options.size_mm / 2, ball.faces)
+        told = f"object: a sphere of {options.size_mm:g} mm"
     else:
         if not source.exists():
             raise SceneError(f"{source}: there is no such scan or session.")
@@ -98,24 +101,4 @@ def _new_set_up(source: Path | None, options: PlanOptions) -> SetUp:
         f"camera: {options.focal_mm:g} mm on {options.sensor_mm:g} mm, {lens.width} x {lens.height} px; {where}",
         f"noise of a usual sensor at ISO {options.iso:g}",
     )
-    return SetUp(lens, mesh, replace(Sensor(), iso=options.iso), options.gloss, options.albedo, said=said)
-
-
-def _planned(so_far: UnderWay | None, set_up: SetUp | None, options: PlanOptions) -> ShootPlan:
-    if so_far is not None:
-        pixels, spheres = so_far.pixels, so_far.spheres
-        options = replace(so_far.within(options), flashes=max(options.flashes, len(so_far.lights)))
-    else:
-        assert set_up is not None
-        pixels = pixels_of(set_up)
-        positions = places_in_reach(options, set_up.middle_mm, set_up.size_mm)
-        chrome: list[tuple[Kind, float]] = [("chrome", one) for one in options.chrome]
-        given = [*chrome, *(("white", one) for one in options.white)]
-        spheres = (
-            stand_balls(set_up, positions, given) if given else best_balls(set_up, positions[::3], options.accuracy_deg)
-        )
-    plan = plan_shoot(pixels, spheres, options, so_far=so_far)
-    while plan.flashes < plan.count:
-        # Fewer are enough: the best set of so many, which may need still fewer.
-        plan = plan_shoot(pixels, spheres, replace(options, flashes=plan.flashes), so_far=so_far)
-    return plan
+    return SetUp(lens, mesh, replace(Sensor(), iso=options.iso), options.albedo, said=said)

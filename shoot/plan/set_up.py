@@ -1,31 +1,37 @@
-"""What will be photographed, by what camera, how bright and how noisy."""
+"""What will be photographed, by what camera; what each flash shows of each of the object's pixels, and how noisily."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scene.camera import Camera
+from scene.errors import SceneError
+from scene.lights import Lights
 from scene.mesh import Mesh
+from scene.normals import unit
 from scene.rays import RayCaster
 from scene.spheres import WHITE_BALL_ALBEDO
 from shoot.plan.plan_options import AS_USUAL, View
+from solve.samples import GRAY
 from twin.camera.virtual_camera import Sensor
+from twin.visibility import Sight
 
 Array = NDArray[np.float64]
-GLOSSES: dict[str, tuple[float, float] | None] = {
-    "matte": None,
-    "satin": (0.4, 0.5),
-    "semi-gloss": (0.3, 1.0),
-    "gloss": (0.1, 1.0),
-}
-"""Roughness and specularity of `RoughPlastic`: chalk and plaster; wax and skin; painted wood, eggshell; glazed ware."""
 FILLS = 0.4
 """Share of the picture's height that the object fills: the balls stand beside it."""
 EXPOSURE = 0.7
 """Pixel value of the white ball where it faces the mean flash: the nearest flash may be a third brighter."""
+PIXELS = 1500
+"""Of the object, evenly in the picture, that a plan is made for."""
+RIM = 0.15
+"""Cosine to the view under which a pixel is not counted: at the outline, half of it is something else."""
+SHADOWED = 0.05
+"""Share of a pixel's 75th percentile under which the default solver takes a sample for shadowed."""
+LEFT_BY_MOSAIC = np.array([0.5625, 0.625, 0.5625])
+"""Of a sample's variance, mean over a Bayer pattern, red, green, blue: measured, or the mean of two or four."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +45,6 @@ class SetUp:
         The object in the camera frame, mm.
     sensor : Sensor
         Whose photon and read noise the photographs have.
-    gloss : str
-        A key of `GLOSSES`.
     albedo : float
         Reflectance of the object; a white ball has 0.8.
     white_value : float
@@ -54,7 +58,6 @@ class SetUp:
     camera: Camera
     mesh: Mesh
     sensor: Sensor = field(default_factory=Sensor)
-    gloss: str = AS_USUAL.gloss
     albedo: float = AS_USUAL.albedo
     white_value: float = EXPOSURE / WHITE_BALL_ALBEDO
     is_mosaic: bool = True
@@ -106,17 +109,105 @@ def before_camera(mesh: Mesh, camera: Camera, distance_mm: float | None, seen_fr
     return replace(mesh, vertices=vertices), f"camera {distance_mm:.0f} mm from the object's middle, {told}"
 
 
-def simple_shape(kind: Literal["sphere", "relief"], size_mm: float) -> Mesh:
-    """Return a stand-in for an object of this size: a ball, or a plate with waves of a slope of up to 35 degrees."""
-    if kind == "sphere":
-        from twin.description.object_mesh import built_in
+class Shown(NamedTuple):
+    """F flashes at P pixels, each sample divided by its flash's intensity."""
 
-        ball = built_in("sphere")
-        return Mesh(ball.vertices * size_mm / 2, ball.faces)
-    side, turns = 161, 3 * 2 * np.pi
-    y, x = np.mgrid[0.5 : -0.5 : side * 1j, -0.5 : 0.5 : side * 1j]
-    z = np.tan(np.radians(35)) / turns * np.sin(turns * x) * np.sin(turns * y)
-    corner = np.arange(side * side).reshape(side, side)
-    a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]))
-    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
-    return Mesh(size_mm * np.stack([x, y, z], -1).reshape(-1, 3), faces)
+    vectors: Array  # (F, P, 3) light vectors of intensity 1
+    noise: Array  # (F, P) standard deviation, in units of albedo x vector
+    seen: NDArray[np.bool_]  # (F, P)
+
+    def only(self, flashes: NDArray) -> "Shown":
+        """Return some of the flashes."""
+        return Shown(self.vectors[flashes], self.noise[flashes], self.seen[flashes])
+
+    def followed_by(self, other: "Shown") -> "Shown":
+        """Return these flashes and others."""
+        return Shown(
+            np.concatenate([self.vectors, other.vectors]),
+            np.concatenate([self.noise, other.noise]),
+            np.concatenate([self.seen, other.seen]),
+        )
+
+
+def lights_at(positions: Array, reference: Array) -> Lights:
+    """Return near lights of equal energy at positions (F, 3): the nearer, the brighter."""
+    away = positions - reference
+    distance = np.linalg.norm(away, axis=1, keepdims=True)
+    names = tuple(f"flash_{number:03d}" for number in range(1, len(positions) + 1))
+    intensities = np.broadcast_to(1 / distance**2, (len(positions), 3))
+    return Lights(names, away / distance, intensities, positions, np.asarray(reference, np.float64)).normalised()
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectPixels:
+    """The object's pixels for which a plan is made.
+
+    `scatter`: standard deviation of a sample about its shading beside the sensor's noise, as a share of it.
+    """
+
+    set_up: SetUp
+    points: Array  # (P, 3) mm
+    normals: Array  # (P, 3) unit
+    flat: Array  # (P, 3) the faces' own normals
+    albedo: Array  # (P,)
+    casts_shadows: bool = True
+    scatter: float = 0.0
+
+    @property
+    def b(self) -> Array:
+        """(P, 3) albedo x normal."""
+        return self.albedo[:, None] * self.normals
+
+    def under(self, lights: Lights) -> Shown:
+        """Return what lights will show.
+
+        Notes
+        -----
+        value = white x intensity x albedo n.l; white is `SetUp.white_value`. Its variance is value /
+        electrons + read^2; gray is the channels' mean by `GRAY`, each divided by the intensity.
+        """
+        set_up, sensor = self.set_up, self.set_up.sensor
+        vectors = np.asarray(lights.toward(self.points))
+        shade = np.einsum("fpi,pi->fp", vectors, self.normals)
+        if self.casts_shadows:
+            attached, cast = Sight(set_up.mesh, set_up.camera, lights).shadows(self.points, self.normals, self.flat)
+            seen = ~(attached | cast).T
+        else:
+            seen = shade > 0
+        body, white = self.albedo * np.maximum(shade, 0), set_up.white_value * lights.intensities.mean(1)[:, None]
+        seen &= shade > SHADOWED * np.quantile(np.where(seen, shade, 0), 0.75, axis=0)
+        neutral = np.array(sensor.neutral)
+        value = white * body
+        read = sensor.noise_e / sensor.white_e
+        kept = LEFT_BY_MOSAIC if set_up.is_mosaic else np.ones(3)
+        variance = np.einsum("c,fpc->fp", GRAY**2 * kept, value[..., None] * neutral / sensor.white_e + read**2)
+        noise = np.hypot(np.sqrt(variance) / (white * (GRAY @ neutral)), self.scatter * body)
+        seen &= value < 1
+        return Shown(vectors, noise, seen)
+
+
+def pixels_of(set_up: SetUp, count: int = PIXELS) -> ObjectPixels:
+    """Return some of the pixels that show the object, evenly in the picture."""
+    camera, mesh = set_up.camera, set_up.mesh
+    corners = camera.project(mesh.vertices)
+    low = np.floor(np.nanmin(corners, 0)).clip(0, [camera.width - 1, camera.height - 1])
+    high = np.ceil(np.nanmax(corners, 0)).clip(1, [camera.width, camera.height])
+    sight = Sight(mesh, camera, Lights.unknown(()))
+    step = max(1.0, float(np.sqrt(np.prod(high - low) / (1.6 * count))))
+    for _ in range(3):
+        u, v = np.meshgrid(np.arange(low[0], high[0], step), np.arange(low[1], high[1], step))
+        face, weights, points = sight.at(np.stack([u, v], -1).reshape(-1, 2))
+        hit = face >= 0
+        if hit.sum() <= count or step == 1:
+            break
+        step *= float(np.sqrt(hit.sum() / count))
+    if not hit.any():
+        raise SceneError("plan: the camera does not see the object. Check --distance-mm, --focal-mm and --unit.")
+    face, weights, points = face[hit], weights[hit], points[hit]
+    normals = np.einsum("pc,pck->pk", weights, mesh.vertex_normals[mesh.faces[face]])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    flat = mesh.face_normals[face]
+    toward = np.array([[0.0, 0.0, 1.0]]) if camera.is_orthographic else unit(-points)
+    good = (np.sum(normals * toward, 1) > RIM) & (np.sum(flat * toward, 1) > 0)
+    albedo = np.full(int(good.sum()), set_up.albedo)
+    return ObjectPixels(set_up, points[good], normals[good], flat[good], albedo)

@@ -2,19 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.lights.predicted_lights import PredictedLights, known_alike
+from calibrate.lights.predicted_lights import PredictedLights, known_alike, predict_lights
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.spheres import Sphere
-from shoot.plan.ball_places import light_sigmas
-from shoot.plan.flash_places import out_of_view, places_in_reach
-from shoot.plan.flash_samples import ObjectPixels, Shown, lights_at
+from shoot.plan.places import out_of_view, places_in_reach
 from shoot.plan.plan_options import AS_USUAL, PlanOptions
+from shoot.plan.set_up import ObjectPixels, Shown, lights_at
 from shoot.plan.under_way import UnderWay
 from solve.design.next_flash import choose_flashes, exchange_flashes, known_before
 from solve.design.normal_information import (
@@ -31,46 +30,21 @@ RAYLEIGH_MEDIAN = float(np.sqrt(2 * np.log(2)))
 NO_LONGER = 0.01
 """Share of the error by which one more flash must lower it, mean over the next three, to be worth it."""
 FEWEST = 3
-LOOK_AHEAD = 8
-"""Flashes beyond those wanted, to say whether they would help."""
 FAR_MM = 1000.0
 """Where a light without a position is put."""
 
 
-@dataclass(frozen=True)
-class Predicted:
-    """What a set of flashes gives.
-
-    Parameters
-    ----------
-    sigma_deg : (P,) float64
-        Of each pixel's normal, one tangent axis; 90 where fewer than three flashes light it.
-    noise_deg, lights_deg : float
-        Median over pixels: by the photographs' noise alone, by the calibration of the lights alone.
-    """
+class Predicted(NamedTuple):
+    """What a set of flashes gives, (P,) degrees along one tangent axis; 90 where fewer than three light a pixel."""
 
     sigma_deg: Array
-    noise_deg: float
-    lights_deg: float
+    by_noise_deg: Array  # of the photographs alone
+    by_lights_deg: Array  # by what the balls leave unknown of the lights alone
 
     @property
     def error_deg(self) -> float:
         """Median angle between the normals and the truth that is to be expected."""
         return float(RAYLEIGH_MEDIAN * np.median(self.sigma_deg))
-
-    def summary(self) -> dict[str, Any]:
-        """Return the numbers by their names in plan.json."""
-        told = self.sigma_deg < 90
-        low, middle, high = np.quantile(self.sigma_deg, [0.1, 0.5, 0.9])
-        return {
-            "sigma_median_deg": float(middle),
-            "sigma_p10_deg": float(low),
-            "sigma_p90_deg": float(high),
-            "error_median_deg": self.error_deg,
-            "by_noise_deg": self.noise_deg,
-            "by_lights_deg": self.lights_deg,
-            "told_share": float(told.mean()),
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,40 +53,25 @@ class ShootPlan:
 
     Parameters
     ----------
-    positions_mm : (N, 3) float64
-        Camera frame: first the flashes that there are already, then those that help most; more than are wanted.
-    predicted : list of N Predicted or None
+    lights : Lights
+        First the flashes that there are already, then those that help most; as well known as the balls tell them.
+    predicted : list of Predicted or None
         After each of them, with those before; None before the third.
-    count, there : int
-        How many flashes are wanted in all, and there already.
-    lights : PredictedLights
-        Of the first `count` flashes.
-    stop_after : int or None
-        How many are enough for the wanted accuracy; None: not reached, or none was wanted.
-    helps_until : int
-        From which number on a further flash lowers the error by under 1 %.
+    there : int
+        How many flashes there are already.
+    stop_after, helps_until : int or None
+        How many are enough for the wanted accuracy, and from which on a further one lowers the error by under 1 %;
+        None: there is no such number, or no accuracy was wanted.
     """
 
     pixels: ObjectPixels
     spheres: list[Sphere]
     options: PlanOptions
-    positions_mm: Array
+    lights: Lights
     predicted: list[Predicted | None]
-    count: int
     there: int
-    lights: PredictedLights
     stop_after: int | None
-    helps_until: int
-
-    @property
-    def flashes(self) -> int:
-        """How many flashes the plan ends with: as many as wanted, fewer where fewer are enough."""
-        return self.count if self.stop_after is None else max(min(self.count, self.stop_after), self.there)
-
-    @property
-    def result(self) -> Predicted | None:
-        """What they give."""
-        return self.predicted[self.flashes - 1]
+    helps_until: int | None
 
 
 def light_slopes(positions: Array, reference: Array, points: Array, b: Array) -> Array:
@@ -147,44 +106,31 @@ def predict(pixels: ObjectPixels, shown: Shown, slopes: Array, covariance: Array
     """
     pull = pulls(shown.vectors, shown.seen.astype(np.float64))
     told = np.isfinite(pull[0, :, 0]) & (shown.seen.sum(0) >= FEWEST)
-    noise, by_lights = np.full((2, len(told)), 90.0)
-    sigma = np.full(len(told), 90.0)
+    sigma = np.full((3, len(told)), 90.0)
     if told.any():
-        b, pull = pixels.b[told], pull[:, told]
-        by_noise = noise_covariance(pull, shown.noise[:, told])
-        by_light = lights_covariance(pull, slopes[:, told], covariance)
-        noise[told], by_lights[told] = sigma_of_normals(b, by_noise), sigma_of_normals(b, by_light)
-        sigma[told] = sigma_of_normals(b, by_noise + by_light)
-    return Predicted(sigma, float(np.median(noise)), float(np.median(by_lights)))
+        by_noise = noise_covariance(pull[:, told], shown.noise[:, told])
+        by_lights = lights_covariance(pull[:, told], slopes[:, told], covariance)
+        for row, part in enumerate((by_noise + by_lights, by_noise, by_lights)):
+            sigma[row, told] = sigma_of_normals(pixels.b[told], part)
+    return Predicted(*sigma)
 
 
-def own_noise(shown: Shown, slopes: Array, covariance: Array) -> Array:
-    """Return (F, P) the samples' noise with the error of each flash's own calibration."""
-    own = np.einsum("fkfl->fkl", covariance)
-    return np.sqrt(shown.noise**2 + np.maximum(np.einsum("fpk,fkl,fpl->fp", slopes, own, slopes), 0))
-
-
-def enough(errors: Sequence[float], accuracy_deg: float | None, first: int) -> tuple[int | None, int]:
+def enough(errors: Sequence[float], accuracy_deg: float | None, first: int) -> tuple[int | None, int | None]:
     """Return after how many flashes the error (one a number of flashes from `first` on) is reached; and where it rests.
 
     At rest: three more flashes lower it by less than `NO_LONGER` each.
     """
     reached = next((first + n for n, error in enumerate(errors) if accuracy_deg and error <= accuracy_deg), None)
-    for n in range(len(errors) - 3):
-        if errors[n + 3] > errors[n] * (1 - NO_LONGER) ** 3:
-            return reached, first + n
-    return reached, first + len(errors) - 1
+    rests = (n for n in range(len(errors) - 3) if errors[n + 3] > errors[n] * (1 - NO_LONGER) ** 3)
+    return reached, next((first + n for n in rests), None)
 
 
 def plan_shoot(
-    pixels: ObjectPixels,
-    spheres: Sequence[Sphere],
-    options: PlanOptions,
-    *,
-    so_far: UnderWay | None = None,
-    look_ahead: int = LOOK_AHEAD,
+    pixels: ObjectPixels, spheres: Sequence[Sphere], options: PlanOptions, *, so_far: UnderWay | None = None
 ) -> ShootPlan:
     """Return the flashes that one after the other help most, and what they give.
+
+    As many as wanted, one more than there are at least; of fewer that reach the wanted accuracy, the best set.
 
     Parameters
     ----------
@@ -195,49 +141,44 @@ def plan_shoot(
         How many flashes, where they can be, and the accuracy that is wanted.
     so_far : UnderWay, optional
         The shoot whose pixels and balls these are: flashes that there are already.
-    look_ahead : int
-        Flashes beyond those wanted, to say whether they would help.
+
+    Raises
+    ------
+    SceneError
+        Too few places are in reach and out of the picture.
     """
-    middle, size = pixels.set_up.middle_mm, pixels.set_up.size_mm
-    candidates, count = out_of_view(pixels.set_up.camera, places_in_reach(options, middle, size)), options.flashes
+    set_up, middle = pixels.set_up, pixels.set_up.middle_mm
+    candidates = out_of_view(set_up.camera, places_in_reach(options, middle, set_up.size_mm))
     shown, positions, n = pixels.under(lights_at(candidates, middle)), candidates, 0
     if so_far is not None:
-        there = _placed(so_far.lights, middle)
-        shown, positions, n = so_far.shown.followed_by(shown), np.concatenate([there, candidates]), len(there)
+        there = so_far.lights
+        placed = middle + FAR_MM * there.directions if there.positions_mm is None else there.positions_mm
+        shown, positions, n = so_far.shown.followed_by(shown), np.concatenate([placed, candidates]), len(there)
 
     def known_lights(flashes: NDArray) -> PredictedLights:
         if so_far is not None and not so_far.has_known_balls:
             return known_alike(so_far.lights, positions[flashes], middle)
-        return light_sigmas(pixels.set_up, spheres, positions[flashes])
+        return predict_lights(set_up.camera, spheres, positions[flashes], middle)
 
     slopes = light_slopes(positions, middle, pixels.points, pixels.b)
-    noise = own_noise(shown, slopes, joint_covariance(known_lights(np.arange(len(positions)))))
-    told = information(shown.vectors[:n], noise[:n], shown.seen[:n]) if n else None
-    rest = shown.only(np.arange(n, len(positions)))
-    start = known_before(pixels.b, told)
-    rest = rest._replace(noise=noise[n:])
-    chosen = choose_flashes(pixels.b, start, *rest, count - n)
-    chosen = exchange_flashes(pixels.b, start, *rest, chosen)
-    # Beyond the count, to say whether more are worth it.
-    left = np.setdiff1d(np.arange(len(candidates)), chosen)
-    told = information(*shown._replace(noise=noise).only(np.concatenate([np.arange(n), n + chosen])))
-    then = known_before(pixels.b, told)
-    more = choose_flashes(pixels.b, then, *rest.only(left), look_ahead)
-    order = np.concatenate([np.arange(n), n + chosen, n + left[more]])
-    predicted: list[Predicted | None] = []
-    for used in range(1, len(order) + 1):
+    # To the samples' noise comes the error of each flash's own calibration.
+    own = np.einsum("fkfl->fkl", joint_covariance(known_lights(np.arange(len(positions)))))
+    noise = np.sqrt(shown.noise**2 + np.maximum(np.einsum("fpk,fkl,fpl->fp", slopes, own, slopes), 0))
+    rest = shown._replace(noise=noise).only(np.arange(n, len(positions)))
+    start = known_before(pixels.b, information(shown.vectors[:n], noise[:n], shown.seen[:n]) if n else None)
+    chosen = choose_flashes(pixels.b, start, *rest, max(options.flashes - n, 1))
+    order = np.concatenate([np.arange(n), n + exchange_flashes(pixels.b, start, *rest, chosen)])
+    predicted: list[Predicted | None] = [None] * min(len(order), max(FEWEST, n) - 1)
+    for used in range(len(predicted) + 1, len(order) + 1):
         some = order[:used]
-        if used < max(FEWEST, n):
-            predicted.append(None)
-            continue
         predicted.append(predict(pixels, shown.only(some), slopes[some], joint_covariance(known_lights(some))))
-    errors = [one.error_deg for one in predicted if one is not None]
-    reached, rests = enough(errors, options.accuracy_deg, len(predicted) - len(errors) + 1)
-    last = order[: max(count, n)]
-    return ShootPlan(
-        pixels, list(spheres), options, positions[order], predicted, len(last), n,
-        known_lights(last), reached, rests,
-    )  # fmt: skip
+    errors = [one.error_deg for one in predicted if one]
+    reached, rests = enough(errors, options.accuracy_deg, len(order) - len(errors) + 1)
+    if reached is not None and n < reached < len(order):
+        return plan_shoot(pixels, spheres, replace(options, flashes=reached), so_far=so_far)
+    order = order[:reached]
+    lights = replace(lights_at(positions[order], middle), direction_sigma_deg=known_lights(order).direction_sigma_deg)
+    return ShootPlan(pixels, list(spheres), options, lights, predicted[: len(order)], n, reached, rests)
 
 
 def next_flash(so_far: UnderWay, camera: Camera, lights: Lights) -> tuple[dict[str, Any], Array]:
@@ -254,7 +195,7 @@ def next_flash(so_far: UnderWay, camera: Camera, lights: Lights) -> tuple[dict[s
     Returns
     -------
     flash : dict
-        zenith_deg, azimuth_deg, distance_mm, as `Lights.facts` tells them, and sigma_deg, the object's median with it.
+        A row of `Lights.facts`, and sigma_deg, the object's median with it.
     sigma_deg : (P,) float64
         Without it, of each pixel.
 
@@ -264,24 +205,14 @@ def next_flash(so_far: UnderWay, camera: Camera, lights: Lights) -> tuple[dict[s
         No place in reach is out of the picture.
     """
     pixels = replace(so_far.pixels, set_up=replace(so_far.pixels.set_up, camera=camera))
-    options = replace(so_far.within(AS_USUAL), flashes=len(so_far.lights) + 1)
-    plan = plan_shoot(pixels, so_far.spheres, options, so_far=so_far, look_ahead=0)
+    plan = plan_shoot(pixels, so_far.spheres, replace(so_far.within(AS_USUAL), flashes=0), so_far=so_far)
     now, then = plan.predicted[-2:]
     assert now is not None
     assert then is not None
     is_near = lights.positions_mm is not None
     here = lights.reference_point_mm if is_near else pixels.set_up.middle_mm
-    away = plan.positions_mm[-1] - here
-    x, y, z = away
-    flash = {
-        "zenith_deg": float(np.degrees(np.arctan2(np.hypot(x, y), z))),
-        "azimuth_deg": float(np.degrees(np.arctan2(y, x)) % 360),
-        "distance_mm": float(np.linalg.norm(away)) if is_near else None,
-        "sigma_deg": float(np.median(then.sigma_deg)),
-    }
-    return flash, now.sigma_deg
-
-
-def _placed(lights: Lights, middle: Array) -> Array:
-    """Return the positions (F, 3) of lights; distant ones are put `FAR_MM` away."""
-    return middle + FAR_MM * lights.directions if lights.positions_mm is None else lights.positions_mm
+    assert plan.lights.positions_mm is not None
+    row = lights_at(plan.lights.positions_mm[-1:], here).facts()["frames"][0]
+    told = {"zenith_deg": row["zenith_deg"], "azimuth_deg": row["azimuth_deg"]}
+    distance = row["distance_mm"] if is_near else None
+    return told | {"distance_mm": distance, "sigma_deg": float(np.median(then.sigma_deg))}, now.sigma_deg

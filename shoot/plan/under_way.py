@@ -15,9 +15,8 @@ from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.spheres import Sphere
-from shoot.plan.flash_samples import PIXELS, ObjectPixels, Shown, pixels_of
-from shoot.plan.plan_options import AS_USUAL, PlanOptions
-from shoot.plan.set_up import SetUp
+from shoot.plan.plan_options import PlanOptions
+from shoot.plan.set_up import PIXELS, ObjectPixels, SetUp, Shown, pixels_of
 from solve.samples import GRAY
 
 Array = NDArray[np.float64]
@@ -35,20 +34,20 @@ class UnderWay(NamedTuple):
     Parameters
     ----------
     pixels : ObjectPixels
+    shown : Shown
+        What the flashes so far show of the pixels, as photographed.
     places : (P, 2) int64
         Their (u, v) in the photographs.
     lights : Lights
         So far.
     spheres : list of Sphere
-    shown : Shown
-        What the flashes so far show of the pixels, as photographed.
     """
 
     pixels: ObjectPixels
+    shown: Shown
     places: NDArray[np.int64]
     lights: Lights
     spheres: list[Sphere]
-    shown: Shown
 
     @property
     def has_known_balls(self) -> bool:
@@ -65,7 +64,7 @@ class UnderWay(NamedTuple):
         return replace(options, flash_mm=float(np.median(np.linalg.norm(away, axis=1))))
 
 
-def session_so_far(job: Job, gloss: str) -> UnderWay:
+def session_so_far(job: Job) -> UnderWay:
     """Solve what there is of a session, and return it.
 
     The object is the registered scan with its shadows; without one the normals found so far, without cast shadows.
@@ -77,7 +76,7 @@ def session_so_far(job: Job, gloss: str) -> UnderWay:
     """
     job.run(STEPS, "solve")
     store, method = job.store, METHOD if METHOD in job.methods else job.methods[0]
-    lights, frames = store.load_lights(), store.load_frames()
+    lights = store.load_lights()
     if lights.is_unknown:
         raise SceneError(
             "plan: nothing tells the lights so far, so where the next flash helps is not known. Put chrome balls "
@@ -87,8 +86,8 @@ def session_so_far(job: Job, gloss: str) -> UnderWay:
     if store.path("pose.json").exists():
         scan, pose = job.load_scan(), store.load_pose()
         mesh = Mesh(pose.apply(scan.vertices), scan.faces)
-    estimate, spheres = store.load_estimate(method), store.load_spheres()
-    return under_way(frames, store.load_camera(), lights, spheres, estimate, gloss=gloss, mesh=mesh)
+    found = store.load_frames(), store.load_camera(), lights, store.load_spheres(), store.load_estimate(method)
+    return under_way(*found, mesh=mesh)
 
 
 def under_way(
@@ -98,7 +97,6 @@ def under_way(
     spheres: list[Sphere],
     estimate: Estimate,
     *,
-    gloss: str = AS_USUAL.gloss,
     mesh: Mesh | None = None,
     count: int = PIXELS,
 ) -> UnderWay:
@@ -108,8 +106,6 @@ def under_way(
     ----------
     frames, camera, lights, spheres, estimate
         So far; a normal map and albedo of the frames' size.
-    gloss : str
-        A key of `shoot.plan.set_up.GLOSSES`.
     mesh : Mesh, optional
         The object, registered; its cast shadows count. Default: the estimate's normals are the object.
     count : int
@@ -128,8 +124,12 @@ def under_way(
             f"plan: {estimate.method} found no normal from {len(lights)} flashes: no part of the object is lit by "
             "three of them. Shoot some more first."
         )
+    rows, columns = np.nonzero(known)
+    some = np.linspace(0, len(rows) - 1, min(count, len(rows))).astype(int)
+    places = np.stack([columns[some], rows[some]], -1)
+    points = camera.points_at_depth(places, float(lights.reference_point_mm[2]) or -1000.0)
     set_up = SetUp(
-        camera, mesh or Mesh(np.zeros((1, 3)), np.zeros((0, 3), np.int64)), sensor_like(frames), gloss,
+        camera, mesh or Mesh(points, np.zeros((0, 3), np.int64)), sensor_like(frames),
         white_value=1.0, is_mosaic=frames.is_mosaic,
         said=(f"{len(lights)} flashes so far; noise measured on the frames",
               "object: registered scan" if mesh else f"object: normals by {estimate.method}, no cast shadows"),
@@ -138,25 +138,22 @@ def under_way(
         pixels = pixels_of(set_up, count)
         places = np.rint(camera.project(pixels.points)).astype(np.int64).clip(0, [camera.width - 1, camera.height - 1])
     else:
-        rows, columns = np.nonzero(known)
-        some = np.linspace(0, len(rows) - 1, min(count, len(rows))).astype(int)
-        places = np.stack([columns[some], rows[some]], -1)
-        points = camera.points_at_depth(places, float(lights.reference_point_mm[2]) or -1000.0)
         normals = np.asarray(estimate.normals[rows[some], columns[some]], np.float64)
-        set_up = replace(set_up, mesh=Mesh(points, set_up.mesh.faces))
         pixels = ObjectPixels(set_up, points, normals, normals, np.ones(len(some)), False)
     # Intensities are those at the object's middle from here on, each channel's mean 1: albedo takes the factor.
-    at_middle = np.linalg.norm(lights.at(pixels.set_up.middle_mm[None])[:, 0], axis=-1).mean(0)
-    lights = lights.seen_from(pixels.set_up.middle_mm)
+    at_middle = np.linalg.norm(lights.at(set_up.middle_mm[None])[:, 0], axis=-1).mean(0)
+    lights = lights.seen_from(set_up.middle_mm)
     gray = estimate.albedo @ (at_middle * GRAY).astype(np.float32)
     usual, (u, v) = float(np.median(gray[known])), places.T
     albedo = np.where(known[v, u], gray[v, u], usual).astype(np.float64)
-    pixels = replace(pixels, set_up=replace(pixels.set_up, albedo=usual), albedo=albedo)
-    pixels, shown = photographed(pixels, lights, *_samples(frames, lights, places))
-    return UnderWay(pixels, places, lights, spheres, shown)
+    pixels = replace(pixels, set_up=replace(set_up, albedo=usual), albedo=albedo)
+    found = [frames.read_pixels(i, v, u) for i in range(len(frames))]
+    samples = [(linear / intensity) @ GRAY for (linear, _), intensity in zip(found, lights.intensities, strict=True)]
+    clipped = np.array([clipped for _, clipped in found])
+    return UnderWay(*_photographed(pixels, lights, np.array(samples, np.float64), clipped), places, lights, spheres)
 
 
-def photographed(
+def _photographed(
     pixels: ObjectPixels, lights: Lights, samples: Array, clipped: NDArray[np.bool_]
 ) -> tuple[ObjectPixels, Shown]:
     """Return the pixels with the scatter that their samples have, and what they show.
@@ -183,11 +180,3 @@ def photographed(
         sensor = np.median(shown.noise[enough] / shade[enough])
         pixels = replace(pixels, scatter=float(np.sqrt(max(share**2 - sensor**2, 0))))
     return pixels, shown._replace(noise=np.hypot(shown.noise, pixels.scatter * np.maximum(shade, 0)), seen=seen)
-
-
-def _samples(frames: Frames, lights: Lights, places: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
-    """Return samples (F, P), gray, each channel divided by its flash's intensity; and whether clipped (F, P)."""
-    u, v = places.T
-    found = [frames.read_pixels(i, v, u) for i in range(len(frames))]
-    gray = [(linear / intensity) @ GRAY for (linear, _), intensity in zip(found, lights.intensities, strict=True)]
-    return np.array(gray, np.float64), np.array([clipped for _, clipped in found])

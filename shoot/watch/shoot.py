@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from capture.audit.audit import blown_warnings, movement_warnings
 from capture.audit.camera_settings import exposure_by_room, exposure_gains, gaps_in_numbering, mixed_settings
 from capture.audit.focus import focus_warnings
 from capture.audit.missing_flashes import doubles, misfires
-from capture.audit.part_movement import Part, part_warnings, parts_of
+from capture.audit.part_movement import part_warnings, parts_of
 from capture.photographs.kept import KeptStack
 from capture.photographs.photograph import SATURATION
 from capture.session.globs import frame_names
@@ -28,7 +27,7 @@ from shoot.init.answers import Asking
 from shoot.plan.shoot_plan import next_flash
 from shoot.plan.under_way import under_way
 from shoot.watch.lights_so_far import LightsSoFar
-from shoot.watch.shots import Shot, mean_codes, sort_shots
+from shoot.watch.taken import Shot, mean_codes, sort_shots
 from solve.solve import solve
 
 LOOKED_BACK = 12
@@ -83,21 +82,18 @@ class Shoot:
         found = self.lights_so_far.found
         return found.lights if found else None
 
-    def judge(self, shots: Sequence[Shot], *, fit_all: bool) -> list[str]:
+    def judge(self, shots: Sequence[Shot]) -> list[str]:
         """Say of the photographs that stand there what is seen at a glance; return what was not said before.
 
         Did the flash fire, exposure, clipping, the same light twice, the numbering. `follow` says the rest.
-        `fit_all`: a photograph is gone, or has another name: the lights are fitted together next.
         """
         known, self._shots = {shot.digest for shot in self._shots}, list(shots)
-        if fit_all:
-            self.lights_so_far.fit_all()
         self.roles, self.left_out = sort_shots(shots, self.folder)
         said = [f"{shot.path.stem}: {self.left_out[shot.digest]}" for shot in shots if shot.digest in self.left_out]
         new = [shot for shot in self.flash if shot.digest not in known]
         self.frames, self.newest = None, new[-1] if new else None
         if not self.flash:
-            return self._new(said)
+            return self.new(said)
         names, dim = tuple(frame_names([shot.path for shot in self.flash])), self._ambient_small()
         exif, ambient = [shot.exif for shot in self.flash], self.roles["ambient"]
         facts = [shot.facts for shot in self.flash]
@@ -115,27 +111,28 @@ class Shoot:
                 said += misfires(names, light, dim)
             except CaptureError as error:
                 said += str(error).splitlines()
-        return self._new([*said, *doubles(names, facts, light), *blown_warnings(names, facts)])
+        return self.new([*said, *doubles(names, facts, light), *blown_warnings(names, facts)])
 
-    def follow(self) -> list[str]:
+    def follow(self, frames: Frames, flash: Sequence[Shot], ambient: Sequence[Shot]) -> list[str]:
         """Bring lights and normals up to date, and say the rest of the photographs; see `judge`.
 
-        Lights are read from the reduced pictures: `process` reads them from the whole ones, and finer.
+        It takes seconds, and may run in another thread than `judge`: of what that knows it is given a copy, and what it
+        returns is to go through `new`. Lights are read from the reduced pictures: `process` reads them from the whole
+        ones, and finer.
         """
-        frames, flash = self.frames, self.flash
-        if frames is None:
-            return []
-        small = frames_of([shot.small for shot in flash], [shot.small for shot in self.roles["ambient"]])
+        small = frames_of([shot.small for shot in flash], [shot.small for shot in ambient])
         small, step = replace(small, names=frames.names, gain=frames.gain), flash[0].small.step
-        with ThreadPoolExecutor(1) as beside:
-            late = beside.submit(self._late, frames, self._parts(step))
-            told = self.lights_so_far.renew(small, [shot.exif for shot in flash], step)
-            if len(flash) < FEWEST:
-                # Of so few, what is no frame's own is noise as often as not.
-                told = [text for text in told if any(name in text for name in frames.names)]
-            told = [*told, *late.result()]
+        found = self.lights_so_far.found
+        parts = parts_of(found.spheres, found.camera, step) if found and found.camera else []
+        told = self.lights_so_far.renew(small, [shot.exif for shot in flash], step)
+        if len(flash) < FEWEST:
+            # Of so few, what is no frame's own is noise as often as not.
+            told = [text for text in told if any(name in text for name in frames.names)]
+        last = slice(-LOOKED_BACK, None)
+        recent, facts = frames.only(last), [shot.facts for shot in flash[last]]
+        moved = movement_warnings(recent, facts) if len(facts) >= FEWEST else []
         self._look_at_normals(small)
-        return self._new(told)
+        return [*told, *focus_warnings(recent, facts), *(moved or part_warnings(recent, parts))]
 
     def role_of(self, shot: Shot) -> str:
         """Return a photograph's role: flash, ambient, dark, flat, board, chrome, white, or left out."""
@@ -160,17 +157,6 @@ class Shoot:
         is_mosaic = any(shot.facts.is_mosaic for shot in self.flash)
         return Frames(names, stack, gain, mean_codes(self.roles["ambient"]), saturation, is_mosaic)
 
-    def _late(self, frames: Frames, parts: list[Part]) -> list[str]:
-        """Return what takes a second to find in the newest frames: a lost focus, a movement of all, or of `parts`."""
-        last = slice(-LOOKED_BACK, None)
-        recent, facts = frames.only(last), [shot.facts for shot in self.flash[last]]
-        moved = movement_warnings(recent, facts) if len(facts) >= FEWEST else []
-        return [*focus_warnings(recent, facts), *(moved or part_warnings(recent, parts))]
-
-    def _parts(self, step: int) -> list[Part]:
-        found = self.lights_so_far.found
-        return parts_of(found.spheres, found.camera, step) if found and found.camera else []
-
     def _look_at_normals(self, small: Frames) -> None:
         """Solve the object's normals, a few thousand of them, and find the flash that would help them most."""
         found = self.lights_so_far.found
@@ -181,6 +167,8 @@ class Shoot:
             # Photographs were taken out of the folder.
             self.sigma_deg, self.why = None, f"{len(some)} flash frames are left, {TOLD_BY} tell a normal"
             return
+        # Lights that could not be renewed have some of photographs that are gone.
+        lights = found.lights.only([found.lights.names.index(name) for name in some.names])
         try:
             if len(some) >= max(FIRST, AGAIN * self._looked_with):
                 self._looked_with = len(some)
@@ -189,17 +177,17 @@ class Shoot:
                 return
             step = max(1, int(np.ceil(np.sqrt(np.count_nonzero(self._mask) / PIXELS))))
             thin, view, mask = some.every(step), found.camera.every(step), self._mask[::step, ::step]
-            estimate = solve("iterative", thin, found.lights, view, mask)
-            so_far = under_way(thin, view, found.lights, found.spheres, estimate, count=PIXELS)
+            estimate = solve("iterative", thin, lights, view, mask)
+            so_far = under_way(thin, view, lights, found.spheres, estimate, count=PIXELS)
             # The balls count in the pixels that were not thinned out.
-            self.next_flash, sigma = next_flash(so_far, found.camera, found.lights)
+            self.next_flash, sigma = next_flash(so_far, found.camera, lights)
         except SceneError as error:
             self.why = str(error)
             return
         self.sigma_deg = np.full(mask.shape, np.nan)
         self.sigma_deg[so_far.places[:, 1], so_far.places[:, 0]] = sigma
 
-    def _new(self, warnings: Iterable[str]) -> list[str]:
+    def new(self, warnings: Iterable[str]) -> list[str]:
         """Return the warnings that were not given before: each once, also where its numbers change with every frame."""
         marks = sorted((shot.path.stem for shot in self._shots), key=len, reverse=True)
         found = []

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from lab.progress import say
 from scene.files import write_json, write_png
 from scene.output_folder import record_for
+from shoot.plan.plan_page import clock
 from shoot.watch.shoot import Shoot
 
 STATUS, MAP = "watch.json", "watch-sigma.png"
 WORK = "watch"
 """Of the record: what a watch writes beside its session."""
-SIDES = ("right", "above right", "above", "above left", "left", "below left", "below", "below right")
 
 
 class Screen:
@@ -106,12 +106,7 @@ def place_text(light: dict[str, Any]) -> str:
     away = f", {light['distance_mm']:.0f} mm away" if light["distance_mm"] is not None else ""
     sigma = light.get("direction_sigma_deg")
     known = "" if sigma is None else f" (to {sigma:.2g})"
-    return f"{light['zenith_deg']:.0f} degrees from the axis{known}, {side_of(light['azimuth_deg'])}{away}"
-
-
-def side_of(azimuth_deg: float) -> str:
-    """Return where a flash stands as the camera sees it."""
-    return SIDES[round(azimuth_deg / 45) % 8]
+    return f"{light['zenith_deg']:.0f} degrees from the axis{known} at {clock(light['azimuth_deg'])} o'clock{away}"
 
 
 def sigma_picture(sigma_deg: NDArray[np.float64], wanted_deg: float) -> NDArray[np.uint8]:

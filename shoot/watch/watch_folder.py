@@ -4,32 +4,31 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from capture.photographs.kept import kept_folder
 from capture.session.globs import kind_of
-from capture.survey.folder_files import FEWEST, files_below, sorted_files
+from capture.survey.folder_files import FEWEST, FolderFiles, files_below, sorted_files
 from capture.survey.hot_folder import ALONE_S, HotFolder, list_photographs, look_of
 from lab.progress import say
 from lab.run import run_session
 from lab.run_log import logged
-from lab.session_place import MANIFEST, default_out, note_session
+from lab.session_place import default_out, note_session
 from scene.errors import SessionError
-from scene.light_text import FILENAMES
 from scene.origin import Origin
 from scene.output_folder import open_record
 from shoot.init.answers import Answers, Asking
 from shoot.init.draft import Draft
 from shoot.init.draft_notes import notes_of
-from shoot.init.init_session import write_session
-from shoot.init.prepare import begun, completed, encoding_of
-from shoot.init.session_text import is_unedited
+from shoot.init.init_session import check_free, check_layout, write_session
+from shoot.init.prepare import prepare
 from shoot.watch.shoot import Shoot
-from shoot.watch.shots import Shot
 from shoot.watch.status import Screen
-from shoot.watch.taken import Taken
+from shoot.watch.taken import Shot, Taken
 
 EVERY_S = 0.5
 """A folder is listed so often; one that is slow to list, half of the time."""
@@ -75,7 +74,12 @@ def watch_folder(
         few photographs make no session.
     """
     folder = folder.resolve()
-    _check_folder(folder)
+    if not folder.is_dir():
+        lacks = "is no folder" if folder.exists() else "there is no such folder"
+        raise SessionError(f"{folder}: {lacks}. Give the folder that the camera's program writes into.")
+    check_layout(folder)
+    # In the end session.toml is written; one that rgbn wrote and nobody has changed is written anew.
+    check_free(FolderFiles(folder))
     asking = Asking(answers, silent=True)
     origin = Origin("session", folder, whole_photographs(folder))
     out = out or default_out(origin, folder.name)
@@ -123,48 +127,46 @@ def _loop(
     until_idle_s: float | None,
     clock: Callable[[], float],
 ) -> None:
-    hot, last, is_judged, was_there = HotFolder(), clock(), True, True
-    while True:
-        start = clock()
-        files = hot.see(list_photographs(folder), start)
-        listed_s = clock() - start
-        if hot.is_there != was_there:
-            was_there = hot.is_there
-            screen.note("the folder is there again" if was_there else "the folder is gone; waiting for it to return")
-        counted = len(taken.shots)
-        fresh, is_changed = taken.renew(files, start)
-        warnings: list[str] = []
-        if is_changed or len(taken.shots) > counted:
-            warnings = shoot.judge(list(taken.shots.values()), fit_all=is_changed)
-            for shot in fresh:
-                say(f"{shot.name}: {shoot.role_of(shot)} ({clock() - start:.1f} s)")
-            is_judged, last = False, clock()
-        elif not is_judged:
-            # Photographs that came meanwhile went first.
-            warnings, is_judged = shoot.follow(), True
-            screen.renew()
-        elif until_idle_s is not None and start - last > until_idle_s and not (hot.is_growing or taken.is_waiting):
-            return
-        else:
-            time.sleep(max(EVERY_S, listed_s))
-        for text in warnings:
-            screen.warn(text)
-
-
-def _check_folder(folder: Path) -> None:
-    """Raise SessionError where a folder cannot be watched; a session.toml that nobody has changed is written anew."""
-    if not folder.is_dir():
-        lacks = "is no folder" if folder.exists() else "there is no such folder"
-        raise SessionError(f"{folder}: {lacks}. Give the folder that the camera's program writes into.")
-    if (folder / FILENAMES).is_file():
-        raise SessionError(f"{folder}: is a session in the DiLiGenT layout already. Run: rgbn process {folder}")
-    manifest = folder / MANIFEST
-    is_ours = manifest.is_file() and is_unedited(manifest.read_bytes().decode("utf-8", "replace"))
-    if (manifest.exists() or manifest.is_symlink()) and not (is_ours and not manifest.is_symlink()):
-        raise SessionError(
-            f"{manifest}: is there already, and a watch would write over it in the end. Watch a new folder; or rename "
-            f"{MANIFEST} and start again: what was shot is taken too."
-        )
+    hot, last, is_followed, was_there = HotFolder(), clock(), True, True
+    following: Future[list[str]] | None = None
+    # Beside: a new photograph is judged at once, whatever is still computed of those before.
+    with ThreadPoolExecutor(1) as beside:
+        while True:
+            start = clock()
+            files = hot.see(list_photographs(folder), start)
+            listed_s = clock() - start
+            if hot.is_there != was_there:
+                was_there = hot.is_there
+                gone = "the folder is gone; waiting for it to return"
+                screen.note("the folder is there again" if was_there else gone)
+            counted = len(taken.shots)
+            fresh, is_changed = taken.renew(files, start)
+            warnings: list[str] = []
+            if is_changed or len(taken.shots) > counted:
+                warnings = shoot.judge(list(taken.shots.values()))
+                for shot in fresh:
+                    say(f"{shot.name}: {shoot.role_of(shot)} ({clock() - start:.1f} s)")
+                is_followed, last = False, clock()
+            elif following is None and not is_followed:
+                is_followed = True
+                if shoot.frames is not None:
+                    what = shoot.frames, list(shoot.flash), list(shoot.roles["ambient"])
+                    following = beside.submit(shoot.follow, *what)
+                else:
+                    screen.renew()
+            elif (
+                until_idle_s is not None
+                and start - last > until_idle_s
+                and not (following or hot.is_growing or taken.is_waiting)
+            ):
+                return
+            else:
+                time.sleep(max(EVERY_S, listed_s))
+            if following is not None and following.done():
+                warnings, following = [*warnings, *shoot.new(following.result())], None
+                screen.renew()
+            for text in warnings:
+                screen.warn(text)
 
 
 def _draft_of(folder: Path, shoot: Shoot, asking: Asking, taken: Taken) -> Draft:
@@ -186,16 +188,18 @@ def _draft_of(folder: Path, shoot: Shoot, asking: Asking, taken: Taken) -> Draft
             "written. Shoot more, and run the same command again: what was taken is kept."
         )
     frames = {shot.digest for shot in (*flash, *ambient)}
-    notes = [f"{taken.shots[digest].name}: {text}" for digest, text in shoot.left_out.items() if digest not in frames]
-    photographs = {role: [shot.path for shot in there(role)] for role in shoot.roles}
-    linear, _ = encoding_of(flash[0].path, asking)
-    small, unlit = [shot.small for shot in flash], [shot.small for shot in ambient]
-    draft = begun(folder, photographs, small, unlit, linear=linear, notes=(*notes, *taken.unreadable))
-    files, balls = sorted_files(files_below(folder), folder), shoot.lights_so_far.balls
+    left_out = {taken.shots[digest].path: text for digest, text in shoot.left_out.items() if digest not in frames}
+    notes = (*(f"{path.name}: {text}" for path, text in left_out.items()), *taken.unreadable)
+    files, counted = sorted_files(files_below(folder), folder), {shot.path for shot in taken.shots.values()}
+    counted -= left_out.keys()
+    named = {role: [path for path in some if path in counted] for role, some in files.photographs.items()}
+    files = replace(files, photographs=named)
+    known: dict[str, Any] = {"small": [shot.small for shot in taken.shots.values()], "balls": shoot.lights_so_far.balls}
     try:
-        return completed(draft, files, asking, balls)
+        return prepare(files, asking, nullcontext(lambda done, total: None), **known).noting(*notes)
     except SessionError as error:
         # The shoot is over: a diameter that does not fit is put right in session.toml.
         say(f"warning: {error}", always=True)
         plain = Asking(replace(asking.answers, chrome=(), white=()), silent=True)
-        return completed(draft.noting(str(error)), files, plain, balls)
+        draft = prepare(files, plain, nullcontext(lambda done, total: None), **known)
+        return draft.noting(*notes, str(error))

@@ -44,11 +44,3 @@ def test_given_normals_are_the_probe(hills):
     texts = " ".join(row["text"] for row in json.loads(run.stdout)["warnings"])
     assert "lights from object.normals: spheres: no ball found" in texts
     assert "judged too kindly" in texts
-
-
-def test_balls_that_are_asked_for_must_be_there(hills):
-    (hills / "session.toml").write_text('[frames]\nflash = "f*.png"\nlinear = true\n[[spheres]]\nkind = "chrome"\n')
-    command = [*COMMAND, "calibrate", str(hills), "--out", str(hills.with_name(f"{hills.name}-out"))]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert run.returncode == 2
-    assert "no ball found" in run.stderr

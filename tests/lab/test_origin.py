@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from lab.job import Outcome
-from lab.options import AS_BEFORE, Settings, Solving
+from lab.options import Settings, Solving
 from lab.plan import STEPS
 from lab.run import run_session, session_and_out
 from scene.errors import SceneError
 from scene.files import write_text
-from scene.origin import Origin
-from scene.output_folder import open_record, own_folder, read_record
+from scene.output_folder import open_record
 
 KEPT = {"check": "frames", "calibrate": "lights", "align": "mask", "trust": "trust", "compare": "report"}
 
@@ -85,26 +84,6 @@ def test_two_sessions_of_one_name_have_two_folders(quick, capsys):
     assert not Path("out/vase").exists()
 
 
-def test_a_copy_of_a_session_is_another_and_a_moved_one_is_the_same(quick):
-    may = photographed(quick / "may" / "vase", "may")
-    run_session(may, "solve")
-    before = results(Path("out/vase"))
-    copy = Path(shutil.copytree(may, quick / "copy" / "vase"))
-    run_session(copy, "check")
-    assert results(Path("out/vase")) == before
-    assert set(results(Path("out/vase-2"))) == {"frames"}
-    moved = Path(shutil.move(may, quick / "archive"))
-    run_session(moved, "align")
-    assert results(Path("out/vase")) == before
-    # Another one in the place of the first.
-    other = photographed(quick / "may" / "vase", "other")
-    run_session(other, "check")
-    assert results(Path("out/vase")) == before
-    assert results(Path("out/vase-3"))["frames"] == "check of other 0, None"
-    with pytest.raises(SceneError, match="it holds the results of the session"):
-        run_session(other, "check", out=Path("out/vase"))
-
-
 def test_other_photographs_in_the_same_folder_are_another_session_and_some_more_are_not(quick):
     folder = photographed(quick / "hot", "monday")
     run_session(folder, "solve")
@@ -120,33 +99,6 @@ def test_other_photographs_in_the_same_folder_are_another_session_and_some_more_
     run_session(folder, "check")
     assert results(Path("out/vase")) == before
     assert results(Path("out/vase-2"))["frames"].startswith("check of tuesday")
-
-
-def test_a_folder_that_holds_nothing_is_anybodys(quick):
-    """A first step that failed leaves nothing that could be lost."""
-    may, june = photographed(quick / "may" / "vase", "may"), photographed(quick / "june" / "vase", "june")
-    with open_record(Path("out/vase"), origin=Origin("session", may)):
-        pass
-    run_session(june, "check")
-    assert results(Path("out/vase"))["frames"].startswith("check of june")
-
-
-def test_what_is_no_session_has_a_folder_of_its_own_too(quick):
-    may = photographed(quick / "may" / "vase", "may")
-    run_session(may, "check")
-    scene = Origin("scene", quick / "vase.toml")
-    assert own_folder(Path("out/vase"), scene) == Path("out/vase-2")
-    for kind in (scene, "sweep", "shelf of datasets"):
-        with (
-            pytest.raises(SceneError, match="holds the results of the session"),
-            open_record(Path("out/vase"), origin=kind),
-        ):
-            pass
-    with open_record(Path("out/sweeps"), origin="sweep") as record, record.making("work", ""):
-        write_text(record.folder / "table", "rows")
-    shutil.move("out/sweeps", "sweeps")
-    with open_record(Path("sweeps"), origin="sweep"):
-        pass
 
 
 def test_a_folder_is_gone_on_with_as_it_was_made(quick):
@@ -185,16 +137,6 @@ def test_what_an_option_removes_is_said(quick, capsys):
     assert results(out)["solve/ls"].endswith("by ls, seed")
     run_session(out, "compare", said=Settings(refine_lights=False))
     assert (results(out)["solve/ls"], results(out)["mask"]) == ("solve of may 0 by ls, seed", "align of may 0, False")
-
-
-def test_a_setting_that_is_refused_changes_nothing(quick):
-    may, out = photographed(quick / "may", "may"), Path("out/vase")
-    run_session(may, "solve", said=Solving("position"))
-    before = results(out), read_record(out).notes
-    for wrong in (Solving("nothing"), Solving(external=("no command",)), Solving(profile="sead")):
-        with pytest.raises(SceneError):
-            run_session(out, "solve", said=wrong)
-        assert (results(out), read_record(out).notes) == before
 
 
 SEEDS = [*range(15), *(pytest.param(seed, marks=pytest.mark.full) for seed in range(15, 100))]
@@ -243,16 +185,6 @@ def test_no_order_of_verbs_sessions_and_folders_loses_results(quick, seed):
             asked[went_to] = methods.split(",")
 
 
-def test_settings_come_back_as_they_were_kept(tmp_path):
-    other = Settings("ls", None, ("a=b {data} {out}",), 3.5, False, False, "many", 0.02, True, False, None, tmp_path)
-    for settings in (Settings(), Settings(external=()), other):
-        with open_record(tmp_path / "out") as record:
-            settings.keep(record)
-        assert Settings.of(read_record(tmp_path / "out")) == settings
-    assert other.but(AS_BEFORE) == other
-    assert other.but(Solving(external=()), None) == replace(other, external=())
-
-
 def test_links_are_never_written_through(tmp_path):
     """The lock, the record and the folder of both may be a link to a file or a folder of the user's."""
     for name in ("lock", "record.json", "tmp", ""):
@@ -273,44 +205,3 @@ def test_links_are_never_written_through(tmp_path):
         with pytest.raises(SceneError, match=r"is a link|rgbn did not make it"), open_record(out):
             pass
         assert (mine / "file" if mine.is_dir() else mine).read_text() == "mine"
-
-
-def test_a_folder_with_an_entry_of_that_name_is_not_rgbns(tmp_path):
-    for entry in ("file", "folder", "folder with files"):
-        out = tmp_path / entry
-        out.mkdir()
-        if entry == "file":
-            (out / ".rgbn").write_text("mine")
-        else:
-            (out / ".rgbn" / "tmp").mkdir(parents=True)
-            (out / "photograph").write_text("mine")
-        if entry == "folder with files":
-            (out / ".rgbn" / "tmp" / "file").write_text("mine")
-            (out / "photograph").unlink()
-        before = sorted(out.rglob("*"))
-        with pytest.raises(SceneError, match="rgbn did not make it"), open_record(out):
-            pass
-        assert sorted(out.rglob("*")) == before
-
-
-def test_copies_by_hard_links_do_not_share_their_record(tmp_path):
-    """`cp -al`: each goes on, and what one does is not known to the other."""
-    first, second = tmp_path / "first", tmp_path / "second"
-    with open_record(first) as record, record.making("work", "1"):
-        write_text(first / "a", "made")
-    shutil.copytree(first, second, copy_function=os.link)
-    for folder in (first, second, first):
-        for mark in "23":
-            with open_record(folder) as record, record.making("work", mark):
-                write_text(folder / "a", f"{folder.name} {mark}")
-        with open_record(folder) as record:
-            assert record.is_current("work", "3")
-    assert ((first / "a").read_text(), (second / "a").read_text()) == ("first 3", "second 3")
-    # A copy that is made while a run is at work.
-    with open_record(first) as record, record.making("work", "4"):
-        write_text(first / "a", "begun")
-        shutil.copytree(first, tmp_path / "third", copy_function=os.link)
-        write_text(first / "b", "done")
-    for folder in (first, tmp_path / "third"):
-        with open_record(folder) as record, record.making("work", "5"):
-            write_text(folder / "a", "again")

@@ -92,19 +92,3 @@ def test_the_log_does_not_grow_without_end(lab, monkeypatch):
     assert text.startswith(HEAD), "whole runs"
     kept = [int(number) for number in re.findall(r"run (\d+)", text)]
     assert kept == list(range(kept[0], 40))
-
-
-def test_a_log_that_the_user_changed_is_his_and_no_reason_to_fail(lab):
-    for _ in range(2):
-        with open_record(lab / "out") as record, logged(record):
-            log("one")
-    mine = "my notes\n"
-    (lab / "out" / "rgbn.log").write_text(mine)
-    with open_record(lab / "out") as record, logged(record):
-        log("two")
-    assert (lab / "out" / "rgbn.log").read_text() == mine
-    # What could not be put there comes when he has moved his away.
-    (lab / "out" / "rgbn.log").unlink()
-    with open_record(lab / "out") as record, logged(record):
-        log("three")
-    assert re.findall(r" (one|two|three)\n", (lab / "out" / "rgbn.log").read_text()) == ["two", "three"]

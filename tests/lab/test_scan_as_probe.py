@@ -10,12 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibrate.calibration import unknown_lights
-from capture.session.session import load_session
 from lab.registration import _by_the_scan_alone
-from rgbn.export_command import export_session
 from scene.errors import AlignError
-from scene.frames import Frames
 from scene.normals import angular_error_deg
 from scene.store import Store
 
@@ -44,27 +40,6 @@ def processed(without_balls, tmp_path_factory):
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     return out, json.loads(run.stdout)
-
-
-def test_no_ball_is_said_by_an_empty_list(without_balls, tmp_path):
-    session = load_session(without_balls)
-    assert session.no_spheres
-    assert session.spheres == ()
-    assert not load_session(BUMPY).no_spheres
-    text = (without_balls / "session.toml").read_text().removeprefix("spheres = []\n")
-    for name in ("raw", "scan"):
-        (tmp_path / name).symlink_to(BUMPY / name)
-    (tmp_path / "session.toml").write_text(text)
-    assert not load_session(tmp_path).no_spheres
-
-
-def test_calibrate_waits_for_the_scan_without_a_warning():
-    frames = Frames.from_linear(("a", "b", "c"), np.ones((3, 4, 5, 3)))
-    waiting = unknown_lights(frames, "spheres: no ball found.", has_scan=True)
-    assert waiting.lights.is_unknown
-    assert not waiting.warnings
-    assert "with the scan's pose, by `align`" in waiting.evidence[0]
-    assert unknown_lights(frames, "spheres: no ball found.", has_scan=False).warnings
 
 
 def test_a_scan_of_unknown_unit_cannot_be_the_probe():
@@ -101,9 +76,3 @@ def test_the_report_says_where_the_lights_come_from(processed):
     assert any("from the scan's own shading" in text for text in summary["align"]["evidence"])
     assert any("judged too kindly" in row["text"] for row in summary["warnings"] if row["step"] == "align")
     assert not [row for row in summary["warnings"] if row["step"] == "calibrate"]
-
-
-@pytest.mark.full
-def test_the_lights_can_be_exported(without_balls, processed):
-    paths, _ = export_session(without_balls, "lp", processed[0], None)
-    assert any(path.suffix == ".lp" for path in paths)

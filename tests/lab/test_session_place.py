@@ -1,6 +1,5 @@
 """An output folder remembers its session, from every working directory, and when both are moved."""
 
-import json
 import shutil
 from pathlib import Path
 
@@ -77,15 +76,6 @@ def test_a_damaged_note_is_one_message(lab, text):
     (lab / "out" / "pear" / "session.json").write_text(text)
     with pytest.raises(SessionError, match=r"session\.json"):
         session_and_out(lab / "out" / "pear")
-
-
-def test_a_manifest_of_another_name_is_remembered_by_it(lab):
-    other = lab / "captures" / "pear" / "fewer.toml"
-    other.write_text(LEAST)
-    with open_job(other, out=lab / "fewer"):
-        pass
-    assert session_and_out(lab / "fewer")[0] == other
-    assert json.loads((lab / "fewer" / "session.json").read_text())["relative"] == "../captures/pear/fewer.toml"
 
 
 def test_a_session_with_other_files_in_it_is_a_session(lab):

@@ -15,7 +15,6 @@ from scene.mesh import Mesh
 from scene.normals import unit
 from scene.pose import Pose
 from scene.store import Store
-from twin.description.materials import Diffuse
 from twin.engines.variant import import_mitsuba
 
 pytestmark = pytest.mark.render
@@ -47,16 +46,6 @@ def job(tmp_path):
     pose = Pose.from_rotation_translation(np.eye(3), np.array([0, 0, -300.0]))
     store.save_pose(pose, residual_px=0.1, sigma_mm=0.1, sigma_deg=0.1)
     return SimpleNamespace(store=store, twin=AS_GIVEN, methods=("ls",), load_scan=lambda: mesh)
-
-
-def test_an_object_of_few_pixels_is_matte_and_says_why(job):
-    scene, material, warnings, _ = twin_scene(job)  # type: ignore[arg-type]
-    ((_, made_of),) = scene.materials.items()
-    assert isinstance(made_of, Diffuse)
-    assert material["model"] == "matte"
-    assert "of the albedo of ls" in material["sentence"]
-    assert "expected 100 or more" in material["sentence"]
-    assert warnings[0] == f"The twin is {material['sentence']}"
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,7 @@ from lab.job import Job
 from lab.options import Settings, Solving
 from lab.run import run_session
 from rgbn.export_command import export_session
-from rgbn.opened_session import Session
 from scene.errors import CalibrationError, SceneError
-from scene.lights import Lights
 from scene.method_names import UNCALIBRATED
 from scene.normals import angular_error_deg, unit
 from scene.store import Store
@@ -90,46 +88,6 @@ def test_a_method_that_needs_lights_is_refused_before_anything_is_solved(dome, p
     assert "[[spheres]]" in str(error.value)
     with pytest.raises(CalibrationError, match="directions are unknown"):
         export_session(dome[0], "lp", processed[0], None)
-
-
-@pytest.mark.full
-def test_python_and_the_studio_open_it(dome, processed):
-    from studio.review.folder import Review
-
-    opened = Session(dome[0], out=processed[0])
-    assert opened.methods == UNCALIBRATED
-    assert np.isfinite(opened.normals("ldr")).any()
-    assert "unknown" in repr(opened.lights)
-    review = Review(Path(processed[0]))
-    assert review.lights is None
-    assert "they are unknown" in review.missing["lights"]
-
-
-def test_unknown_lights_come_back_and_stand_in_every_table(tmp_path):
-    lights = Lights.unknown(("a", "b", "c", "d"))
-    Store(tmp_path).save_lights(lights)
-    back = Store(tmp_path).load_lights()
-    assert back.is_unknown
-    assert back.model == "unknown"
-    assert back.facts()["zenith_max_deg"] is None
-    assert all(row["elevation_deg"] is None and row["direction_x"] is None for row in back.rows())
-    assert np.isnan(back.to_dataframe()["direction_x"].to_numpy(float)).all()
-    assert "unknown" in back._repr_html_()
-    assert back.plot("intensities")
-    with pytest.raises(SceneError, match="they are unknown"):
-        back.plot("directions")
-    with pytest.raises(CalibrationError, match="--method ldr,entropy,tv"):
-        back.check()
-    seen = back.seen_from([1.0, 2.0, 3.0])
-    np.testing.assert_array_equal(seen.reference_point_mm, [1, 2, 3])
-
-
-def test_lights_that_are_known_in_part_are_a_fault_of_the_file(tmp_path):
-    data = {"frames": [{"name": "a", "direction": [0, 0, 1], "intensity": [1, 1, 1]},
-                       {"name": "b", "direction": None, "intensity": [1, 1, 1]}]}  # fmt: skip
-    (tmp_path / "lights.json").write_text(json.dumps(data))
-    with pytest.raises(SceneError, match="directions"):
-        Store(tmp_path).load_lights()
 
 
 @pytest.mark.parametrize(

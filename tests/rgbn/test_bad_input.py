@@ -3,7 +3,6 @@
 Ctrl-C ends with 130. docs/guide/repair.md lists the faults; what only the photographs tell has tests in its room.
 """
 
-import errno
 import os
 import re
 import shutil
@@ -17,8 +16,6 @@ import numpy as np
 import pytest
 
 from calibrate.known_lights.read_known import read_lights
-from capture.session.session import load_session
-from scene import files as files_module
 from scene.errors import CalibrationError
 from scene.files import write_png
 from scene.output_folder import open_record
@@ -122,19 +119,6 @@ def test_faults_are_told_all_at_once(session, refused):
     (session / "session.toml").write_text(TEXT.replace("raw/amb", "raw/dusk").replace('kind = "white"', 'kynd = "w"'))
     message = refused("process", session, parts=("3 faults",))
     assert all(part in message for part in ("dusk", "kynd", "spheres"))
-
-
-def test_what_editors_save(session, refused):
-    """A byte-order mark and Windows' line ends are no fault; what has neither mark nor UTF-8 is told with the cure."""
-    file, text = session / "session.toml", TEXT.replace('"bumpy"', '"Büste"')
-    file.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
-    assert load_session(session).name == "Büste"
-    for line_end in ("\n", "\r\n", "\r"):
-        file.write_bytes(text.replace("\n", line_end).encode("utf-16"))
-        assert load_session(session).name == "Büste"
-    for bad in (text.encode("latin-1"), text.replace("ü", "u").encode("utf-16-le")):
-        file.write_bytes(bad)
-        refused("check", session, parts=("Save the file as UTF-8",))
 
 
 def test_another_folder_is_given(session, refused):
@@ -273,29 +257,6 @@ def test_a_light_file(tmp_path):
         with pytest.raises(CalibrationError, match=part) as error:
             read_lights(tmp_path / "lights.lp", tuple(names))
         assert str(error.value).startswith(str(tmp_path / "lights.lp"))
-
-
-def test_a_full_disk(refused, session, monkeypatch):
-    def full(*_):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(files_module.os, "posix_fallocate", full)
-    refused("check", session, "--out", session.parent / "out", parts=("disk is full",))
-
-
-def test_a_disk_that_is_really_full(session, tmp_path):
-    """On a file system of 2 MB, where that can be mounted: no SIGBUS from the memory map, one message."""
-    small = tmp_path / "small"
-    small.mkdir()
-    mount = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=2m", "none", str(small)], capture_output=True)
-    if mount.returncode:
-        pytest.skip("mounting a small file system is not allowed here")
-    try:
-        done = subprocess.run([*COMMAND, "check", session, "--out", small / "out"], capture_output=True, text=True)
-        assert (done.returncode, "disk is full" in done.stderr) == (2, True), done.stderr
-        assert not half_written(small)
-    finally:
-        subprocess.run(["umount", str(small)], check=True)
 
 
 def start(session, out):

@@ -2,14 +2,10 @@
 
 import csv
 import json
-import re
-import subprocess
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from rgbn import cli
 from tests.lab.test_foreign_files import make_session
 
 
@@ -54,29 +50,6 @@ def test_each_verb_shows_its_own_findings_and_leads_to_the_next(run, session):
     assert "report.html" in last_lines(out)["written"]
     code, out, _ = run("process", *words, "-m", "ls,iterative")
     assert all(any(line.startswith(text) for line in out.splitlines()) for text in titles.values())
-
-
-def test_more_lights_than_a_screen_holds_are_the_worst_ones_and_a_file(run, session, capsys):
-    from rgbn.step_tables import MOST, WORST, light_tables
-    from scene.lights import Lights
-    from scene.store import Store
-
-    count = MOST + 1
-    names = tuple(f"light_{i:02d}" for i in range(count))
-    rng = np.random.default_rng(3)
-    sigma = rng.permutation(np.linspace(0.1, 0.9, count))
-    sigma[4] = np.nan
-    flags = tuple(("no highlight seen",) if i == int(np.nanargmin(sigma)) else () for i in range(count))
-    toward = np.column_stack([rng.uniform(-0.5, 0.5, (count, 2)), np.ones(count)])
-    lights = Lights(names, toward, np.ones((count, 3)), direction_sigma_deg=sigma, flags=flags)
-    Store(session).save_lights_json(lights)
-    table, *_ = light_tables(Store(session), moved=True)
-    shown = list(table.columns[0].cells)
-    assert len(shown) == WORST
-    certain = np.where([bool(flag) for flag in flags], np.inf, np.nan_to_num(sigma, nan=2.0))
-    assert {str(cell) for cell in shown} == {names[i] for i in np.argsort(-certain)[:WORST]}
-    assert f"{count - WORST} more in lights.csv" in table.caption
-    assert f"at worst ({names[int(np.nanargmax(sigma))]})" in table.caption
 
 
 @pytest.mark.parametrize("quiet", ["-q", "--quiet"])
@@ -136,39 +109,6 @@ def test_a_slip_is_one_message_with_what_there_is(run, words, parts):
     assert said.count("\n") == 1
     for part in parts:
         assert part in said
-
-
-@pytest.mark.parametrize("flag", ["-V", "--version"])
-def test_the_version_is_one_number(run, flag):
-    code, out, said = run(flag)
-    assert (code, said) == (0, "")
-    assert re.fullmatch(r"\d+\.\d+\.\d+\n", out)
-
-
-def test_bash_completes_verbs_and_their_options(tmp_path):
-    """By bash itself: what it offers after `rgbn ` and after `rgbn solve --`."""
-    (tmp_path / "script").write_text(cli.app.generate_completion(shell="bash"))
-    verbs = {"process", "demo", "check", "calibrate", "align", "solve", "twin", "compare", "export", "sweep", "doctor"}
-
-    def offered(*words):
-        line = " ".join(f"'{word}'" for word in words)
-        ask = f'COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _rgbn; printf "%s\\n" "${{COMPREPLY[@]}}"'
-        done = subprocess.run(["bash", "-c", f"source {tmp_path}/script; {ask}"], capture_output=True, text=True)
-        return set(done.stdout.split())
-
-    assert verbs <= offered("rgbn", "")
-    assert offered("rgbn", "cal") == {"calibrate"}
-    assert {"--method", "--out", "--quiet", "--verbose"} <= offered("rgbn", "solve", "--")
-    assert "--method" not in offered("rgbn", "check", "--")
-
-
-def test_every_verb_that_writes_takes_the_same_short_options(run):
-    for verb in ("process", "check", "calibrate", "align", "solve", "twin", "compare", "export", "sweep", "studio"):
-        out = run(verb, "--help")[1]
-        assert "--out -o" in out, verb
-        assert "--quiet -q" in out
-        assert ("--method -m" in out) == ("--method" in out)
-    assert "out/demo here" in run("demo", "--help")[1]
 
 
 def test_doctor_says_what_to_do(run, monkeypatch):

@@ -8,10 +8,8 @@ import pytest
 import rgbn
 from scene.camera import Camera
 from scene.errors import SceneError
-from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from solve.solve import solve
 
 HEIGHT, WIDTH = 30, 40
 
@@ -88,23 +86,6 @@ def test_whole_numbers_are_shares_of_their_white_and_clipped_ones_are_left_out(w
     assert off_deg(floats, left_out.normals.astype(float), mask) < 0.02
 
 
-def test_it_is_the_sessions_own_solve(world):
-    """The same frames and lights through the steps' door: the same numbers to the last digit."""
-    images, vectors, _, mask, _ = world
-    codes = np.round(images * 65535).astype(np.uint16)
-    names = tuple(f"image_{index}" for index in range(len(images)))
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    lights = Lights(names, vectors / lengths, np.repeat(lengths, 3, 1))
-    frames = Frames.from_linear(names, codes.astype(np.float32) / 65535)
-    for method in ("ls", "iterative", "position"):
-        own = solve(method, frames, lights, Camera.orthographic(WIDTH, HEIGHT), mask)
-        for given in (vectors, lights):
-            found = rgbn.solve(codes, given, mask, method)
-            assert np.array_equal(found.normals, own.normals, equal_nan=True)
-            assert np.array_equal(found.albedo, own.albedo, equal_nan=True)
-            assert np.array_equal(found.samples, own.samples)
-
-
 def test_near_lights_need_the_camera_and_use_it(world):
     _, vectors, normals, mask, albedo = world
     camera = Camera(WIDTH, HEIGHT, 60.0, 60.0, 19.5, 14.5)
@@ -121,16 +102,6 @@ def test_near_lights_need_the_camera_and_use_it(world):
         rgbn.solve(images, near, mask)
     with pytest.raises(SceneError, match="41 x 30"):
         rgbn.solve(images, near, mask, camera=replace(camera, width=41))
-
-
-def test_lights_may_be_left_out_where_the_method_finds_them(world):
-    images, vectors, _, mask, _ = world
-    found = rgbn.solve(images, None, mask, "entropy")
-    known = rgbn.solve(images, vectors / np.linalg.norm(vectors, axis=1, keepdims=True), mask, "entropy")
-    assert np.isfinite(found.normals[mask]).mean() > 0.9
-    assert found.lights is not None
-    assert known.lights is not None
-    assert len(known.lights) == len(found.lights) == len(images)
 
 
 @pytest.mark.parametrize(

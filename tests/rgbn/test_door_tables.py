@@ -38,10 +38,3 @@ def test_a_row_says_where_its_light_is():
         assert toward == pytest.approx(polar, abs=1e-12)
     assert [row["direction_sigma_deg"] for row in rows] == [0.2, None, 0.3, 0.4]
     assert [row["flags"] for row in rows] == ["", "dim; blurred", "", ""]
-
-
-def test_a_distant_light_has_no_position():
-    lights = Lights(("a",), np.array([[0.0, 0.6, 0.8]]), np.ones((1, 3)))
-    row = lights.rows()[0]
-    assert [row[name] for name in ("x_mm", "y_mm", "z_mm", "distance_mm", "intensity_sigma")] == [None] * 5
-    assert row["elevation_deg"] == pytest.approx(np.degrees(np.arcsin(0.8)))

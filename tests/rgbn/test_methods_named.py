@@ -1,7 +1,5 @@
 """The command line names every method and every format; its help may not load them to find out."""
 
-import subprocess
-import sys
 from typing import get_args, get_type_hints
 
 import pytest
@@ -34,9 +32,3 @@ def test_names_are_read_in_any_case_and_each_once():
         assert "there are ls, iterative," in str(caught.value)
     with pytest.raises(SceneError, match="--engine fast: fast is unknown; there are auto, many"):
         TwinSettings(engine="fast")
-
-
-def test_what_the_help_lists_is_known_without_the_libraries():
-    code = "import sys, lab.options, lab.progress, lab.run; print('numpy' in sys.modules)"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "False"

@@ -130,8 +130,3 @@ def test_what_cannot_be_had_is_said_before_anything_runs(small, tmp_path, ask, c
         ask(rgbn.open(small, out=tmp_path / "out"))
     assert cure in str(told.value)
     assert not (tmp_path / "out").exists()
-
-
-def test_a_folder_that_is_no_session_is_refused_when_it_is_opened(tmp_path):
-    with pytest.raises(SceneError, match="session"):
-        rgbn.open(tmp_path)

@@ -6,13 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from formats.light_files.light_formats import export_lights
-from formats.light_files.light_json import read_json
 from formats.sfm_data import write_sfm
 from scene.camera import FROM_OPENCV, Camera
 from scene.errors import CalibrationError
-from scene.lights import Lights
-from scene.normals import unit
 
 CAMERA = Camera(640, 480, 900.0, 985.0, 330.7, 228.1, (0.1, -0.05, 0.0, 0.0, 0.02))
 
@@ -51,22 +47,6 @@ def test_the_camera_projects_as_ours(tmp_path, tangential):
     points = np.random.default_rng(1).uniform([-90, -70, -600], [90, 70, -400], (50, 3))
     seen = as_projected(tmp_path / "out" / "cameras.sfm", points @ FROM_OPENCV)
     np.testing.assert_allclose(seen, camera.project(points), atol=1e-6)
-
-
-def test_its_views_are_those_of_the_lights(tmp_path):
-    """In another order than the names': a light that goes by its place in the list would be another's."""
-    files = [tmp_path / name for name in ("c.dng", "a.dng", "b.dng")]
-    write_sfm(tmp_path / "cameras.sfm", CAMERA, files)
-    directions = unit(np.array([[0.5, 0.1, 1], [-0.4, 0.2, 1], [0.1, -0.6, 1]]))
-    lights = Lights(("c", "a", "b"), directions, np.ones((3, 3)))
-    export_lights(
-        tmp_path, "alicevision", lights, CAMERA, files=tuple(one.name for one in files), sfm=tmp_path / "cameras.sfm"
-    )
-    paths = {str(one["viewId"]): one["path"] for one in json.loads((tmp_path / "cameras.sfm").read_text())["views"]}
-    assert paths == {str(index): str(one) for index, one in enumerate(files, 1)}
-    read = read_json(tmp_path / "lights_alicevision.json")
-    assert read.names == ("c", "a", "b")
-    np.testing.assert_allclose(read.directions, directions, atol=1e-9)
 
 
 def test_what_it_cannot_say_is_refused(tmp_path):

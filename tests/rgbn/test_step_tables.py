@@ -5,7 +5,6 @@ from io import StringIO
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 from rich.console import Console
 
 from rgbn.step_tables import TABLES, camera_text, light_tables
@@ -37,27 +36,6 @@ def test_a_camera_is_told_by_its_field_of_view_and_source():
     assert text.endswith("from EXIF")
     assert camera_text(replace(CAMERA, source="assumed")).endswith("taken as most cameras have it")
     assert "not known" in camera_text(Camera.orthographic(640, 480))
-
-
-@pytest.mark.parametrize(
-    ("unit", "per_unit", "part"),
-    [
-        ("cm", 10.0, "12 x 3 x 4.5 cm in the file (1 = 10 mm)"),
-        ("unknown", 2.5, "48 x 12 x 18 of unknown unit in the file (1 = 2.5 mm)"),
-        ("unknown", None, "120.0 x 30.0 x 45.0 mm, along the scan's axes\n"),
-        ("mm", 1.0, "120.0 x 30.0 x 45.0 mm, along the scan's axes\n"),
-    ],
-)
-def test_the_object_s_size_is_told_in_millimetres_and_in_the_scan_s_unit(unit, per_unit, part):
-    """A scan that was taken in another unit than it is in shows at once."""
-    found = {"residual_px": 0.25, "sigma_mm": 0.123, "sigma_deg": 0.05, "size_mm": [120.0, 30.0, 45.0]}
-    found |= {"mm_per_unit": per_unit, "distance_mm": 1234.4, "truth_sigma_deg_median": 0.6}
-    job = SimpleNamespace(session=session(scan_unit=unit))
-    text = shown(TABLES["align"](job, {"align": found}), 120)
-    assert part in "\n".join(line.rstrip() for line in text.splitlines()) + "\n"
-    assert "1234 mm from the camera" in text
-    assert "0.25 px" in text
-    assert "0.12 mm, 0.05 deg" in text
 
 
 def test_without_scan_or_twin_the_tables_say_so():

@@ -1,7 +1,6 @@
 """`rgbn solve --mesh`: whose surface is written, where it lies, and that nothing is solved twice for it."""
 
 import json
-import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -87,22 +86,6 @@ def test_the_mesh_is_the_ball_where_it_stood(near_session, tmp_path):
     assert np.isclose(vertices[:, 2].max(), np.nanmax(depth), atol=1e-3), "the depth map's own surface"
 
 
-@pytest.mark.parametrize(
-    ("methods", "whose"),
-    [
-        pytest.param("reflectance,near", "reflectance", marks=pytest.mark.full),
-        ("ls,reflectance", "reflectance"),
-    ],
-)
-def test_the_first_method_that_finds_depth_is_written(near_session, tmp_path, methods, whose):
-    mesh = tmp_path / "ball.ply"
-    run = solve(near_session, tmp_path / "out", "--method", methods, "--mesh", mesh)
-    assert run.returncode == 0, run.stderr
-    assert f"{whose}," in run.stderr
-    assert "distance was found by the shading" in run.stderr
-    assert np.median(np.abs(radii(mesh) - RADIUS_MM)) < 2
-
-
 def test_without_depth_the_first_methods_normals_are_integrated(near_session, tmp_path):
     mesh = tmp_path / "ball.ply"
     run = solve(near_session, tmp_path / "out", "--method", "iterative,ls", "--mesh", mesh)
@@ -120,24 +103,3 @@ def test_another_ending_is_refused_before_the_work(near_session, tmp_path, name,
     assert words in run.stderr
     assert "Traceback" not in run.stderr
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.full
-def test_another_program_runs_once_for_its_mesh(near_session, tmp_path):
-    """It counts its own calls, beside what it is told: a second solve would show."""
-    np.save(tmp_path / "normals.npy", np.where(ball()[0][..., None], ball()[1], 0))
-    (tmp_path / "count.py").write_text(
-        "import json, sys\nfrom pathlib import Path\nimport cv2, numpy as np\n"
-        "data, out, here = map(Path, sys.argv[1:])\n"
-        "with open(here / 'calls.txt', 'a') as file:\n    file.write('called\\n')\n"
-        "normals, mask = np.load(here / 'normals.npy'), cv2.imread(str(data / 'mask.png'), 0) > 0\n"
-        "known = np.linalg.norm(normals, axis=-1) > 0.5\n"
-        "whole = np.zeros((*mask.shape, 3))\nwhole[mask] = normals[known]\nnp.save(out / 'normals.npy', whole)\n"
-    )
-    program = f"{shlex.quote(sys.executable)} {tmp_path / 'count.py'} {{data}} {{out}} {tmp_path}"
-    words = ("--method", "ls", "--external", f"Counting={program}")
-    for mesh in ("first.ply", "second.ply"):
-        run = solve(near_session, tmp_path / "out", *words, "--mesh", tmp_path / mesh)
-        assert run.returncode == 0, run.stderr
-        assert (tmp_path / mesh).exists()
-    assert (tmp_path / "calls.txt").read_text().split() == ["called"]

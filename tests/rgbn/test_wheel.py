@@ -86,11 +86,11 @@ def test_it_runs_from_an_empty_folder(installed, tmp_path):
     assert "demo" in run(installed, "rgbn", "--help", cwd=tmp_path)
     assert list(tmp_path.iterdir()) == []
 
-    run(installed, "rgbn", "example", "no-scan", cwd=tmp_path)
-    assert (tmp_path / "no-scan" / "session.toml").is_file()
+    run(installed, "rgbn", "example", "fixture", cwd=tmp_path)
+    assert (tmp_path / "fixture" / "session.toml").is_file()
 
     found = json.loads(run(installed, "rgbn", "demo", "--json", cwd=tmp_path))
     assert found["truth_check"]["direction_median_deg"]["value"] <= 0.5
     assert found["truth_check"]["truth_median_deg"]["value"] <= 1
     assert (tmp_path / "out" / "demo" / "report.html").stat().st_size > 1e6
-    assert {path.name for path in tmp_path.iterdir()} == {"no-scan", "out"}
+    assert {path.name for path in tmp_path.iterdir()} == {"fixture", "out"}

@@ -64,12 +64,11 @@ class Sensor:
     def __post_init__(self) -> None:
         if not 0 <= self.black_level < self.white_level <= 65535:
             raise RenderError(
-                f"sensor: black level {self.black_level}, white level {self.white_level}; "
-                "expected 0 <= black < white <= 65535."
+                f"black_level {self.black_level}, white_level {self.white_level}: expected 0 <= black < white <= 65535."
             )
         if self.falloff(np.linspace(0, 1, 101)).min() <= 0:
             raise RenderError(
-                f"sensor.vignetting: {self.vignetting} leaves no light at some place of the picture; expected "
+                f"vignetting {self.vignetting} leaves no light at some place of the picture; expected "
                 "1 + k1 r^2 + k2 r^4 + k3 r^6 above 0 from the middle (r = 0) to the corners (r = 1)."
             )
 

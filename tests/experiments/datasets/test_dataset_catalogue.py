@@ -137,4 +137,7 @@ def test_the_list_at_the_command_line(tmp_path):
     assert "pear-roughness-0.30" in text
     assert text.strip().endswith("9 datasets and 2 other names; 9 of the benchmark's list; 0 on the shelf")
     assert sum(one["benchmark"] and not one["same_as"] for one in found) == 93
+    subprocess.run([*command[:2], "make", *command[3:], "pear-roughness-0.30", "--side", "16"], check=True)
+    text = lines("pear-roughness-*")
+    assert text.strip().endswith("10 datasets and 2 other names; 9 of the benchmark's list; 1 on the shelf")
     assert {one["name"] for one in json.loads(lines("--json", "benchmark"))} >= set(benchmark_names())

@@ -66,19 +66,6 @@ def test_a_scheduler_that_is_killed_ends_the_run_with_one_message(
 
 
 @pytest.mark.full
-def test_without_workers_a_run_says_so_and_waits_for_some(session, cluster, same, finish, wait_for, tmp_path):
-    cluster.start_scheduler()
-    run = cluster.solve(session[0], tmp_path / "out")
-    wait_for(lambda: f"waiting for workers at {cluster.address}: none yet" in run.said.read_text(), run)
-    cluster.start_worker(habit=DIES)
-    wait_for(lambda: run.said.read_text().count("waiting for workers") == 2, run)
-    cluster.start_worker()
-    done = finish(run)
-    assert done.returncode == 0, done.stderr
-    same(tmp_path / "out")
-
-
-@pytest.mark.full
 @pytest.mark.parametrize("habit", [None, DIES])
 def test_a_run_waits_for_workers_no_longer_than_it_is_told(session, cluster, refused, finish, tmp_path, habit):
     cluster.start_scheduler()
@@ -87,15 +74,6 @@ def test_a_run_waits_for_workers_no_longer_than_it_is_told(session, cluster, ref
     run = finish(cluster.solve(session[0], tmp_path / "out", DASK_RGBN__WAIT_FOR_WORKERS="12s"))
     refused(run, "it had no worker for 12 s", f"dask worker {cluster.address}")
     assert run.stderr.count("waiting for workers") == 2, "at once, and after ten seconds"
-
-
-@pytest.mark.full
-def test_a_worker_that_falls_silent_before_it_is_asked(cluster, monkeypatch, tmp_path):
-    monkeypatch.setattr("lab.cluster.SILENCE_S", 2)
-    cluster.start_scheduler()
-    cluster.start_worker().send_signal(signal.SIGSTOP)
-    with pytest.raises(ClusterError, match="a worker did not answer for 2 s"), executor_of(cluster.address, tmp_path):
-        pass
 
 
 @pytest.mark.full

@@ -1,6 +1,5 @@
 """What goes to the workers: little through the scheduler, each large array once through the folder that all share."""
 
-import errno
 import pickle
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -12,10 +11,8 @@ import trimesh
 
 from capture.photographs.decode import decode
 from capture.session.session import load_session
-from lab.cluster import executor_of
 from lab.cluster_unit import LARGE, pack
 from scene.camera import Camera
-from scene.errors import ClusterError
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import unit
@@ -84,32 +81,6 @@ def test_units_of_every_step_are_small_and_give_the_same(session, executor, tmp_
     np.testing.assert_array_equal(*rendered)
     assert len(executor.bytes) > sent
     assert max(executor.bytes) < MOST
-
-
-def test_a_large_array_is_one_file_and_a_part_of_one_in_the_output_folder_none(shared, tmp_path):
-    array = np.arange(LARGE, dtype=np.float64)
-    for number in range(5):
-        assert len(pack((array, number), shared)) < LARGE
-    assert len(list(shared.iterdir())) == 1
-    np.save(tmp_path / "out" / "map.npy", np.arange(9 * LARGE).reshape(3, 3, -1))
-    window = np.load(tmp_path / "out" / "map.npy", mmap_mode="r")[1:, ::2, ::-3]
-    np.testing.assert_array_equal(pickle.loads(pack(window, shared)), window, strict=True)
-    assert len(list(shared.iterdir())) == 1
-
-
-@pytest.mark.full
-def test_a_full_disk_is_told(cluster, monkeypatch, tmp_path):
-    cluster.start_scheduler()
-    cluster.start_worker()
-
-    def full(*_):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    with pytest.raises(ClusterError, match=r"the disk is full .* run the same command again"):  # noqa: SIM117
-        with executor_of(cluster.address, tmp_path / ".rgbn" / "cluster") as executor:
-            assert executor.submit(len, "a").result() == 1
-            monkeypatch.setattr("lab.cluster_unit.os.replace", full)
-            executor.submit(len, np.zeros(LARGE))
 
 
 @pytest.mark.parametrize("is_shared", [False, True])

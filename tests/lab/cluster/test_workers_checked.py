@@ -1,14 +1,15 @@
 """No worker works that would give something else: one of other code, of other libraries, or that sees other files."""
 
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
 
+from lab.cluster_unit import refuse
+from scene.current import code_fingerprint, libraries
+from scene.errors import ClusterError
 from scene.rooms import ROOMS, ROOT
 
-ALONE = ["unshare", "--map-root-user", "--mount"]
 SLOW = """
 def slow(count):
     time.sleep(0.5)
@@ -42,16 +43,6 @@ def test_a_cluster_gives_what_threads_give(session, cluster, same, finish, tmp_p
 
 
 @pytest.mark.full
-def test_a_worker_of_other_code_is_refused_before_any_work(session, cluster, other_house, refused, tmp_path):
-    cluster.start_scheduler()
-    cluster.start_worker()
-    cluster.start_worker(house=other_house)
-    said = refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "worker tcp://", " on ", "make setup")
-    assert f"the code of its rgbn in {other_house} is another" in said
-    assert not (tmp_path / "out" / "frames").exists()
-
-
-@pytest.mark.full
 def test_a_worker_of_other_code_that_joins_later_is_refused(
     session, cluster, other_house, refused, same, finish, wait_for, tmp_path
 ):
@@ -70,63 +61,25 @@ def test_a_worker_of_other_code_that_joins_later_is_refused(
 
 
 @pytest.mark.full
-def test_a_worker_with_another_library_is_refused(session, cluster, refused, tmp_path):
-    cluster.start_scheduler()
-    worker_place = cluster.folder / "worker-0"
-    # Found before the installed one, as another environment's would be.
-    (cluster.folder / "scipy-1.0.dist-info").mkdir()
-    (cluster.folder / "scipy-1.0.dist-info" / "METADATA").write_text(
-        "Metadata-Version: 2.1\nName: scipy\nVersion: 1.0\n"
-    )
-    cluster.start_worker(habit=f"sys.path.insert(0, {str(cluster.folder)!r})")
-    assert worker_place.exists()
-    refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "its scipy is 1.0, expected ", "worker tcp://")
-
-
-@pytest.mark.full
-def test_a_worker_whose_code_was_changed_after_it_had_loaded_it_is_refused(
-    session, cluster, other_house, refused, finish, tmp_path
-):
-    """Its files are the expected ones again, but what it has loaded is not."""
-    cluster.start_scheduler()
-    cluster.start_worker(house=other_house)
-    refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "is another")
-    shutil.copy(ROOT / "capture" / "photographs" / "develop.py", other_house / "capture" / "photographs" / "develop.py")
-    refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "is another", "start it again")
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("hidden", ["session", "out"])
-def test_a_worker_that_does_not_see_the_files_is_refused(session, cluster, refused, tmp_path, hidden):
-    if subprocess.run([*ALONE, "true"], capture_output=True).returncode:
-        pytest.skip("no file systems of their own for processes here")
-    (tmp_path / "out").mkdir()
-    cluster.start_scheduler()
-    cluster.start_worker()
-    cluster.start_worker(first=[*ALONE, "sh", "-c", f'mount -t tmpfs none "{tmp_path / hidden}" && exec "$@"', "sh"])
-    words = ["output folder"] if hidden == "out" else ["flash_00.png"]
-    refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "does not see", str(tmp_path / hidden), *words)
-
-
-@pytest.mark.full
-def test_a_worker_that_sees_other_photographs_of_the_same_names_and_sizes_is_refused(
-    session, cluster, refused, tmp_path
-):
-    """A copy of another day on the worker's own disk; RAW files of one camera are all of one size."""
-    if subprocess.run([*ALONE, "true"], capture_output=True).returncode:
-        pytest.skip("no file systems of their own for processes here")
-    other = Path(shutil.copytree(session[0], tmp_path / "of another day"))
-    changed = other / "flash_03.png"
-    content = bytearray(changed.read_bytes())
-    content[len(content) // 2] ^= 1
-    changed.write_bytes(content)
-    cluster.start_scheduler()
-    cluster.start_worker()
-    cluster.start_worker(first=[*ALONE, "sh", "-c", f'mount --bind "{other}" "{session[0]}" && exec "$@"', "sh"])
-    refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "sees another file as", "flash_03.png")
-
-
-@pytest.mark.full
 def test_a_scheduler_that_does_not_answer(session, cluster, refused, tmp_path):
     cluster.address = "tcp://127.0.0.1:9"
     refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "no Dask scheduler answers", "dask scheduler")
+
+
+@pytest.mark.parametrize(
+    ("other", "told"),
+    [
+        ({"code": "0" * 40}, "the code of its rgbn in .* is another"),
+        ({"libraries": {"scipy": "1.0"}}, r"its scipy is .*, expected 1\.0"),
+        ({"folder": Path("nowhere/run")}, "does not see the output folder nowhere"),
+        ({"files": {__file__: "0"}}, "sees another file as .*test_workers_checked.py"),
+        ({"files": {"nowhere/flash_00.png": "0"}}, "does not see nowhere/flash_00.png"),
+    ],
+)
+def test_a_worker_that_would_give_something_else_is_refused(tmp_path, other, told):
+    """Of other code or libraries, on other folders, or with photographs of another day under the same names."""
+    run = {"id": told, "scheduler": "tcp://here", "folder": tmp_path, "code": code_fingerprint(), "files": {}}
+    run |= {"libraries": libraries()}
+    refuse(run | {"id": f"fit {told}"})
+    with pytest.raises(ClusterError, match=f"would not do as this computer does: .*{told}.*start it again"):
+        refuse(run | other)

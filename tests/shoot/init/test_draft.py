@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capture.session.manifest import BoardTable, FramesTable, Manifest, SphereTable
+from capture.session.manifest import FramesTable, Manifest, SphereTable
 from capture.session.session import load_session
-from capture.session.session_types import Board, Lens
-from scene.errors import SceneError, SessionError
+from capture.session.session_types import Lens
+from scene.errors import SessionError
 from scene.files import write_png
 from scene.frames import Frames
 from shoot.init.answers import Answers, Asking
@@ -27,11 +27,10 @@ def asking(monkeypatch, text, answers=None, **more):
 
 
 def test_each_question_is_asked_once_until_its_answer_can_be_read(monkeypatch, capsys):
-    asked = asking(monkeypatch, "about 3 inch\n-5\n76\n70, 50 mm\ncm\n0.2\n50\n36\n")
+    asked = asking(monkeypatch, "about 3 inch\n-5\n76\n70, 50 mm\n0.2\n50\n36\n")
     for _ in ("one object", "another"):
         assert asked.diameters("chrome", [(1.0, 2.0), (3.0, 4.0)], 2) == (76.0, 76.0)
         assert asked.diameters("white", [], 2) == (70.0, 50.0)
-        assert asked.unit("a.ply", None) == "cm"
         assert asked.camera(is_known=False) == {"focal_mm": 50.0, "sensor_mm": 36.0}
     told = capsys.readouterr().err
     assert told.count("expected") == 3
@@ -40,47 +39,12 @@ def test_each_question_is_asked_once_until_its_answer_can_be_read(monkeypatch, c
         asked.diameters("white", [], 3)
 
 
-def test_what_nobody_answers_is_not_asked_again(monkeypatch, capsys):
-    asked = asking(monkeypatch, "\n")
-    for _ in range(2):
-        assert asked.diameters("white", [], 1) == ()
-        # The end of input: nobody is there.
-        assert asked.unit("a.ply", None) is None
-        assert asked.is_linear("a.png") is False
-        assert asked.camera(is_known=False) == {}
-    assert capsys.readouterr().err.count("Enter") == 2
-
-
-def test_what_is_known_is_not_asked(monkeypatch, capsys):
-    given = Answers(chrome=(76.0,), unit="inch", linear=True)
-    asked = asking(monkeypatch, "", given, earlier=Answers(chrome=(50.0,), white=(70.0,), focal_mm=35.0, sensor_mm=36))
-    assert (asked.diameters("chrome", [], 3), asked.diameters("white", [], 1)) == ((76.0,) * 3, (70.0,))
-    assert asked.unit("a.ply", "mm") == "inch", "what the user says counts"
-    assert asked.is_linear("a.png")
-    assert asked.camera(is_known=False) == {"focal_mm": 35.0, "sensor_mm": 36}, "as it was said before"
-    assert Asking(Answers()).unit("a.ply", "cm") is None, "what the picture tells is not asked"
-    assert Asking(Answers()).camera(is_known=True) == {}, "nor what EXIF tells"
-    assert capsys.readouterr().err == ""
-
-
-@pytest.mark.parametrize(
-    ("said", "told"),
-    [
-        ({"focal_mm": -5.0}, "--focal-mm: found -5.0"),
-        ({"sensor_mm": 3600.0}, "--sensor-mm: found 3600.0; expected 1 to 250"),
-    ],
-)
-def test_answers_that_cannot_be_meant(said, told):
-    with pytest.raises(SceneError, match=told):
-        Answers(**said)
-
-
 @pytest.mark.parametrize(
     ("diagonal", "size", "unit"),
     [(450, 387, "mm"), (45, 387, "cm"), (0.45, 387, "m"), (17.7, 387, "inch"), (450, None, None), (35, 500, None)],
 )
 def test_the_objects_size_tells_the_scans_unit(diagonal, size, unit):
-    """35 for 500 mm may be centimetres or inches: then a person is asked."""
+    """35 for 500 mm may be centimetres or inches: then none is told."""
     assert unit_by_size(diagonal, size) == unit
 
 
@@ -111,10 +75,6 @@ def draft(tmp_path, monkeypatch):
 def loaded(draft):
     (draft.folder / "session.toml").write_text(session_text(draft))
     return load_session(draft.folder)
-
-
-def circles(draft):
-    return [spec.center_px for spec in loaded(draft).spheres]
 
 
 def test_what_was_found_is_what_the_session_says(draft):
@@ -151,12 +111,6 @@ def test_circles_are_written_where_detection_would_find_others(draft, balls, wit
     assert [one.diameter_mm for one in written] == [one.diameter_mm for one in balls]
 
 
-def test_balls_that_are_all_given_up_are_not_looked_for_again(draft):
-    """The file said nothing of balls then, and all were found again."""
-    assert loaded(draft.with_balls([])).no_spheres
-    assert not loaded(replace(draft, found=()).with_balls([])).no_spheres
-
-
 @pytest.mark.parametrize(
     ("lacking", "said"),
     [
@@ -190,14 +144,6 @@ def test_the_camera_that_was_told(draft, lens):
     # In the words of session.toml's reader, for a person who types it into the studio.
     with pytest.raises(SessionError, match=r"camera\.focal_mm: found 0\.5; expected 1 to 3000: millimetres"):
         draft.saying("camera", focal_mm=0.5)
-
-
-def test_a_board_that_was_seen(draft):
-    shots = [draft.folder / "board_1.png", draft.folder / "board_2.png"]
-    board = BoardTable(squares=[11, 8], marker_mm=14.0, dictionary="DICT_4X4_1000")
-    seen = draft.saying("camera", charuco=["board_*.png"], board=board)
-    assert seen.photographs["board"] == shots
-    assert loaded(seen).camera == Board(tuple(shots), (11, 8), 20.0, 14.0, "DICT_4X4_1000")
 
 
 def test_names_that_are_no_globs(tmp_path, draft):

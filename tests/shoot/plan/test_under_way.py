@@ -1,7 +1,5 @@
 """What there is of a shoot: its samples as the lights and normals shade them, what is seen of it, how it scatters."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -13,7 +11,7 @@ from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import unit
 from scene.spheres import Sphere
-from shoot.plan.flash_places import places_in_reach
+from shoot.plan.places import places_in_reach
 from shoot.plan.plan_options import AS_USUAL, PlanOptions
 from shoot.plan.shoot_plan import next_flash
 from shoot.plan.under_way import FEWEST_PIXELS, under_way
@@ -105,25 +103,6 @@ def balls(count, diameter_mm=60.0):
     return [Sphere("chrome", place, 120 * 30 / 1000, diameter_mm) for place in places]
 
 
-def test_the_next_flash_is_the_same_of_an_object_of_fewer_pixels(shoot):
-    """Thinned out, the pixels are others, and the balls the same: sigma was two thirds of what it is."""
-    frames, lights, estimate = shoot()
-    thin = replace(
-        estimate,
-        normals=estimate.normals[::2, ::2],
-        albedo=estimate.albedo[::2, ::2],
-        samples=estimate.samples[::2, ::2],
-    )
-    flashes, sigmas = zip(
-        next_flash(under_way(frames, CAMERA, lights, balls(3), estimate), CAMERA, lights),
-        next_flash(under_way(frames.every(2), CAMERA.every(2), lights, balls(3), thin), CAMERA, lights),
-        strict=True,
-    )
-    assert np.median(sigmas[1]) == pytest.approx(np.median(sigmas[0]), rel=0.1)
-    for name in ("zenith_deg", "azimuth_deg", "distance_mm"):
-        assert flashes[1][name] == pytest.approx(flashes[0][name], rel=0.05)
-
-
 def test_the_next_flash_is_told_as_the_lights_so_far_are(shoot):
     """From their reference point, which lies 17 cm beside the object: the dome shows both."""
     frames, lights, estimate = shoot()
@@ -135,13 +114,6 @@ def test_the_next_flash_is_told_as_the_lights_so_far_are(shoot):
     set_up = found.pixels.set_up
     candidates = places_in_reach(found.within(AS_USUAL), set_up.middle_mm, set_up.size_mm)
     assert np.linalg.norm(candidates - place, axis=1).min() < 5
-
-
-def test_only_two_mirrors_of_known_size_predict_what_further_flashes_will_be_known_to(shoot):
-    frames, lights, estimate = shoot()
-    known = [under_way(frames, CAMERA, lights, some, estimate).has_known_balls
-             for some in ([], balls(1), balls(2, None), balls(2))]  # fmt: skip
-    assert known == [False, False, False, True]
 
 
 def test_without_normals_nothing_is_known(shoot):

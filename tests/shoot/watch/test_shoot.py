@@ -3,30 +3,20 @@
 import os
 import re
 import shutil
+import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
-from calibrate.calibration import Calibration
-from calibrate.detection.balls import Ball
-from capture.photographs.kept import Kept, KeptStack
+from capture.photographs.kept import Kept
 from capture.survey.hot_folder import HotFolder, list_photographs
-from scene.camera import Camera
 from scene.current import file_digest
-from scene.frames import Frames
-from scene.lights import Lights
-from scene.normals import unit
-from scene.spheres import Sphere
 from shoot.init.answers import Answers, Asking
-from shoot.watch import lights_so_far
-from shoot.watch.lights_so_far import NEWEST, LightsSoFar, joined
-from shoot.watch.shoot import Shoot, warning_key
-from shoot.watch.shots import read_shot, sort_shots
-from shoot.watch.taken import PATIENCE_S, Taken
-from shoot.watch.watch_folder import whole_photographs
+from shoot.watch.shoot import warning_key
+from shoot.watch.taken import PATIENCE_S, Taken, read_shot, sort_shots
+from shoot.watch.watch_folder import _loop, whole_photographs
 
 RAW = Path(__file__).parents[3] / "fixtures" / "bumpy" / "raw"
 SILENT = Asking(Answers({}), silent=True)
@@ -76,20 +66,15 @@ def test_each_photograph_is_taken_once_by_its_content(taking, monkeypatch):
     shutil.copy(folder / "a.dng", folder / "0.dng")
     assert look() == ([], ["a.dng", "b.dng"], "0.dng is a copy of a.dng, and no other photograph")
     (folder / "a.dng").unlink()
-    assert look() == ([], ["0.dng", "b.dng"], "a.dng is called 0.dng now")
+    assert look() == ([], ["0.dng", "b.dng"], "")
     for before, after in (("0.dng", "c.tmp"), ("b.dng", "0.dng"), ("c.tmp", "b.dng")):
         (folder / before).rename(folder / after)
     assert look()[:2] == ([], ["0.dng", "b.dng"])
     # Elsewhere for so long that it was missed, as a slow renaming is.
-    for back, told in (
-        ("d.dng", "b.dng is called d.dng now, and counts"),
-        ("d.dng", "d.dng is there again, and counts"),
-    ):
-        here = folder / ("b.dng" if told.startswith("b") else "d.dng")
-        here.rename(folder.parent / "away.dng")
-        assert look() == ([], ["0.dng"], f"{here.name}: is gone, or another stands in its place; it is left out")
-        (folder.parent / "away.dng").rename(folder / back)
-        assert look() == ([], ["0.dng", back], told)
+    (folder / "b.dng").rename(folder.parent / "away.dng")
+    assert look() == ([], ["0.dng"], "b.dng: is gone, or another stands in its place; it is left out")
+    (folder.parent / "away.dng").rename(folder / "d.dng")
+    assert look() == ([], ["0.dng", "d.dng"], "")
     (folder / "d.dng").unlink()
     assert look()[:2] == ([], ["0.dng"])
     monkeypatch.undo()
@@ -111,18 +96,6 @@ def test_a_file_that_is_never_whole_is_told_once_and_read_when_it_is(taking):
     (taking.folder / "half.dng").write_bytes(data)
     assert taking.look()[:2] == (["half.dng"], ["half.dng"])
     assert not taking.taken.unreadable
-
-
-def test_a_photograph_is_kept_as_it_was_read_and_is_a_part_of_one_array(shot_of, tmp_path):
-    from capture.photographs.raw import read_raw
-
-    shots = [shot_of(f"flash_{i:03d}.dng", f"{i}.dng") for i in range(3)]
-    assert np.array_equal(shots[0].codes, read_raw(shots[0].path).codes)
-    stack, whole = KeptStack([one.codes for one in shots]), np.stack([one.codes for one in shots])
-    assert stack.shape == whole.shape
-    for key in (1, (1, slice(5, 9)), (slice(1, None), slice(2, 7), slice(None, None, 3)), ([2, 0], slice(0, 4))):
-        assert np.array_equal(stack[key], whole[key])
-    assert np.array_equal(stack[1:][0], whole[1])
 
 
 def test_a_warning_is_the_same_though_its_numbers_change():
@@ -149,29 +122,6 @@ def test_a_frame_without_flash_is_the_ambient_one_or_a_misfire(shot_of, tmp_path
     assert dark not in roles["flash"]
 
 
-def test_of_few_frames_only_what_is_a_frames_own_is_said(shot_of, tmp_path, monkeypatch):
-    """Of four, the ambient light that white balls show is noise: an alarm that all the frames did not bear out."""
-    monkeypatch.setattr(LightsSoFar, "renew", lambda *_: ["frames.ambient: 3 % is left", "shot_0: shows no highlight"])
-    shoot, shots = Shoot(tmp_path / "hot", SILENT), [shot_of(f"flash_{i:03d}.dng", f"shot_{i}.dng") for i in range(8)]
-    for count, expected in ((4, ["shot_0: shows no highlight"]), (8, ["frames.ambient: 3 % is left"])):
-        shoot.judge(shots[:count], fit_all=False)
-        said = shoot.follow()
-        assert [text for text in said if "highlight" in text or "ambient" in text] == expected
-
-
-def test_where_photographs_are_taken_away_no_normals_are_told(tmp_path):
-    """Two flashes tell none; the watch ended with an error of ours."""
-    names, ones = tuple("abcd"), np.ones(4)
-    toward = unit(np.array([[0.5, 0, 1], [-0.5, 0, 1], [0, 0.5, 1], [0, -0.5, 1]]))
-    lights = Lights(names, toward, np.ones((4, 3)), None, np.zeros(3), ones, ones)
-    shoot, camera = Shoot(tmp_path, SILENT), Camera(8, 6, 9.0, 9.0, 3.5, 2.5)
-    shoot.lights_so_far.found = Calibration([], lights, np.zeros((0, 4, 2)), camera=camera)
-    shoot._mask, shoot._looked_with, shoot.sigma_deg = np.ones((6, 8), bool), 4, np.ones((6, 8))
-    shoot._look_at_normals(Frames(names[:2], np.full((2, 6, 8, 3), 900, np.uint16), np.ones(2)))
-    assert shoot.sigma_deg is None
-    assert shoot.why.startswith("2 flash frames are left")
-
-
 @pytest.mark.parametrize(
     ("made", "words", "told"),
     [
@@ -179,7 +129,7 @@ def test_where_photographs_are_taken_away_no_normals_are_told(tmp_path):
         (["hot"], [], "is no folder"),
         (["hot/a.dng"], ["--out", "hot/out"], "lies in the folder"),
         (["hot/a.dng", "out/thesis.txt"], ["--out", "out"], "is not empty (thesis.txt)"),
-        (["hot/session.toml"], ["--out", "out"], "session.toml: is there already, and a watch would write over it"),
+        (["hot/session.toml"], ["--out", "out"], "session.toml: is there already, and is not written over"),
         (["hot/filenames.txt"], ["--out", "out"], "is a session in the DiLiGenT layout already"),
         (["hot/a.txt"], ["--out", "out", "--until-idle", "-1"], "for --until-idle. Must be > 0"),
         (["hot/a.txt"], ["--out", "out", "--until-idle", "0.1"], "0 photographs show the flash; a session needs 3"),
@@ -202,68 +152,38 @@ def test_what_cannot_be_watched_is_one_message(run_rgbn, tmp_path, monkeypatch, 
     assert all(Path(name).read_text() == "mine" for name in made)
 
 
-def test_lights_of_the_newest_frames_are_joined_to_those_before():
-    """The whole, of parts that are relative to their own means; what is gone is left out, what nobody knows is told."""
-    rng, names = np.random.default_rng(0), tuple("abcdefgh")
-    positions, strength = rng.normal(0, 300, (8, 3)) + [0, 0, 900], rng.uniform(0.5, 2, (8, 3))
-    sigma = rng.uniform(0.1, 1, (2, 8))
-    flags = tuple((name,) for name in names)
+def test_a_photograph_is_judged_while_the_lights_of_those_before_are_fitted(tmp_path):
+    judged, fitted, said = [], threading.Event(), []
+    taken = SimpleNamespace(shots={}, is_waiting=False)
 
-    def part(rows):
-        some = np.arange(8)[rows]
-        lights = Lights(
-            tuple(names[i] for i in some), unit(positions[some]), strength[some], positions[some], np.zeros(3),
-            sigma[0, some], sigma[1, some], flags=tuple(flags[i] for i in some),
-        )  # fmt: skip
-        return Calibration([], lights.normalised(), np.zeros((0, len(some), 2)))
+    def renew(files, now):
+        # The second one comes while the first is followed.
+        if not judged or (len(judged) == 1 and following.is_set()):
+            taken.shots[len(judged)] = SimpleNamespace(name=f"{len(judged)}.dng")
+        return [], False
 
-    whole = part(slice(None)).lights
-    found = joined(part(slice(0, 6)), part(slice(3, 8)), names).lights
-    for field in ("names", "flags", "directions", "intensities", "positions_mm", "direction_sigma_deg"):
-        if field in ("names", "flags"):
-            assert getattr(found, field) == getattr(whole, field)
-        else:
-            np.testing.assert_allclose(getattr(found, field), getattr(whole, field), err_msg=field)
-    assert joined(part(slice(0, 6)), part(slice(3, 8)), names[1:]).lights.names == names[1:]
-    assert joined(part(slice(0, 5)), part(slice(3, 7)), names) is None, "nobody knows h"
-    assert joined(part(slice(0, 4)), part(slice(4, 8)), names) is None, "no frame tells the factor between the parts"
+    following = threading.Event()
 
+    def follow(frames, flash, ambient):
+        following.set()
+        assert fitted.wait(20), "the second photograph waited for it"
+        return [f"of {len(flash)}"]
 
-def test_all_lights_are_fitted_where_the_newest_lie_in_one_plane_or_a_photograph_was_replaced(monkeypatch):
-    """Twenty flashes, the last of them along one arc, as a hand goes."""
-    rng, fitted = np.random.default_rng(1), []
-    tilt = np.radians(np.linspace(10, 60, 10))
-    arc = np.stack([np.sin(tilt), 0 * tilt, np.cos(tilt)], -1)
-    directions = np.concatenate([unit(rng.normal(0, 1, (10, 3)) + [0, 0, 3]), arc])
-    names = tuple(f"flash_{i:02d}" for i in range(20))
-    camera = Camera(4, 3, 5.0, 5.0, 1.5, 1.0)
-    frames = Frames(names, np.zeros((20, 3, 4, 3), np.uint16), np.ones(20))
+    def judge(shots):
+        judged.append(len(shots))
+        shoot.flash = shots
+        if len(shots) == 2:
+            fitted.set()
+        return []
 
-    def by_balls(some, camera, balls):
-        fitted.append(len(some))
-        rows = [names.index(name) for name in some.names]
-        sigma = np.full(len(rows), 0.1)
-        lights = Lights(some.names, directions[rows], np.ones((len(rows), 3)), None, np.zeros(3), sigma, sigma)
-        lights.check()
-        return Calibration([], lights, np.zeros((0, len(rows), 2)), camera=camera)
-
-    monkeypatch.setattr(lights_so_far, "lights_of_balls", by_balls)
-    monkeypatch.setattr(LightsSoFar, "_camera", lambda *_: camera)
-    watched = LightsSoFar(Asking(Answers({}), silent=True))
-    watched._looked_with = 99
-    watched._balls = [Ball(Sphere("chrome", np.ones(2), 1.0), np.eye(3), frames, None)]
-    for count, expected in ((10, [10]), (11, [NEWEST]), (20, [20])):
-        fitted.clear()
-        assert watched.renew(frames.only(slice(0, count)), [], 1) == []
-        assert fitted == expected, count
-        assert watched.found.lights.names == names[:count]
-    fitted.clear()
-    watched.renew(frames, [], 1)
-    assert fitted == [NEWEST, 20], "the newest eight lie in one plane"
-    watched.fit_all()
-    fitted.clear()
-    watched.renew(frames, [], 1)
-    assert fitted == [20]
+    taken.renew = renew
+    shoot = SimpleNamespace(
+        judge=judge, follow=follow, frames=1, flash=[], roles={"ambient": []}, new=lambda told: told
+    )
+    screen = SimpleNamespace(renew=lambda: None, warn=said.append, note=said.append)
+    _loop(tmp_path, taken, shoot, screen, 1.0, time.monotonic)
+    assert judged == [1, 2]
+    assert said == ["of 1", "of 2"]
 
 
 def test_a_half_written_photograph_does_not_tell_a_session_from_others(tmp_path):

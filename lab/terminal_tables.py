@@ -1,0 +1,50 @@
+"""Tables for a terminal, their columns and lines declared as forms.
+
+A form, "{residual_px:.2f} px", is filled in with a row's values; what has no value there, or None, is left out.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+
+def filled(form: str, values: Mapping[str, Any]) -> str:
+    """Return a form filled in; "–" where a value is not known."""
+    known = {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in values.items()}
+    try:
+        return form.format(**known)
+    except (KeyError, TypeError):
+        # None has no digits.
+        return "–"
+
+
+def number_table(title: str, columns: Mapping[str, str], rows: Iterable[Mapping[str, Any]], caption: str = "") -> Any:
+    """Return a table, forms by their heads; columns without any value are left out. Texts stand left, numbers right."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text(title, style="bold"), title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table.caption, table.caption_justify = caption or None, "left"
+    rows = list(rows)
+    cells = {head: [filled(form, row) for row in rows] for head, form in columns.items()}
+    cells = {head: column for head, column in cells.items() if not rows or {*column} - {"–", ""}}
+    for head in cells:
+        table.add_column(head, justify="right" if ":" in columns[head] else "left")
+    for row in zip(*cells.values(), strict=True):
+        table.add_row(*map(Text, row))
+    return table
+
+
+def fact_table(title: str, lines: Mapping[str, str], values: Mapping[str, Any] | None = None) -> Any:
+    """Return facts, a line each, what and how much: forms, or with no values texts as they are."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text(title, style="bold"), title_justify="left", box=None, show_header=False, pad_edge=False)
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for what, form in lines.items():
+        if (text := form if values is None else filled(form, values)) != "–":
+            table.add_row(what, Text(text))
+    return table

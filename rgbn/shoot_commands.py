@@ -1,0 +1,127 @@
+"""`rgbn init`, `plan` and `watch` as the command line has them."""
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+from cyclopts.validators import Number
+
+from lab.streams import is_quiet
+from shoot.init.answers import Answers
+from shoot.plan.plan_options import AS_USUAL, PlanOptions
+
+if TYPE_CHECKING:
+    from shoot.init.draft import Draft
+
+NOTHING = Answers()
+
+
+def init(
+    folder: Annotated[Path, Parameter(help="Folder with the photographs; or with a folder of them for each object.")],
+    /,
+    *,
+    yes: Annotated[
+        bool, Parameter(name=["--yes", "-y"], help="Ask nothing: what is not known is assumed, and said.", negative="")
+    ] = False,
+    told: Answers = NOTHING,
+) -> None:
+    """Look at a folder of photographs, show what it holds, ask what no file tells, and write its session.toml."""
+    from shoot.init.init_session import init_sessions
+
+    made = init_sessions(folder, told, silent=yes, shown=_show)
+    for one in made:
+        print(f"written  {one.manifest}")
+        print(f"         {one.sheet}: the balls in circles; look whether all are found")
+    for one in made:
+        place = shlex.quote(str(one.draft.folder))
+        unknown = sorted({f" --{ball.kind} MM" for ball in one.draft.manifest.spheres if ball.diameter_mm is None})
+        if unknown:
+            print(f"tell     rgbn init {place}{''.join(unknown)}: diameters, for the lights' positions")
+        print(f"next     rgbn process {place}")
+
+
+def _show(draft: "Draft") -> None:
+    """Print what was found, and what was assumed."""
+    from lab.terminal_tables import fact_table
+    from shoot.init.draft_notes import notes_of
+    from shoot.init.session_text import facts_of
+
+    _print(fact_table(f"{draft.folder}", dict(facts_of(draft))))
+    for note in notes_of(draft):
+        print(f"note: {note}")
+
+
+def plan(
+    source: Annotated[
+        Path | None,
+        Parameter(
+            help="The object's scan; or a session under way, or its output folder: then where the next flash helps. "
+            "Default: a sphere of --size-mm.",
+        ),
+    ] = None,
+    /,
+    *,
+    options: PlanOptions = AS_USUAL,
+    out: Annotated[
+        Path | None,
+        Parameter(alias="-o", help="Output folder. Default: a session's own; else out/plan-NAME here."),
+    ] = None,
+    json: Annotated[bool, Parameter(help="Print the plan as JSON on standard output.", negative="")] = False,
+) -> None:
+    """Say before the first flash what a shoot will give: where flashes and balls go, expected error, when to stop."""
+    from shoot.plan.run_plan import run_plan
+
+    facts = run_plan(source, options, out=out)
+    if json:
+        import json as json_module
+
+        print(json_module.dumps(facts, indent=1))
+        return
+    if is_quiet():
+        return
+    from lab.terminal_tables import number_table
+    from shoot.plan.plan_page import BALLS, FLASHES, answer_of, lights_of
+
+    _print(number_table("flashes, the most useful first", FLASHES, facts["flashes"]))
+    if facts["balls"]:
+        _print(number_table("balls, from the object's middle", BALLS, facts["balls"]))
+    _print(lights_of(facts))
+    for name in ("plan.html", "plan.json"):
+        # As they are, to be copied: a long path is not wrapped.
+        print(f"written  {Path(facts['folder']) / name}")
+    _print(answer_of(facts))
+    for text in facts["warnings"]:
+        _print(f"warning: {text}", style="yellow")
+
+
+def watch(
+    folder: Annotated[Path, Parameter(help="Folder that the camera's program writes into.")],
+    /,
+    *,
+    out: Annotated[
+        Path | None, Parameter(alias="-o", help="Output folder. Default: out/NAME here, by the folder's name.")
+    ] = None,
+    until_idle: Annotated[
+        float | None,
+        Parameter(
+            help="Seconds without a new photograph after which the shoot is over. Default: Ctrl-C.",
+            validator=Number(gt=0, lt=1e7),
+        ),
+    ] = None,
+    wanted_deg: Annotated[
+        float, Parameter(help="Sigma of the normals, degrees, that is good enough.", validator=Number(gt=0, lt=90))
+    ] = 1.0,
+    told: Answers = NOTHING,
+) -> None:
+    """Judge each photograph of a shoot within seconds of its coming, and write the session in the end."""
+    from shoot.watch.watch_folder import watch_folder
+
+    watch_folder(folder, out, told, until_idle_s=until_idle, wanted_deg=wanted_deg)
+
+
+def _print(shown: Any, **how: Any) -> None:
+    """Print for people: in colour on a terminal, rows as wide as it."""
+    from rich.console import Console
+
+    Console().print(shown, **how)
