@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.meshes.ply_write import write_ply
+from formats.meshes.ply import write_ply
 from formats.pictures import srgb_from_linear
 from scene.camera import Camera
 from solve.surface.integration import TORN_PX, Surface

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from formats.document_faults import Location, fault_line
+from formats.meshes.scan_files import ObjectMesh, write_mesh
 from formats.toml_text import toml_text
 from scene.errors import RenderError, SceneError
 from scene.files import write_json, write_npy, write_text
@@ -22,7 +23,6 @@ from twin.description.fields import Around, Table
 from twin.description.kept_files import KeptFiles
 from twin.description.light_groups import LIGHTS
 from twin.description.materials import KINDS, Subsurface, Texture, TextureTable
-from twin.description.object_mesh import ObjectMesh, write_mesh
 from twin.description.scene_toml import CameraTable, ObjectTable, SceneDocument
 
 TABLES: dict[str, type] = {
