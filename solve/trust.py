@@ -33,7 +33,7 @@ LIMIT = 0.1
 """Share of the photographs, rms, that the best method may leave unexplained and still be believed."""
 
 
-class Judged(NamedTuple):
+class JudgedMethod(NamedTuple):
     """What is said of one method: by how much frames differ from what it predicts of them, of the albedo, mean (None:
     another program, which is not run again); and how far its normals are from those of the recommended one, mean.
     """
@@ -48,7 +48,7 @@ class Trust:
 
     Parameters
     ----------
-    methods : mapping of str to Judged
+    methods : mapping of str to JudgedMethod
         The recommended one, then the others as they come nearest to it.
     level : tuple of str
         Those that predict some third of the frames better than the recommended one does.
@@ -58,7 +58,7 @@ class Trust:
         Why the order should not be believed.
     """
 
-    methods: Mapping[str, Judged]
+    methods: Mapping[str, JudgedMethod]
     level: tuple[str, ...]
     relative_rmse: float
     doubts: tuple[str, ...]
@@ -125,7 +125,7 @@ def trust(
     apart = {name: _apart_deg(normals[mask], answers[names[best]][mask]) for name, normals in answers.items()}
     told = dict(zip(names, folds.mean(1).tolist(), strict=True))
     order = sorted(answers, key=lambda name: (name != names[best], apart[name]))
-    return Trust({name: Judged(told.get(name), apart[name]) for name in order}, level, rmse, doubts)
+    return Trust({name: JudgedMethod(told.get(name), apart[name]) for name in order}, level, rmse, doubts)
 
 
 def _apart_deg(normals: NDArray, others: NDArray) -> float:

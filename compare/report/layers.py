@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from compare.report import page, pictures
 from compare.report.facts import Material, Summary
-from compare.report.pictures import Box, Exposure
+from compare.report.pictures import Exposure, PixelBox
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.map_pictures import PAPER, data_uri, known_pixels, normal_picture
@@ -32,7 +32,7 @@ ALBEDO_QUANTILE = 0.999
 class Grid:
     """Every `step`-th pixel of a box: a value shown is that of one pixel, not a mean."""
 
-    box: Box
+    box: PixelBox
     step: int
 
     def of(self, image: NDArray) -> NDArray:
@@ -75,7 +75,7 @@ class Layer:
 
 
 @dataclass(frozen=True)
-class Layers:
+class ViewerLayers:
     """All pictures of a folder on one grid, and what turns their colours into values again."""
 
     grid: Grid
@@ -89,12 +89,12 @@ class Layers:
         )
 
     @classmethod
-    def of(cls, material: Material, summary: Summary) -> "Layers | None":
+    def of(cls, material: Material, summary: Summary) -> "ViewerLayers | None":
         """Return the folder's pictures; None where there are neither photographs nor normals."""
         shape = _shape(material)
         if shape is None:
             return None
-        box = Box.of_mask(shape, margin=0.04)
+        box = PixelBox.of_mask(shape, margin=0.04)
         sides = {"real": material.frames, "twin": _twin_frames(material, shape.shape)}
         count = sum(len(frames) for frames in sides.values() if frames is not None)
         layers = cls(Grid(box, _step(material, box, count)))
@@ -203,7 +203,7 @@ def _twin_frames(material: Material, shape: tuple[int, ...]) -> Frames | None:
     return frames if (frames.height, frames.width) == shape[:2] else None
 
 
-def _step(material: Material, box: Box, frames: int) -> int:
+def _step(material: Material, box: PixelBox, frames: int) -> int:
     """Return the least step by which all pictures fit, by the size of one of each."""
     step = int(np.ceil(np.sqrt(max(1.0, box.width * box.height / MOST_PIXELS))))
     grid, size = Grid(box, step), 0

@@ -1,7 +1,7 @@
 """What the report's viewer is given: the pictures that a side may show, and what turns their colours into values."""
 
 from compare.report.facts import Material, Summary, read_optional
-from compare.report.layers import Layers, palette
+from compare.report.layers import ViewerLayers, palette
 from compare.report.registration_pictures import raking_frame
 
 SCRIPTS = ("report_page.js", "viewer_values.js", "viewer_relight.js", "viewer_pixel.js", "viewer.js")
@@ -13,7 +13,7 @@ GROUPS = {
 }  # fmt: skip
 
 
-def viewer_facts(material: Material, layers: Layers | None, best: str | None) -> Summary:
+def viewer_facts(material: Material, layers: ViewerLayers | None, best: str | None) -> Summary:
     """Return what viewer.html is filled in with; no options where there is nothing to be shown."""
     if layers is None or not layers.layers:
         return {"options": {}}
@@ -51,7 +51,7 @@ def viewer_facts(material: Material, layers: Layers | None, best: str | None) ->
     }
 
 
-def _accuracy(layers: Layers) -> str:
+def _accuracy(layers: ViewerLayers) -> str:
     """Return how far a value read off may be from the folder's own."""
     parts = ["normals 0.4° at most, 0.2° usually"]
     for kind in ("error", "sigma"):

@@ -1,4 +1,4 @@
-"""PLY [Turk1994]: read as scanners write it, polygons and the triangle strips of Cyberware and Stanford; written binary.
+"""PLY [Turk1994]: read as scanners write it, polygons and triangle strips of Cyberware and Stanford; written binary.
 
 trimesh reads a PLY with `tristrips` as an empty mesh, without a word, and no binary one with polygons of different
 lengths; Open3D reads neither strips nor lines that hold more numbers than the header says.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from formats.meshes.ply import read_ply, write_ply
 from formats.meshes.polygons import check_corners, lines_of, places, read_text, strips, table, triangles, whole
-from formats.pictures import linear_from_srgb
+from formats.picture_files import linear_from_srgb
 from scene.errors import AlignError
 from scene.reading import reading
 from scene.same_rows import first_of_same

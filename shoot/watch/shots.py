@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from capture.audit.frame_facts import FrameFacts, facts_of
 from capture.camera.exif import Exif, read_exif
-from capture.photographs.develop import Recipe, read_photograph
+from capture.photographs.develop import DevelopRecipe, read_photograph
 from capture.photographs.kept import Kept
 from capture.photographs.photograph import Photograph
 from capture.session.globs import natural_key
@@ -54,7 +54,7 @@ def read_shot(path: Path, digest: str, kept: Kept) -> Shot:
     """
     photograph = kept.load(digest)
     if photograph is None:
-        photograph = read_photograph(path, Recipe(kept.encoding, kept.half, path))
+        photograph = read_photograph(path, DevelopRecipe(kept.encoding, kept.half, path))
         kept.keep(digest, photograph)
     codes = photograph.codes
     facts = facts_of(codes, white=photograph.white, is_mosaic=photograph.is_mosaic)

@@ -6,7 +6,7 @@ from datetime import datetime
 from pathlib import Path
 
 from capture.photographs.kept import Kept
-from capture.survey.hot_folder import STILL_S, Whole, look_of
+from capture.survey.hot_folder import STILL_S, WholeFile, look_of
 from scene.current import file_digest
 from scene.errors import CaptureError
 from shoot.init.answers import Asking
@@ -47,8 +47,8 @@ class Taken:
         self, folder: Path, kept: Path, asking: Asking, note: Callable[[str], None], warn: Callable[[str], None]
     ) -> None:
         self._folder, self._kept, self._asking, self._note, self._warn = folder, kept, asking, note, warn
-        self._read: dict[Whole, Shot] = {}
-        self._unread: dict[Whole, _Unread] = {}
+        self._read: dict[WholeFile, Shot] = {}
+        self._unread: dict[WholeFile, _Unread] = {}
         self._known: dict[str, Shot] = {}
         self._gone: dict[str, Shot] = {}
         self.shots: dict[str, Shot] = {}
@@ -64,7 +64,7 @@ class Taken:
         """Whether a file will be tried again."""
         return any(not one.is_told for one in self._unread.values())
 
-    def renew(self, files: Sequence[Whole], now: float) -> tuple[list[Shot], bool]:
+    def renew(self, files: Sequence[WholeFile], now: float) -> tuple[list[Shot], bool]:
         """Take the photographs that stand in the folder, up to `LATEST` new ones.
 
         Returns
@@ -94,11 +94,11 @@ class Taken:
         is_changed = any(paths.get(digest) != shot.path for digest, shot in before.items())
         return [shot for shot in fresh if shot.digest in self.shots], is_changed
 
-    def _is_due(self, whole: Whole, now: float) -> bool:
+    def _is_due(self, whole: WholeFile, now: float) -> bool:
         one = self._unread.get(whole)
         return one is None or (not one.is_told and now >= one.again)
 
-    def _shot_of(self, whole: Whole, now: float) -> Shot | None:
+    def _shot_of(self, whole: WholeFile, now: float) -> Shot | None:
         path = self._folder / whole.name
         try:
             digest = file_digest(path)
@@ -119,7 +119,7 @@ class Taken:
         self._unread.pop(whole, None)
         return shot if look_of(path) == whole.look else None
 
-    def _refuse(self, whole: Whole, why: str, now: float) -> None:
+    def _refuse(self, whole: WholeFile, why: str, now: float) -> None:
         one = self._unread.setdefault(whole, _Unread(f"{datetime.now():%H:%M}", now, now))
         one.again = now + max(STILL_S, now - one.since)
         if now - one.since >= PATIENCE_S:
@@ -130,7 +130,7 @@ class Taken:
             )
             self._warn(one.why)
 
-    def _counted(self, files: Sequence[Whole]) -> dict[str, Shot]:
+    def _counted(self, files: Sequence[WholeFile]) -> dict[str, Shot]:
         """Return one photograph of each content: the one that counted before, if it is still there."""
         found: dict[str, Shot] = {}
         for shot in (self._read[whole] for whole in files if whole in self._read):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from compare.report import pictures, registration_pictures
-from compare.report.pictures import Box, Exposure
+from compare.report.pictures import Exposure, PixelBox
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.store import Store
@@ -40,7 +40,7 @@ def scene(width, height):
 def test_the_shaded_scan_is_the_photograph_where_it_is_of_one_colour_and_in_place(width, height):
     frames, lights, shading, mask, _ = scene(width, height)
     exposure = Exposure.for_frames(frames)
-    box = Box.of_mask(mask, margin=0.12)
+    box = PixelBox.of_mask(mask, margin=0.12)
     both = registration_pictures.views(frames, exposure, lights, 1, box, lambda pixels: shading(1, pixels))
     assert both.photograph.shape == both.shaded.shape
     difference = np.abs(both.photograph.astype(int) - both.shaded).max(-1)

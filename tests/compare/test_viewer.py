@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from compare.report.facts import Material
-from compare.report.layers import Layers
+from compare.report.layers import ViewerLayers
 from compare.report.report import write_report
-from formats.pictures import srgb_from_linear
+from formats.picture_files import srgb_from_linear
 from scene.normals import angular_error_deg
 
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
@@ -34,7 +34,7 @@ expect = pytest.importorskip("playwright.sync_api").expect
 @pytest.fixture(scope="module")
 def shown(session):
     path = write_report(session.store, session.summary)
-    return path, Layers.of(Material.load(session.store, session.summary), session.summary)
+    return path, ViewerLayers.of(Material.load(session.store, session.summary), session.summary)
 
 
 @pytest.fixture

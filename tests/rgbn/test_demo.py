@@ -189,7 +189,7 @@ def test_a_photographed_twin_is_of_the_sessions_kind(demo, tmp_path):
 @pytest.mark.full
 def test_mitsuba_alone_renders_the_exported_twin(demo, tmp_path):
     """`rgbn export --format mitsuba`, then Mitsuba's own command line: the frames that `rgbn twin` rendered."""
-    from formats.pictures import read_picture
+    from formats.picture_files import read_picture
     from scene.store import Store
     from twin.engines.variant import pick_variant
 

@@ -9,7 +9,7 @@ import pytest
 
 from capture.session.session import load_session
 from formats.meshes.scan_files import ObjectMesh, write_mesh
-from formats.pictures import read_picture
+from formats.picture_files import read_picture
 from studio.desk import Desk
 from studio.editor import edits
 from studio.editor.editor_window import begun

@@ -11,7 +11,7 @@ import trimesh
 from pydantic import TypeAdapter
 
 from formats.meshes.scan_files import ObjectMesh
-from formats.pictures import write_exr
+from formats.picture_files import write_exr
 from scene.camera import Camera
 from scene.errors import RenderError
 from scene.store import Store

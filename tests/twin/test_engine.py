@@ -13,7 +13,7 @@ from twin.description.materials import Conductor, Diffuse, RoughPlastic, Subsurf
 from twin.engines import engine_choice
 from twin.engines.engine_choice import choose_engine
 from twin.engines.film import sensor_description
-from twin.engines.layers import noise_of_one_sample, render_layers
+from twin.engines.light_layers import noise_of_one_sample, render_layers
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.path_tracing import PathTracer
 from twin.engines.variant import SLOW, load, pick_variant

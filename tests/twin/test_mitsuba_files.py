@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from formats.meshes.scan_files import ObjectMesh
-from formats.pictures import read_picture
+from formats.picture_files import read_picture
 from scene.camera import Camera
 from scene.errors import RenderError
 from tests.twin.twin_scenes import lights, placed

@@ -16,8 +16,8 @@ from scene.store import Store
 from tests.twin.twin_scenes import lights, placed
 from twin.description.description import Environment, Sampling, TwinScene
 from twin.description.materials import Diffuse, RoughPlastic
-from twin.engines import layers
-from twin.engines.layers import pieces_of, render_layers
+from twin.engines import light_layers
+from twin.engines.light_layers import pieces_of, render_layers
 from twin.engines.render import render_scene, rendering_mark
 from twin.engines.unfinished import Unfinished
 from twin.engines.variant import SLOW, pick_variant
@@ -51,9 +51,9 @@ import sys, time
 from pathlib import Path
 from scene.store import Store
 from tests.twin.test_unfinished import scene_for
-from twin.engines import layers
+from twin.engines import light_layers
 from twin.engines.render import render_scene
-layers.VALUES_PER_BAND = {BAND}
+light_layers.VALUES_PER_BAND = {BAND}
 def progress(done, total):
     print("piece", done, total, flush=True)
     time.sleep(0.3)
@@ -65,7 +65,7 @@ render_scene(scene_for(sys.argv[1]), apart=True, store=Store(Path(sys.argv[2])),
     "engine", [pytest.param("mitsuba", marks=pytest.mark.full), pytest.param("many", marks=NEEDS_LLVM)]
 )
 def test_a_killed_rendering_goes_on_where_it_was(engine, tmp_path, monkeypatch):
-    monkeypatch.setattr(layers, "VALUES_PER_BAND", BAND)
+    monkeypatch.setattr(light_layers, "VALUES_PER_BAND", BAND)
     scene, killed = scene_for(engine), tmp_path / "killed"
     # The band's size is no part of the mark: the victim cuts as this process does.
     command, root = [sys.executable, "-c", VICTIM, engine, str(killed)], Path(__file__).parents[2]

@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from formats.meshes.scan_files import write_mesh
-from formats.pictures import write_exr
+from formats.picture_files import write_exr
 from scene.errors import RenderError
 from scene.files import write_text
 from twin.description.description import TwinScene
