@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from compare.report import pictures, registration_pictures
+from compare.report import registration_pictures
 from compare.report.pictures import Exposure, PixelBox
 from scene.frames import Frames
 from scene.lights import Lights
@@ -75,19 +75,6 @@ def test_the_zooms_show_each_side_in_the_frame_that_lights_it_and_the_line_on_it
     # A shadowed limb would have no step; the line runs within a pixel of it.
     assert step.max() > 150
     assert abs(np.flatnonzero(line).mean() - np.argmax(step)) < registration_pictures.ZOOM
-
-
-def test_sigma_shows_where_there_is_none():
-    sigma, mask = np.full((40, 60), np.nan), np.zeros((40, 60), bool)
-    mask[5:35, 5:55] = True
-    sigma[10:30, 10:50] = 0.3
-    end = registration_pictures.sigma_scale_end(sigma)
-    image = registration_pictures.sigma_picture(sigma, mask, end)
-    assert end == 0.5
-    assert (image[0, 0] == pictures.PAPER).all()
-    assert (image[7, 7] == registration_pictures.DOUBT_COLOUR).all()
-    assert (image[20, 20] == pictures.error_picture(np.array([[0.3]]), end)[0, 0]).all()
-    assert registration_pictures.sigma_scale_end(np.full((2, 2), np.nan)) == 1.0
 
 
 def test_all_pictures_are_written_and_read_back(tmp_path):
