@@ -19,7 +19,7 @@ from calibrate.calibrate import calibrate
 from calibrate.calibration import Calibration
 from calibrate.known_lights.read_known import read_lights
 from calibrate.photometry.matte_shading import read_surface, shading_directions
-from formats.pictures import linear_from_srgb
+from formats.picture_files import linear_from_srgb
 from scene.camera import Camera
 from scene.frames import Frames, encode
 from scene.lights import Lights

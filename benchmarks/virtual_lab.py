@@ -241,7 +241,7 @@ def _lab_by_flash(setup: Setup) -> Images:
 def _mirrors(scene: TwinScene) -> Iterator[tuple[slice, slice, NDArray[np.bool_], Images]]:
     """Yield the box of each chrome ball, rows and columns, its pixels (h, w) there, and what they show (F, h, w, 3)."""
     from twin.engines.film import film_for
-    from twin.engines.layers import render_layers
+    from twin.engines.light_layers import render_layers
 
     black = dict.fromkeys(scene.materials, Diffuse((0.0, 0.0, 0.0)))
     flashes = replace(_to_depth(scene, 2), materials=black | {"chrome": scene.materials["chrome"]})

@@ -32,7 +32,7 @@ BRIGHTEST, BRIGHTEST_SHARE = 0.9, 0.995
 
 
 @dataclass(frozen=True)
-class Photographs:
+class VirtualPhotographs:
     """A stack with its truth."""
 
     frames: Frames
@@ -76,7 +76,7 @@ def one_thread() -> Iterator[None]:
 
 def rendered(scene: TwinScene, engine: Engine, samples: int, *, onward: bool = False) -> Images:
     """Return a scene's linear pictures (F, H, W, 3), or only the light that met more than one surface."""
-    from twin.engines.layers import render_layers
+    from twin.engines.light_layers import render_layers
 
     film = scene.film()
     layers = render_layers(scene, film, engine, samples)
@@ -119,7 +119,7 @@ def by_flash_and_medium(scene: TwinScene, mask: NDArray[np.bool_], paths: int = 
 
 def by_surrounding(scene: TwinScene) -> Images:
     """Return the picture (H, W, 3) of a scene in an even light of radiance 1 from everywhere."""
-    from twin.engines.layers import standing_light
+    from twin.engines.light_layers import standing_light
 
     film = scene.film()
     lit = replace(scene, environment=Environment(ambient=(1.0, 1.0, 1.0)))
@@ -134,7 +134,7 @@ def _exposure(samples: NDArray) -> np.float32:
     return np.float32(min(1.0, BRIGHTEST / bright)) if bright > 0 else np.float32(1.0)
 
 
-def photograph(recipe: Recipe) -> Photographs:
+def photograph(recipe: Recipe) -> VirtualPhotographs:
     """Return a recipe's photographs; raise RenderError where they cannot be rendered here.
 
     Photons: a pixel of value v holds v / noise^2 of them on the mean, so that the standard deviation is noise at v = 1.
@@ -155,7 +155,9 @@ def photograph(recipe: Recipe) -> Photographs:
         # What comes out of a medium is a difference of two renderings: below zero by their noise, here and there.
         images = generator.poisson(np.maximum(images, 0).astype(np.float64) * photons) / photons
     frames = Frames.from_linear(lights.names, images)
-    return Photographs(frames, _told(lights, recipe), scene.camera, replace(truth, albedo=truth.albedo * exposure))
+    return VirtualPhotographs(
+        frames, _told(lights, recipe), scene.camera, replace(truth, albedo=truth.albedo * exposure)
+    )
 
 
 def _told(lights: Lights, recipe: Recipe) -> Lights:
@@ -194,7 +196,7 @@ def _ambient(recipe: Recipe) -> Images:
     return by_surrounding(recipe_scene(recipe))
 
 
-def photograph_dataset(dataset: Dataset) -> Photographs:
+def photograph_dataset(dataset: Dataset) -> VirtualPhotographs:
     """Return a dataset's photographs, named 001, 002 ...; raise RenderError where they cannot be rendered here."""
     scene = dataset_scene(dataset)
     if dataset.near_mm or dataset.group:
@@ -209,7 +211,7 @@ def photograph_dataset(dataset: Dataset) -> Photographs:
             truth = ground_truth(replace(scene, lights=lights, radii_mm=np.zeros(len(lights))))
     names = tuple(f"{number:03d}" for number in range(1, len(frames) + 1))
     frames = _developed(frames, names, dataset)
-    return Photographs(frames, replace(lights, names=names), scene.camera, replace(truth, albedo=albedo))
+    return VirtualPhotographs(frames, replace(lights, names=names), scene.camera, replace(truth, albedo=albedo))
 
 
 def _developed(frames: Frames, names: tuple[str, ...], dataset: Dataset) -> Frames:

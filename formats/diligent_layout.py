@@ -34,7 +34,7 @@ _MAT_HEADER = b"MATLAB 5.0 MAT-file, rgbn"
 
 
 @dataclass
-class Layout:
+class DiligentFolder:
     """What was found; None where it is missing or at fault.
 
     Parameters
@@ -73,16 +73,16 @@ class Layout:
             return None
 
 
-def read_tables(folder: Path) -> Layout:
+def read_tables(folder: Path) -> DiligentFolder:
     """Read what a session needs: the list of the photographs, and their lights as they are written."""
-    found = Layout(folder)
+    found = DiligentFolder(folder)
     _read_names(found)
     found.directions, note = _read_table(found, DIRECTIONS)
     found.intensities, _ = _read_table(found, INTENSITIES, note)
     return found
 
 
-def read_layout(folder: Path) -> Layout:
+def read_layout(folder: Path) -> DiligentFolder:
     """Read all but the photographs' pixels; unit directions.
 
     Raises
@@ -131,7 +131,7 @@ def write_normal_mat(path: Path, normals: NDArray[np.float32]) -> None:
         file.write(_MAT_HEADER.ljust(116) + stream.getvalue()[116:])
 
 
-def _read_names(found: Layout) -> None:
+def _read_names(found: DiligentFolder) -> None:
     if not (found.folder / FILENAMES).is_file():
         pictures = sorted(one.name for one in found.folder.glob("[0-9]*.png"))
         there = f"the folder has {len(pictures)} numbered PNGs" if pictures else "the folder has no numbered PNG"
@@ -154,7 +154,7 @@ def _read_names(found: Layout) -> None:
         found.notes.append(f"{FILENAMES}: {listed(spare)} {_are(spare)} in the folder but not on the list: left out.")
 
 
-def _read_table(found: Layout, name: str, *beside: str) -> tuple[Array | None, str]:
+def _read_table(found: DiligentFolder, name: str, *beside: str) -> tuple[Array | None, str]:
     if not (found.folder / name).is_file():
         found.faults.append(f"{name}: missing. Write three numbers a line, one line a photograph.")
         return None, ""
@@ -174,7 +174,7 @@ def _read_table(found: Layout, name: str, *beside: str) -> tuple[Array | None, s
     return table, note
 
 
-def _check_directions(found: Layout) -> None:
+def _check_directions(found: DiligentFolder) -> None:
     name, table = DIRECTIONS, found.directions
     if table is None:
         return
@@ -197,14 +197,14 @@ def _check_directions(found: Layout) -> None:
         found.faults.append(f"{name}: {error}")
 
 
-def _check_intensities(found: Layout) -> None:
+def _check_intensities(found: DiligentFolder) -> None:
     low = [] if found.intensities is None else np.flatnonzero((found.intensities <= 0).any(1)) + 1
     if len(low):
         found.faults.append(f"{INTENSITIES}: row {listed(low)} {_are(low)} not above 0. Give R G B of each light.")
         found.intensities = None
 
 
-def _read_mask(found: Layout) -> None:
+def _read_mask(found: DiligentFolder) -> None:
     if not (found.folder / MASK).is_file():
         found.faults.append("mask.png: missing. White where the object is, black elsewhere, of the photographs' size.")
         return
@@ -220,7 +220,7 @@ def _read_mask(found: Layout) -> None:
     found.faults.append(f"mask.png: all {kind}. Expected white where the object is, black elsewhere.")
 
 
-def _read_normals(found: Layout) -> None:
+def _read_normals(found: DiligentFolder) -> None:
     name = found.normals_name
     if not name:
         found.faults.append(

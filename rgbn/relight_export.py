@@ -60,7 +60,7 @@ def export_relight(store: Any, name: str) -> tuple[list[Path], list[str]]:
     one light for all pixels.
     """
     from compare.report.pictures import Exposure
-    from formats.pictures import srgb_from_linear
+    from formats.picture_files import srgb_from_linear
     from formats.relight_files import read_relight, tell, terms, write_relight
 
     frames, lights, camera = store.load_frames(), store.load_lights(), store.load_camera()

@@ -34,7 +34,7 @@ def read_pixels(
     Parameters
     ----------
     path : Path
-        PNG, JPEG, BMP, PGM, PPM, TGA, HDR; TIFF and OpenEXR are read by `formats.pictures.read_values`.
+        PNG, JPEG, BMP, PGM, PPM, TGA, HDR; TIFF and OpenEXR are read by `formats.picture_files.read_values`.
     error, fault, do
         As in `scene.reading.reading`.
 

@@ -86,14 +86,14 @@ def infer_convention(claim: Claim) -> Convention:
     alike, the one that changes least. The photographs tell only how lights and normals differ; which of the two is
     wrong, the normals' own slopes tell, and the rim where normals point out of it.
     """
-    evidence = Evidence.of(claim.values, claim.intensities)
+    evidence = ConventionEvidence.of(claim.values, claim.intensities)
     ways = arrangements(*claim.mask.shape)
     maps = [claim.normals.reshape(-1, 3)[places] for _, places in ways]
     at = [one.reshape(-1, 3)[claim.places] for one in maps]
     scores = np.array([evidence.all_axes(one, claim.directions) for one in at])
     if scores.max() < _GOOD:
         # Wrong intensities hide the axes: without any, they may show.
-        plain = Evidence.of(claim.values, np.ones_like(claim.intensities))
+        plain = ConventionEvidence.of(claim.values, np.ones_like(claim.intensities))
         others = np.array([plain.all_axes(one, claim.directions) for one in at])
         if others.max() > scores.max() + _BETTER:
             evidence, scores = plain, others
@@ -113,7 +113,7 @@ def infer_convention(claim: Claim) -> Convention:
     seen = fitted_intensities(claim.values, claim.intensities, at_best, directions)
     # An intensity that is wrong makes a photograph look like another: rows are at fault only where neither will do.
     by_both = [
-        replace(found, intensities=seen, rows=Evidence.of(claim.values, each).rows_of(at_best, directions))
+        replace(found, intensities=seen, rows=ConventionEvidence.of(claim.values, each).rows_of(at_best, directions))
         for each in (claim.intensities, seen)
     ]
     return min(by_both, key=lambda one: len(one.misplaced))
@@ -181,7 +181,7 @@ def arrangements(height: int, width: int) -> list[tuple[str, NDArray[np.intp]]]:
     return found
 
 
-class Evidence:
+class ConventionEvidence:
     """The samples (P, N) of a dataset, divided by the intensities, against which conventions are tried."""
 
     def __init__(self, gray: Array, clipped: NDArray[np.bool_]) -> None:
@@ -192,7 +192,7 @@ class Evidence:
         self._centred = self._centre(self._cut)
 
     @classmethod
-    def of(cls, values: NDArray[np.float32], intensities: Array) -> "Evidence":
+    def of(cls, values: NDArray[np.float32], intensities: Array) -> "ConventionEvidence":
         """Return that of samples (P, N, 3) under lights (N, 3)."""
         return cls((values / intensities.astype(np.float32)).mean(-1), values.max(-1) >= CLIPPED)
 

@@ -16,9 +16,9 @@ from scene.frames import Frames
 from scene.intensities import solve_intensities
 from scene.lights import Lights
 from solve.problem import Problem
-from solve.whole.semicalibrated import CONTRAST, Settings, told_by_object
+from solve.whole.semicalibrated import CONTRAST, SemicalibratedSettings, told_by_object
 
-_HOW = Settings(pixels=2_000, rounds=4)
+_HOW = SemicalibratedSettings(pixels=2_000, rounds=4)
 _LEAST = 0.04
 """Log of the factor under which an error is not worth a word: how surfaces reflect makes jumps of up to 3 %."""
 _CHANCE = 0.001

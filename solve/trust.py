@@ -35,7 +35,7 @@ LIMIT = 0.1
 """Share of the photographs, rms, that the best method may leave unexplained and still be believed."""
 
 
-class Judged(NamedTuple):
+class JudgedMethod(NamedTuple):
     """What is said of one method: by how much frames differ from what it predicts of them, of the albedo, mean (None:
     another program, which is not run again); and how far its normals are from those of the recommended one, mean.
     """
@@ -50,7 +50,7 @@ class Trust:
 
     Parameters
     ----------
-    methods : mapping of str to Judged
+    methods : mapping of str to JudgedMethod
         The recommended one, then the others as they come nearest to it.
     level : tuple of str
         Those that predict some third of the frames better than the recommended one does.
@@ -62,7 +62,7 @@ class Trust:
         Why the order should not be believed.
     """
 
-    methods: Mapping[str, Judged]
+    methods: Mapping[str, JudgedMethod]
     level: tuple[str, ...]
     relative_rmse: float
     sigma_deg: NDArray[np.float32]
@@ -144,7 +144,7 @@ def trust(
     sigma = np.full(given.mask.shape, np.nan, np.float32)
     sigma[given.mask] = np.sqrt(square)
     every = sigma.repeat(step, 0).repeat(step, 1)[: mask.shape[0], : mask.shape[1]]
-    judged = {name: Judged(told.get(name), apart[name]) for name in order}
+    judged = {name: JudgedMethod(told.get(name), apart[name]) for name in order}
     return Trust(judged, level, rmse, np.where(mask, every, np.float32(np.nan)), doubts)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.pictures import srgb_from_linear
+from formats.picture_files import srgb_from_linear
 from scene.errors import RenderError
 from scene.frames import Frames
 from twin.description.description import Sampling

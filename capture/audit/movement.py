@@ -27,7 +27,7 @@ LEAST_PX = 1.0
 
 
 @dataclass(frozen=True)
-class Step:
+class CameraStep:
     """From frame `first` on the picture lies `shift_px` (u, v) elsewhere, turned about its middle and grown."""
 
     first: int
@@ -45,14 +45,14 @@ class Movement:
     shift_px : (F, 2) float64
         (u, v), full-size pixels; NaN where too few tiles could tell.
     moved : (F,) bool
-    step : Step or None
+    step : CameraStep or None
         All frames from one on lie elsewhere; full-size pixels. Where half of the frames moved none is odd among the
         others: their own shifts then tell nothing.
     """
 
     shift_px: NDArray[np.float64]
     moved: NDArray[np.bool_]
-    step: Step | None = None
+    step: CameraStep | None = None
 
 
 def movement(frames: Frames, facts: list[FrameFacts]) -> Movement:
@@ -125,7 +125,7 @@ def _orientations(pictures, floor: NDArray) -> NDArray[np.complex64]:
     return np.stack([orientation(picture, offset) for picture, offset in zip(pictures, floor, strict=True)])
 
 
-def _among(found: Step, looked_at: NDArray[np.bool_], scale: float) -> Step:
+def _among(found: CameraStep, looked_at: NDArray[np.bool_], scale: float) -> CameraStep:
     """Return a step among some of the frames as one among all, in full-size pixels."""
     return replace(found, first=int(np.flatnonzero(looked_at)[found.first]), shift_px=found.shift_px * scale)
 
@@ -200,7 +200,7 @@ def step_votes(units: NDArray[np.complex64]) -> NDArray[np.float32]:
     return correlations(after * np.abs(after) ** 2, before, REACH)
 
 
-def find_step(votes, middles: NDArray[np.float64], gain: float = GAIN) -> Step | None:
+def find_step(votes, middles: NDArray[np.float64], gain: float = GAIN) -> CameraStep | None:
     """Return the movement that stays, if there is one: tiles vote for a shift, and a turn or growth [Ballard1981].
 
     `votes` are the tiles', see `step_votes`; `middles` (T, 2) their (u, v) from the picture's middle; `gain` the least
@@ -228,7 +228,7 @@ def find_step(votes, middles: NDArray[np.float64], gain: float = GAIN) -> Step |
     moved = shift @ [1, 1j] + rate * (middles @ [1, 1j])
     if np.sqrt(np.mean(np.abs(moved) ** 2)) < LEAST_PX:
         return None
-    return Step(k + FEWEST_BESIDE, shift, float(np.degrees(rate.imag)), rate.real)
+    return CameraStep(k + FEWEST_BESIDE, shift, float(np.degrees(rate.imag)), rate.real)
 
 
 def _taken_back(planes: NDArray, middles: NDArray, rate: complex) -> NDArray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.audit.movement import Step, find_step, step_votes, tiles_of_either_half
+from capture.audit.movement import CameraStep, find_step, step_votes, tiles_of_either_half
 from capture.audit.static_edges import orientation
 from scene.camera import Camera
 from scene.frames import Frames, gray
@@ -63,7 +63,7 @@ def part_warnings(frames: Frames, parts: Sequence[Part]) -> list[str]:
     """
     if len(frames) < FEWEST_FRAMES:
         return []
-    groups: list[tuple[Step, list[str]]] = []
+    groups: list[tuple[CameraStep, list[str]]] = []
     for part in parts:
         step = part_step(frames, part)
         if step is None:
@@ -80,7 +80,7 @@ def part_warnings(frames: Frames, parts: Sequence[Part]) -> list[str]:
     return [_told(frames.names, step, names) for step, names in groups if not 1 < len(names) == len(parts)]
 
 
-def _told(names: tuple[str, ...], step: Step, parts: list[str]) -> str:
+def _told(names: tuple[str, ...], step: CameraStep, parts: list[str]) -> str:
     right, down = step.shift_px
     them, lie = ("it", "lies") if len(parts) == 1 else ("they", "lie")
     return (
@@ -90,7 +90,7 @@ def _told(names: tuple[str, ...], step: Step, parts: list[str]) -> str:
     )
 
 
-def part_step(frames: Frames, part: Part) -> Step | None:
+def part_step(frames: Frames, part: Part) -> CameraStep | None:
     """Return from which frame on a part lies elsewhere, in pixels of the frames; None where it stands still."""
     import cv2
 

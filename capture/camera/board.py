@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.photographs.develop import Recipe, read_photograph
+from capture.photographs.develop import DevelopRecipe, read_photograph
 from capture.session.session_types import Board, Session
 from scene.camera import Camera
 from scene.errors import SessionError
@@ -126,7 +126,7 @@ def _camera_of_corners(
 
 def _board_picture(file: Any, session: Session) -> NDArray[np.uint8]:
     """Return a photograph for a detector, full size."""
-    return detector_gray(gray(decode(read_photograph(file, Recipe(session.encoding, False, file)).codes)))
+    return detector_gray(gray(decode(read_photograph(file, DevelopRecipe(session.encoding, False, file)).codes)))
 
 
 def detector_gray(linear: NDArray[np.float32]) -> NDArray[np.uint8]:

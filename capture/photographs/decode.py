@@ -15,7 +15,15 @@ from capture.audit.camera_settings import exposure_by_room, exposure_gains
 from capture.audit.frame_facts import FrameFacts, one_clip_level, reduced, sensor_ceiling
 from capture.camera.exif import Exif, read_exif
 from capture.camera.session_camera import fitted
-from capture.photographs.develop import Job, Recipe, develop, flat_field, mean_photograph, read_photograph, recoded
+from capture.photographs.develop import (
+    DevelopJob,
+    DevelopRecipe,
+    develop,
+    flat_field,
+    mean_photograph,
+    read_photograph,
+    recoded,
+)
 from capture.photographs.kept import Kept, kept_folder
 from capture.photographs.photograph import FLOAT16_MAX, SATURATION
 from capture.session.session_types import Session
@@ -84,7 +92,9 @@ def decode(
     scratch = {key: store.path("frames", f".{key}.npy.{os.getpid()}.tmp") for key in ("dark", "flat")}
     try:
         kept = Kept(kept_folder(store.folder), session.encoding, session.half)
-        recipe = Recipe(session.encoding, session.half, session.flash[0], kept=kept if kept.folder.is_dir() else None)
+        recipe = DevelopRecipe(
+            session.encoding, session.half, session.flash[0], kept=kept if kept.folder.is_dir() else None
+        )
         first = read_photograph(session.flash[0], replace(recipe, is_first=True))
         height, width, _ = first.codes.shape
         if isinstance(session.camera, Camera):
@@ -99,7 +109,9 @@ def decode(
         with create_array(store.path("frames", "codes.npy"), shape, first.codes.dtype) as codes:
             frame_bytes = codes.nbytes // len(codes)
             jobs = [
-                Job(path, recipe, Path(str(codes.filename)), codes.offset + i * frame_bytes, first if i == 0 else None)
+                DevelopJob(
+                    path, recipe, Path(str(codes.filename)), codes.offset + i * frame_bytes, first if i == 0 else None
+                )
                 for i, path in enumerate(session.flash)
             ]
             # A unit holds its file, its codes, and the decoder's own copies.
@@ -145,7 +157,9 @@ class _Steps:
             self.progress(self.count, self.total)
 
 
-def _with_corrections(session: Session, recipe: Recipe, scratch: dict[str, Path], steps: _Steps) -> Recipe:
+def _with_corrections(
+    session: Session, recipe: DevelopRecipe, scratch: dict[str, Path], steps: _Steps
+) -> DevelopRecipe:
     """Return the recipe with the dark frame and the flat field, if there are any, as files for every worker."""
     dark = None
     if session.dark:
@@ -156,14 +170,16 @@ def _with_corrections(session: Session, recipe: Recipe, scratch: dict[str, Path]
     return replace(recipe, **{key: path for key, path in scratch.items() if getattr(session, key)})
 
 
-def _mean(files: Sequence[Path], gain: Sequence[float] | None, recipe: Recipe, steps: _Steps) -> NDArray[np.float32]:
+def _mean(
+    files: Sequence[Path], gain: Sequence[float] | None, recipe: DevelopRecipe, steps: _Steps
+) -> NDArray[np.float32]:
     mean = mean_photograph(files, gain or [1.0] * len(files), recipe)
     for _ in files:
         steps.done()
     return mean
 
 
-def _ambient(session: Session, recipe: Recipe, gain: list[float], steps: _Steps) -> NDArray | None:
+def _ambient(session: Session, recipe: DevelopRecipe, gain: list[float], steps: _Steps) -> NDArray | None:
     """Return the mean ambient frame as codes at the reference exposure, corrected as the flash frames are."""
     if not session.ambient:
         return None

@@ -20,7 +20,7 @@ from scene.frames import decode as linear_of
 
 
 @dataclass(frozen=True)
-class Recipe:
+class DevelopRecipe:
     """What is done alike to every photograph of a session.
 
     Parameters
@@ -61,17 +61,17 @@ class Recipe:
 
 
 @dataclass(frozen=True)
-class Job:
+class DevelopJob:
     """A work unit: one photograph into its place in the codes' file, `offset` bytes from its start."""
 
     file: Path
-    recipe: Recipe
+    recipe: DevelopRecipe
     out: Path
     offset: int
     read: Photograph | None = None
 
 
-def read_photograph(file: Path, recipe: Recipe) -> Photograph:
+def read_photograph(file: Path, recipe: DevelopRecipe) -> Photograph:
     """Read one file, uncorrected; CaptureError if unreadable, or of another size or kind than `recipe.like`."""
     known = None
     if recipe.kept and not recipe.is_first:
@@ -99,7 +99,7 @@ def read_photograph(file: Path, recipe: Recipe) -> Photograph:
     return photograph
 
 
-def develop(job: Job) -> FrameFacts:
+def develop(job: DevelopJob) -> FrameFacts:
     """Decode a photograph into the store; see `Job`. Doing it twice gives the same file."""
     photograph = job.read or read_photograph(job.file, job.recipe)
     codes, recipe = photograph.codes, job.recipe
@@ -143,7 +143,7 @@ def recoded(linear: NDArray, dtype: np.dtype) -> NDArray:
     return encode(linear) if dtype == np.uint16 else half_floats(linear)
 
 
-def mean_photograph(files: Sequence[Path], gain: Sequence[float], recipe: Recipe) -> NDArray[np.float32]:
+def mean_photograph(files: Sequence[Path], gain: Sequence[float], recipe: DevelopRecipe) -> NDArray[np.float32]:
     """Return the mean (H, W, 3) of photographs, linear float32, each times its gain, uncorrected."""
     total = np.zeros(0, np.float32)
     for file, factor in zip(files, gain, strict=True):

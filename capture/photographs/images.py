@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from capture.photographs.photograph import Photograph, clip_level, half_floats, halve
 from capture.session.session_types import Encoding
-from formats.pictures import linear_from_srgb, read_values
+from formats.picture_files import linear_from_srgb, read_values
 from scene.errors import CaptureError
 from scene.frames import encode
 

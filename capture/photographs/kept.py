@@ -27,7 +27,7 @@ class Kept:
     Parameters
     ----------
     folder : Path
-    encoding, half : as of `capture.photographs.develop.Recipe`.
+    encoding, half : as of `capture.photographs.develop.DevelopRecipe`.
     """
 
     folder: Path

@@ -6,8 +6,9 @@ written from it.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, PositiveFloat, PositiveInt
 
+from formats.toml_documents import TomlTable
 from scene.length_units import Unit
 
 
@@ -50,14 +51,13 @@ Globs = Annotated[Names, Field(min_length=1)]
 Two, Four, Five = (Field(min_length=n, max_length=n) for n in (2, 4, 5))
 
 
-class Table(BaseModel):
-    """A TOML table: unknown keys are faults."""
+class ManifestTable(TomlTable):
+    """A table of session.toml. Strict: `fx = "1666"` is a slip of the pen, not a number. TOML knows its kinds."""
 
-    # Strict: `fx = "1666"` is a slip of the pen, not a number. TOML knows its kinds.
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(strict=True)
 
 
-class FramesTable(Table):
+class FramesTable(ManifestTable):
     """[frames]: the photographs, and how their values are coded."""
 
     flash: Globs = _key(
@@ -86,7 +86,7 @@ class FramesTable(Table):
     skip: Names = _key("Flash photographs to leave out, by name or stem.", ["flash_007"], default=[])
 
 
-class BoardTable(Table):
+class BoardTable(ManifestTable):
     """camera.board: the ChArUco board or chessboard of the calibration shots."""
 
     squares: Annotated[list[Squares], Two] = _key(
@@ -97,7 +97,7 @@ class BoardTable(Table):
     dictionary: str | None = _key("OpenCV's name of the markers' dictionary; ChArUco only.", "DICT_4X4_100")
 
 
-class CameraTable(Table):
+class SessionCameraTable(ManifestTable):
     """[camera]: the focal length in pixels or in millimetres, or a board's photographs. Absent: EXIF, or the balls."""
 
     width: Pixels | None = _key("Image size that fx to cy refer to. Absent: the photographs'.", 6000, "px")
@@ -137,7 +137,7 @@ class CameraTable(Table):
     )
 
 
-class SphereTable(Table):
+class SphereTable(ManifestTable):
     """[[spheres]]: one calibration ball."""
 
     kind: Literal["chrome", "white"] = _key(
@@ -154,7 +154,7 @@ class SphereTable(Table):
     )
 
 
-class LightsTable(Table):
+class LightsTable(ManifestTable):
     """[lights]: known lights instead of balls."""
 
     file: str = _key(
@@ -164,7 +164,7 @@ class LightsTable(Table):
     )
 
 
-class ObjectTable(Table):
+class SessionObjectTable(ManifestTable):
     """[object]: what is known of the thing itself."""
 
     mask: str | None = _key("Picture of the frames' size, white where the object is. Absent: found.", "mask.png")
@@ -187,13 +187,15 @@ class ObjectTable(Table):
     picks: str | None = _key("Points of the scan with their pixels, a start for the registration.", "picks.csv")
 
 
-class Manifest(Table):
+class Manifest(ManifestTable):
     """The whole `session.toml`."""
 
     version: Literal[1] = _key("Of this format.", 1, default=1)
     name: str | None = _key("The session's name. Absent: the folder's.", "penguin")
     frames: FramesTable = _key("The photographs.", {"flash": "raw/flash_*.dng"}, default=...)
-    camera: CameraTable | None = _key("The camera. Absent: EXIF, or the balls.", {"focal_mm": 50.0, "sensor_mm": 36.0})
+    camera: SessionCameraTable | None = _key(
+        "The camera. Absent: EXIF, or the balls.", {"focal_mm": 50.0, "sensor_mm": 36.0}
+    )
     spheres: Annotated[list[SphereTable], Field(max_length=50)] = _key(
         "The calibration balls, in any order; each is found by itself. Absent: whatever balls there are are looked "
         "for; []: none is.",
@@ -201,15 +203,15 @@ class Manifest(Table):
         default=[],
     )
     lights: LightsTable | None = _key("Known lights.", {"file": "lights.lp"})
-    object: ObjectTable = _key("The object.", {"scan": "scan/object.ply"}, default=ObjectTable())
+    object: SessionObjectTable = _key("The object.", {"scan": "scan/object.ply"}, default=SessionObjectTable())
 
 
-TABLES: dict[str, type[Table]] = {
+TABLES: dict[str, type[ManifestTable]] = {
     "": Manifest,
     "frames": FramesTable,
-    "camera": CameraTable,
+    "camera": SessionCameraTable,
     "camera.board": BoardTable,
     "spheres": SphereTable,
     "lights": LightsTable,
-    "object": ObjectTable,
+    "object": SessionObjectTable,
 }

@@ -10,8 +10,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from capture.session.manifest import TABLES, Manifest, Table
-from formats.document_faults import Location, fault_line
+from capture.session.manifest import TABLES, Manifest, ManifestTable
+from formats.toml_documents import Location, fault_line
 from scene.errors import SessionError
 from scene.reading import reading, shortened, text_of
 
@@ -79,7 +79,7 @@ def parse(data: dict[str, Any]) -> tuple[Manifest | None, list[str]]:
     return manifest, _lines(faults)
 
 
-def table_of(name: str, data: dict[str, Any]) -> Table:
+def table_of(name: str, data: dict[str, Any]) -> ManifestTable:
     """Return a table of a manifest by itself; SessionError: all that it may not have, in the words of `parse`."""
     try:
         return TABLES[name].model_validate(data)

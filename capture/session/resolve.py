@@ -15,7 +15,7 @@ from scene.camera import Camera
 from scene.reading import shortened
 
 if TYPE_CHECKING:
-    from capture.session.manifest import CameraTable, FramesTable, Manifest, ObjectTable, SphereTable
+    from capture.session.manifest import FramesTable, Manifest, SessionCameraTable, SessionObjectTable, SphereTable
 
 SENSOR = ("sensor_mm", "pixel_um", "crop_factor", "model")
 MILLIMETRES = ("focal_mm", *SENSOR)
@@ -173,14 +173,14 @@ class Resolver:
         mask, own = self._file(f"{key}.mask", table.mask), tuple(files[i] for i in kept) if files else ()
         return SphereSpec(table.kind, table.diameter_mm, center, table.radius_px, mask, own)
 
-    def _check_together(self, key: str, table: "CameraTable | SphereTable", first: str, second: str) -> bool:
+    def _check_together(self, key: str, table: "SessionCameraTable | SphereTable", first: str, second: str) -> bool:
         """Return whether both of two keys are given; one alone is a fault."""
         absent = [name for name in (first, second) if getattr(table, name) is None]
         if len(absent) == 1:
             self._fault(f"{key}.{absent[0]}", f"missing. {first} and {second} go together: give both, or none.")
         return not absent
 
-    def _camera(self, table: "CameraTable") -> Camera | Lens | Board | None:
+    def _camera(self, table: "SessionCameraTable") -> Camera | Lens | Board | None:
         """Return what [camera] says: all of it, a part, or a board's shots; None where it contradicts itself."""
         given = [name for name in type(table).model_fields if getattr(table, name) is not None]
         if {"charuco", "chessboard", "board"} & set(given):
@@ -219,7 +219,7 @@ class Resolver:
             )
         return camera
 
-    def _check_focal(self, table: "CameraTable", given: list[str]) -> None:
+    def _check_focal(self, table: "SessionCameraTable", given: list[str]) -> None:
         """The focal length is said once, and a part of it is said wholly."""
         millimetres, sensors = ([name for name in some if name in given] for some in (MILLIMETRES, SENSOR))
         if table.fx is not None and millimetres:
@@ -230,7 +230,7 @@ class Resolver:
         if len(sensors) > 1:
             self._fault("camera", f"found {', '.join(sensors)}. Each tells the size of the sensor: keep one of them.")
 
-    def _board(self, table: "CameraTable", others: list[str]) -> Board | None:
+    def _board(self, table: "SessionCameraTable", others: list[str]) -> Board | None:
         if others:
             text = f"found {', '.join(others)} beside a board. Its shots give the whole camera: keep one of them."
             self._fault("camera.board", text)
@@ -262,7 +262,7 @@ class Resolver:
         return Board(files, squares, board.square_mm, board.marker_mm, board.dictionary)
 
 
-def _scan_unit(known: "ObjectTable") -> str:
+def _scan_unit(known: "SessionObjectTable") -> str:
     """Return the unit that is written; else the metres that GLB's standard asks for, else millimetres."""
     is_said = "scan_unit" in known.model_fields_set
     return "m" if not is_said and (known.scan or "").lower().endswith(".glb") else known.scan_unit

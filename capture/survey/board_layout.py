@@ -23,7 +23,7 @@ SQUARE_MM = 20.0
 
 
 @dataclass(frozen=True)
-class Layout:
+class BoardLayout:
     """A board. `marker_share`, of its square's side, and `dictionary`: of a ChArUco board; else None."""
 
     squares: tuple[int, int]
@@ -38,7 +38,7 @@ class Layout:
         return {"squares": list(self.squares), "square_mm": SQUARE_MM, **marker, **name}
 
 
-def find_board(pictures: Sequence[Small]) -> tuple[Layout | None, list[Small]]:
+def find_board(pictures: Sequence[Small]) -> tuple[BoardLayout | None, list[Small]]:
     """Return the board's layout, and the pictures that show a board; None and none for too few of them."""
     grays = [detector_gray(one.light) for one in pictures]
     for name in DICTIONARIES:
@@ -52,7 +52,7 @@ def find_board(pictures: Sequence[Small]) -> tuple[Layout | None, list[Small]]:
     shape = max(set(shapes), key=shapes.count, default=(0, 0))
     if shapes.count(shape) < FEWEST_SHOTS:
         return None, []
-    return Layout((shape[0] + 1, shape[1] + 1)), [pictures[n] for n, one in found.items() if one == shape]
+    return BoardLayout((shape[0] + 1, shape[1] + 1)), [pictures[n] for n, one in found.items() if one == shape]
 
 
 def _markers(gray: NDArray[np.uint8], name: str) -> dict[int, NDArray]:
@@ -64,13 +64,13 @@ def _markers(gray: NDArray[np.uint8], name: str) -> dict[int, NDArray]:
     return {} if ids is None else {int(n): c[0] for n, c in zip(np.ravel(ids), corners, strict=True)}
 
 
-def _charuco(name: str, seen: list[dict[int, NDArray]]) -> Layout | None:
+def _charuco(name: str, seen: list[dict[int, NDArray]]) -> BoardLayout | None:
     """Return the layout whose markers lie on a plane as they are seen to; the one of the least residual."""
     import cv2
 
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
     count = 1 + max(max(markers) for markers in seen)
-    best: tuple[float, Layout] | None = None
+    best: tuple[float, BoardLayout] | None = None
     for long in range(3, 2 * count + 2):
         for short in {(2 * count) // long, (2 * count + 1) // long}:
             if short < 2 or max(long, short) > LONGEST_SIDE * min(long, short) or long * short // 2 != count:
@@ -79,7 +79,7 @@ def _charuco(name: str, seen: list[dict[int, NDArray]]) -> Layout | None:
             centers = {int(n): np.mean(p, 0)[:2] for n, p in zip(board.getIds(), board.getObjPoints(), strict=True)}
             residual, share = _fit(centers, seen)
             if best is None or residual < best[0]:
-                best = residual, Layout((long, short), name, share)
+                best = residual, BoardLayout((long, short), name, share)
     # A tenth of a square: the wrong layout misses by whole ones.
     return best[1] if best and best[0] < 0.1 else None
 

@@ -18,7 +18,7 @@ ALONE_S = 3.0
 """The same of a JPEG, or another picture, whose RAW file may still come."""
 
 
-class Look(NamedTuple):
+class FileLook(NamedTuple):
     """What a listing says of a file; two looks that differ are two contents."""
 
     size: int
@@ -26,23 +26,23 @@ class Look(NamedTuple):
     inode: int
 
 
-class Whole(NamedTuple):
+class WholeFile(NamedTuple):
     """A photograph that can be read: its file's name in the folder, and how it looked."""
 
     name: str
-    look: Look
+    look: FileLook
 
 
-def look_of(path: Path) -> Look | None:
+def look_of(path: Path) -> FileLook | None:
     """Return how a file looks now; None where there is none."""
     try:
         status = path.stat()
     except OSError:
         return None
-    return Look(status.st_size, status.st_mtime_ns, status.st_ino)
+    return FileLook(status.st_size, status.st_mtime_ns, status.st_ino)
 
 
-def list_photographs(folder: Path) -> dict[str, Look] | None:
+def list_photographs(folder: Path) -> dict[str, FileLook] | None:
     """Return how each photograph of a folder looks, by its name below it; None where the folder is not there.
 
     Raises
@@ -74,12 +74,12 @@ class HotFolder:
 
     def __init__(self, *, still_s: float = STILL_S, alone_s: float = ALONE_S) -> None:
         self._still_s, self._alone_s = still_s, max(alone_s, still_s)
-        self._since: dict[str, tuple[Look, float]] = {}
-        self._whole: dict[str, Whole] = {}
+        self._since: dict[str, tuple[FileLook, float]] = {}
+        self._whole: dict[str, WholeFile] = {}
         self.is_there, self.is_growing = True, False
         """Whether the folder is there; whether a file in it is not whole yet."""
 
-    def see(self, listing: Mapping[str, Look] | None, now: float) -> list[Whole]:
+    def see(self, listing: Mapping[str, FileLook] | None, now: float) -> list[WholeFile]:
         """Take in what stands in the folder at a time, and return the photographs that are whole, in natural order.
 
         `listing` None: the folder itself is gone, which says nothing of its files.
@@ -103,7 +103,7 @@ class HotFolder:
             # Where photographs are pictures alone, no RAW file is waited for.
             is_alone = kind_of(PurePath(best)) != "raw" and ("raw" in kinds or not kinds)
             if now - since >= (self._alone_s if is_alone else self._still_s):
-                whole[key] = Whole(best, look)
+                whole[key] = WholeFile(best, look)
             else:
                 self.is_growing = True
         self._whole = whole

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.photographs.develop import Recipe, read_photograph
+from capture.photographs.develop import DevelopRecipe, read_photograph
 from capture.photographs.photograph import Photograph
 from capture.session.globs import kind_of
 from capture.session.session_types import Encoding
@@ -104,7 +104,7 @@ def read_small(
 def _read(path: Path, encoding: Encoding, *, half: bool) -> "Small | str":
     half = half and kind_of(path) == "raw"
     try:
-        photograph = read_photograph(path, Recipe(encoding, half, path, is_first=True))
+        photograph = read_photograph(path, DevelopRecipe(encoding, half, path, is_first=True))
     except SceneError as error:
         return str(error)
     small = small_of(path, photograph, full=2 if half else 1)

@@ -8,7 +8,7 @@ from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
 from compare.report import page, pictures
-from compare.report.pictures import Box
+from compare.report.pictures import PixelBox
 from compare.report.verdict import LIKENESS
 
 MAP_WIDTH = 360
@@ -51,6 +51,6 @@ def counterpart_page(found: dict[str, Any], errors: Mapping[str, Mapping[str, ND
 
 def _map(error: NDArray, end: float) -> NDArray[np.uint8]:
     """Return an error map's colours, cut to what is known and enlarged."""
-    box = Box.of_mask(np.isfinite(error), margin=0.03)
+    box = PixelBox.of_mask(np.isfinite(error), margin=0.03)
     image = pictures.error_picture(pictures.shrink(box.of(error), MAP_WIDTH), end)
     return pictures.enlarged(image, max(1, MAP_WIDTH // image.shape[1]))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report import pictures
-from compare.report.pictures import Box, Exposure
+from compare.report.pictures import Exposure, PixelBox
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
@@ -149,7 +149,7 @@ class Material:
             mask,
         )
 
-    def photograph(self, index: int, box: Box, width: int) -> pictures.Image:
+    def photograph(self, index: int, box: PixelBox, width: int) -> pictures.Image:
         assert self.frames is not None
         assert self.exposure is not None
         return self.exposure.develop(pictures.thumbnail(self.frames, index, width, box))

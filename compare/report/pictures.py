@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.pictures import srgb_from_linear
+from formats.picture_files import srgb_from_linear
 from scene.frames import Frames
 from scene.map_pictures import PAPER, Image, normal_picture, shrink
 from scene.spheres import Sphere
@@ -15,7 +15,7 @@ SCALE_ENDS_DEG = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60
 
 
 @dataclass(frozen=True)
-class Box:
+class PixelBox:
     """A rectangle of pixels: columns left to right - 1, rows top to bottom - 1."""
 
     left: int
@@ -48,7 +48,7 @@ class Box:
         return max(16, min(largest, int((largest**2 * self.width / self.height) ** 0.5)))
 
     @classmethod
-    def around(cls, low: NDArray, high: NDArray, *, width: int, height: int, margin: float) -> "Box":
+    def around(cls, low: NDArray, high: NDArray, *, width: int, height: int, margin: float) -> "PixelBox":
         """Return the box of pixels low..high (u, v), grown by `margin` of its longer side, inside the image."""
         grow = margin * max(high[0] - low[0], high[1] - low[1], 1)
         left, top = np.clip(np.floor(np.asarray(low) - grow), 0, [width - 1, height - 1]).astype(int)
@@ -56,7 +56,7 @@ class Box:
         return cls(int(left), int(top), int(right), int(bottom))
 
     @classmethod
-    def of_mask(cls, mask: NDArray[np.bool_], *, margin: float) -> "Box":
+    def of_mask(cls, mask: NDArray[np.bool_], *, margin: float) -> "PixelBox":
         """Return the box around a mask's pixels; the whole image where the mask is empty."""
         height, width = mask.shape
         rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
@@ -98,13 +98,13 @@ class Exposure:
         return np.round(srgb_from_linear(value) * 255).astype(np.uint8)
 
 
-def thumbnail(frames: Frames, index: int, width: int, box: Box | None = None) -> NDArray[np.float32]:
+def thumbnail(frames: Frames, index: int, width: int, box: PixelBox | None = None) -> NDArray[np.float32]:
     """Return one frame, linear, ambient subtracted, cut to `box` and at most `width` wide.
 
     Reads every n-th pixel so that four by four samples remain for each pixel shown: a 24-megapixel frame is
     never held whole as float32.
     """
-    box = box or Box(0, 0, frames.width, frames.height)
+    box = box or PixelBox(0, 0, frames.width, frames.height)
     step = max(1, box.width // (4 * width))
     rows, columns = slice(box.top, box.bottom, step), slice(box.left, box.right, step)
     return shrink(frames.read(rows, [index], columns=columns)[0], width)
@@ -169,7 +169,7 @@ def with_colour_scale(picture: Image, end_deg: float, caption: str) -> Image:
     return np.concatenate([np.concatenate([picture, pad], 1), bar])
 
 
-def ball_picture(frames: Frames, box: Box, *, brightest: bool) -> NDArray[np.float32]:
+def ball_picture(frames: Frames, box: PixelBox, *, brightest: bool) -> NDArray[np.float32]:
     """Return a crop over all frames, linear: each pixel's brightest value (collects the highlights), or its mean."""
     total = np.zeros((box.height, box.width, 3), np.float32)
     for index in range(len(frames)):
@@ -194,15 +194,15 @@ def mirror_picture(mean: NDArray, brightest: NDArray) -> Image:
     return np.repeat(np.round(shown * 255).astype(np.uint8)[..., None], 3, -1)
 
 
-def ball_box(sphere: Sphere, outline: NDArray, *, width: int, height: int) -> Box:
+def ball_box(sphere: Sphere, outline: NDArray, *, width: int, height: int) -> PixelBox:
     """Return the crop that shows a ball with a margin of a tenth around its outline."""
     known = outline[np.isfinite(outline).all(-1)]
     if not known.size:
         known = np.array([sphere.center_px - sphere.radius_px, sphere.center_px + sphere.radius_px])
-    return Box.around(known.min(0), known.max(0), width=width, height=height, margin=0.1)
+    return PixelBox.around(known.min(0), known.max(0), width=width, height=height, margin=0.1)
 
 
-def contours(mask: NDArray[np.bool_], box: Box) -> list[NDArray[np.float64]]:
+def contours(mask: NDArray[np.bool_], box: PixelBox) -> list[NDArray[np.float64]]:
     """Return the outlines of a mask's regions, each (K, 2), in pixels of the crop whose corner is (0, 0).
 
     The line runs through the centres of the region's outermost pixels; a pixel's centre is half a pixel

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report import pictures
-from compare.report.pictures import Box, Exposure, Image
+from compare.report.pictures import Exposure, Image, PixelBox
 from scene.files import write_png
 from scene.frames import Frames
 from scene.image_files import read_pixels
@@ -45,7 +45,7 @@ def raking_frame(directions: NDArray) -> int:
     return int(np.argmin(np.abs(zenith - 40)))
 
 
-def shown_pixels(box: Box, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def shown_pixels(box: PixelBox, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Return (h, w, 2), the pixels (u, v) of the photographs at the middles of a picture (h, w) of the box."""
     height, width = shape[:2]
     u = box.left - 0.5 + (np.arange(width) + 0.5) * box.width / width
@@ -54,7 +54,7 @@ def shown_pixels(box: Box, shape: tuple[int, ...]) -> NDArray[np.float64]:
 
 
 def views(
-    frames: Frames, exposure: Exposure, lights: Lights, index: int, box: Box, shading: Callable[[NDArray], NDArray]
+    frames: Frames, exposure: Exposure, lights: Lights, index: int, box: PixelBox, shading: Callable[[NDArray], NDArray]
 ) -> Views:
     """Return one photograph, and the scan shaded by its light, through the same tone curve.
 
@@ -94,7 +94,7 @@ def write_pictures(
     normals, NaN where unknown.
     """
     exposure = Exposure.for_frames(frames, white_value=lights.white_value)
-    box = Box.of_mask(mask, margin=0.12)
+    box = PixelBox.of_mask(mask, margin=0.12)
     index = raking_frame(lights.directions)
     both = views(frames, exposure, lights, index, box, lambda pixels: shading(index, pixels))
     sigma = pictures.shrink(box.of(sigma_deg), box.shown_width(WIDTH))
@@ -117,7 +117,7 @@ def read_picture(store: Store, name: str) -> Image | None:
     return read_pixels(path)[0] if path.exists() else None
 
 
-def outline_picture(photograph: Image, box: Box, strokes: NDArray) -> Image:
+def outline_picture(photograph: Image, box: PixelBox, strokes: NDArray) -> Image:
     """Return the photograph of the box with the outline drawn on it."""
     return draw_strokes(photograph.copy(), strokes, [box.left, box.top], photograph.shape[1] / box.width)
 
@@ -137,7 +137,7 @@ def zoom_picture(frames: Frames, exposure: Exposure, directions: NDArray, stroke
         index = int(np.argmax(directions[:, :2] @ [side[0], -side[1]] - 2 * (directions[:, 2] < 0.35)))
         side_px = min(WINDOW_PX, frames.width, frames.height)
         left, top = np.clip(np.round(place - side_px / 2), 0, [frames.width - side_px, frames.height - side_px])
-        box = Box(int(left), int(top), int(left) + side_px, int(top) + side_px)
+        box = PixelBox(int(left), int(top), int(left) + side_px, int(top) + side_px)
         crop = frames.read(box.rows, [index], columns=box.columns)[0]
         white = max(float(np.quantile(crop / exposure.balance, 0.995)), 1e-6)
         tile = pictures.enlarged(Exposure(white, exposure.balance).develop(crop), ZOOM)

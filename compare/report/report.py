@@ -7,7 +7,7 @@ from markupsafe import Markup
 
 from compare.report import page
 from compare.report.facts import Material, Summary, all_warnings, by_error, family
-from compare.report.layers import Layers
+from compare.report.layers import ViewerLayers
 from compare.report.pictures import legend_ball
 from compare.report.report_figures import ball_figures, glance, placed
 from compare.report.speed import speed_points
@@ -57,7 +57,7 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
         The page. Its policy forbids the browser to load anything from outside it.
     """
     material = Material.load(store, summary)
-    layers = Layers.of(material, summary)
+    layers = ViewerLayers.of(material, summary)
     compared = summary.get("compare") or {}
     # The methods are ranked by the truth; without one the photographs may have recommended a method.
     recommended = None if compared.get("has_truth") else (summary.get("trust") or {}).get("recommended")

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from compare.report import page, pictures
 from compare.report.facts import Material, Summary, is_seen, read_optional
-from compare.report.layers import Layers
-from compare.report.pictures import Box
+from compare.report.layers import ViewerLayers
+from compare.report.pictures import PixelBox
 from compare.report.registration_pictures import (
     Views,
     growth,
@@ -104,7 +104,7 @@ def placed(material: Material) -> Summary:
     shape = mask if mask is not None else known
     if shape is None:
         return found | {"missing": page.words("registration")["sizes"]}
-    box = Box.of_mask(shape, margin=0.12)
+    box = PixelBox.of_mask(shape, margin=0.12)
     index = 0 if material.directions is None else raking_frame(material.directions[: len(frames)])
     drawn, zoom = (read_picture(material.store, name) if registered else None for name in ("outline", "outline_zoom"))
     regions, legend = [(mask, "mask", "the object's mask")], []
@@ -143,7 +143,7 @@ def placed(material: Material) -> Summary:
     return found
 
 
-def _views(material: Material, box: Box, index: int, truth: NDArray | None) -> Views | None:
+def _views(material: Material, box: PixelBox, index: int, truth: NDArray | None) -> Views | None:
     """Return what `align` drew; without it, shading by the truth's normals, which knows no cast shadows."""
     photograph, shaded = (read_picture(material.store, name) for name in ("photograph", "shaded"))
     if photograph is not None and shaded is not None and photograph.shape == shaded.shape:
@@ -162,7 +162,9 @@ def _views(material: Material, box: Box, index: int, truth: NDArray | None) -> V
     return views(material.frames, material.exposure, lights, index, box, shading)
 
 
-def glance(material: Material, layers: Layers | None, compared: Summary, best: str | None) -> list[tuple[NDArray, str]]:
+def glance(
+    material: Material, layers: ViewerLayers | None, compared: Summary, best: str | None
+) -> list[tuple[NDArray, str]]:
     """Return photograph, normals and error of the best method, as far as they are there, with words for each."""
     if layers is None:
         return []

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report.pictures import Box, thumbnail
-from formats.pictures import srgb_from_linear
+from compare.report.pictures import PixelBox, thumbnail
+from formats.picture_files import srgb_from_linear
 from scene.frames import Frames
 
 WIDTH_PX = 800
@@ -39,7 +39,7 @@ def frames_alike(photographs: Frames, twin: Frames, mask: NDArray[np.bool_]) -> 
     names = [name for name in photographs.names if name in twin.names]
     if not names or not mask.any() or not mask.shape == photographs.codes.shape[1:3] == twin.codes.shape[1:3]:
         return None
-    box = Box.of_mask(mask, margin=0.02)
+    box = PixelBox.of_mask(mask, margin=0.02)
 
     def pair(name: str) -> tuple[NDArray, NDArray]:
         real, made = (thumbnail(one, one.names.index(name), WIDTH_PX, box) for one in (photographs, twin))
@@ -70,7 +70,7 @@ def frames_alike(photographs: Frames, twin: Frames, mask: NDArray[np.bool_]) -> 
     return {**medians, "frames": found}
 
 
-def _seen_at(mask: NDArray[np.bool_], box: Box, height: int, width: int) -> NDArray[np.bool_]:
+def _seen_at(mask: NDArray[np.bool_], box: PixelBox, height: int, width: int) -> NDArray[np.bool_]:
     """Return (height, width), which pixels of a shrunken box lie on the object."""
     v = box.top + ((np.arange(height) + 0.5) * box.height / height).astype(np.intp)
     u = box.left + ((np.arange(width) + 0.5) * box.width / width).astype(np.intp)

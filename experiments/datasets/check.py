@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.diligent_layout import TABLES, Layout, read_layout
-from formats.pictures import read_values
+from formats.diligent_layout import TABLES, DiligentFolder, read_layout
+from formats.picture_files import read_values
 from scene.errors import SceneError
 from scene.reading import listed
 from solve.axes import Axes
@@ -76,7 +76,7 @@ def check_dataset(folder: Path) -> Verdict:
     return Verdict(folder, tuple(found.faults), tuple(found.notes), facts)
 
 
-def _read_samples(found: Layout) -> tuple[NDArray[np.intp], NDArray[np.float32]] | None:
+def _read_samples(found: DiligentFolder) -> tuple[NDArray[np.intp], NDArray[np.float32]] | None:
     """Return places (P,) of some of the object's pixels, row by row, and their values (P, N, 3), 0 to 1, as in files.
 
     What is wrong with the photographs is appended to the layout's faults and notes. None where there is no mask, or a
@@ -123,7 +123,7 @@ def _read_samples(found: Layout) -> tuple[NDArray[np.intp], NDArray[np.float32]]
     return None if faults or mask is None or not found.files else (places, values)
 
 
-def _tell_mask(found: Layout, normals: Array) -> None:
+def _tell_mask(found: DiligentFolder, normals: Array) -> None:
     """Append what the mask and normals (H, W, 3), laid as the photographs lie, contradict each other in."""
     assert found.mask is not None
     mask, known, name = found.mask, np.isfinite(normals[..., 0]), found.normals_name
@@ -136,7 +136,7 @@ def _tell_mask(found: Layout, normals: Array) -> None:
         found.notes.append(f"{name}: normals also outside mask.png, {beyond:.0%} of its size: not judged.")
 
 
-def _tell_axes(found: Layout, proved: Convention) -> None:
+def _tell_axes(found: DiligentFolder, proved: Convention) -> None:
     """Append the faults of the axes and of how the map lies."""
     name, given, best = found.normals_name, proved.agreement, proved.best
     if proved.hollow:
@@ -172,7 +172,7 @@ def _axes_fault(name: str, turn: Array, proved: Convention) -> str:
     )
 
 
-def _tell_rows(found: Layout, proved: Convention) -> None:
+def _tell_rows(found: DiligentFolder, proved: Convention) -> None:
     wrong, best = proved.misplaced, proved.rows.argmax(1)
     if not len(wrong):
         return
@@ -183,7 +183,7 @@ def _tell_rows(found: Layout, proved: Convention) -> None:
     )
 
 
-def _tell_unexplained(found: Layout, proved: Convention) -> None:
+def _tell_unexplained(found: DiligentFolder, proved: Convention) -> None:
     if proved.in_other_order:
         _tell_rows(found, proved)
         return
@@ -194,7 +194,7 @@ def _tell_unexplained(found: Layout, proved: Convention) -> None:
     )
 
 
-def _tell_intensities(found: Layout, given: Array, seen: Array) -> float:
+def _tell_intensities(found: DiligentFolder, given: Array, seen: Array) -> float:
     """Append what is wrong with the intensities (N, 3); return the spread of those seen over those given."""
     name = TABLES[1]
     seen = np.log(seen)

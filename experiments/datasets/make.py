@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.photographs import Photographs, one_thread, photograph_dataset
+from experiments.photographs import VirtualPhotographs, one_thread, photograph_dataset
 from experiments.recipe import Dataset
 from experiments.workers import run_all
 from lab.progress import progress_bar, say
@@ -117,10 +117,10 @@ def make_one(unfinished: Path, dataset: Dataset) -> str | None:
     return None
 
 
-def _write(folder: Path, dataset: Dataset, stack: Photographs) -> None:
+def _write(folder: Path, dataset: Dataset, stack: VirtualPhotographs) -> None:
     """Write what `_README` lists into an empty folder; SHA256SUMS last."""
     from formats.diligent_layout import NORMALS, write_diligent, write_normal_mat
-    from formats.pictures import write_exr
+    from formats.picture_files import write_exr
     from scene.normals import encode_normals
     from scene.store import Store
     from twin.ground_truth import lights_of, save_ground_truth
@@ -168,7 +168,7 @@ def checksums_of(folder: Path) -> str:
     return "".join(lines)
 
 
-def _session_toml(dataset: Dataset, stack: Photographs) -> str:
+def _session_toml(dataset: Dataset, stack: VirtualPhotographs) -> str:
     """Return the text of session.toml, by which rgbn knows the camera and near lights."""
     camera = stack.camera
     files = "".join(f'  "{name}.png",\n' for name in stack.frames.names)
@@ -180,12 +180,12 @@ def _session_toml(dataset: Dataset, stack: Photographs) -> str:
     )
 
 
-def _preview(stack: Photographs, shadows: dict[str, Any]) -> NDArray[np.uint8]:
+def _preview(stack: VirtualPhotographs, shadows: dict[str, Any]) -> NDArray[np.uint8]:
     """Return (h, w, 3) uint8: photographs, evenly chosen, and below them normals, albedo, height and shadows."""
-    from compare.report.pictures import Box, Exposure, normal_picture, thumbnail
+    from compare.report.pictures import Exposure, PixelBox, normal_picture, thumbnail
 
     frames, truth = stack.frames, stack.truth
-    box, exposure = Box.of_mask(truth.mask, margin=0.06), Exposure.for_frames(frames)
+    box, exposure = PixelBox.of_mask(truth.mask, margin=0.06), Exposure.for_frames(frames)
     chosen = np.linspace(0, len(frames) - 1, SHOWN).round().astype(int)
     above = [exposure.develop(thumbnail(frames, int(index), TILE, box)) for index in chosen]
     maps = [np.where(truth.mask, values, np.nan)[..., None] for values in (truth.height_mm, *shadows.values())]

@@ -99,7 +99,7 @@ def _solve(out: Path, entry: Entry, names: list[str], solving: Solving) -> Itera
 
 def _row(name: str, profile: str, job: Any, dataset: str) -> Row:
     """Return the row of one method, with `picture`, a PNG's data URI of its error map, if it has a result."""
-    from compare.report.pictures import Box, error_picture
+    from compare.report.pictures import PixelBox, error_picture
     from lab.steps import solve_all
     from scene.normals import angular_error_deg
 
@@ -114,7 +114,7 @@ def _row(name: str, profile: str, job: Any, dataset: str) -> Row:
     if row["status"] != "ok":
         return row
     error = angular_error_deg(np.where(judged[..., None], normals, np.nan), truth)
-    small = shrink(Box.of_mask(judged, margin=0.03).of(error), WIDTH)
+    small = shrink(PixelBox.of_mask(judged, margin=0.03).of(error), WIDTH)
     picture = data_uri(error_picture(small, END_DEG), photograph=False)
     return {**row, "seconds": facts["seconds"], "doubts": " ".join(facts["warnings"]), "picture": picture}
 
@@ -146,16 +146,16 @@ def results_text(rows: Rows, quantity: str = "mean_deg") -> str:
 
 def _figures(entry: Entry, errors: Mapping[str, str]) -> str:
     """Return a dataset's photograph, its true normals, and each method's error map as figures."""
-    from compare.report.pictures import Box, Exposure, normal_picture
+    from compare.report.pictures import Exposure, PixelBox, normal_picture
     from formats.diligent_layout import read_layout
-    from formats.pictures import read_values
+    from formats.picture_files import read_values
 
     layout = read_layout(entry.folder)
     image, _ = read_values(entry.folder / layout.files[len(layout.files) // 2], SceneError)
     colours = image[..., :3] if image.ndim == 3 else np.repeat(image[..., None], 3, -1)
     assert layout.mask is not None
     assert layout.normals is not None
-    box = Box.of_mask(layout.mask, margin=0.03)
+    box = PixelBox.of_mask(layout.mask, margin=0.03)
     small = shrink(box.of(colours).astype(np.float32), WIDTH)
     shown = Exposure(max(float(np.quantile(small.max(-1), 0.995)), 1e-6), np.ones(3)).develop(small)
     pictures = {"photograph": data_uri(shown, photograph=True)}

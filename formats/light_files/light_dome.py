@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.light_files.light_frames import Photographs, dome_origin, nameless
+from formats.light_files.light_frames import BesideLights, dome_origin, nameless
 from formats.light_files.light_json import parsed
 from scene.camera import Camera
 from scene.lights import Lights
@@ -63,7 +63,7 @@ def read_dome(path: Path, camera: Camera | None) -> Lights:
     return Lights(names, directions, intensities, positions + origin, origin)
 
 
-def write_dome(lights: Lights, shot: Photographs) -> tuple[dict[str, Any], list[str]]:
+def write_dome(lights: Lights, shot: BesideLights) -> tuple[dict[str, Any], list[str]]:
     """Return a `.dome` of lights: positions where they and the camera are known, else directions."""
     camera, notes = shot.camera, []
     if lights.model == "near" and camera.is_orthographic:

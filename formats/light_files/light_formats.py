@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from formats.light_files.light_dome import read_dome, write_dome
-from formats.light_files.light_frames import Photographs, nameless
+from formats.light_files.light_frames import BesideLights, nameless
 from formats.light_files.light_json import read_json, write_alicevision
 from formats.light_files.light_mat import read_mat, write_mat
 from scene.camera import Camera
@@ -35,7 +35,7 @@ def _read_lp(path: Path, camera: Camera | None = None) -> Lights:
     return Lights(tuple(part[0] for part in parts), directions, np.full_like(directions, np.nan))
 
 
-def _write_lp(lights: Lights, shot: Photographs) -> tuple[dict[str, str], list[str]]:
+def _write_lp(lights: Lights, shot: BesideLights) -> tuple[dict[str, str], list[str]]:
     """Return lights.lp."""
     blank = next((file for file in shot.files if " " in file), None)
     notes = [f"lp: RelightLab and AliceVision cannot read names with blanks ({blank})."] if blank else []
@@ -67,7 +67,7 @@ class LightFormat(NamedTuple):
     suffix: str
     expected: str
     read: Callable[[Path, Camera | None], Lights]
-    write: Callable[[Lights, Photographs], tuple[dict[str, Any], list[str]]]
+    write: Callable[[Lights, BesideLights], tuple[dict[str, Any], list[str]]]
     has_positions: bool = False
 
 
@@ -156,7 +156,7 @@ def export_lights(
     """
     if name not in FORMATS:
         raise CalibrationError(f"--format {name}: unknown; there are {', '.join(sorted(FORMATS))}.")
-    contents, notes = FORMATS[name].write(lights, Photographs(camera, files, sfm))
+    contents, notes = FORMATS[name].write(lights, BesideLights(camera, files, sfm))
     if lights.model == "near" and not FORMATS[name].has_positions:
         x, y, z = lights.reference_point_mm
         notes.append(f"{name} has no positions: directions as seen from ({x:.0f}, {y:.0f}, {z:.0f}) mm.")

@@ -25,7 +25,7 @@ ENCODINGS = ("utf-8", "cp1252", "mac_roman", "cp850")
 QUOTES = " \t\"'“”„«»‘’"
 
 
-class Photographs(NamedTuple):
+class BesideLights(NamedTuple):
     """What a format may say beside the lights: camera, the photographs' file names, AliceVision's .sfm of them."""
 
     camera: Camera

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from formats.light_files.light_frames import Photographs, from_opencv, nameless, places, to_opencv
+from formats.light_files.light_frames import BesideLights, from_opencv, nameless, places, to_opencv
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.light_text import lights_of_json
@@ -65,7 +65,7 @@ def view_paths(path: Path) -> dict[str, str]:
         return {str(view["path"]): str(int(view["viewId"])) for view in parsed(path)["views"]}
 
 
-def write_alicevision(lights: Lights, shot: Photographs) -> tuple[dict[str, Any], list[str]]:
+def write_alicevision(lights: Lights, shot: BesideLights) -> tuple[dict[str, Any], list[str]]:
     """Return what AliceVision's PhotometricStereo reads: distant lights, its camera frame.
 
     Without an .sfm `lightId` instead of `viewId`, which AliceVision takes in the order of its view ids.

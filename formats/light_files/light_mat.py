@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from formats.light_files.light_frames import Photographs, from_opencv, matlab_matrix, nameless, to_opencv
+from formats.light_files.light_frames import BesideLights, from_opencv, matlab_matrix, nameless, to_opencv
 from formats.mat_files import arrays_of_mat
 from scene.camera import Camera
 from scene.errors import CalibrationError
@@ -58,7 +58,7 @@ def read_mat(path: Path, camera: Camera | None = None) -> Lights:
     )
 
 
-def write_mat(lights: Lights, shot: Photographs) -> tuple[dict[str, bytes], list[str]]:
+def write_mat(lights: Lights, shot: BesideLights) -> tuple[dict[str, bytes], list[str]]:
     """Return `light.mat` of near lights, and `camera.mat`: K, whose pixels count from 1."""
     camera = shot.camera
     if lights.positions_mm is None or camera.is_orthographic:

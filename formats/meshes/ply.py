@@ -1,4 +1,4 @@
-"""PLY as scanners write it: polygons, and the triangle strips of Cyberware and Stanford. The format: [Turk1994].
+"""PLY [Turk1994]: read as scanners write it, polygons and triangle strips of Cyberware and Stanford; written binary.
 
 trimesh reads a PLY with `tristrips` as an empty mesh, without a word, and no binary one with polygons of different
 lengths; Open3D reads neither strips nor lines that hold more numbers than the header says.
@@ -6,7 +6,7 @@ lengths; Open3D reads neither strips nor lines that hold more numbers than the h
 
 import re
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from formats.meshes.polygons import places, table, whole
 from scene.errors import AlignError
+from scene.files import write_whole
 from scene.reading import shortened
 
 Integers = NDArray[np.int64]
@@ -24,6 +25,7 @@ TYPES = {
     "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
     "double": "f8", "float64": "f8",
 }  # fmt: skip
+WRITTEN = {"f8": "double", "f4": "float", "u1": "uchar"}
 
 
 @dataclass(frozen=True)
@@ -176,3 +178,31 @@ def _rows(element: _Element, at: Integers, ends: Integers | int, view: View) -> 
         values, at = take(kind, counts)
         columns[name] = (counts, values) if length else values
     return columns, at
+
+
+def write_ply(path: Path, columns: Mapping[str, NDArray], faces: NDArray, comment: str = "") -> None:
+    """Write triangles (T, 3), and what is known of their corners.
+
+    columns: Arrays (V, n) by the names of their n columns, "x y z", each written in the type that it has.
+    """
+    types = {name: values.dtype.str[1:] for names, values in columns.items() for name in names.split()}
+    vertex = np.empty(len(columns["x y z"]), [(name, f"<{kind}") for name, kind in types.items()])
+    for names, values in columns.items():
+        for column, name in enumerate(names.split()):
+            vertex[name] = values[:, column]
+    face = np.empty(len(faces), [("count", "u1"), ("corners", "<i4", 3)])
+    face["count"], face["corners"] = 3, faces
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        *([f"comment {comment}"] if comment else []),
+        f"element vertex {len(vertex)}",
+        *(f"property {WRITTEN[kind]} {name}" for name, kind in types.items()),
+        f"element face {len(face)}",
+        "property list uchar int vertex_indices",
+        "end_header\n",
+    ]
+    with write_whole(path) as file:
+        file.write("\n".join(header).encode())
+        file.write(vertex.tobytes())
+        file.write(face.tobytes())

@@ -1,17 +1,21 @@
-"""Mesh files to vertices and triangles, in the file's own unit; with normals, texture and colours where asked for."""
+"""Mesh files to vertices and triangles, in the file's own unit; with normals, texture and colours where asked for.
+
+Files count texture coordinates from the bottom (v up); `ObjectMesh` from the top.
+"""
 
 import codecs
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.meshes.ply import read_ply
+from formats.meshes.ply import read_ply, write_ply
 from formats.meshes.polygons import check_corners, lines_of, places, read_text, strips, table, triangles, whole
+from formats.picture_files import linear_from_srgb
 from scene.errors import AlignError
 from scene.reading import reading
 from scene.same_rows import first_of_same
@@ -30,24 +34,42 @@ GLTF_UNREAD = (
 
 
 @dataclass(frozen=True, eq=False)
-class MeshWithAttributes:
-    """A mesh file with what else it says of its vertices.
+class ObjectMesh:
+    """Triangles, and what is known at their corners.
 
     Parameters
     ----------
-    vertices, normals, texcoords, colours : (V, 3), (V, 3), (V, 2), (V, 3) float64
-        Texture coordinates as in files: v counts from the bottom. A vertex that has several is there several times.
+    vertices : (V, 3) float64
+        mm.
     faces : (T, 3) int64
-    linear : bool
-        Colours are linear, 0 to 1 (r, g, b of a .ply); else sRGB, 0 to 255.
+        Counter-clockwise seen from outside.
+    normals : (V, 3) float64 or None
+        Interpolated over a face; None: every face is flat. Length 1, or shorter where they are means of others.
+    texcoords : (V, 2) float64 or None
+        (s, t), t down: the first row of a picture lies at t = 0. A vertex that has several is there several times.
+    colours : (V, 3) float64 or None
+        Linear reflectance.
     """
 
     vertices: Array
-    faces: Integers
+    faces: NDArray[np.int64]
     normals: Array | None = None
     texcoords: Array | None = None
     colours: Array | None = None
-    linear: bool = False
+
+    def moved(self, matrix: Array) -> "ObjectMesh":
+        """Return the mesh after an affine map (4, 4); one that mirrors turns the faces over, so that out stays out."""
+        linear = matrix[:3, :3]
+        normals, faces = self.normals, self.faces
+        if np.linalg.det(linear) < 0:
+            faces = faces[:, ::-1]
+        if normals is not None and not np.array_equal(linear, np.eye(3)):
+            length = np.linalg.norm(normals, axis=1, keepdims=True)
+            normals = normals @ np.linalg.inv(linear)
+            now = np.linalg.norm(normals, axis=1, keepdims=True)
+            normals = normals * (length / np.where(now > 0, now, 1))
+        vertices = self.vertices @ linear.T + matrix[:3, 3]
+        return replace(self, vertices=vertices, faces=faces, normals=normals)
 
 
 def read_scan(path: Path) -> tuple[Array, Integers]:
@@ -56,8 +78,8 @@ def read_scan(path: Path) -> tuple[Array, Integers]:
     return found.vertices, found.faces
 
 
-def read_mesh_file(path: Path, *, attributes: bool = True) -> MeshWithAttributes:
-    """Return a mesh as its file has it: nothing is merged or mended.
+def read_mesh_file(path: Path, *, attributes: bool = True) -> ObjectMesh:
+    """Return a mesh as its file has it: nothing is merged or mended. Whole numbers for colours are sRGB.
 
     Raises
     ------
@@ -91,10 +113,22 @@ def read_mesh_file(path: Path, *, attributes: bool = True) -> MeshWithAttributes
             f"{path}: {bad.sum()} of {len(vertices)} vertices have no finite position, or one beyond {LARGEST:.0e} "
             f"units of the file (the first is number {bad.argmax()}: {vertices[bad.argmax()]}). Export it again."
         )
-    return found
+    return found if found.texcoords is None else replace(found, texcoords=_turned_over(found.texcoords))
 
 
-def _read_ply(path: Path, attributes: bool) -> MeshWithAttributes:
+def write_mesh(path: Path, mesh: ObjectMesh) -> None:
+    """Write a mesh as binary PLY, in the precision that it has: positions, normals, s and t, linear r, g, b."""
+    texcoords = None if mesh.texcoords is None else _turned_over(mesh.texcoords)
+    columns = {"x y z": mesh.vertices, "nx ny nz": mesh.normals, "s t": texcoords, "r g b": mesh.colours}
+    known = {names: np.asarray(values, float) for names, values in columns.items() if values is not None}
+    write_ply(path, known, mesh.faces)
+
+
+def _turned_over(texcoords: Array) -> Array:
+    return texcoords * [1, -1] + [0, 1]
+
+
+def _read_ply(path: Path, attributes: bool) -> ObjectMesh:
     columns = read_ply(path)
     vertex, face = columns.get("vertex", {}), columns.get("face", {})
 
@@ -117,16 +151,17 @@ def _read_ply(path: Path, attributes: bool) -> MeshWithAttributes:
     corners = triangles(counts, flat, vertices)
     faces = np.concatenate([flat[corners], strips(*lists("tristrips", "vertex_indices", "vertex_index"))])
     if not attributes:
-        return MeshWithAttributes(vertices, faces)
-    normals, linear = of_vertices("nx", "ny", "nz"), of_vertices("r", "g", "b")
-    colours = of_vertices("red", "green", "blue") if linear is None else linear
+        return ObjectMesh(vertices, faces)
+    normals, colours, codes = (of_vertices(*names) for names in (("nx", "ny", "nz"), "rgb", ("red", "green", "blue")))
+    if colours is None and codes is not None:
+        colours = linear_from_srgb(codes / 255)
     pairs = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
     texcoords = next((found for pair in pairs if (found := of_vertices(*pair)) is not None), None)
     if texcoords is None and "texcoord" in face and np.array_equal(face["texcoord"][0], 2 * counts):
         at_corner = np.asarray(face["texcoord"][1], np.float64).reshape(-1, 2)[corners]
         place, faces, texcoords = _split(flat[corners], at_corner)
         vertices, normals, colours = (None if a is None else a[place] for a in (vertices, normals, colours))
-    return MeshWithAttributes(vertices, faces, normals, texcoords, colours, linear is not None)  # type: ignore[arg-type]
+    return ObjectMesh(vertices, faces, normals, texcoords, colours)  # type: ignore[arg-type]
 
 
 def _split(faces: Integers, texcoords: Array) -> tuple[Integers, Integers, Array]:
@@ -139,7 +174,7 @@ def _split(faces: Integers, texcoords: Array) -> tuple[Integers, Integers, Array
     return faces.ravel()[first], which.reshape(-1, 3), pairs[first, 1:]
 
 
-def _read_obj(path: Path, attributes: bool) -> MeshWithAttributes:
+def _read_obj(path: Path, attributes: bool) -> ObjectMesh:
     """All objects and groups together; normals are left behind."""
     text = read_text(path).lower()
     if b"\\" in text:
@@ -173,21 +208,21 @@ def _read_obj(path: Path, attributes: bool) -> MeshWithAttributes:
     corners = triangles(counts, corner_of, vertices)
     faces = corner_of[corners]
     if not attributes:
-        return MeshWithAttributes(vertices, faces)
+        return ObjectMesh(vertices, faces)
     is_coloured = len(vertices) and (words[kind == ord("v")] == 6).all()
-    colours, coordinates = 255 * first("v", 6)[:, 3:] if is_coloured else None, first("t", 2)
+    colours, coordinates = linear_from_srgb(first("v", 6)[:, 3:]) if is_coloured else None, first("t", 2)
     parts, words = table(lines_of(text, b"f").replace(b"/", b" ").translate(None, b"f"))
     # Texture coordinates count where each corner is v/vt, or each v/vt/vn.
     each = next((k for k in (2, 3) if np.array_equal(words, k * counts) and np.array_equal(parts[::k], numbers)), 0)
     if not each or b"//" in text or not len(coordinates):
-        return MeshWithAttributes(vertices, faces, colours=colours)
+        return ObjectMesh(vertices, faces, colours=colours)
     texture = index(whole(parts[1::each]), "t")
     check_corners(texture, len(coordinates), "vt")
     place, faces, texcoords = _split(faces, coordinates[texture][corners])
-    return MeshWithAttributes(vertices[place], faces, None, texcoords, None if colours is None else colours[place])
+    return ObjectMesh(vertices[place], faces, None, texcoords, None if colours is None else colours[place])
 
 
-def _read_stl(path: Path) -> MeshWithAttributes:
+def _read_stl(path: Path) -> ObjectMesh:
     data = path.read_bytes()
     # Binary files may begin with "solid" too, but hold zero bytes soon.
     if data[:134].count(b"\0") and data[:2] not in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
@@ -208,10 +243,10 @@ def _read_stl(path: Path) -> MeshWithAttributes:
                 "expected three corners a facet, three numbers a corner, and an end to each solid"
             )
         corners = flat.reshape(-1, 3)
-    return MeshWithAttributes(corners, np.arange(len(corners)).reshape(-1, 3))
+    return ObjectMesh(corners, np.arange(len(corners)).reshape(-1, 3))
 
 
-def _read_off(path: Path) -> MeshWithAttributes:
+def _read_off(path: Path) -> ObjectMesh:
     """OFF with anything behind a vertex's position (COFF: colours, NOFF: normals) and behind a face's corners."""
     text = read_text(path)
     head = re.match(rb"\s*(?:(?:ST)?C?N?OFF\b(\s+BINARY)?)?", text)
@@ -230,10 +265,10 @@ def _read_off(path: Path) -> MeshWithAttributes:
     if (at + counts >= ends).any() or (counts < 0).any():
         raise ValueError("a face has fewer corners than it says")
     corner_of = whole(flat[places(at + 1, counts)])
-    return MeshWithAttributes(vertices, corner_of[triangles(counts, corner_of, vertices)])
+    return ObjectMesh(vertices, corner_of[triangles(counts, corner_of, vertices)])
 
 
-def _read_glb(path: Path) -> MeshWithAttributes:
+def _read_glb(path: Path) -> ObjectMesh:
     import trimesh
 
     data = path.read_bytes()
@@ -250,9 +285,9 @@ def _read_glb(path: Path) -> MeshWithAttributes:
     mesh: Any = trimesh.load_scene(path, process=False).to_geometry()
     faces = np.asarray(getattr(mesh, "faces", np.zeros((0, 3))), np.int64).reshape(-1, 3)
     if not len(faces):
-        return MeshWithAttributes(np.zeros((0, 3)), faces)
+        return ObjectMesh(np.zeros((0, 3)), faces)
     vertices, uv = np.asarray(mesh.vertices, np.float64), getattr(mesh.visual, "uv", None)
     texcoords = None if uv is None or len(uv) != len(vertices) else np.asarray(uv, np.float64)
     is_coloured = mesh.visual.kind == "vertex"
-    colours = np.asarray(mesh.visual.vertex_colors, np.float64)[:, :3] if is_coloured else None
-    return MeshWithAttributes(vertices, faces, None, texcoords, colours)
+    colours = linear_from_srgb(np.asarray(mesh.visual.vertex_colors)[:, :3] / 255) if is_coloured else None
+    return ObjectMesh(vertices, faces, None, texcoords, colours)

@@ -17,7 +17,7 @@ from capture.session.session_types import Encoding
 from capture.survey.board_layout import find_board
 from capture.survey.folder_files import FEWEST, FolderFiles, name_of, pattern_of
 from capture.survey.small_pictures import Small, by_light, frames_of, of_one_size, otherwise_lit, read_small
-from formats.pictures import read_values
+from formats.picture_files import read_values
 from scene.errors import SceneError, SessionError
 from scene.spheres import KINDS, Sphere
 from shoot.init.answers import Asking

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from capture.audit.frame_facts import FrameFacts, facts_of
 from capture.camera.exif import Exif, read_exif
-from capture.photographs.develop import Recipe, read_photograph
+from capture.photographs.develop import DevelopRecipe, read_photograph
 from capture.photographs.kept import Kept
 from capture.photographs.photograph import Photograph
 from capture.session.globs import natural_key
 from capture.survey.folder_files import sorted_files
-from capture.survey.hot_folder import Whole, look_of
+from capture.survey.hot_folder import WholeFile, look_of
 from capture.survey.small_pictures import Small, by_light, of_one_size, small_of
 from scene.current import file_digest
 from scene.errors import CaptureError
@@ -65,7 +65,7 @@ def read_shot(path: Path, digest: str, kept: Kept) -> Shot:
     """
     photograph = kept.load(digest)
     if photograph is None:
-        photograph = read_photograph(path, Recipe(kept.encoding, kept.half, path))
+        photograph = read_photograph(path, DevelopRecipe(kept.encoding, kept.half, path))
         kept.keep(digest, photograph)
     codes = photograph.codes
     facts = facts_of(codes, white=photograph.white, is_mosaic=photograph.is_mosaic)
@@ -156,8 +156,8 @@ class Taken:
         self, folder: Path, kept: Path, asking: Asking, note: Callable[[str], None], warn: Callable[[str], None]
     ) -> None:
         self._folder, self._kept, self._asking, self._note, self._warn = folder, kept, asking, note, warn
-        self._read: dict[Whole, Shot] = {}
-        self._unread: dict[Whole, _Unread] = {}
+        self._read: dict[WholeFile, Shot] = {}
+        self._unread: dict[WholeFile, _Unread] = {}
         self._known: dict[str, Shot] = {}
         self.shots: dict[str, Shot] = {}
         """By the digest of their files: those that count."""
@@ -172,7 +172,7 @@ class Taken:
         """Whether a file will be tried again."""
         return any(not one.told for one in self._unread.values())
 
-    def renew(self, files: Sequence[Whole], now: float) -> tuple[list[Shot], bool]:
+    def renew(self, files: Sequence[WholeFile], now: float) -> tuple[list[Shot], bool]:
         """Take the photographs that stand in the folder, up to `LATEST` new ones.
 
         Returns
@@ -203,7 +203,7 @@ class Taken:
         is_changed = any(paths.get(digest) != shot.path for digest, shot in before.items())
         return [shot for shot in fresh if shot.digest in self.shots], is_changed
 
-    def _shot_of(self, whole: Whole, now: float) -> Shot | None:
+    def _shot_of(self, whole: WholeFile, now: float) -> Shot | None:
         path = self._folder / whole.name
         try:
             digest = file_digest(path)
@@ -224,7 +224,7 @@ class Taken:
         self._unread.pop(whole, None)
         return shot if look_of(path) == whole.look else None
 
-    def _refuse(self, whole: Whole, why: str, now: float) -> None:
+    def _refuse(self, whole: WholeFile, why: str, now: float) -> None:
         one = self._unread.setdefault(whole, _Unread(f"{datetime.now():%H:%M}", now))
         if now - one.since >= PATIENCE_S:
             one.told = (
@@ -233,7 +233,7 @@ class Taken:
             )
             self._warn(one.told)
 
-    def _counted(self, files: Sequence[Whole]) -> dict[str, Shot]:
+    def _counted(self, files: Sequence[WholeFile]) -> dict[str, Shot]:
         """Return one photograph of each content: the one that counted before, if it is still there."""
         found: dict[str, Shot] = {}
         for shot in (self._read[whole] for whole in files if whole in self._read):

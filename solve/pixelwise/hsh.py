@@ -16,7 +16,7 @@ _CHUNK = 1024
 _VIRTUAL = np.array([[np.cos(a), np.sin(a), 1.0] for a in np.radians([30.0, 150.0, 270.0])]) / np.sqrt(2.0)
 
 
-class Settings(NamedTuple):
+class HshSettings(NamedTuple):
     """Settings of `hsh`.
 
     Parameters
@@ -34,12 +34,12 @@ class Settings(NamedTuple):
     cutoff: float = 1e-3
 
 
-SEED = Settings(three_lights=True, cutoff=0.0)
+SEED = HshSettings(three_lights=True, cutoff=0.0)
 """The plain reading: order 2, inverted as it stands, however singular, normals by three virtual lights, as relighting
 viewers do. The benchmark names neither the order nor how normals are had."""
 
 
-def cautions_of(directions, settings: Settings) -> tuple[str, ...]:
+def cautions_of(directions, settings: HshSettings) -> tuple[str, ...]:
     """Say whether the harmonics can be had from lights (F, 3) at all."""
     order = settings.order
     values = np.linalg.svd(harmonics(directions, order), compute_uv=False)
@@ -56,7 +56,7 @@ def cautions_of(directions, settings: Settings) -> tuple[str, ...]:
     )
 
 
-def _warned(problem: Problem, settings: Settings) -> Problem:
+def _warned(problem: Problem, settings: HshSettings) -> Problem:
     return problem.warned(*cautions_of(problem.lights.directions, settings))
 
 
@@ -75,7 +75,7 @@ def harmonics(directions: NDArray, order: int) -> NDArray[np.float64]:
     return np.stack(found, -1)
 
 
-def _matrices(directions: NDArray, valid: NDArray, settings: Settings) -> NDArray[np.float64]:
+def _matrices(directions: NDArray, valid: NDArray, settings: HshSettings) -> NDArray[np.float64]:
     """Return the (..., 3, F) that make b of the valid samples (..., F); zeros where they cannot be had."""
     basis = harmonics(directions, settings.order) * valid[..., None]
     values, vectors = np.linalg.eigh(np.swapaxes(basis, -1, -2) @ basis)
@@ -93,7 +93,7 @@ def _matrices(directions: NDArray, valid: NDArray, settings: Settings) -> NDArra
     return np.linalg.solve(normal, smooth) * solvable[..., None, None]
 
 
-def fit(samples: Samples, scale: float, settings: Settings):
+def fit(samples: Samples, scale: float, settings: HshSettings):
     """Fit b = albedo x normal to the harmonics of each pixel's samples; see `solve.methods.Method`.
 
     Used are all samples that are not clipped: there is no defence against shadows and gloss but smoothness.
@@ -131,4 +131,4 @@ def fit(samples: Samples, scale: float, settings: Settings):
     return b, used
 
 
-METHOD = Method("hsh", {"default": Settings(), "seed": SEED}, fit=fit, prepare=_warned)
+METHOD = Method("hsh", {"default": HshSettings(), "seed": SEED}, fit=fit, prepare=_warned)

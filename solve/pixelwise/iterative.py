@@ -20,7 +20,7 @@ from solve.pixelwise.kernels import (
 )
 
 
-class Settings(NamedTuple):
+class IterativeSettings(NamedTuple):
     """Settings of `iterative`.
 
     Parameters
@@ -48,7 +48,7 @@ class Settings(NamedTuple):
     support: int = 4
 
 
-SEED = Settings(shadow_threshold=-np.inf, highlight_share=0.0, noise_floor=0.0, support=0)
+SEED = IterativeSettings(shadow_threshold=-np.inf, highlight_share=0.0, noise_floor=0.0, support=0)
 """The plain reading: fit all, drop what does not agree, again, and nothing guards what is left. In deep shadow most
 samples agree with darkness, and the good ones are trimmed: the benchmark's 38 degrees there have this signature."""
 
@@ -111,7 +111,7 @@ def fit_inner(samples, scale, settings):
     return fit(samples, scale, settings.pixelwise)
 
 
-METHOD = Method("iterative", {"default": Settings(), "seed": SEED}, fit=fit)
+METHOD = Method("iterative", {"default": IterativeSettings(), "seed": SEED}, fit=fit)
 
 
 @numba.njit(nogil=True, cache=True)

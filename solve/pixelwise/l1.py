@@ -23,7 +23,7 @@ from solve.pixelwise.kernels import (
 )
 
 
-class Settings(NamedTuple):
+class L1Settings(NamedTuple):
     """Settings of `l1` and `sbl`.
 
     Parameters
@@ -52,7 +52,7 @@ class Settings(NamedTuple):
     prior: float = 0.0
 
 
-SEED = Settings(shadow_threshold=-np.inf, residual_floor=1e-6, tolerance=1e-8, iterations=1000)
+SEED = L1Settings(shadow_threshold=-np.inf, residual_floor=1e-6, tolerance=1e-8, iterations=1000)
 """The plain reading: shadows are outliers like any other, and it is run to the end. (The seed has no such method.)"""
 
 
@@ -156,4 +156,4 @@ def _step(columns, lit, move, prior, floor, residual, sums):  # pragma: no cover
     return xx + 0.0, xy + 0.0, xz + 0.0, yy + 0.0, yz + 0.0, zz + 0.0, mx + 0.0, my + 0.0, mz + 0.0
 
 
-METHOD = Method("l1", {"default": Settings(), "seed": SEED}, fit=fit)
+METHOD = Method("l1", {"default": L1Settings(), "seed": SEED}, fit=fit)

@@ -9,7 +9,7 @@ from solve.pixelwise.kernels import least_squares
 from solve.samples import Samples
 
 
-class Settings(NamedTuple):
+class LsSettings(NamedTuple):
     """Settings of `ls`.
 
     Parameters
@@ -28,7 +28,7 @@ class Settings(NamedTuple):
     ceiling: float = np.inf
 
 
-def fit(samples: Samples, scale: float, settings: Settings):
+def fit(samples: Samples, scale: float, settings: LsSettings):
     """Fit b = albedo x normal to each pixel by linear least squares; see `solve.methods.Method`.
 
     Where too few samples are lit, the shadowed ones still bound the normal; the clipped ones do not.
@@ -49,12 +49,12 @@ def fit(samples: Samples, scale: float, settings: Settings):
 METHOD = Method(
     "ls",
     {
-        "default": Settings(),
+        "default": LsSettings(),
         # A constant shadow threshold, and not a word of clipped samples.
-        "seed": Settings(keep_clipped=True),
+        "seed": LsSettings(keep_clipped=True),
         # What DiLiGenT's published figures for least squares are [Shi2019]: no threshold, and gray, once divided by the
         # intensities that come with it, ends at 1 (`Lights` with those intensities as they are, not normalised).
-        "published": Settings(-np.inf, keep_clipped=True, ceiling=1.0),
+        "published": LsSettings(-np.inf, keep_clipped=True, ceiling=1.0),
     },
     fit=fit,
     is_linear=True,

@@ -9,7 +9,7 @@ from solve.pixelwise.kernels import least_squares
 from solve.samples import Samples
 
 
-class Settings(NamedTuple):
+class PositionSettings(NamedTuple):
     """Settings of `position`.
 
     Parameters
@@ -26,7 +26,7 @@ class Settings(NamedTuple):
     high: float = 0.8
 
 
-def fit(samples: Samples, scale: float, settings: Settings):
+def fit(samples: Samples, scale: float, settings: PositionSettings):
     """Fit b = albedo x normal to the samples whose rank lies in a band; see `solve.methods.Method`.
 
     Notes
@@ -54,4 +54,6 @@ def fit(samples: Samples, scale: float, settings: Settings):
 
 
 # The plain reading: every sample that is not clipped has a rank. (The seed has no such method.)
-METHOD = Method("position", {"default": Settings(), "seed": Settings(shadow_threshold=-np.inf)}, fit=fit)
+METHOD = Method(
+    "position", {"default": PositionSettings(), "seed": PositionSettings(shadow_threshold=-np.inf)}, fit=fit
+)

@@ -14,9 +14,9 @@ may settle on the wrong half.
 import numpy as np
 
 from solve.methods import Method
-from solve.pixelwise.l1 import Settings, fit
+from solve.pixelwise.l1 import L1Settings, fit
 
-DEFAULT = Settings(residual_floor=3e-3, iterations=50, prior=0.01)
-SEED = Settings(-np.inf, tolerance=1e-8, iterations=1000, prior=1.0)
+DEFAULT = L1Settings(residual_floor=3e-3, iterations=50, prior=0.01)
+SEED = L1Settings(-np.inf, tolerance=1e-8, iterations=1000, prior=1.0)
 """The plain reading: shadows are outliers like any other, and it is run to the end. (The seed has no such method.)"""
 METHOD = Method("sbl", {"default": DEFAULT, "seed": SEED}, fit=fit)

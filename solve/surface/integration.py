@@ -10,7 +10,7 @@ from scipy.special import expit
 from scene.camera import Camera
 from scene.errors import SceneError
 from solve.surface.grid_laplacian import solve_grid
-from solve.surface.tangent_planes import Edges, edges_of, finer
+from solve.surface.tangent_planes import GridEdges, edges_of, finer
 
 Array = NDArray[np.float64]
 TORN_PX = 2.0
@@ -30,7 +30,7 @@ _PULL = 1e-11
 
 
 @dataclass(frozen=True)
-class Surface:
+class IntegratedSurface:
     """The depth of each pixel, and where the surface is torn.
 
     Parameters
@@ -76,7 +76,7 @@ def integrate(
     tolerance: float = 1e-3,
     start: Array | None = None,
     hint: tuple[Array, Array] | None = None,
-) -> Surface:
+) -> IntegratedSurface:
     """Integrate normals to depth.
 
     Parameters
@@ -105,7 +105,7 @@ def integrate(
 
     Returns
     -------
-    Surface
+    IntegratedSurface
 
     Raises
     ------
@@ -178,7 +178,7 @@ def integrate(
     return _surface(edges, depth, inside, camera, box, anchor, count, settled)
 
 
-def surface_at(z_mm: Array, normals: NDArray, camera: Camera) -> Surface:
+def surface_at(z_mm: Array, normals: NDArray, camera: Camera) -> IntegratedSurface:
     """Return a depth (H, W) that is already known as a surface, torn where its normals (H, W, 3) do not carry it."""
     inside = np.isfinite(z_mm) & np.isfinite(normals).all(-1)
     box = (slice(0, inside.shape[0]), slice(0, inside.shape[1]))
@@ -187,7 +187,7 @@ def surface_at(z_mm: Array, normals: NDArray, camera: Camera) -> Surface:
     return _surface(edges, depth, inside, camera, box, None, 0, True)
 
 
-def _opinions(edges: Edges, depth: Array, sharpness: float) -> Opinions:
+def _opinions(edges: GridEdges, depth: Array, sharpness: float) -> Opinions:
     shares = []
     for axis in edges.axes:
         forth, back = edges.gaps(axis, depth)
@@ -199,7 +199,7 @@ def _opinions(edges: Edges, depth: Array, sharpness: float) -> Opinions:
 
 
 def _solved(
-    edges: Edges, opinions: Opinions, depth: Array, target: Array | None, pull: NDArray,
+    edges: GridEdges, opinions: Opinions, depth: Array, target: Array | None, pull: NDArray,
     tolerance: float,
 ) -> Array:  # fmt: skip
     # Solved for is the change from a level depth: the common part of a logarithm would cost digits.
@@ -226,9 +226,9 @@ def _unknown(z_mm: Array, camera: Camera) -> Array:
 
 
 def _surface(
-    edges: Edges, depth: Array, inside: NDArray[np.bool_], camera: Camera, box: tuple[slice, slice],
+    edges: GridEdges, depth: Array, inside: NDArray[np.bool_], camera: Camera, box: tuple[slice, slice],
     z_mm: float | None, rounds: int, settled: bool,
-) -> Surface:  # fmt: skip
+) -> IntegratedSurface:  # fmt: skip
     found = depth / np.sqrt(camera.fx * camera.fy)
     found = -found if camera.is_orthographic else -np.exp(found)
     if z_mm is not None:
@@ -244,4 +244,4 @@ def _surface(
         forth, back = edges.gaps(axis, depth)
         gaps.append(np.full(inside.shape, np.inf))
         gaps[-1][box] = np.where(axis.pair, np.minimum(forth, back), np.inf)
-    return Surface(whole, gaps[0], gaps[1], rounds, settled)
+    return IntegratedSurface(whole, gaps[0], gaps[1], rounds, settled)

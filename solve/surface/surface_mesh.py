@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.meshes.ply_write import write_ply
-from formats.pictures import srgb_from_linear
+from formats.meshes.ply import write_ply
+from formats.picture_files import srgb_from_linear
 from scene.camera import Camera
-from solve.surface.integration import TORN_PX, Surface
+from solve.surface.integration import TORN_PX, IntegratedSurface
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class SurfaceMesh:
         write_ply(path, columns, self.faces, "millimetres; camera frame: x right, y up, z toward the viewer")
 
 
-def mesh_of(surface: Surface, normals: NDArray, albedo: NDArray, camera: Camera) -> SurfaceMesh:
+def mesh_of(surface: IntegratedSurface, normals: NDArray, albedo: NDArray, camera: Camera) -> SurfaceMesh:
     """Return the mesh of a surface.
 
     Normals and albedo (H, W, 3) are those of a method's estimate. No face spans two neighbours that lie farther than

@@ -17,7 +17,7 @@ _FARTHEST = 0.1
 
 
 @dataclass(frozen=True)
-class Axis:
+class GridAxis:
     """A pixel and the next in its row or column, all (h, w) at the first of the two, lengths in pixels.
 
     `pair`: both count. `top`, `bottom` (2, h, w): numerator and denominator of the step to the next, for the
@@ -48,21 +48,21 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Edges:
+class GridEdges:
     """All neighbours of a box of pixels: `inside` (h, w) which count, `cosine` (h, w) between normal and view."""
 
     inside: NDArray[np.bool_]
     cosine: Array
-    axes: tuple[Axis, Axis]
+    axes: tuple[GridAxis, GridAxis]
 
-    def gaps(self, axis: Axis, depth: Array) -> tuple[Array, Array]:
+    def gaps(self, axis: GridAxis, depth: Array) -> tuple[Array, Array]:
         """Return how far the next lies off the first's tangent plane, and the first off the next's, in pixels."""
         gap = np.where(axis.pair, axis.next(depth) - depth, 0.0)
         forth, back = gap - axis.depth_step(1.0, 0.0), gap - axis.depth_step(0.0, 1.0)
         return np.abs(self.cosine * forth), np.abs(axis.next(self.cosine) * back)
 
 
-def edges_of(normals: Array, inside: NDArray[np.bool_], camera: Camera, box: tuple[slice, slice]) -> Edges:
+def edges_of(normals: Array, inside: NDArray[np.bool_], camera: Camera, box: tuple[slice, slice]) -> GridEdges:
     """Return the edges of the pixels `inside` (h, w) a box (rows, columns) with unit normals (h, w, 3)."""
     focal = np.sqrt(camera.fx * camera.fy)
     base, rays = camera.rays(camera.grid(box[0])[:, box[1]])
@@ -92,8 +92,8 @@ def edges_of(normals: Array, inside: NDArray[np.bool_], camera: Camera, box: tup
         # Where there is no pair: a step of nothing.
         top, bottom = np.where(pair, top, 0.0 if camera.is_orthographic else 1.0), np.where(pair, bottom, 1.0)
         weight = np.where(pair, np.minimum(cosine, shifted(cosine)) ** 2, 0.0)
-        axes.append(Axis(step, pair, top, bottom, weight, float(focal), camera.is_orthographic))
-    return Edges(inside, cosine, (axes[0], axes[1]))
+        axes.append(GridAxis(step, pair, top, bottom, weight, float(focal), camera.is_orthographic))
+    return GridEdges(inside, cosine, (axes[0], axes[1]))
 
 
 def finer(z_mm: Array, normals: NDArray, camera: Camera) -> Array:

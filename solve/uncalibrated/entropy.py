@@ -22,7 +22,7 @@ DOUBLE = 0.05
 FLAT = 0.15
 
 
-class Settings(NamedTuple):
+class EntropySettings(NamedTuple):
     """Settings of `entropy`.
 
     Parameters
@@ -39,7 +39,7 @@ class Settings(NamedTuple):
     most_pixels: int = 6000
 
 
-def fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
+def fit_whole(problem: Problem, samples: Samples, settings: EntropySettings) -> Whole:
     """Fit b = albedo x normal, and the lights.
 
     Notes
@@ -84,7 +84,7 @@ def fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
 
 def plainest_depth(b, mu, nu):
     """Return lambda of least entropy for a tilt that is given; b (P, 3) float64."""
-    bins_per_mean, most_pixels = Settings().bins_per_mean, Settings().most_pixels
+    bins_per_mean, most_pixels = EntropySettings().bins_per_mean, EntropySettings().most_pixels
     some = np.ascontiguousarray(b[:: max(1, -(-len(b) // most_pixels))])
     fine = np.linspace(LOG_DEPTH[0], LOG_DEPTH[-1], 401)
     return float(np.exp(fine[np.argmin([_entropy(some, mu, nu, each, bins_per_mean) for each in fine])]))
@@ -129,4 +129,6 @@ def _entropy(b, mu, nu, log_depth, bins):
     return -float(np.sum(filled * np.log(filled)))
 
 
-METHOD = Method("entropy", {"default": Settings(), "seed": Settings(PLAIN)}, fit_whole=fit_whole, is_calibrated=False)
+METHOD = Method(
+    "entropy", {"default": EntropySettings(), "seed": EntropySettings(PLAIN)}, fit_whole=fit_whole, is_calibrated=False
+)

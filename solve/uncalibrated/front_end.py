@@ -160,7 +160,7 @@ def _robust_pixels(samples: Samples, lights: Array, scale: float) -> tuple[Array
     samples = samples._replace(points=np.zeros((len(samples.gray), 3)), lights=Geometry.distant(lights))
 
     def each(start: int) -> tuple[Array, NDArray[np.bool_]]:
-        return iterative.fit(samples.some(slice(start, start + _CHUNK)), scale, iterative.Settings())
+        return iterative.fit(samples.some(slice(start, start + _CHUNK)), scale, iterative.IterativeSettings())
 
     b, used = zip(*fan_out(each, range(0, len(samples.gray), _CHUNK)), strict=True)
     return np.concatenate(b), np.concatenate(used)

@@ -16,7 +16,7 @@ _NEAR = 0.25
 _MARGIN = 8
 
 
-class Settings(NamedTuple):
+class LdrSettings(NamedTuple):
     """Settings of `ldr`.
 
     Parameters
@@ -41,11 +41,11 @@ class Settings(NamedTuple):
     fewest_distinct: int = 25
 
 
-SEED = Settings(PLAIN, agreement=np.inf, fewest_distinct=0)
+SEED = LdrSettings(PLAIN, agreement=np.inf, fewest_distinct=0)
 """The plain reading: no cleaning of the samples, no rescue of the sign, every crossing has a vote."""
 
 
-def fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
+def fit_whole(problem: Problem, samples: Samples, settings: LdrSettings) -> Whole:
     """Fit b = albedo x normal, and the lights.
 
     Notes
@@ -144,4 +144,4 @@ def crossings(normals, lights, agreement):
     return np.concatenate(found)
 
 
-METHOD = Method("ldr", {"default": Settings(), "seed": SEED}, fit_whole=fit_whole, is_calibrated=False)
+METHOD = Method("ldr", {"default": LdrSettings(), "seed": SEED}, fit_whole=fit_whole, is_calibrated=False)

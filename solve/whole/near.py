@@ -17,7 +17,7 @@ from solve.pixelwise import iterative
 from solve.problem import Problem
 from solve.samples import Geometry, all_samples, scale_of
 from solve.surface.integration import integrate
-from solve.whole.near_depth import Settings, find_depth
+from solve.whole.near_depth import NearSettings, find_depth
 
 Array = NDArray[np.float64]
 
@@ -139,7 +139,7 @@ class _Small:
 
     def _fit(self, lights: Lights, chosen: NDArray | slice) -> tuple[Array, NDArray[np.bool_], Array]:
         samples = self.samples._replace(points=self._points(), lights=Geometry.of(lights)).some(chosen)
-        b, used = iterative.fit(samples, self.scale, iterative.Settings())
+        b, used = iterative.fit(samples, self.scale, iterative.IterativeSettings())
         return b, used, samples.points
 
     def raise_relief(self, lights: Lights) -> None:
@@ -152,7 +152,7 @@ class _Small:
 
     def follow(self, lights: Lights) -> None:
         """Let `near_depth` make the relief."""
-        found = find_depth(replace(self.problem, lights=lights), Settings()).z_mm
+        found = find_depth(replace(self.problem, lights=lights), NearSettings()).z_mm
         assert found is not None
         self.z_mm = found
 
@@ -198,7 +198,7 @@ class _Small:
         return np.clip(nearness * np.exp(np.clip(step, -0.3, 0.3)), 1e-3, 0.8)
 
 
-def _prepare(problem: Problem, settings: Settings) -> Problem:
+def _prepare(problem: Problem, settings: NearSettings) -> Problem:
     problem = find_positions(problem)
     if problem.lights.positions_mm is None:
         return problem.warned("the lights have no positions: this is `iterative`.")
@@ -207,5 +207,5 @@ def _prepare(problem: Problem, settings: Settings) -> Problem:
 
 # The same turns about the plain reading of `iterative`. (The seed has no such method.)
 METHOD = Method(
-    "near", {"default": Settings(), "seed": Settings(iterative.SEED)}, fit=iterative.fit_inner, prepare=_prepare
+    "near", {"default": NearSettings(), "seed": NearSettings(iterative.SEED)}, fit=iterative.fit_inner, prepare=_prepare
 )

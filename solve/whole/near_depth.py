@@ -11,7 +11,7 @@ from scene.normals import filled, unit
 from solve.pixelwise import iterative
 from solve.problem import Problem
 from solve.samples import band_of, bands, samples_of, scale_of
-from solve.surface.integration import Surface, integrate
+from solve.surface.integration import IntegratedSurface, integrate
 from solve.whole.depth_evidence import depth_evidence
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ _ALIKE = 100
 """Pixels whose errors are taken to be one and the same: gloss and mutual light come in patches."""
 
 
-class Settings(NamedTuple):
+class NearSettings(NamedTuple):
     """Settings of `near`.
 
     Parameters
@@ -40,13 +40,13 @@ class Settings(NamedTuple):
         less the smaller this is.
     """
 
-    pixelwise: iterative.Settings = iterative.Settings()
+    pixelwise: iterative.IterativeSettings = iterative.IterativeSettings()
     rounds: int = 5
     depth_tolerance: float = 3e-4
     roughness_px: float = 0.11
 
 
-def find_depth(problem: Problem, settings: Settings) -> Problem:
+def find_depth(problem: Problem, settings: NearSettings) -> Problem:
     """Return the problem with the depth of each pixel, and cautions; its lights have positions.
 
     Notes
@@ -103,7 +103,7 @@ def _weight(step: Array, spread: Array) -> Array:
     return np.where(known, 1 / (spread**2 * (1 + (step / (3 * spread)) ** 2) ** 2), 0.0)
 
 
-def _cautions(surface: Surface, moved: float, tolerance: float) -> list[str]:
+def _cautions(surface: IntegratedSurface, moved: float, tolerance: float) -> list[str]:
     cautions = []
     if moved > 5 * tolerance:
         cautions.append(
@@ -122,7 +122,7 @@ def _cautions(surface: Surface, moved: float, tolerance: float) -> list[str]:
 class _Task:
     problem: Problem
     scale: float
-    settings: iterative.Settings
+    settings: iterative.IterativeSettings
 
     @property
     def distance(self) -> float:

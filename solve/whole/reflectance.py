@@ -44,7 +44,7 @@ LOBE, GLOSSY = 5, 1.05
 """Half angles of the table from 0 on, and what it is there (median) of a glossy object."""
 
 
-class Settings(NamedTuple):
+class ReflectanceSettings(NamedTuple):
     """Settings of `reflectance`.
 
     Parameters
@@ -75,27 +75,27 @@ class Settings(NamedTuple):
     sigmas: float = 2.0
 
 
-def prepare(problem: Problem, settings: Settings) -> Problem:
+def prepare(problem: Problem, settings: ReflectanceSettings) -> Problem:
     """Return the problem with near lights as each pixel's own place sees them."""
     problem = find_positions(problem)
     is_near = problem.lights.positions_mm is not None
-    return near_depth.find_depth(problem, near_depth.Settings()) if is_near else problem
+    return near_depth.find_depth(problem, near_depth.NearSettings()) if is_near else problem
 
 
-def _fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
+def _fit_whole(problem: Problem, samples: Samples, settings: ReflectanceSettings) -> Whole:
     return fit_to_views(samples, problem.views(), settings, _relief_of(problem, settings), _white(problem.lights))[0]
 
 
 def learn(problem: Problem) -> tuple[Problem, Samples, NDArray, Thrown]:
     """Return the prepared problem, its samples, and what its pixels share: the reflectance (SIZE,), and their light."""
-    settings = Settings()
+    settings = ReflectanceSettings()
     problem = prepare(problem, settings)
     samples, relief = all_samples(problem), _relief_of(problem, settings)
     _, shared, thrown = fit_to_views(samples, problem.views(), settings, relief, _white(problem.lights))
     return problem, samples, shared, thrown
 
 
-def _relief_of(problem: Problem, settings: Settings) -> Relief:
+def _relief_of(problem: Problem, settings: ReflectanceSettings) -> Relief:
     """Return the patches of a prepared problem's surface."""
     camera, depth = problem.camera, float(problem.lights.reference_point_mm[2])
     if not camera.is_orthographic and depth >= 0:
@@ -116,7 +116,7 @@ def _is_matte(shared: NDArray) -> bool:
 
 
 def fit_to_views(
-    samples: Samples, views, settings: Settings, relief: Relief | None = None, white: float | None = None
+    samples: Samples, views, settings: ReflectanceSettings, relief: Relief | None = None, white: float | None = None
 ) -> tuple[Whole, NDArray, Thrown]:
     """Fit normals, albedos and one reflectance; return also what all pixels share (SIZE,), and the light on them.
 
@@ -139,7 +139,7 @@ def fit_to_views(
     serves one material: of an object of several, the best is a compromise.
     """
     scale = samples.scale()
-    b, used = iterative.fit(samples, scale, iterative.Settings())
+    b, used = iterative.fit(samples, scale, iterative.IterativeSettings())
     is_known = (b != 0).any(1)
     known = np.flatnonzero(is_known)
     if len(known) < SIZE:
@@ -230,4 +230,9 @@ def _second_differences():
     return out
 
 
-METHOD = Method("reflectance", {"default": Settings(), "seed": Settings()}, fit_whole=_fit_whole, prepare=prepare)
+METHOD = Method(
+    "reflectance",
+    {"default": ReflectanceSettings(), "seed": ReflectanceSettings()},
+    fit_whole=_fit_whole,
+    prepare=prepare,
+)

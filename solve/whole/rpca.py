@@ -14,7 +14,7 @@ from solve.samples import Samples
 from solve.whole.low_rank import low_rank
 
 
-class Settings(NamedTuple):
+class RpcaSettings(NamedTuple):
     """Settings of `rpca`.
 
     Parameters
@@ -40,7 +40,7 @@ class Settings(NamedTuple):
     rounds: int = 100
 
 
-SEED = Settings(shadow_threshold=None, sparsity=None, outlier_share=None, tolerance=1e-6)
+SEED = RpcaSettings(shadow_threshold=None, sparsity=None, outlier_share=None, tolerance=1e-6)
 """The textbook's: nothing is missing, and lambda counts the background's pixels too, which makes it too small. The
 benchmark names neither; an error that no gloss moves, as it has, is what such a lambda does."""
 
@@ -48,7 +48,7 @@ FEWEST_LIGHTS = 10
 COMMON_GLOSS = 0.3
 
 
-def fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
+def fit_whole(problem: Problem, samples: Samples, settings: RpcaSettings) -> Whole:
     """Fit b = albedo x normal to the samples that a low-rank stack explains.
 
     Notes
@@ -101,4 +101,4 @@ def _fit_to_low_rank(samples, low, level, outlier_share):
     return b, used
 
 
-METHOD = Method("rpca", {"default": Settings(), "seed": SEED}, fit_whole=fit_whole)
+METHOD = Method("rpca", {"default": RpcaSettings(), "seed": SEED}, fit_whole=fit_whole)

@@ -19,7 +19,7 @@ from solve.problem import Problem
 from solve.samples import GRAY, Geometry, Samples, row_medians
 
 
-class Settings(NamedTuple):
+class SemicalibratedSettings(NamedTuple):
     """Settings of `semicalibrated`.
 
     Parameters
@@ -32,7 +32,7 @@ class Settings(NamedTuple):
         At most; three to six are typical.
     """
 
-    pixelwise: iterative.Settings = iterative.Settings()
+    pixelwise: iterative.IterativeSettings = iterative.IterativeSettings()
     pixels: int = 12_000
     rounds: int = 12
 
@@ -48,7 +48,7 @@ _WORTH_MOVING = 0.02
 """Of a step of depth."""
 
 
-def find_lights(problem: Problem, settings: Settings) -> Problem:
+def find_lights(problem: Problem, settings: SemicalibratedSettings) -> Problem:
     """Return the problem under lights with the intensities that the object itself tells, and cautions.
 
     Directions (and positions) are taken as they are; intensities where the object tells none; and a trend of the
@@ -102,7 +102,7 @@ def _pretended(ratio: NDArray, parts: list[Evidence], directions: NDArray) -> ND
     return trend * min(with_it / max(without - with_it, 1e-30), 1.0)
 
 
-def told_by_object(problem: Problem, settings: Settings) -> tuple[Lights, list[Evidence], NDArray]:
+def told_by_object(problem: Problem, settings: SemicalibratedSettings) -> tuple[Lights, list[Evidence], NDArray]:
     """Return the lights with intensities by the object alone, what it says of each channel, and its points (P, 3), mm.
 
     Near lights are seen from the depth of the visible surface.
@@ -249,5 +249,8 @@ def _lambertian(gray, lit, toward, b, sigmas, floor) -> NDArray[np.bool_]:
 
 # The seed has no such method.
 METHOD = Method(
-    "semicalibrated", {"default": Settings(), "seed": Settings()}, fit=iterative.fit_inner, prepare=find_lights
+    "semicalibrated",
+    {"default": SemicalibratedSettings(), "seed": SemicalibratedSettings()},
+    fit=iterative.fit_inner,
+    prepare=find_lights,
 )

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from formats.pictures import linear_from_srgb, srgb_from_linear
+from formats.picture_files import linear_from_srgb, srgb_from_linear
 from studio.editor.editor_window import EditorWindow
 from studio.editor.edits import GRAY, Place, value_at, with_value
 from studio.widgets import Inputs

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from scene.errors import SceneError
-from studio.editor.pictures import Picture, first_picture, refining
+from studio.editor.preview_pictures import Picture, first_picture, refining
 from twin.description.description import TwinScene
 
 WIDTH, HEIGHT = 320, 240

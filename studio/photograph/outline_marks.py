@@ -31,7 +31,7 @@ def add_crop(
     """
     center, radius = (np.array(ball.center_px) + 0.5) / step - 0.5, ball.radius_px / step
     size = {"width": frames.width, "height": frames.height}
-    box = pictures.Box.around(center - radius, center + radius, margin=0.25, **size)
+    box = pictures.PixelBox.around(center - radius, center + radius, margin=0.25, **size)
     image = pictures.shrink(pictures.ball_picture(frames, box, brightest=False), WIDTH_PX)
     if ball.kind == "chrome":
         brightest = pictures.shrink(pictures.ball_picture(frames, box, brightest=True), WIDTH_PX)

@@ -6,7 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report.pictures import Box, Image, contours, normal_picture, thumbnail
+from compare.report.pictures import Image, PixelBox, contours, normal_picture, thumbnail
 from compare.report.registration_pictures import WIDTH, shown_pixels, views
 from scene.camera import Camera
 from scene.errors import SceneError
@@ -57,7 +57,7 @@ def photograph(review: Review, index: int, look: Look) -> Image:
     picture = exposure.develop(thumbnail(frames, index, WIDTH))
     if look.marks_clipped:
         picture = np.where(_clipped(frames, index, picture.shape)[..., None], CLIPPED_COLOUR, picture).astype(np.uint8)
-    box = Box(0, 0, frames.width, frames.height)
+    box = PixelBox(0, 0, frames.width, frames.height)
     if look.overlay == "mask":
         return _with_mask(review, picture, box, look.opacity)
     if look.overlay == "nothing":
@@ -145,7 +145,7 @@ def _clipped(frames: Frames, index: int, shape: tuple[int, ...]) -> NDArray[np.b
     return np.asarray(cv2.resize(clipped, (shape[1], shape[0]), interpolation=cv2.INTER_AREA)) > 0
 
 
-def _with_mask(review: Review, picture: Image, box: Box, opacity: float) -> Image:
+def _with_mask(review: Review, picture: Image, box: PixelBox, opacity: float) -> Image:
     import cv2
 
     (mask,) = review.need("mask")

@@ -4,7 +4,7 @@ from typing import get_args
 
 import pytest
 
-from capture.session.manifest import ObjectTable
+from capture.session.manifest import SessionObjectTable
 from capture.session.resolve import LIGHTS_SUFFIXES, NORMALS_SUFFIXES, SCAN_SUFFIXES
 
 
@@ -17,7 +17,7 @@ def test_what_is_accepted_is_what_can_be_read(tmp_path):
     from formats.normal_maps import SUFFIXES as NORMALS
     from scene.errors import CalibrationError
 
-    assert set(get_args(ObjectTable.model_fields["scan_unit"].annotation)) == set(UNITS_MM)
+    assert set(get_args(SessionObjectTable.model_fields["scan_unit"].annotation)) == set(UNITS_MM)
     assert (set(SCAN_SUFFIXES), set(NORMALS_SUFFIXES)) == (set(SCAN), set(NORMALS))
     assert set(LIGHTS_SUFFIXES) == set(LIGHTS)
     for suffix in (*LIGHTS_SUFFIXES, ".csv"):

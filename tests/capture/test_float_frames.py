@@ -6,12 +6,12 @@ import tifffile
 
 from capture.audit.frame_facts import facts_of
 from capture.photographs.decode import decode
-from capture.photographs.develop import Recipe, read_photograph
+from capture.photographs.develop import DevelopRecipe, read_photograph
 from capture.photographs.images import read_image
 from capture.photographs.kept import Kept
 from capture.photographs.raw import read_raw
 from capture.session.session import load_session
-from formats.pictures import write_exr
+from formats.picture_files import write_exr
 from scene.frames import decode as linear_of
 from scene.store import Store
 
@@ -171,7 +171,7 @@ def test_what_a_watch_kept_is_read_again_as_it_is(tmp_path, scene_pictures):
     kept = Kept(tmp_path / "kept", "linear", half=False)
     for name, picture in zip("ab", (scene_pictures(1)[0], np.clip(scene_pictures(1)[0] * 2.5, 0, 1)), strict=True):
         write(tmp_path / f"{name}.tif", picture.astype("f4"))
-        photograph = read_photograph(tmp_path / f"{name}.tif", Recipe("linear", False, tmp_path))
+        photograph = read_photograph(tmp_path / f"{name}.tif", DevelopRecipe("linear", False, tmp_path))
         kept.keep(name, photograph)
         again = kept.load(name)
         assert isinstance(again.codes, np.memmap)

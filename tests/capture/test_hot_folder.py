@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from capture.survey.hot_folder import HotFolder, Look, Whole, list_photographs, photograph_of
+from capture.survey.hot_folder import FileLook, HotFolder, WholeFile, list_photographs, photograph_of
 
 
 def look(size, mtime=0, inode=1):
-    return Look(size, mtime, inode)
+    return FileLook(size, mtime, inode)
 
 
 def names(wholes):
@@ -33,7 +33,7 @@ def test_a_file_is_whole_when_it_has_stood_still(other):
     assert hot.see({"a.dng": other}, 0.4) == []
     assert hot.see({"a.dng": other}, 0.8) == []
     assert hot.is_growing
-    assert hot.see({"a.dng": other}, 0.9) == [Whole("a.dng", other)]
+    assert hot.see({"a.dng": other}, 0.9) == [WholeFile("a.dng", other)]
     assert not hot.is_growing
 
 
@@ -75,12 +75,12 @@ ACTIONS = st.one_of(
 @settings(max_examples=150, deadline=None)
 @given(st.lists(ACTIONS, max_size=40))
 def test_at_rest_the_best_file_of_every_photograph_is_whole_as_it_stands(actions):
-    files: dict[str, Look] = {}
+    files: dict[str, FileLook] = {}
     hot, wall, now = HotFolder(), 0, 0.0
     for inode, (what, name, value) in enumerate(actions):
         now += 0.05
         if what == "write":
-            files[name] = Look(value, wall + inode, inode)
+            files[name] = FileLook(value, wall + inode, inode)
         elif what == "delete":
             files.pop(name, None)
         elif what == "rename" and name in files and value != name:
@@ -100,6 +100,6 @@ def test_at_rest_the_best_file_of_every_photograph_is_whole_as_it_stands(actions
         found = hot.see(dict(files), now)
     best = {}
     for name in sorted(files, key=lambda one: PurePath(one).suffix != ".dng"):
-        best.setdefault(photograph_of(name), Whole(name, files[name]))
+        best.setdefault(photograph_of(name), WholeFile(name, files[name]))
     assert sorted(found) == sorted(best.values())
     assert not hot.is_growing

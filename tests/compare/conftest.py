@@ -89,16 +89,11 @@ def solve(images: np.ndarray, lights: Lights, mask: np.ndarray, *, trimmed: bool
     return normals.astype(np.float32), albedo.astype(np.float32)
 
 
-def make_session(
-    folder: Path,
-    *,
-    width: int = 160,
-    height: int = 120,
-    count: int = 12,
-    methods: tuple[str, ...] = ("ls", "iterative"),
-) -> Session:
-    """Write a whole output folder through `Store` and return it with the summary that lab would write."""
-    rng = np.random.default_rng(5)
+@pytest.fixture(scope="session")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    """A whole output folder, and the summary that lab would write; tests read it and do not change it."""
+    width, height, count, methods = 160, 120, 12, ("ls", "iterative")
+    rng, folder = np.random.default_rng(5), tmp_path_factory.mktemp("session")
     store, twin = Store(folder), Store(folder / "twin")
     camera = Camera(width, height, 1.6 * width, 1.6 * width, 0.51 * width, 0.48 * height)
     lights = lights_above(count, rng)
@@ -137,11 +132,10 @@ def make_session(
         "warnings": [],
     }
     write_json(store.path("calibration.json"), calibration)
-    dim = {name: 1 if name == "ls" else 0 for name in methods}
     solved: dict[str, Any] = {}
     for number, name in enumerate(methods):
         for where, images in ((store, noisy), (twin, exact)):
-            normals, rho = solve(images, lights, mask, trimmed=not dim[name])
+            normals, rho = solve(images, lights, mask, trimmed=name != "ls")
             if where is store:
                 normals[:2] = np.nan
             where.save_estimate(Estimate(name, normals, rho, np.where(mask, count, 0).astype(np.uint16)))
@@ -198,12 +192,6 @@ def make_session(
     }
     summary["compare"] = compare(store)
     return Session(store, summary)
-
-
-@pytest.fixture(scope="session")
-def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
-    """A whole session; tests read it and do not change it."""
-    return make_session(tmp_path_factory.mktemp("session"))
 
 
 @pytest.fixture

@@ -58,13 +58,6 @@ def test_every_error_is_the_one_that_was_put_in(store, write_normals):
     json.dumps(result, allow_nan=False)
 
 
-def test_a_surface_inside_out_is_wrong_by_180_degrees(store, write_normals):
-    truth = some_truth()
-    save_truth(store, truth)
-    write_normals(store, "ldr", -truth)
-    assert compare(store)["methods"]["ldr"]["real"]["min_deg"] == pytest.approx(180, abs=1e-3)
-
-
 def test_what_lies_outside_the_mask_counts_for_nothing(store, write_normals):
     truth, mask = some_truth(), np.zeros((24, 32), bool)
     mask[5:15, 6:20] = True

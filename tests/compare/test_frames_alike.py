@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from compare.statistics.frames_alike import frames_alike
-from formats.pictures import srgb_from_linear
+from formats.picture_files import srgb_from_linear
 from scene.frames import Frames
 
 NAMES = ("a", "b", "c")

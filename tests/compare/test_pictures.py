@@ -1,15 +1,12 @@
 """Pictures: axes, half pixels, unknown pixels, brightness."""
 
-import base64
-
 import cv2
 import numpy as np
 import pytest
 
 from compare.report import pictures
-from compare.report.pictures import Box, Exposure
+from compare.report.pictures import Exposure, PixelBox
 from scene.frames import Frames
-from scene.map_pictures import data_uri
 
 
 def frames_of(linear):
@@ -60,7 +57,7 @@ def test_a_thumbnail_shows_the_cut_and_keeps_its_mean():
     rng = np.random.default_rng(0)
     linear = rng.uniform(0, 0.5, (1, 600, 800, 3))
     linear[0, :, 400:] += 0.4
-    small = pictures.thumbnail(frames_of(linear), 0, 40, Box(200, 100, 600, 500))
+    small = pictures.thumbnail(frames_of(linear), 0, 40, PixelBox(200, 100, 600, 500))
     assert small.shape == (40, 40, 3)
     assert small[:, 20:].mean() - small[:, :20].mean() == pytest.approx(0.4, abs=0.02)
     assert small[:, :20].mean() == pytest.approx(0.25, abs=0.02)
@@ -69,25 +66,7 @@ def test_a_thumbnail_shows_the_cut_and_keeps_its_mean():
 def test_a_contour_runs_through_the_centres_of_the_outermost_pixels():
     mask = np.zeros((50, 60), bool)
     mask[10:20, 30:45] = True
-    (line,) = pictures.contours(mask, Box(25, 5, 55, 40))
+    (line,) = pictures.contours(mask, PixelBox(25, 5, 55, 40))
     # Pixel 30 of the image is pixel 5 of the crop; its centre lies half a pixel from the corner.
     assert line.min(0).tolist() == [5.5, 5.5]
     assert line.max(0).tolist() == [19.5, 14.5]
-
-
-def test_a_box_stays_inside_and_holds_what_it_is_around():
-    mask = np.zeros((50, 60), bool)
-    mask[0:20, 30:59] = True
-    box = Box.of_mask(mask, margin=0.1)
-    assert (box.top, box.right) == (0, 60)
-    assert mask[box.rows, box.columns].sum() == mask.sum()
-    assert Box.of_mask(np.zeros((5, 6), bool), margin=0.1) == Box(0, 0, 6, 5)
-
-
-@pytest.mark.parametrize(("photograph", "kind"), [(True, "jpeg"), (False, "png")])
-def test_a_data_uri_is_the_picture(photograph, kind):
-    image = np.full((8, 8, 3), [200, 100, 30], np.uint8)
-    head, data = data_uri(image, photograph=photograph).split(",")
-    assert head == f"data:image/{kind};base64"
-    back = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
-    np.testing.assert_allclose(back.astype(int), image, atol=4)

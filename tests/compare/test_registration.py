@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from compare.report import pictures, registration_pictures
-from compare.report.pictures import Box, Exposure
+from compare.report import registration_pictures
+from compare.report.pictures import Exposure, PixelBox
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.store import Store
@@ -40,7 +40,7 @@ def scene(width, height):
 def test_the_shaded_scan_is_the_photograph_where_it_is_of_one_colour_and_in_place(width, height):
     frames, lights, shading, mask, _ = scene(width, height)
     exposure = Exposure.for_frames(frames)
-    box = Box.of_mask(mask, margin=0.12)
+    box = PixelBox.of_mask(mask, margin=0.12)
     both = registration_pictures.views(frames, exposure, lights, 1, box, lambda pixels: shading(1, pixels))
     assert both.photograph.shape == both.shaded.shape
     difference = np.abs(both.photograph.astype(int) - both.shaded).max(-1)
@@ -75,19 +75,6 @@ def test_the_zooms_show_each_side_in_the_frame_that_lights_it_and_the_line_on_it
     # A shadowed limb would have no step; the line runs within a pixel of it.
     assert step.max() > 150
     assert abs(np.flatnonzero(line).mean() - np.argmax(step)) < registration_pictures.ZOOM
-
-
-def test_sigma_shows_where_there_is_none():
-    sigma, mask = np.full((40, 60), np.nan), np.zeros((40, 60), bool)
-    mask[5:35, 5:55] = True
-    sigma[10:30, 10:50] = 0.3
-    end = registration_pictures.sigma_scale_end(sigma)
-    image = registration_pictures.sigma_picture(sigma, mask, end)
-    assert end == 0.5
-    assert (image[0, 0] == pictures.PAPER).all()
-    assert (image[7, 7] == registration_pictures.DOUBT_COLOUR).all()
-    assert (image[20, 20] == pictures.error_picture(np.array([[0.3]]), end)[0, 0]).all()
-    assert registration_pictures.sigma_scale_end(np.full((2, 2), np.nan)) == 1.0
 
 
 def test_all_pictures_are_written_and_read_back(tmp_path):

@@ -30,13 +30,6 @@ def test_every_statistic_of_a_case_worked_by_hand():
     )
 
 
-def test_neither_the_order_of_pixels_nor_unknown_ones_matter():
-    rng = np.random.default_rng(1)
-    error = rng.exponential(5, (40, 30)).astype(np.float32)
-    shuffled = np.concatenate([rng.permutation(error.ravel()), np.full(99, NAN)])
-    assert angular_statistics(shuffled) == pytest.approx(angular_statistics(error), rel=1e-12)
-
-
 def test_no_pixel_is_no_statistic_rather_than_zero():
     found = angular_statistics(np.full((3, 3), NAN))
     assert found.pop("pixels") == 0
@@ -55,13 +48,6 @@ def test_a_map_is_wholly_correlated_with_itself_and_with_its_multiples():
     found = error_correlation(real, 2 * real + 3)
     assert found["pearson"] == pytest.approx(1)
     assert found["median_difference_deg"] == pytest.approx(-np.median(real) - 3)
-
-
-def test_ranks_see_what_values_do_not():
-    real = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
-    found = error_correlation(real, 100.0 / real**3)
-    assert found["spearman"] == pytest.approx(-1)
-    assert -1 < found["pearson"] < -0.5
 
 
 def test_correlation_worked_by_hand_with_ties_and_unknown_pixels():

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from compare.report.facts import Material
-from compare.report.layers import Layers
+from compare.report.layers import ViewerLayers
 from compare.report.report import write_report
-from formats.pictures import srgb_from_linear
+from formats.picture_files import srgb_from_linear
 from scene.normals import angular_error_deg
 
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
@@ -34,7 +34,7 @@ expect = pytest.importorskip("playwright.sync_api").expect
 @pytest.fixture(scope="module")
 def shown(session):
     path = write_report(session.store, session.summary)
-    return path, Layers.of(Material.load(session.store, session.summary), session.summary)
+    return path, ViewerLayers.of(Material.load(session.store, session.summary), session.summary)
 
 
 @pytest.fixture
@@ -222,8 +222,6 @@ def test_without_webgl_the_albedo_is_shown_and_it_is_said(visit):
     page = visit(script=NO_WEBGL)
     page.locator("#viewer-right").select_option("relit:real:ls")
     expect(page.locator("#viewer-note")).to_contain_text("needs WebGL")
-    page.locator("#viewer-3d > summary").click()
-    expect(page.locator("#viewer-3d")).to_contain_text("needs WebGL")
 
 
 def test_without_scripts_still_pictures_remain(chromium, shown):
@@ -234,13 +232,6 @@ def test_without_scripts_still_pictures_remain(chromium, shown):
     page.locator("#errors summary").click()
     assert page.locator("#errors img").first.is_visible()
     page.context.close()
-
-
-def test_the_scene_is_drawn_in_3d(viewer):
-    viewer.locator("#viewer-3d > summary").click()
-    viewer.wait_for_selector("#viewer-scene[data-triangles]")
-    # 12 lights, 3 balls and the camera, 288 triangles each; this folder's twin has no depth.
-    assert float(viewer.locator("#viewer-scene").get_attribute("data-triangles")) == pytest.approx(16 * 288)
 
 
 def test_wheel_and_keys_move_what_is_read(viewer, session, shown):

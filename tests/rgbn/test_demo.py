@@ -1,6 +1,8 @@
 """The whole way on the fixture: what the demo must reach, the contract's files, resuming."""
 
 import json
+import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -138,6 +140,80 @@ def test_the_report_stands_alone(demo):
     assert 'src="http' not in page
     assert "<script src" not in page
     assert len(page) < 15e6
+
+
+@pytest.mark.full
+def test_the_twin_is_a_session(demo, tmp_path):
+    """`process` accepts the twin's folder: known lights, given normals, the same solver result."""
+    out = tmp_path / "out"
+    run = subprocess.run(
+        [*COMMAND, "process", str(demo[0] / "twin"), "--out", str(out), "--method", "iterative", "--json"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    again = json.loads(run.stdout)["compare"]["methods"]["iterative"]["real"]["median_deg"]
+    assert again == pytest.approx(demo[1]["compare"]["methods"]["iterative"]["twin"]["median_deg"], rel=0.02)
+
+
+@pytest.mark.full
+def test_a_photographed_twin_is_of_the_sessions_kind(demo, tmp_path):
+    """Mosaics as noisy as the photographs, which the methods then see; the rendering's engine is the one asked for."""
+    from scene.store import Store
+
+    out = tmp_path / "out"
+    shutil.copytree(demo[0], out)
+    command = [*COMMAND, "twin", str(FIXTURE), "--out", str(out), "--photograph", "--engine", "many", "--json"]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert "solve ..." not in run.stderr, "what is current is not done again"
+    facts = json.loads(run.stdout)["twin"]
+    assert (facts["engine"], facts["sensor"]["cfa"]) == ("many", "RGGB")
+    # What fixtures/make_bumpy.py photographed with.
+    assert facts["sensor"]["full_well_e"] == pytest.approx(45000, rel=0.2)
+    assert len(list((out / "twin" / "flash").glob("*.dng"))) == 12
+    clean, noisy = Store(demo[0] / "twin").load_frames(), Store(out / "twin").load_frames()
+    assert noisy.is_mosaic
+    assert not clean.is_mosaic
+    dark = noisy.frame(0)[:80, :120]
+    assert clean.frame(0)[:90, :130].max() == 0
+    read = facts["sensor"]["read_noise_e"] / facts["sensor"]["full_well_e"]
+    # Interpolated colours are means of two and four: a little calmer than what was read out.
+    assert 0.4 * read < dark.std() < 1.2 * read
+    truth = np.load(out / "normals" / "truth.npy")
+    twin, real = (
+        np.nanmedian(angular_error_deg(store.load_normals("ls"), truth)) for store in (Store(out / "twin"), Store(out))
+    )
+    assert twin == pytest.approx(real, rel=0.15), "of the fitted material, it errs as the photographs do"
+
+
+@pytest.mark.full
+def test_mitsuba_alone_renders_the_exported_twin(demo, tmp_path):
+    """`rgbn export --format mitsuba`, then Mitsuba's own command line: the frames that `rgbn twin` rendered."""
+    from formats.picture_files import read_picture
+    from scene.store import Store
+    from twin.engines.variant import pick_variant
+
+    out = tmp_path / "out"
+    shutil.copytree(demo[0], out)
+    command = [*COMMAND, "export", str(FIXTURE), "--out", str(out), "--format", "mitsuba"]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.strip() == str(out / "export" / "scene.xml")
+    assert "solve ..." not in run.stderr, "what is current is not done again"
+    frames, mask = Store(out / "twin").load_frames(), Store(out).load_mask()
+    index = 3
+    name = frames.names[index]
+    command = [str(Path(sys.executable).parent / "mitsuba"), "-m", pick_variant()[0], "-D", f"light={name}"]
+    command += ["-D", "samples=64", "-o", str(tmp_path / "a.exr"), str(out / "export" / "scene.xml")]
+    run = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ)
+    assert run.returncode == 0, run.stdout[-2000:] + run.stderr[-2000:]
+    stock = read_picture(tmp_path / "a.exr", "linear")
+    ours, other = frames.frame(index), frames.frame(index + 1)
+    inside = mask & (ours.min(-1) > 0.01)
+    assert inside.sum() > 1000
+    difference = np.abs(stock - ours)[inside].mean() / ours[inside].mean()
+    assert difference < 0.03
+    assert np.abs(stock - other)[inside].mean() / ours[inside].mean() > 5 * difference
 
 
 def test_python_goes_on_with_what_the_command_line_made(demo):

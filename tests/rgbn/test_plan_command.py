@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from formats.meshes.ply_write import write_ply
+from formats.meshes.ply import write_ply
 from shoot.plan.plan_options import PlanOptions
 from shoot.plan.run_plan import run_plan
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from compare.report.pictures import Exposure
-from formats.pictures import srgb_from_linear
+from formats.picture_files import srgb_from_linear
 from rgbn.relight_export import choose_terms, export_relight
 from scene.camera import Camera
 from scene.errors import SceneError

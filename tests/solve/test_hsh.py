@@ -33,7 +33,7 @@ def test_lambertian_samples_are_exact_by_default_and_nearly_so_by_three_lights()
     directions, normals = lights(48, 0.5, 0.98), normals_near_the_axis(100)
     samples = 0.4 * normals @ directions.T
     assert (samples > 0).all()
-    assert away_deg(fitted(samples, directions, hsh.Settings())[0], normals).max() < 1e-4
+    assert away_deg(fitted(samples, directions, hsh.HshSettings())[0], normals).max() < 1e-4
     plain = away_deg(fitted(samples, directions, hsh.SEED)[0], normals)
     assert 0.01 < plain.max() < 0.5
 
@@ -42,7 +42,7 @@ def test_clipped_samples_do_not_enter():
     directions, normals = lights(48, 0.5, 0.98), normals_near_the_axis(20, 2)
     samples = 0.4 * normals @ directions.T
     valid = np.random.default_rng(0).random(samples.shape) > 0.2
-    b, used = fitted(np.where(valid, samples, 9.0), directions, hsh.Settings(), valid)
+    b, used = fitted(np.where(valid, samples, 9.0), directions, hsh.HshSettings(), valid)
     assert away_deg(b, normals).max() < 1e-4
     np.testing.assert_array_equal(used, valid)
 

@@ -41,7 +41,7 @@ def fit(gray, lights, **changes):
 
 
 def of_iterative(gray, lights):
-    return iterative.fit(seen(gray, lights), float(np.percentile(gray, 99)), iterative.Settings())[0]
+    return iterative.fit(seen(gray, lights), float(np.percentile(gray, 99)), iterative.IterativeSettings())[0]
 
 
 LOBES = {

@@ -13,7 +13,7 @@ from solve.whole import rpca
 from solve.whole.low_rank import low_rank
 
 CENTER = np.array([0.0, 0.0, -600.0])
-DEFAULT = rpca.Settings()
+DEFAULT = rpca.RpcaSettings()
 
 
 def textbook(data, there, weight, *, tolerance, rounds=100):

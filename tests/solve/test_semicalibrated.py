@@ -19,7 +19,7 @@ SIZE = 48
 def find_lights(frames, lights, camera, mask):
     """The lights that `semicalibrated` finds, and its cautions."""
     problem = Problem(frames, lights, camera, mask, slice(0, len(mask)))
-    found = semicalibrated.find_lights(problem, semicalibrated.Settings())
+    found = semicalibrated.find_lights(problem, semicalibrated.SemicalibratedSettings())
     return found.lights, found.cautions
 
 

@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from capture.session.session import load_session
-from formats.pictures import read_picture
+from formats.meshes.scan_files import ObjectMesh, write_mesh
+from formats.picture_files import read_picture
 from studio.desk import Desk
 from studio.editor import edits
 from studio.editor.editor_window import begun
 from studio.server import Studio
 from studio.widgets import UNITS_PER_MM
 from studio.workspace import Workspace
-from twin.description.object_mesh import ObjectMesh, built_in, write_mesh
+from twin.description.object_mesh import built_in
 from twin.engines.variant import SLOW, pick_variant
 
 pytestmark = [pytest.mark.render, pytest.mark.slow]

@@ -8,8 +8,8 @@ import pytest
 from studio.display_mesh import clustered, display_mesh
 from studio.editor import edits
 from studio.editor.edits import with_value
-from studio.editor.pictures import first_picture, refining
 from studio.editor.preview import Preview
+from studio.editor.preview_pictures import first_picture, refining
 from twin.description.materials import Conductor, Diffuse, RoughPlastic, Texture
 from twin.description.object_mesh import ObjectMesh, built_in
 

@@ -1,22 +1,24 @@
 """Photographs by the virtual camera in every format: each stated number is measured again on what was written."""
 
 from datetime import datetime
-from typing import Any
 
 import numpy as np
 import pytest
 import rawpy
+import tifffile
 
 from capture.photographs.images import read_image
 from capture.photographs.raw import read_raw
-from scene.errors import RenderError
+from scene.errors import RenderError, SceneError
 from scene.frames import decode
-from twin.camera.virtual_camera import CFA_PATTERNS, Sensor, expose
+from twin.camera.virtual_camera import CFA_PATTERNS, Sensor, expose, write_dng
 from twin.camera.virtual_photograph import developed, write_photograph
 from twin.description.description_file import read_document, read_scene, write_document
 
-MOMENT = {"focal_mm": 50.0, "time": datetime(2026, 11, 22, 10)}
-SILENT: dict[str, Any] = {"full_well_e": 1e13, "read_noise_e": 0.0, "blur_px": 0.0}
+SILENT = {"full_well_e": 1e13, "read_noise_e": 0.0, "blur_px": 0.0}
+SHOT = {"exposure_s": 1 / 125, "iso": 100, "aperture": 8.0, "focal_mm": 18.0,
+        "time": datetime(2026, 11, 21, 10, 0, 4, 370000)}  # fmt: skip
+PLAIN = {"cfa": "none", "neutral": (1, 1, 1)}
 
 
 def rng(seed):
@@ -24,7 +26,7 @@ def rng(seed):
 
 
 def written(path, image, sensor, seed=0):
-    write_photograph(path, image, sensor, rng(seed), **MOMENT)
+    write_photograph(path, image, sensor, rng(seed), focal_mm=50.0, time=SHOT["time"])
     return path
 
 
@@ -36,96 +38,102 @@ def linear_of(path):
 def test_noise_follows_the_iso_in_a_dng_that_libraw_reads(tmp_path, iso):
     """Photon transfer: variance = mean / gain + (read / gain)^2 + adc^2 + 1/12; gain: electrons per DN."""
     sensor = Sensor(30000, 5.0, 1.5, iso, 600, 15600, blur_px=0, neutral=(1, 1, 1))
-    gain = 30000 * 100 / iso / 15000
-    levels = [0.0, 0.05, 0.3, 0.8]
-    means, variances = [], []
+    gain, levels, counts = 30000 * 100 / iso / 15000, np.array([0.0, 0.05, 0.3, 0.8]), []
     for number, level in enumerate(levels):
-        path = written(tmp_path / f"{number}.dng", np.full((240, 240, 3), level), sensor, number)
-        with rawpy.imread(str(path)) as raw:
-            counts = raw.raw_image.astype(float) - raw.black_level_per_channel[0]
-        means.append(counts.mean())
-        variances.append(counts.var())
-    assert np.allclose(means, np.array(levels) * 15000, rtol=4e-3, atol=0.3)
-    slope = np.polyfit(means, variances, 1)[0]
-    assert slope == pytest.approx(1 / gain, rel=0.03)
+        with rawpy.imread(str(written(tmp_path / "a.dng", np.full((240, 240, 3), level), sensor, number))) as raw:
+            counts.append(raw.raw_image.astype(float) - raw.black_level_per_channel[0])
+    means, variances = np.mean(counts, (1, 2)), np.var(counts, (1, 2))
+    assert np.allclose(means, levels * 15000, rtol=4e-3, atol=0.3)
+    assert np.polyfit(means, variances, 1)[0] == pytest.approx(1 / gain, rel=0.03)
     assert variances[0] == pytest.approx((5 / gain) ** 2 + 1.5**2 + 1 / 12, rel=0.03)
 
 
 def test_vignetting_is_the_stated_polynomial_about_the_pictures_middle():
-    sensor = Sensor(**SILENT, vignetting=(-0.4, 0.1, -0.05), cfa="none", neutral=(1, 1, 1))
+    sensor = Sensor(**SILENT, **PLAIN, vignetting=(-0.4, 0.1, -0.05))
     linear = developed(expose(np.full((60, 90, 3), 0.8), sensor, rng(1)), sensor)
     v, u = np.mgrid[:60, :90]
     square = ((u - 44.5) ** 2 + (v - 29.5) ** 2) / (45**2 + 30**2)
     expected = 0.8 * (1 - 0.4 * square + 0.1 * square**2 - 0.05 * square**3)
     assert np.abs(linear - expected[..., None]).max() < 2e-4
-    assert sensor.falloff(np.array([1.0]))[0] == pytest.approx(0.65)
 
 
 def test_light_is_blurred_before_it_is_shaded_and_clipped_after():
     """A spot of three times white: what the lens spreads is not cut off first, and white stays white."""
     image = np.zeros((41, 41, 3))
     image[20, 20] = 3.0
-    sensor = Sensor(1e9, 0.0, blur_px=1.2, cfa="none", neutral=(1, 1, 1), white_level=65535, black_level=0)
+    sensor = Sensor(1e9, 0.0, blur_px=1.2, **PLAIN, white_level=65535, black_level=0)
     spot = expose(image, sensor, rng(2))[..., 1] / 65535
-    v, u = np.mgrid[:41, :41] - 20
     assert spot.sum() == pytest.approx(3.0, rel=5e-3)
-    assert (spot * u**2).sum() / spot.sum() == pytest.approx(1.2**2, rel=0.05)
-    assert (spot * v**2).sum() / spot.sum() == pytest.approx(1.2**2, rel=0.05)
-    blinding = expose(100 * image, sensor, rng(2))
-    assert blinding[20, 20, 1] == 65535
+    for away in np.mgrid[:41, :41] - 20:
+        assert (spot * away**2).sum() / spot.sum() == pytest.approx(1.2**2, rel=0.05)
+    assert expose(100 * image, sensor, rng(2))[20, 20, 1] == 65535
 
 
 @pytest.mark.parametrize("cfa", CFA_PATTERNS)
-def test_a_mosaic_is_developed_to_its_colours_as_the_reader_of_raw_files_has_them(tmp_path, cfa):
+def test_a_mosaic_is_written_bit_for_bit_and_developed_as_the_reader_of_raw_files_does(tmp_path, cfa):
     """A slope with a colour of its own: a shift by a pixel or two swapped colours would show."""
+    sensor = Sensor(cfa=cfa, black_level=300, white_level=15000, neutral=(0.5, 1.0, 0.8))
+    mosaic = np.random.default_rng(1).integers(0, 15001, (46, 64)).astype(np.uint16)
+    write_dng(tmp_path / "raw.dng", mosaic, sensor, **SHOT)
+    with rawpy.imread(str(tmp_path / "raw.dng")) as raw:
+        assert np.array_equal(raw.raw_image, mosaic)
+        assert (raw.black_level_per_channel, raw.white_level) == ([300] * 4, 15000)
+        assert np.array_equal(np.where(raw.raw_colors == 3, 1, raw.raw_colors), sensor.channels(46, 64))
+        assert np.allclose(raw.camera_whitebalance[:3], [2, 1, 1.25], rtol=1e-4)
+        # Its colour matrix is sRGB's own: white-balanced raw is linear sRGB, so no conversion is left.
+        assert np.allclose(raw.color_matrix[:, :3], np.eye(3), atol=1e-4)
     v, u = np.mgrid[:48, :64] / 64
     image = np.stack([0.2 + 0.3 * u, 0.5 - 0.2 * v, 0.3 + 0.2 * (u - v)], -1)
-    sensor = Sensor(**SILENT, cfa=cfa, neutral=(0.5, 1.0, 0.8))
-    inside = np.s_[2:-2, 2:-2]
+    sensor, inside = Sensor(**SILENT, cfa=cfa, neutral=(0.5, 1.0, 0.8)), np.s_[2:-2, 2:-2]
     mine = developed(expose(image, sensor, rng(4)), sensor)
     assert np.abs(mine - image)[inside].max() < 5e-4
-    raw = decode(read_raw(written(tmp_path / "a.dng", image, sensor, 4)).codes) / np.array(sensor.neutral)
-    assert np.abs(mine - raw)[inside].max() < 2e-4
+    read = decode(read_raw(written(tmp_path / "a.dng", image, sensor, 4)).codes) / np.array(sensor.neutral)
+    assert np.abs(mine - read)[inside].max() < 2e-4
     for name, tolerance in (("a.png", 2e-5), ("a.exr", 1e-3)):
         assert np.abs(linear_of(written(tmp_path / name, image, sensor, 4)) - mine).max() < tolerance
 
 
-def test_without_a_sensor_a_picture_is_what_was_rendered(tmp_path):
+def test_exif_says_how_it_was_shot(tmp_path):
+    write_dng(tmp_path / "a.dng", np.full((8, 8), 600, np.uint16), Sensor(pixel_um=20), **SHOT)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.dng"]
+    with tifffile.TiffFile(tmp_path / "a.dng") as file:
+        tags = file.pages.first.tags["ExifTag"].value
+    value = {name: tags[name][0] / tags[name][1] for name in ("ExposureTime", "FNumber", "FocalLength")}
+    assert value == {"ExposureTime": 0.008, "FNumber": 8, "FocalLength": 18}
+    assert tags["ISOSpeedRatings"] == 100
+    assert f"{tags['DateTimeOriginal']}.{tags['SubsecTimeOriginal']}" == "2026:11:21 10:00:04.370000"
+    # Per centimetre.
+    assert (tags["FocalPlaneXResolution"], tags["FocalPlaneResolutionUnit"]) == ((500, 1), 3)
+
+
+def test_without_a_sensor_a_picture_is_what_was_rendered_and_noise_below_black_is_kept_in_an_exr(tmp_path):
     image = rng(5).random((20, 30, 3)).astype(np.float32)
     assert np.abs(linear_of(written(tmp_path / "a.png", image, None)) - image).max() < 2e-5
     assert np.abs(linear_of(written(tmp_path / "a.exr", image, None)) - image).max() < 5e-4
-    with pytest.raises(RenderError, match="file of a Bayer sensor"):
-        written(tmp_path / "a.dng", image, None)
-    with pytest.raises(RenderError, match="file of a Bayer sensor"):
-        written(tmp_path / "a.dng", image, Sensor(cfa="none"))
-
-
-def test_noise_below_black_is_kept_in_an_exr_and_cut_off_in_a_png(tmp_path):
-    sensor = Sensor(1000, 5.0, blur_px=0, cfa="none", neutral=(1, 1, 1))
-    black = np.zeros((80, 80, 3))
-    exr, png = (linear_of(written(tmp_path / f"a.{kind}", black, sensor, 6)) for kind in ("exr", "png"))
+    sensor = Sensor(1000, 5.0, blur_px=0, **PLAIN)
+    exr, png = (linear_of(written(tmp_path / f"b.{k}", np.zeros((80, 80, 3)), sensor, 6)) for k in ("exr", "png"))
     assert abs(exr.mean()) < 4 * 0.005 / np.sqrt(exr.size)
     assert exr.std() == pytest.approx(0.005, rel=0.03)
     assert png.min() > -1e-6
     assert png.mean() == pytest.approx(0.005 / np.sqrt(2 * np.pi), rel=0.05)
 
 
-@pytest.mark.parametrize(
-    ("camera", "sensor", "message"),
-    [
-        ("", "gain = 3", "camera.sensor.gain: unknown key"),
-        ("", "vignetting = [-2, 0, 0]", "camera.sensor: vignetting .* leaves no light"),
-        ("", "black_level = 600\nwhite_level = 500", "camera.sensor: black_level 600"),
-        ("", "read_noise_e = -1", "read_noise_e: found -1"),
-        ("", "neutral = [0, 1, 1]", "neutral\\[0\\]: found 0"),
-        ("", 'cfa = "RGBW"', "cfa: found 'RGBW'; expected 'RGGB'"),
-        ('files = "dng"', 'cfa = "none"', "wants .camera.sensor. with a Bayer pattern"),
-    ],
-)
-def test_what_no_camera_can_do_is_named(camera, sensor, message, tmp_path):
-    (tmp_path / "a.toml").write_text(SCENE.format(camera=camera, sensor=sensor))
-    with pytest.raises(RenderError, match=message):
-        read_scene(tmp_path / "a.toml")
+def test_what_cannot_be_photographed_is_named(tmp_path):
+    image = np.full((4, 4, 3), 0.5)
+    for sensor in (None, Sensor(cfa="none")):
+        with pytest.raises(RenderError, match="file of a Bayer sensor"):
+            written(tmp_path / "a.dng", image, sensor)
+    with pytest.raises(RenderError, match="shape"):
+        expose(image[..., 0], Sensor(), rng(8))
+    image[1, 2, 0] = np.nan
+    with pytest.raises(RenderError, match="1 of 16 pixels are NaN"):
+        expose(image, Sensor(), rng(8))
+    with pytest.raises(RenderError, match="even"):
+        write_dng(tmp_path / "a.dng", np.zeros((5, 4), np.uint16), Sensor(), **SHOT)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SceneError, match="cannot be written"):
+        write_dng(tmp_path / "file" / "a.dng", np.zeros((4, 4), np.uint16), Sensor(), **SHOT)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 SCENE = """
@@ -151,12 +159,28 @@ polar_deg = 40
 """
 
 
+@pytest.mark.parametrize(
+    ("camera", "sensor", "message"),
+    [
+        ("", "gain = 3", "camera.sensor.gain: unknown key"),
+        ("", "vignetting = [-2, 0, 0]", "leaves no light"),
+        ("", "black_level = 600\nwhite_level = 500", "black level 600"),
+        ("", "read_noise_e = -1", "read_noise_e: found -1"),
+        ("", "neutral = [0, 1, 1]", "neutral\\[0\\]: found 0"),
+        ("", 'cfa = "RGBW"', "cfa: found 'RGBW'; expected 'RGGB'"),
+        ('files = "dng"', 'cfa = "none"', "wants .camera.sensor. with a Bayer pattern"),
+    ],
+)
+def test_what_no_camera_can_do_is_named(camera, sensor, message, tmp_path):
+    (tmp_path / "a.toml").write_text(SCENE.format(camera=camera, sensor=sensor))
+    with pytest.raises(RenderError, match=message):
+        read_scene(tmp_path / "a.toml")
+
+
 def test_a_sensor_comes_from_the_description_and_goes_back_into_it(tmp_path):
-    (tmp_path / "a.toml").write_text(
-        SCENE.format(camera='files = "exr"', sensor="iso = 800\nvignetting = [-0.3, 0, 0]\nneutral = [1, 1, 1]")
-    )
-    scene = read_scene(tmp_path / "a.toml")
-    assert scene.sensor == Sensor(iso=800, vignetting=(-0.3, 0, 0), neutral=(1, 1, 1))
-    assert scene.files == "exr"
-    again = read_scene(write_document(read_document(tmp_path / "a.toml"), tmp_path / "out"))
-    assert (again.sensor, again.files) == (scene.sensor, scene.files)
+    numbers = "iso = 800\nvignetting = [-0.3, 0, 0]\nneutral = [1, 1, 1]"
+    (tmp_path / "a.toml").write_text(SCENE.format(camera='files = "exr"', sensor=numbers))
+    again = write_document(read_document(tmp_path / "a.toml"), tmp_path / "out")
+    for scene in (read_scene(tmp_path / "a.toml"), read_scene(again)):
+        assert scene.sensor == Sensor(iso=800, vignetting=(-0.3, 0, 0), neutral=(1, 1, 1))
+        assert scene.files == "exr"

@@ -24,57 +24,44 @@ MASK = np.arange(1536).reshape(32, 48) > 700
 TRUTH = np.where(MASK[..., None], [0, 0, 1.0], np.nan).astype(np.float32)
 
 
+def png(path):
+    return cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[..., ::-1]
+
+
 def test_the_folder_holds_what_its_manifest_says(tmp_path):
-    frames = Frames.from_linear(NAMES, LINEAR)
-    told = []
+    linear, told = np.concatenate([LINEAR[:2], LINEAR[2:] * 1.1 - 0.02]), []
     path = write_session(
-        Store(tmp_path), frames, CAMERA, LIGHTS, MASK, TRUTH, progress=lambda done, total: told.append((done, total))
-    )
+        Store(tmp_path), Frames.from_linear(NAMES, linear), CAMERA, LIGHTS, MASK, TRUTH, ambient=LINEAR[0] / 4,
+        progress=lambda done, total: told.append((done, total)),
+    )  # fmt: skip
     session = tomllib.loads(path.read_text())
     # Not the names' order: the lights'. Brackets are a glob's, so they are escaped.
     assert session["frames"]["flash"] == ["flash/b_10.png", "flash/a_2.png", "flash/c [[]x].png"]
-    assert session["frames"]["linear"] is True
+    # Else who opens the session is asked for the ambient frame that a rendering could not take.
+    assert (session["frames"]["linear"], session["frames"]["ambient"]) == (True, "ambient/ambient.png")
     assert session["camera"] == {
         "width": 48, "height": 32, "fx": 20.5, "fy": 20.25, "cx": 5.75, "cy": 3.5,
         "distortion": [0.01, 0.0, 0.0, 0.0, 0.0],
     }  # fmt: skip
-    assert set(session["object"]) == {"mask", "normals"}
-    for name, linear in zip(NAMES, LINEAR, strict=True):
-        image = cv2.imread(str(tmp_path / "flash" / f"{name}.png"), cv2.IMREAD_UNCHANGED)
-        assert image.dtype == np.uint16
-        assert np.allclose(image[..., ::-1] / 65535, linear, atol=2e-5)
+    for name, image in (*((f"flash/{name}", one) for name, one in zip(NAMES, linear, strict=True)),
+                        ("ambient/ambient", LINEAR[0] / 4)):  # fmt: skip
+        found = png(tmp_path / f"{name}.png")
+        assert found.dtype == np.uint16
+        # Brighter than white is white, and below black is black.
+        assert np.allclose(found / 65535, np.clip(image, 0, 1), atol=2e-5)
     lights = Store(tmp_path).load_lights()
     assert lights.names == NAMES
     assert np.allclose(lights.positions_mm, LIGHTS.positions_mm)
     assert np.array_equal(Store(tmp_path).load_mask(), MASK)
     assert np.array_equal(np.load(tmp_path / session["object"]["normals"]), TRUTH, equal_nan=True)
     assert told == [(1, 3), (2, 3), (3, 3)]
-    assert not list(tmp_path.rglob("*.tmp"))
-
-
-def test_light_that_stands_still_is_photographed_without_flash(tmp_path):
-    """Else who opens the session is asked for the ambient frame that a rendering could not take."""
-    frames, still = Frames.from_linear(NAMES, LINEAR), LINEAR[0] / 4
-    path = write_session(Store(tmp_path), frames, CAMERA, LIGHTS, MASK, TRUTH, ambient=still)
-    assert tomllib.loads(path.read_text())["frames"]["ambient"] == "ambient/ambient.png"
-    image = cv2.imread(str(tmp_path / "ambient" / "ambient.png"), cv2.IMREAD_UNCHANGED)
-    assert np.allclose(image[..., ::-1] / 65535, still, atol=2e-5)
-
-
-def test_brighter_than_white_is_white_and_below_black_is_black(tmp_path):
-    linear = np.full((3, 32, 48, 3), 1.04)
-    linear[:, :4] = -0.01
-    write_session(Store(tmp_path), Frames.from_linear(NAMES, linear), CAMERA, LIGHTS, MASK, TRUTH)
-    image = cv2.imread(str(tmp_path / "flash" / "a_2.png"), cv2.IMREAD_UNCHANGED)
-    assert (image[:4] == 0).all()
-    assert (image[4:] == 65535).all()
 
 
 def test_the_virtual_camera_photographs_it_and_each_frame_has_its_own_noise(tmp_path):
     frames = Frames.from_linear(NAMES, np.broadcast_to(LINEAR[:1], LINEAR.shape))
-    sensor = Sensor(blur_px=0)
     for folder in ("one", "again"):
-        write_session(Store(tmp_path / folder), frames, CAMERA, LIGHTS, MASK, TRUTH, shooting=Shooting(sensor, seed=5))
+        shooting = Shooting(Sensor(blur_px=0), seed=5)
+        write_session(Store(tmp_path / folder), frames, CAMERA, LIGHTS, MASK, TRUTH, shooting=shooting)
     session = tomllib.loads((tmp_path / "one" / "session.toml").read_text())
     assert session["frames"]["flash"][0] == "flash/b_10.dng"
     assert "linear" not in session["frames"]
@@ -88,16 +75,11 @@ def test_the_virtual_camera_photographs_it_and_each_frame_has_its_own_noise(tmp_
     assert first.read_bytes() == again.read_bytes()
 
 
-def test_an_orthographic_twin_has_no_camera_table(tmp_path):
-    camera = Camera.orthographic(48, 32)
-    path = write_session(Store(tmp_path), Frames.from_linear(NAMES, LINEAR), camera, LIGHTS, MASK, TRUTH)
-    assert "camera" not in tomllib.loads(path.read_text())
-
-
-def test_what_does_not_fit_together_is_named_and_nothing_is_written(tmp_path):
-    frames = Frames.from_linear(NAMES, LINEAR)
+def test_an_orthographic_twin_has_no_camera_table_and_what_does_not_fit_together_is_named(tmp_path):
+    frames, flat = Frames.from_linear(NAMES, LINEAR), Camera.orthographic(48, 32)
     with pytest.raises(RenderError, match="one light a frame"):
         write_session(Store(tmp_path), frames, CAMERA, replace(LIGHTS, names=("a", "b", "c")), MASK, TRUTH)
     with pytest.raises(RenderError, match="must agree"):
         write_session(Store(tmp_path), frames, CAMERA, LIGHTS, MASK[:4], TRUTH)
     assert not list(tmp_path.iterdir())
+    assert "camera" not in tomllib.loads(write_session(Store(tmp_path), frames, flat, LIGHTS, MASK, TRUTH).read_text())

@@ -34,84 +34,57 @@ def machine(tmp_path, monkeypatch):
 
     probe.card, probe.works = True, lambda library: True
     monkeypatch.setattr(variant, "_probe", probe)
-    return probe, asked
+    yield probe, asked
+    os.environ.pop("DRJIT_LIBLLVM_PATH", None)
 
 
-def test_the_newest_is_asked_first_once_and_the_old_one_never(machine):
+def test_the_newest_is_asked_first_and_once_whatever_the_cache_holds(machine, tmp_path):
     _, asked = machine
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache" / "mitsuba_llvm.json").write_text("{not json")
     name, note = variant.pick_variant()
     assert name == "llvm_ad_rgb"
-    assert os.environ["DRJIT_LIBLLVM_PATH"] in note
-    os.environ.pop("DRJIT_LIBLLVM_PATH")
+    assert os.environ.pop("DRJIT_LIBLLVM_PATH") in note
     assert variant.pick_variant() == (name, note)
     assert asked == ["libLLVM-19.so"]
+    assert len(json.loads((tmp_path / "cache" / "mitsuba_llvm.json").read_text())) == 1
 
 
-def test_one_that_aborts_gives_way_to_the_next(machine):
+@pytest.mark.parametrize(("works", "taken"), [("17", "libLLVM-17.so.1"), ("none", None)])
+def test_one_that_aborts_gives_way_to_the_next_and_the_last_to_the_scalar_variant(machine, works, taken):
     probe, asked = machine
-    probe.works = lambda library: "17" in library.name
-    assert variant.pick_variant()[0] == "llvm_ad_rgb"
-    assert asked == ["libLLVM-19.so", "libLLVM-17.so.1"]
-    assert os.environ.pop("DRJIT_LIBLLVM_PATH").endswith("libLLVM-17.so.1")
-
-
-def test_without_one_that_works_the_scalar_variant_says_how_to_get_the_fast_one(machine):
-    probe, _ = machine
-    probe.works = lambda library: False
+    probe.works = lambda library: works in library.name
     name, note = variant.pick_variant()
-    assert name == "scalar_rgb"
-    assert "apt install libllvm" in note
-    assert "DRJIT_LIBLLVM_PATH" not in os.environ
+    assert asked[:2] == ["libLLVM-19.so", "libLLVM-17.so.1"], "the old one never"
+    assert name == ("llvm_ad_rgb" if taken else "scalar_rgb")
+    assert ("apt install libllvm" in note) == (taken is None)
+    assert os.environ.get("DRJIT_LIBLLVM_PATH", "None").endswith(str(taken))
 
 
 def test_a_library_that_the_user_names_is_the_only_one_asked(machine, monkeypatch, tmp_path):
     _, asked = machine
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "lib" / "libLLVM-17.so.1"))
-    assert variant.pick_variant()[0] == "llvm_ad_rgb"
+    for file, name in (("libLLVM-17.so.1", "llvm_ad_rgb"), ("absent.so", "scalar_rgb")):
+        monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "lib" / file))
+        assert variant.pick_variant()[0] == name
     assert asked == ["libLLVM-17.so.1"]
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "absent.so"))
-    assert variant.pick_variant()[0] == "scalar_rgb"
 
 
-def test_a_spoilt_cache_costs_a_probe_and_nothing_else(machine, tmp_path):
-    _, asked = machine
-    (tmp_path / "cache").mkdir()
-    (tmp_path / "cache" / "mitsuba_llvm.json").write_text("{not json")
-    assert variant.pick_variant()[0] == "llvm_ad_rgb"
-    os.environ.pop("DRJIT_LIBLLVM_PATH")
-    assert len(json.loads((tmp_path / "cache" / "mitsuba_llvm.json").read_text())) == len(asked) == 1
-
-
-def test_a_card_that_renders_is_taken_first_and_asked_once(machine, monkeypatch):
-    _, asked = machine
+def test_a_card_is_taken_where_it_is_asked_for_and_renders_and_is_asked_once(machine, monkeypatch):
+    probe, asked = machine
     monkeypatch.setattr(variant, "graphics_card", lambda: "H100, 550.1")
     for _ in range(2):
         assert variant.pick_variant() == ("cuda_ad_rgb", "on H100, 550.1")
     assert asked == ["cuda_ad_rgb"]
     # Another driver is another question.
     monkeypatch.setattr(variant, "graphics_card", lambda: "H100, 560.2")
-    assert variant.pick_variant()[0] == "cuda_ad_rgb"
-    assert asked == ["cuda_ad_rgb"] * 2
-
-
-def test_a_card_that_renders_otherwise_gives_way_to_llvm_with_a_line(machine, monkeypatch):
-    probe, asked = machine
     probe.card = False
-    monkeypatch.setattr(variant, "graphics_card", lambda: "H100, 550.1")
     name, note = variant.pick_variant()
-    assert name == "llvm_ad_rgb"
-    assert note.startswith("H100, 550.1 does not render as the processor does")
-    assert asked == ["cuda_ad_rgb", "libLLVM-19.so"]
-
-
-def test_a_card_that_nobody_asks_for_is_left_alone(machine, monkeypatch):
-    _, asked = machine
-    monkeypatch.setattr(variant, "graphics_card", lambda: "H100, 550.1")
+    assert (name, asked[1:]) == ("llvm_ad_rgb", ["cuda_ad_rgb", "libLLVM-19.so"])
+    assert note.startswith("H100, 560.2 does not render as the processor does")
     monkeypatch.delenv(variant.ASKED)
-    name, note = variant.pick_variant()
-    assert name == "llvm_ad_rgb"
-    assert "RGBN_GPU=yes" in note
-    assert asked == ["libLLVM-19.so"]
+    monkeypatch.setattr(variant, "graphics_card", lambda: "H100, 570.3")
+    assert "RGBN_GPU=yes" in variant.pick_variant()[1]
+    assert asked.count("cuda_ad_rgb") == 2
 
 
 @pytest.mark.render

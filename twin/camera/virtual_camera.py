@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from scene.errors import RenderError
 from scene.files import write_whole
-from twin.description.fields import Level, NotNegative, Positive, Three, checked, key
+from twin.description.value_kinds import Level, NotNegative, Positive, Three, checked, key
 
 CFA_PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
 NO_FILTER: Final = "none"

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.pictures import write_exr
+from formats.picture_files import write_exr
 from scene.errors import RenderError
 from scene.files import write_png
 from twin.camera.virtual_camera import NO_FILTER, Sensor, expose, write_dng

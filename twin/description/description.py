@@ -17,9 +17,9 @@ from scene.lights import Lights
 from scene.spheres import WHITE_BALL_ALBEDO
 from twin.camera.virtual_camera import Sensor
 from twin.camera.virtual_photograph import Files
-from twin.description.fields import Count, NotNegative, Number, Rgb, checked, file_of, key
 from twin.description.materials import Material, Texture, read_texture
 from twin.description.object_mesh import ObjectMesh
+from twin.description.value_kinds import Count, NotNegative, Number, Rgb, checked, file_of, key
 from twin.engines.film import Film, film_for
 
 Array = NDArray[np.float64]

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from formats.document_faults import Location, fault_line
+from formats.meshes.scan_files import ObjectMesh, write_mesh
+from formats.toml_documents import Location, TomlTable, fault_line
 from formats.toml_text import toml_text
 from scene.errors import RenderError, SceneError
 from scene.files import write_json, write_npy, write_text
@@ -18,12 +19,11 @@ from scene.reading import reading, shortened, text_of
 from twin.camera.virtual_camera import Sensor
 from twin.description.description import Environment, Sampling, TwinScene
 from twin.description.description_check import faults_of, scene_faults
-from twin.description.fields import Around, Table
 from twin.description.kept_files import KeptFiles
 from twin.description.light_groups import LIGHTS
 from twin.description.materials import KINDS, Subsurface, Texture, TextureTable
-from twin.description.object_mesh import ObjectMesh, write_mesh
 from twin.description.scene_toml import CameraTable, ObjectTable, SceneDocument
+from twin.description.value_kinds import Around
 
 TABLES: dict[str, type] = {
     "": SceneDocument,
@@ -138,7 +138,7 @@ def _written(value: Any, keep: KeptFiles) -> Any:
         return {name: _written(part, keep) for name, part in value.items()}
     if isinstance(value, tuple):
         return [_written(part, keep) for part in value]
-    if not (isinstance(value, Table) or is_dataclass(value)):
+    if not (isinstance(value, TomlTable) or is_dataclass(value)):
         return value
     kind = next((kind for kind, one in KINDS.items() if type(value) is one), None)
     table: dict[str, Any] = {"kind": kind} | {name: _written(part, keep) for name, part in vars(value).items()}

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from formats.pictures import srgb_from_linear
+from formats.picture_files import srgb_from_linear
 from scene.errors import RenderError
 from scene.files import write_whole
 from scene.normals import unit

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
+from formats.toml_documents import TomlTable
 from scene.errors import RenderError
 from scene.lights import Lights
 from scene.store import Store
 from twin.description.description import white_of
-from twin.description.fields import Count, Number, Positive, Rgb, Table, Three, file_of, key
+from twin.description.value_kinds import Count, Number, Positive, Rgb, Three, file_of, key
 
 Array = NDArray[np.float64]
 Many = Annotated[Count, Field(le=10_000)]
@@ -32,7 +33,7 @@ def direction(azimuth_deg: ArrayLike, elevation_deg: ArrayLike) -> Array:
     return np.stack(np.broadcast_arrays(x, y, z), -1)
 
 
-class LightTable(Table):
+class LightTable(TomlTable):
     """What all lights but a session's have."""
 
     name: Annotated[str | None, key("Of the frame; a group's lights are numbered. Absent: the kind.")] = None
@@ -149,7 +150,7 @@ class GridTable(GroupTable):
         return 360.0 * np.arange(self.around)[None] / self.around, polar[:, None]
 
 
-class SessionLights(Table):
+class SessionLights(TomlTable):
     """The lights that a session was calibrated to. They stand alone, with their reference point and white value."""
 
     kind: Literal["session"] = "session"
@@ -164,7 +165,7 @@ class SessionLights(Table):
 
 
 LightGroup = DistantLight | PointLight | AreaLight | RingTable | GridTable | SessionLights
-LIGHTS: dict[str, type[Table]] = {
+LIGHTS: dict[str, type[TomlTable]] = {
     "distant": DistantLight,
     "point": PointLight,
     "area": AreaLight,

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PlainValidator, Strict, ValidationInfo
 
-from formats.pictures import read_picture
-from twin.description.fields import (
+from formats.picture_files import read_picture
+from formats.toml_documents import TomlTable
+from twin.description.value_kinds import (
     AboveNone,
     Around,
     Positive,
     Rgb,
     Share,
     Shares,
-    Table,
     as_fault,
     checked,
     file_of,
@@ -63,7 +63,7 @@ class Texture:
         return np.stack(found, -1).astype(np.float32)
 
 
-class TextureTable(Table):
+class TextureTable(TomlTable):
     """A picture: a file, and how its values are coded."""
 
     file: Annotated[str, key("png, jpg, tif, bmp, exr, hdr or npy; its first row lies at the top of the texture.")]

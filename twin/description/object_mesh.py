@@ -1,19 +1,14 @@
-"""A mesh with what a material needs of it: normals, texture coordinates, colours; its files; the built-in shapes.
-
-Files count texture coordinates from the bottom (v up); `ObjectMesh` from the top.
-"""
+"""Meshes with what a material needs of them, normals, texture coordinates, colours: from files, and built-in shapes."""
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.meshes.ply_write import write_ply
-from formats.meshes.scan_files import read_mesh_file
-from formats.pictures import linear_from_srgb
+from formats.meshes.scan_files import ObjectMesh, read_mesh_file
 from scene.errors import AlignError, RenderError
 from scene.mesh import Mesh
 from scene.same_rows import first_of_same
@@ -21,45 +16,6 @@ from scene.same_rows import first_of_same
 Array = NDArray[np.float64]
 MESHES_KEPT = 8
 """In memory, of files that were read: the same file is not read again, and is the same mesh."""
-
-
-@dataclass(frozen=True, eq=False)
-class ObjectMesh:
-    """Triangles, and what is known at their corners.
-
-    Parameters
-    ----------
-    vertices : (V, 3) float64
-        mm.
-    faces : (T, 3) int64
-        Counter-clockwise seen from outside.
-    normals : (V, 3) float64 or None
-        Interpolated over a face; None: every face is flat. Length 1, or shorter where they are means of others.
-    texcoords : (V, 2) float64 or None
-        (s, t), t down: see `twin.description.materials.Texture`.
-    colours : (V, 3) float64 or None
-        Linear reflectance.
-    """
-
-    vertices: Array
-    faces: NDArray[np.int64]
-    normals: Array | None = None
-    texcoords: Array | None = None
-    colours: Array | None = None
-
-    def moved(self, matrix: Array) -> "ObjectMesh":
-        """Return the mesh after an affine map (4, 4); one that mirrors turns the faces over, so that out stays out."""
-        linear = matrix[:3, :3]
-        normals, faces = self.normals, self.faces
-        if np.linalg.det(linear) < 0:
-            faces = faces[:, ::-1]
-        if normals is not None and not np.array_equal(linear, np.eye(3)):
-            length = np.linalg.norm(normals, axis=1, keepdims=True)
-            normals = normals @ np.linalg.inv(linear)
-            now = np.linalg.norm(normals, axis=1, keepdims=True)
-            normals = normals * (length / np.where(now > 0, now, 1))
-        vertices = self.vertices @ linear.T + matrix[:3, 3]
-        return replace(self, vertices=vertices, faces=faces, normals=normals)
 
 
 def smooth(vertices: Array, faces: NDArray[np.int64], texcoords: Array | None, colours: Array | None) -> ObjectMesh:
@@ -100,23 +56,7 @@ def _read_mesh(path: Path, _state: object) -> ObjectMesh:
         found = read_mesh_file(path)
     except AlignError as error:
         raise RenderError(str(error)) from error
-    coded = found.colours is not None and not found.linear
-    colours = linear_from_srgb(found.colours / 255) if coded else found.colours  # type: ignore[operator]
-    mesh = ObjectMesh(found.vertices, found.faces, found.normals, _turned_over(found.texcoords), colours)
-    return mesh if mesh.normals is not None else smooth(mesh.vertices, mesh.faces, mesh.texcoords, mesh.colours)
-
-
-def write_mesh(path: Path, mesh: ObjectMesh) -> None:
-    """Write a mesh as binary PLY, in the precision that it has: positions, normals, s and t, linear r, g, b."""
-    columns = {
-        "x y z": mesh.vertices, "nx ny nz": mesh.normals, "s t": _turned_over(mesh.texcoords), "r g b": mesh.colours
-    }  # fmt: skip
-    known = {names: np.asarray(values, float) for names, values in columns.items() if values is not None}
-    write_ply(path, known, mesh.faces)
-
-
-def _turned_over(texcoords: Array | None) -> Array | None:
-    return None if texcoords is None else texcoords * [1, -1] + [0, 1]
+    return found if found.normals is not None else smooth(found.vertices, found.faces, found.texcoords, found.colours)
 
 
 SHAPES = ("sphere", "square", "disc", "cube", "cylinder", "cone")

@@ -21,27 +21,27 @@ from pydantic import (
 )
 from scipy.spatial.transform import Rotation
 
+from formats.toml_documents import TomlTable
 from scene.camera import Camera
 from scene.errors import RenderError
 from scene.reading import json_of, numbers, reading
 from twin.camera.virtual_camera import Sensor
 from twin.camera.virtual_photograph import Files
 from twin.description.description import Environment, Sampling, TwinObject, TwinScene
-from twin.description.fields import (
+from twin.description.light_groups import LightGroup, expand
+from twin.description.materials import KINDS
+from twin.description.object_mesh import ObjectMesh, built_in, facets, read_mesh
+from twin.description.value_kinds import (
     LEAST,
     Count,
     Factors,
     Number,
     Positive,
-    Table,
     Three,
     as_fault,
     file_of,
     key,
 )
-from twin.description.light_groups import LightGroup, expand
-from twin.description.materials import KINDS
-from twin.description.object_mesh import ObjectMesh, built_in, facets, read_mesh
 
 Array = NDArray[np.float64]
 Size = Annotated[Count, Field(le=65535)]
@@ -55,7 +55,7 @@ Row = tuple[Number, Number, Number, Number]
 Matrix = tuple[Row, Row, Row, Row]
 
 
-class CameraTable(Table):
+class CameraTable(TomlTable):
     """The camera, as in session.toml; what its photographs are written as."""
 
     width: Annotated[Size, key("Of the picture.", "px")]
@@ -117,7 +117,7 @@ def _pose(path: Path) -> Array:
         return numbers(data["camera_from_scan"], 4, 4) @ np.diag([scale, scale, scale, 1.0])
 
 
-class ObjectTable(Table):
+class ObjectTable(TomlTable):
     """A mesh's file or a built-in shape, its place and its material."""
 
     name: Annotated[str | None, key("Absent: object_0 and so on.")] = None
@@ -195,7 +195,7 @@ def _some(tables: tuple) -> tuple:
     return tables
 
 
-class SceneDocument(Table):
+class SceneDocument(TomlTable):
     """What stands above all tables."""
 
     version: Annotated[Literal[1], key("Of this format.")] = 1

@@ -12,13 +12,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from formats.pictures import write_exr
+from formats.meshes.scan_files import write_mesh
+from formats.picture_files import write_exr
 from scene.errors import RenderError
 from scene.files import write_text
 from twin.description.description import TwinScene
 from twin.description.description_check import check_scene
 from twin.description.kept_files import KeptFiles
-from twin.description.object_mesh import write_mesh
 from twin.engines.film import Film, sensor_description
 from twin.engines.mitsuba_scene import flash, parts
 from twin.engines.variant import import_mitsuba

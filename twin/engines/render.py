@@ -19,7 +19,7 @@ from scene.store import Store
 from twin.description.description import Sampling, TwinScene
 from twin.engines.engine_choice import Choice, choose_engine
 from twin.engines.film import Film
-from twin.engines.layers import TRIED, Piece, PieceRenderer, noise_of_one_sample, pieces_of, standing_light
+from twin.engines.light_layers import TRIED, Piece, PieceRenderer, noise_of_one_sample, pieces_of, standing_light
 from twin.engines.unfinished import Unfinished
 from twin.engines.variant import SLOW, graphics_card, pick_variant
 from twin.ground_truth import ground_truth

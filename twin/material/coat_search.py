@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from twin.material.material_kernels import predicted, reduced
 from twin.material.material_noise import Noise, deviances, first_noise, inflation, noise_of, student_weights
-from twin.material.material_samples import Samples
+from twin.material.material_samples import MaterialSamples
 from twin.material.reflection_models import Coat, coat
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ SECOND = tuple({"second": share, "second_roughness": float(x)} for share in (0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class CoatFit:
     """One model, fitted.
 
     strength (3,): Of the coat, by channel: its specularity times the pixel value of a surface of reflectance 1 (1 where
@@ -65,7 +65,7 @@ class CoatSearch:
     """
 
     def __init__(
-        self, samples: Samples, white: Array | None, most: Array, model: Model, about: Fit | None = None
+        self, samples: MaterialSamples, white: Array | None, most: Array, model: Model, about: CoatFit | None = None
     ) -> None:  # fmt: skip
         self._samples, self._white, self._most, self.model = samples, white, most, model
         self._parameters = (2 if white is not None else 4) + len(model.free) - 1
@@ -79,7 +79,7 @@ class CoatSearch:
             if np.allclose(self._place(before), self._place(self.fit), rtol=0, atol=SETTLED):
                 break
 
-    def on(self, samples: Samples) -> "CoatSearch":
+    def on(self, samples: MaterialSamples) -> "CoatSearch":
         """Return the search on other samples, about what was found on these."""
         return CoatSearch(samples, self._white, self._most, self.model, about=self.fit)
 
@@ -133,12 +133,12 @@ class CoatSearch:
     def _sums(self, surface: Coat) -> Array:
         return reduced(self._samples, self.weights, surface).sum(0)
 
-    def _best(self, surface: Coat) -> tuple[float, Fit]:
+    def _best(self, surface: Coat) -> tuple[float, CoatFit]:
         """Return the sum of squares that a surface leaves, and it with its best strength."""
         strength, left = strengths(self._sums(surface), self._white, self._most)
-        return left, Fit(surface, strength, self._parameters)
+        return left, CoatFit(surface, strength, self._parameters)
 
-    def _anywhere(self) -> Fit:
+    def _anywhere(self) -> CoatFit:
         """Return the best coat of any roughness that is tried, over any body that is.
 
         A body that is dimmed too much or too little makes wide lobes attractive: both must be searched together.
@@ -147,7 +147,7 @@ class CoatSearch:
         found = [self._best(surface) for surface in tried]
         return min(found, key=lambda one: one[0])[1]
 
-    def _descended(self) -> Fit:
+    def _descended(self) -> CoatFit:
         """Return the best fit near the present one, by all numbers that are free."""
         from scipy.optimize import minimize
 
@@ -169,7 +169,7 @@ class CoatSearch:
     def _is_log(self) -> NDArray[np.bool_]:
         return np.array(["roughness" in name for name in self.model.free])
 
-    def _place(self, fit: Fit) -> Array:
+    def _place(self, fit: CoatFit) -> Array:
         """Return the numbers that are searched; of roughnesses, the logarithm."""
         here = np.array([float(getattr(fit.surface, name)) for name in self.model.free])
         return np.where(self._is_log(), np.log(np.maximum(here, SMOOTHEST)), here)

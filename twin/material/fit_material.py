@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from scene.spheres import WHITE_BALL_ALBEDO
-from twin.material.coat_search import COVERED, PARTLY, ROUGH, ROUGHEST, SMOOTHEST, CoatSearch, Fit
+from twin.material.coat_search import COVERED, PARTLY, ROUGH, ROUGHEST, SMOOTHEST, CoatFit, CoatSearch
 from twin.material.material_kernels import predicted
 from twin.material.material_noise import Noise, deviances, first_noise, student_weights
-from twin.material.material_samples import FEWEST, Samples
+from twin.material.material_samples import FEWEST, MaterialSamples
 from twin.material.reflection_models import INDEX, Coat, matte
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ class MaterialFit:
     roughness_sigma, specularity_sigma: Relative standard deviations, the samples' dependence allowed for; NaN of a
         matte object.
     surface: The coat and what lies below it.
-    strength (3,): See `twin.material.coat_search.Fit`.
+    strength (3,): See `twin.material.coat_search.CoatFit`.
     effective_samples: As many independent ones tell as much.
     evidence: How the model was chosen.
     """
@@ -74,7 +74,7 @@ class MaterialFit:
         )
 
 
-def fit_material(samples: Samples, lights: Lights) -> MaterialFit:
+def fit_material(samples: MaterialSamples, lights: Lights) -> MaterialFit:
     """Return the material that explains the samples with the fewest numbers.
 
     lights: The same; its white value, if known, ties strength to reflectance, and then the coat's is gray.
@@ -95,7 +95,7 @@ def fit_material(samples: Samples, lights: Lights) -> MaterialFit:
     variance = search.predicted()[1]
     factor = search.inflation()
     effective = float(np.count_nonzero(samples.usable)) / factor
-    none = Fit(matte(), np.zeros(3), 0)
+    none = CoatFit(matte(), np.zeros(3), 0)
     falls = _deviance(samples, none, variance) - _deviance(samples, search.fit, variance)
     fall = falls / factor - search.fit.parameters * np.log(effective)
     worth = f"{np.count_nonzero(samples.usable):,} samples, worth {effective:,.0f}"
@@ -114,12 +114,12 @@ def fit_material(samples: Samples, lights: Lights) -> MaterialFit:
     )  # fmt: skip
 
 
-def matte_albedo(samples: Samples) -> NDArray[np.float32]:
+def matte_albedo(samples: MaterialSamples) -> NDArray[np.float32]:
     """Return the albedo (P, 3) of a matte object; highlights, outliers, count little."""
-    return robust(samples, Fit(matte(), np.zeros(3), 0), first_noise(samples))[3]
+    return robust(samples, CoatFit(matte(), np.zeros(3), 0), first_noise(samples))[3]
 
 
-def robust(samples: Samples, fit: MaterialFit | Fit, noise: Noise) -> tuple[NDArray[np.float32], ...]:
+def robust(samples: MaterialSamples, fit: MaterialFit | CoatFit, noise: Noise) -> tuple[NDArray[np.float32], ...]:
     """Return value, slope and variance (P, F, 3) of a fit, and the albedo (P, 3) that is best for Student's weights."""
     weights = np.repeat(samples.usable[..., None], 3, -1).astype(np.float32)
     for turn in range(3):
@@ -130,7 +130,7 @@ def robust(samples: Samples, fit: MaterialFit | Fit, noise: Noise) -> tuple[NDAr
     return values, slope, variance, albedo
 
 
-def _likeliest(samples: Samples, white: Array | None, most: Array) -> tuple[CoatSearch, tuple[str, ...]]:
+def _likeliest(samples: MaterialSamples, white: Array | None, most: Array) -> tuple[CoatSearch, tuple[str, ...]]:
     """Return the coat that the evidence favours, and the words for it."""
     on = f"({len(samples):,} pixels)"
     first, *rest = (CoatSearch(samples, white, most, model) for model in (COVERED, PARTLY, ROUGH))
@@ -149,7 +149,7 @@ def _likeliest(samples: Samples, white: Array | None, most: Array) -> tuple[Coat
     return first, tuple(words)
 
 
-def _foretold(samples: Samples, search: CoatSearch) -> float:
+def _foretold(samples: MaterialSamples, search: CoatSearch) -> float:
     """Return the relative RMSE of every second frame, of a coat that is fitted to the others; NaN with too few."""
     given = np.arange(samples.usable.shape[1]) % 2 == 0
     every = samples.only((samples.usable & given).sum(1) >= 3)
@@ -161,7 +161,7 @@ def _foretold(samples: Samples, search: CoatSearch) -> float:
     return float(np.linalg.norm((every.values - values)[held]) / np.linalg.norm(every.values[held]))
 
 
-def _gain(samples: Samples, one: CoatSearch, other: CoatSearch) -> float:
+def _gain(samples: MaterialSamples, one: CoatSearch, other: CoatSearch) -> float:
     """Return by how much BIC falls from one fit to another, of the same samples."""
     factor = max(one.inflation(), other.inflation())
     charge = float(np.log(np.count_nonzero(samples.usable) / factor))
@@ -182,7 +182,7 @@ def _doubts(roughness: float, specularity: float, sigma: float, *, known: bool) 
         )
 
 
-def _deviance(samples: Samples, fit: Fit, variance: NDArray[np.float32]) -> float:
+def _deviance(samples: MaterialSamples, fit: CoatFit, variance: NDArray[np.float32]) -> float:
     """Return -2 log likelihood of a fit, its albedo the best for it, up to a constant."""
     weights = np.where(samples.usable[..., None], 1 / variance, 0).astype(np.float32)
     for _ in range(3):

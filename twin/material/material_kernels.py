@@ -10,7 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.material.material_samples import Samples
+from twin.material.material_samples import MaterialSamples
 from twin.material.reflection_models import SHADED, VECTORS, Coat, shade, vector
 
 Image = NDArray[np.float32]
@@ -21,7 +21,7 @@ TILT = 1e-3
 """Radians, of the finite differences."""
 
 
-class _Pixels(NamedTuple):
+class _SamplePixels(NamedTuple):
     """What the kernels read of `Samples`, and the weights (P, F, 3) of its values."""
 
     normals: Image
@@ -39,17 +39,17 @@ def _pool(_process: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(os.cpu_count() or 1)
 
 
-def _on_all_cores(kernel: Callable, samples: Samples, weights: Image, *rest: Any) -> Any:
+def _on_all_cores(kernel: Callable, samples: MaterialSamples, weights: Image, *rest: Any) -> Any:
     """Run a kernel on pieces of the pixels; return its answers put together."""
-    arrays = [weights if name == "weights" else getattr(samples, name) for name in _Pixels._fields]
+    arrays = [weights if name == "weights" else getattr(samples, name) for name in _SamplePixels._fields]
     count = min(os.cpu_count() or 1, samples.usable.size // WORTH_A_THREAD)
     if count < 2:
-        return kernel(_Pixels(*arrays), *rest)
+        return kernel(_SamplePixels(*arrays), *rest)
     pieces = np.array_split(np.arange(len(samples)), count)
     slices = [slice(piece[0], piece[-1] + 1) for piece in pieces if len(piece)]
     # A forked process has none of its parent's threads.
     pool = _pool(os.getpid())
-    found = list(pool.map(lambda part: kernel(_Pixels(*(array[part] for array in arrays)), *rest), slices))
+    found = list(pool.map(lambda part: kernel(_SamplePixels(*(array[part] for array in arrays)), *rest), slices))
     if isinstance(found[0], tuple):
         return tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
     return np.concatenate(found)
@@ -80,7 +80,7 @@ def _reduce(pixels, surface):
     return out
 
 
-def reduced(samples: Samples, weights: Image, surface: Coat) -> NDArray[np.float64]:
+def reduced(samples: MaterialSamples, weights: Image, surface: Coat) -> NDArray[np.float64]:
     """Return (P, 3 channels, 3): A, B, C of each pixel's squared residual C - 2 k B + k^2 A at the strength k.
 
     The albedo that is best for each k is eliminated [Golub1973]. `weights` (P, F, 3): 1 / variance, 0 where unused.
@@ -130,7 +130,9 @@ def _predict(pixels, strength, surface):
     return predicted, slope, albedo
 
 
-def predicted(samples: Samples, weights: Image, surface: Coat, strength: NDArray[np.float64]) -> tuple[Image, ...]:
+def predicted(
+    samples: MaterialSamples, weights: Image, surface: Coat, strength: NDArray[np.float64]
+) -> tuple[Image, ...]:
     """Return what the material gives back (P, F, 3), its change (P, F, 3) for a radian's tilt along one axis of the
     normal (root mean square over the two), and the albedo (P, 3).
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scene.camera import Camera
 from twin.description.description import Sampling
 from twin.engines.mitsuba_scene import mitsuba_scene
-from twin.material.material_samples import Samples
+from twin.material.material_samples import MaterialSamples
 from twin.scan_scene import scan_scene
 from twin.visibility import Sight
 
@@ -35,12 +35,12 @@ class OnwardLight:
         row, column = ((place + 0.5) * self.scale - 0.5 for place in (rows, columns))
         return _looked_up(self.images, row - self.row, column - self.column)
 
-    def off(self, samples: Samples) -> Samples:
+    def off(self, samples: MaterialSamples) -> MaterialSamples:
         """Return samples without that light."""
         return replace(samples, values=samples.values - self.at(samples.rows, samples.columns))
 
 
-def onward_light(sight: Sight, samples: Samples, albedo: NDArray[np.float32]) -> OnwardLight:
+def onward_light(sight: Sight, samples: MaterialSamples, albedo: NDArray[np.float32]) -> OnwardLight:
     """Return the light that comes by way of the object's other parts, all of them matte.
 
     What a highlight throws on another place is left out: narrow as it is, so few paths find it that they would put more

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.material.material_samples import Samples
+from twin.material.material_samples import MaterialSamples
 
 SOME = 10_000
 """Samples that the variance is read from."""
@@ -37,7 +37,7 @@ class Noise:
         return (own + (np.radians(self.tilt_deg) * slope) ** 2).astype(np.float32)
 
 
-def first_noise(samples: Samples) -> Noise:
+def first_noise(samples: MaterialSamples) -> Noise:
     """Return what is supposed before anything is fitted: a twentieth of the value, a hundredth of what is bright."""
     return Noise((0.01 * float(np.percentile(samples.values[samples.usable], 90))) ** 2, 0.0, 0.05, 0.0)
 
@@ -74,20 +74,20 @@ def noise_of(
     )
 
 
-def student_weights(samples: Samples, values: NDArray[np.float32], variance: NDArray) -> NDArray[np.float32]:
+def student_weights(samples: MaterialSamples, values: NDArray[np.float32], variance: NDArray) -> NDArray[np.float32]:
     """Return (P, F, 3): 1 / variance, times Student's (nu + 1) / (nu + residual^2 / variance); 0 where unusable."""
     robust = (FREEDOM + 1) / (FREEDOM + (samples.values - values) ** 2 / variance)
     return np.where(samples.usable[..., None], robust / variance, 0).astype(np.float32)
 
 
-def deviances(samples: Samples, values: NDArray[np.float32], variance: NDArray) -> NDArray[np.float64]:
+def deviances(samples: MaterialSamples, values: NDArray[np.float32], variance: NDArray) -> NDArray[np.float64]:
     """Return (P,) -2 log likelihood, up to a constant; the three channels err together and count as one sample."""
     square = (samples.values - values) ** 2 / variance
     each = (np.log(variance) + (FREEDOM + 1) * np.log1p(square / FREEDOM)).mean(-1)
     return np.asarray(np.sum(np.where(samples.usable, each, 0), 1, dtype=np.float64))
 
 
-def inflation(samples: Samples, residual: NDArray[np.float32]) -> float:
+def inflation(samples: MaterialSamples, residual: NDArray[np.float32]) -> float:
     """Return by how much neighbouring pixels and lights that err together count too often, 1 or more.
 
     residual (P, F, 3): Over its standard deviation; 0 where unused.

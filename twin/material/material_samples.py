@@ -35,7 +35,7 @@ BESIDE_PX = np.array([[0.0, 0.0], [1.5, 0.0], [-0.75, 1.3], [-0.75, -1.3]])
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class MaterialSamples:
     """P pixels under F lights.
 
     rows, columns (P,).
@@ -69,19 +69,19 @@ class Samples:
         side = max(1.0, np.sqrt(pixels / self.pixel_share))
         return (rows // side).astype(int) * (int(columns.max() // side) + 1) + (columns // side).astype(int)
 
-    def of_frames(self, frames: slice) -> "Samples":
+    def of_frames(self, frames: slice) -> "MaterialSamples":
         """Return the samples under some of the lights, of those pixels that can still be used."""
         names = ("toward", "irradiance", "values", "usable")
         some = replace(self, **{name: getattr(self, name)[:, frames] for name in names})
         return some.only(some.usable.sum(1) >= LEAST_LIGHTS)
 
-    def only(self, which: Any) -> "Samples":
+    def only(self, which: Any) -> "MaterialSamples":
         """Return some of the pixels."""
         whole = dict(self.__dict__)
         share = whole.pop("pixel_share")
         # Without gaps in memory: the kernels are compiled once, and for that.
         some = {name: np.ascontiguousarray(array[which]) for name, array in whole.items()}
-        return Samples(**some, pixel_share=share)
+        return MaterialSamples(**some, pixel_share=share)
 
 
 def samples_of_scan(
@@ -89,7 +89,7 @@ def samples_of_scan(
     frames: Frames,
     mask: NDArray[np.bool_],
     most: int = MOST,
-) -> Samples:
+) -> MaterialSamples:
     """Return samples of a registered scan, without those in its cast shadows.
 
     sight: The scan under the calibrated lights; where its normals are given and NaN, no pixel is taken.
@@ -115,7 +115,7 @@ def samples_of_scan(
 
 def samples_at(
     sight: Sight, frames: Frames, rows: NDArray[np.intp], columns: NDArray[np.intp], *, lenient: bool = False
-) -> Samples:
+) -> MaterialSamples:
     """Return the samples of those of the pixels (P,) that can be used; see `samples_of_scan`.
 
     lenient: All that see the scan and are lit by one light: their albedo is better known so than by their neighbours'.
@@ -164,7 +164,7 @@ def samples_at(
     smear = PIXEL_PX2 + LENS_PX2 + (MOSAIC_PX2 if frames.is_mosaic else 0)
     spread = smear * np.sum(slopes**2, (1, 2))
     at, normal, view = (a.astype(np.float32) for a in (points, found, views))
-    samples = Samples(
+    samples = MaterialSamples(
         rows, columns, at, normal, view, toward, irradiance, values, usable, spread.astype(np.float32), 1.0
     )  # fmt: skip
     if lenient:

@@ -11,7 +11,7 @@ from scene.frames import Frames
 from twin.material.fit_material import MaterialFit, fit_material, matte_albedo, robust
 from twin.material.material_kernels import predicted
 from twin.material.material_light import OnwardLight, onward_light
-from twin.material.material_samples import MOST, Samples, samples_at, samples_of_scan
+from twin.material.material_samples import MOST, MaterialSamples, samples_at, samples_of_scan
 from twin.visibility import Sight
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ class ScanMaterial:
     """
 
     fit: MaterialFit
-    samples: Samples
+    samples: MaterialSamples
     onward: OnwardLight | None
     onward_share: float
     albedo: NDArray[np.float32]
@@ -67,7 +67,11 @@ class ScanMaterial:
 
 
 def scan_material(
-    sight: Sight, frames: Frames, mask: NDArray[np.bool_], *, known: tuple[Samples, OnwardLight | None] | None = None
+    sight: Sight,
+    frames: Frames,
+    mask: NDArray[np.bool_],
+    *,
+    known: tuple[MaterialSamples, OnwardLight | None] | None = None,
 ) -> ScanMaterial:
     """Return the material of a registered scan.
 
@@ -106,12 +110,12 @@ def scan_material(
     return ScanMaterial(fit, seen, onward, gone, albedo, *_left(samples, fit), trouble)
 
 
-def albedo_of(samples: Samples, fit: MaterialFit) -> NDArray[np.float32]:
+def albedo_of(samples: MaterialSamples, fit: MaterialFit) -> NDArray[np.float32]:
     """Return the albedo (P, 3) of samples of a fitted material."""
     return robust(samples, fit, fit.noise)[3]
 
 
-def _settled(sight: Sight, samples: Samples) -> OnwardLight:
+def _settled(sight: Sight, samples: MaterialSamples) -> OnwardLight:
     """Return light from elsewhere that goes with the albedo: more of one leaves less of the other, halfway it settles.
 
     Raises RenderError: It cannot be rendered.
@@ -121,7 +125,7 @@ def _settled(sight: Sight, samples: Samples) -> OnwardLight:
     return onward_light(sight, samples, np.sqrt(body * matte_albedo(onward.off(samples))))
 
 
-def _left(samples: Samples, fit: MaterialFit) -> tuple[float, Array]:
+def _left(samples: MaterialSamples, fit: MaterialFit) -> tuple[float, Array]:
     """Return `ScanMaterial.relative_rmse` and `per_frame`."""
     weights = np.repeat(samples.usable[..., None], 3, -1).astype(np.float32)
     values = predicted(samples, weights, fit.surface, fit.strength)[0]

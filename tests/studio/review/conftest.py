@@ -9,6 +9,7 @@ import pytest
 
 from calibrate.lights.directions import mirrored_at
 from fixtures.lit_surfaces import flashes_at
+from formats.meshes.scan_files import ObjectMesh, write_mesh
 from lab.run import run_session
 from scene.camera import Camera
 from scene.files import write_json
@@ -17,7 +18,7 @@ from scene.output_folder import open_record
 from scene.pose import Pose, rotation_from_vector
 from scene.spheres import Sphere
 from scene.store import Store
-from twin.description.object_mesh import ObjectMesh, built_in, write_mesh
+from twin.description.object_mesh import built_in
 
 FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
 CAMERA = Camera(160, 120, 220.0, 220.0, 78.0, 61.0)

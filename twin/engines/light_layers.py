@@ -30,7 +30,7 @@ TRIED = 16
 
 
 @dataclass(frozen=True)
-class Layers:
+class LightLayers:
     """What a scene's pixels are made of.
 
     direct (F, h, w, 3): Linear, of the film's box: light that met one surface. From stock Mitsuba, unless asked for
@@ -88,17 +88,17 @@ class PieceRenderer:
         import_mitsuba()
         self._many = Many(mitsuba_scene(dark), film, scene.lights, max_depth=depth)
 
-    def render(self, piece: Piece, samples: int, *, seed: int = 0) -> Layers:
+    def render(self, piece: Piece, samples: int, *, seed: int = 0) -> LightLayers:
         """Return a piece's layers, without what stands still.
 
         samples: Paths a pixel and light; stock Mitsuba's jittered grid holds a square number.
         seed: Other paths.
         """
         if not self._tracers:
-            return Layers(*self._many.band(piece.rows, samples, seed))
+            return LightLayers(*self._many.band(piece.rows, samples, seed))
         images = [tracer.image(piece.frames.start, samples, seed=seed) for tracer in self._tracers]
         whole, *first = (self._film.place(image)[None] for image in images)
-        return Layers(first[0], whole - first[0]) if first else Layers(whole)
+        return LightLayers(first[0], whole - first[0]) if first else LightLayers(whole)
 
 
 def noise_of_one_sample(scene: TwinScene, film: Film, engine: Engine, samples: int = TRIED) -> float:
@@ -141,13 +141,13 @@ def standing_light(scene: TwinScene, film: Film) -> Images | None:
     return film.place(PathTracer(dark, film).image(0, STANDING_SAMPLES))
 
 
-def render_layers(scene: TwinScene, film: Film, engine: Engine, samples: int, *, apart: bool = False) -> Layers:
+def render_layers(scene: TwinScene, film: Film, engine: Engine, samples: int, *, apart: bool = False) -> LightLayers:
     """Render a scene in memory: 12 bytes a pixel and light, and as much again for the light that went on."""
     renderer = PieceRenderer(scene, film, engine, apart=apart)
     made = [renderer.render(piece, samples) for piece in pieces_of(film, len(scene.lights), engine)]
     axis = 0 if engine == "mitsuba" else 1
     onward = [layers.onward for layers in made if layers.onward is not None]
-    return Layers(
+    return LightLayers(
         np.concatenate([layers.direct for layers in made], axis),
         np.concatenate(onward, axis) if onward else None,
         standing_light(scene, film),

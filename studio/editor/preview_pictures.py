@@ -62,7 +62,7 @@ def refining(scene: TwinScene, light: int, *, width: int, height: int, samples: 
     """
     from twin.description.description_check import check_scene
     from twin.engines.engine_choice import choose_engine
-    from twin.engines.layers import Piece, PieceRenderer, standing_light
+    from twin.engines.light_layers import Piece, PieceRenderer, standing_light
 
     check_scene(scene)
     lit = fitted(scene, width, height, light)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import (
-    BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
@@ -24,12 +23,6 @@ from scene.errors import SceneError
 
 checked = with_config(ConfigDict(extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True))
 """For dataclasses: unknown keys are faults."""
-
-
-class Table(BaseModel):
-    """A TOML table that is no dataclass of the scene's: unknown keys are faults."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, arbitrary_types_allowed=True)
 
 
 @dataclass(frozen=True)

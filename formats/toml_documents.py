@@ -1,8 +1,10 @@
-"""What pydantic finds wrong in a document, session.toml or a scene's, in a line each: key path, found, expected."""
+"""A table of a document, session.toml or a scene's; what is wrong in one, in a line: key path, found, expected."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
+
+from pydantic import BaseModel, ConfigDict
 
 from scene.errors import SceneError
 from scene.reading import shortened
@@ -18,6 +20,12 @@ EXPECTED = {
     "tuple_type": "expected a list between [ and ]",
 }
 """What pydantic's kinds of faults ask for, in the words of TOML."""
+
+
+class TomlTable(BaseModel):
+    """A TOML table: unknown keys are faults."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, arbitrary_types_allowed=True)
 
 
 def key_path(location: Location) -> str:

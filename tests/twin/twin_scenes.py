@@ -1,0 +1,26 @@
+"""Objects and lights about a place 300 mm before the camera: what the tests of the twin's engines render."""
+
+import numpy as np
+
+from scene.lights import Lights
+from scene.normals import unit
+from twin.description.description import TwinObject
+from twin.description.object_mesh import built_in
+
+MIDDLE = np.array([0.0, 0.0, -300.0])
+
+
+def placed(name, shape, material, size=40.0, at=(0, 0, 0), turn=None):
+    """Return a shape or a mesh of this size, or three, turned, `at` from the middle."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = (np.eye(3) if turn is None else turn) * size
+    matrix[:3, 3] = MIDDLE + at
+    return TwinObject(name, built_in(shape) if isinstance(shape, str) else shape, material, matrix)
+
+
+def lights(*vectors, near=False, intensities=1.0, white=None, middle=MIDDLE):
+    """Return flashes toward which, or `near`, at which the vectors from the middle point."""
+    vectors = np.array(vectors, float)
+    powers = np.broadcast_to(np.asarray(intensities, float), (len(vectors), 3)).copy()
+    names = tuple(f"flash_{i}" for i in range(len(vectors)))
+    return Lights(names, unit(vectors), powers, middle + vectors if near else None, middle, white_value=white)
