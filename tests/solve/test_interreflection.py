@@ -8,7 +8,7 @@ from scene.camera import Camera
 from scene.normals import angular_error_deg, unit
 from solve.samples import Geometry, Samples
 from solve.whole.interreflection import Relief
-from solve.whole.reflectance import Settings, fit_to_views
+from solve.whole.reflectance import ReflectanceSettings, fit_to_views
 
 SIZE = 48
 RIM = 0.75
@@ -81,7 +81,7 @@ def test_normals_of_a_matte_bowl(reflectance):
     views = np.tile([0.0, 0.0, 1.0], (len(gray), 1))
     errors = [
         angular_error_deg(
-            unit(fit_to_views(samples, views, Settings(pixels=600, rounds=8), relief)[0].b), normals
+            unit(fit_to_views(samples, views, ReflectanceSettings(pixels=600, rounds=8), relief)[0].b), normals
         ).mean()
         for relief in (None, Relief(mask, CAMERA, 0.0, 600))
     ]

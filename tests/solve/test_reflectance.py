@@ -6,7 +6,7 @@ import pytest
 from scene.normals import angular_error_deg, unit
 from solve.pixelwise import iterative
 from solve.samples import Geometry, Samples
-from solve.whole.reflectance import Settings, fit_to_views
+from solve.whole.reflectance import ReflectanceSettings, fit_to_views
 
 FRONT = np.array([0.0, 0.0, 1.0])
 
@@ -37,7 +37,7 @@ def seen(gray, lights):
 
 
 def fit(gray, lights, **changes):
-    return fit_to_views(seen(gray, lights), np.tile(FRONT, (len(gray), 1)), Settings(**changes))[0]
+    return fit_to_views(seen(gray, lights), np.tile(FRONT, (len(gray), 1)), ReflectanceSettings(**changes))[0]
 
 
 def of_iterative(gray, lights):
@@ -93,7 +93,7 @@ def test_a_view_from_the_side_is_not_one_from_the_front():
     """Half angles count from the direction to the camera: with the wrong one, the table explains nothing."""
     gray, normals, lights = photographs(LOBES["satin"])
     views = np.tile(unit(np.array([0.6, 0.0, 0.8])), (len(gray), 1))
-    wrong, *_ = fit_to_views(seen(gray, lights), views, Settings())
+    wrong, *_ = fit_to_views(seen(gray, lights), views, ReflectanceSettings())
     right = fit(gray, lights)
     error = [angular_error_deg(unit(found.b), normals).mean() for found in (wrong, right)]
     assert error[1] < 0.1 * error[0]
