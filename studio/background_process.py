@@ -5,35 +5,32 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from scene.rooms import ROOT
+from studio.widgets import Row, button, plain, text
 
 LINES = 8
 """The last ones that are shown."""
 
 
 class Work:
-    """Python at work with these arguments on a folder, as it stands.
+    """Python at work with these arguments on a folder, as it stands; a window looks at it once a second.
 
     said: What it said last. share: How much of what it is at is done, 0 to 1. fault: Why it ended badly.
-    told: Called from a thread of its own with each line, and with an empty one when it has ended.
+    is_told: A window has shown how it ended.
     """
 
-    def __init__(self, label: str, folder: Path, arguments: Sequence[str], told: Callable[[str], Any]) -> None:
-        self.label, self.folder, self.told, self.said, self.share = label, folder, told, list[str](), 0.0
-        self.fault, self.is_over, self.is_stopped = "", False, False
+    def __init__(self, label: str, folder: Path, arguments: Sequence[str]) -> None:
+        self.label, self.folder, self.said, self.share, self.fault = label, folder, list[str](), 0.0, ""
+        self.is_over = self.is_stopped = self.is_told = False
         self.begun_s = time.monotonic()
         self._process = subprocess.Popen(
-            [sys.executable, *arguments],
-            cwd=ROOT,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+            [sys.executable, *arguments], cwd=ROOT, text=True,
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        )  # fmt: skip
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -44,7 +41,7 @@ class Work:
         self.wait()
 
     def wait(self) -> None:
-        """Return when it has ended and everything was told."""
+        """Return when it has ended."""
         self._reader.join()
 
     def _read(self) -> None:
@@ -58,7 +55,6 @@ class Work:
             start = max((number for number, line in enumerate(lines) if line.startswith("rgbn: ")), default=-12)
             self.fault = "\n".join(lines[start:]).removeprefix("rgbn: ") or f"the process ended with code {code}."
         self.is_over = True
-        self.told("")
 
     def _hear(self, line: str) -> None:
         label, _, rest = line.partition(":")
@@ -68,4 +64,30 @@ class Work:
         is_state = count or " s so far" in rest
         known = [text for text in self.said if not (is_state and text.startswith(f"{label}:"))]
         self.said = [*known, line][-LINES:]
-        self.told(line)
+
+    @property
+    def state(self) -> str:
+        """How far it is, as Markdown."""
+        if not self.is_over:
+            said = "\n".join(f"- {plain(text)}" for text in self.said)
+            return f"**{plain(self.label)}**, {time.monotonic() - self.begun_s:.0f} s so far\n\n{said}"
+        if self.is_stopped:
+            return f"Stopped. What is done is kept; **{plain(self.label)}** goes on from there."
+        return f"**Stopped by a fault.** {plain(self.fault)}" if self.fault else ""
+
+
+def _start(window: Any) -> dict[str, Any]:
+    label, is_main, is_possible = window.work_label()
+    is_free = is_possible and not window.is_busy
+    return {"label": label, "kind": "main" if is_main else "other", "disabled": not is_free}
+
+
+WORK_ROWS = (
+    button("Run", lambda window: window.begin_work(), _start, kind="main"),
+    button("Stop", lambda window: window.work.stop(), lambda window: {"visible": window.is_busy},
+           kind="danger", visible=False),
+    Row("progress_bar", show=lambda window: {"visible": window.is_busy, "value": 100 * window.share},
+        start={"value": 0, "visible": False, "animated": True}),
+    text(lambda window: window.work.state if window.work else window.work_told),
+)  # fmt: skip
+"""The button that begins the window's work on a folder, the one that stops it, and how far it is."""

@@ -32,10 +32,14 @@ SAME_OBJECT = 0.7
 one object, 0.17 to 0.71 of seven."""
 
 
-def prepare(files: FolderFiles, asking: Asking, progress: AbstractContextManager[Callable[[int, int], None]]) -> Draft:
+def prepare(
+    files: FolderFiles, asking: Asking, progress: AbstractContextManager[Callable[[int, int], None]],
+    seen: Callable[[Draft], Any] = lambda draft: None,
+) -> Draft:  # fmt: skip
     """Return what a folder's files are, with what the user answered.
 
-    `progress` gives what is told of how many photographs are read; it is closed before a question comes.
+    `progress` gives what is told of how many photographs are read; it is closed before a question comes. `seen` is
+    given the draft when the photographs have their roles, and again when the balls are found.
 
     Raises
     ------
@@ -46,7 +50,8 @@ def prepare(files: FolderFiles, asking: Asking, progress: AbstractContextManager
     linear, encoding = encoding_of(files.photographs["flash"][0], asking)
     with progress as tell:
         draft = _look(files, linear, encoding, tell)
-    return completed(draft, files, asking)
+    seen(draft)
+    return completed(draft, files, asking, seen=seen)
 
 
 def begun(
@@ -65,7 +70,10 @@ def begun(
     return draft.with_photographs(photographs)
 
 
-def completed(draft: Draft, files: FolderFiles, asking: Asking, balls: Sequence[SphereTable] | None = None) -> Draft:
+def completed(
+    draft: Draft, files: FolderFiles, asking: Asking, balls: Sequence[SphereTable] | None = None,
+    seen: Callable[[Draft], Any] = lambda draft: None,
+) -> Draft:  # fmt: skip
     """Return a draft whose photographs have their roles with all else: camera, balls, mask, scan; see `prepare`.
 
     `balls`: as they were found already; None: they are looked for.
@@ -74,6 +82,7 @@ def completed(draft: Draft, files: FolderFiles, asking: Asking, balls: Sequence[
         draft = draft.saying("camera", **asking.camera(is_known=draft.known_camera()[0] is not None))
         draft.known_camera()
     draft = with_balls(draft, files, asking, balls)
+    seen(draft)
     return _given(draft, files, asking)
 
 

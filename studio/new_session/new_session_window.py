@@ -1,60 +1,74 @@
-"""One browser's window on a folder without session.toml: the document that is to be written, as it is put right."""
+"""The window on a folder without session.toml: the document that is to be written, as it is put right."""
 
-from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
 from capture.session.manifest import SphereTable
 from capture.survey.folder_files import FolderFiles
+from compare.report.picture_strip import INK, PictureStrip
+from compare.report.pictures import Exposure
 from lab.session_place import MANIFEST
 from scene.camera import Camera
 from scene.errors import SceneError
+from scene.map_pictures import Image
+from shoot.init.contact_sheet import COLOURS
 from shoot.init.draft import Draft
 from shoot.init.init_session import check_free, write_manifest
 from shoot.init.session_text import session_text
-from studio.desk import Desk, History
-from studio.editor.preview import Preview
-from studio.new_session.found_capture import FoundCapture, Looking
-from studio.photograph.outlines import Outline, Outlines
-from studio.photograph.photograph_window import PhotographWindow
+from studio.new_session.looking import FoundCapture, Look, mean_of
+from studio.new_session.photograph_roles import UNUSED, role_of
+from studio.photograph.outlines import Outlines
+from studio.photograph.photograph_window import PhotographWindow, Shown
 from studio.photograph.plane import Plane
-from studio.workspace import Workspace
+from studio.studio_state import History
+
+LEFT_OUT, OTHER = (255, 120, 110), (255, 210, 90)
+"""Colours of the names of photographs that are not used, and of those that are no flash frames."""
 
 
 class NewSessionWindow(PhotographWindow):
-    """What a browser begins sessions in. Its panels call `edit`, `measure` and `correct`.
-
-    looking: The folders that were named; what is written lies in one of them.
-    """
+    """What a browser begins sessions in. Its panels call `edit`, `measure` and `correct`."""
 
     area = "New session"
+    first_tab = "Balls"
     is_flat = True
 
-    def __init__(
-        self, client: Any, workspace: Workspace, preview: Preview, looking: Looking, desk: Desk | None = None
-    ) -> None:
-        super().__init__(client, workspace, preview, desk)
-        self.looking = looking
-        without = [files for files in looking.folders if not (files.folder / MANIFEST).exists()]
-        self.files: FolderFiles = (without or looking.folders)[0]
+    def __init__(self, *place: Any) -> None:
+        super().__init__(*place)
+        self.looking = self.state.looking
+        without = [files for files in self.looking.folders if not (files.folder / MANIFEST).exists()]
+        self.files: FolderFiles = (without or self.looking.folders)[0]
         self.photograph: Path | None = None
         """The one that is shown; None: the mean of the flash frames."""
-        self.state, self.share, self.is_looking = "", 0.0, False
-        """What is being looked at and how much of it is done; or why nothing could be made of the folder."""
+        self._is_taken = False
+
+    def begin(self) -> None:
+        """Look at the first folder that has no session yet."""
+        self.open(self.files)
+
+    @property
+    def folder_look(self) -> Look | None:
+        """The look at the folder; None: it has a session.toml."""
+        return self.looking.looks.get(self.files.folder)
+
+    @property
+    def is_looking(self) -> bool:
+        """Whether the folder is being looked at."""
+        return self.folder_look is not None and not self.folder_look.is_over
 
     @property
     def found(self) -> FoundCapture | None:
         """The folder as it was found; None before it was looked at."""
-        return self.looking.found_in(self.files.folder)
+        return self.folder_look.found if self.folder_look else None
 
     @property
     def history(self) -> History[Draft] | None:
         """The document with what was put right in it; None before the folder was looked at."""
-        return self.desk.captures.get(self.files.folder) if self.found else None
+        return self.state.captures.get(self.files.folder) if self.found else None
 
     def keep(self, history: History[Any]) -> None:
-        """Lay what was put right on the desk."""
-        self.desk.captures[self.files.folder] = history
+        """Keep what was put right."""
+        self.state.captures[self.files.folder] = history
 
     @property
     def capture(self) -> Draft | None:
@@ -62,23 +76,23 @@ class NewSessionWindow(PhotographWindow):
         return self.history.state if self.history else None
 
     @property
+    def seen(self) -> Draft | None:
+        """The same, or what is known so far."""
+        return self.capture or (self.folder_look.draft if self.folder_look else None)
+
+    @property
     def balls(self) -> list[SphereTable]:
         """The balls, in the frames and shot apart."""
-        return self.capture.manifest.spheres if self.capture else []
+        return self.seen.manifest.spheres if self.seen else []
 
     @property
     def outlines(self) -> Outlines:
         """The balls in the frames."""
-        draft = self.capture
-        return () if draft is None else tuple(
-            Outline(ball.kind, (ball.center_px[0], ball.center_px[1]), ball.radius_px, ball.diameter_mm,
-                    not draft.is_found(ball))
-            for ball in self.balls if ball.center_px and ball.radius_px
-        )  # fmt: skip
+        return tuple(ball for ball in self.balls if ball.center_px and ball.radius_px)
 
-    def place_of(self, index: int) -> int:
-        """Return which of the balls an outline is."""
-        return [number for number, ball in enumerate(self.balls) if ball.center_px][index]
+    def is_found(self, ball: SphereTable) -> bool:
+        """Whether a ball's circle was found."""
+        return self.need().is_found(ball)
 
     def correct(self, outlines: Outlines, label: str = "correct a ball", held_s: float | None = None) -> None:
         """Take other balls in the frames; a new one, or one of another kind, is as large as all of its kind."""
@@ -88,37 +102,55 @@ class NewSessionWindow(PhotographWindow):
             alike = {one.diameter_mm for one in self.balls if one.kind == ball.kind}
             usual = alike.pop() if len(alike) == 1 else None
             diameter = ball.diameter_mm if ball.kind == before.kind else None
-            balls.append(
-                SphereTable(
-                    kind=ball.kind,
-                    diameter_mm=diameter or usual,
-                    center_px=list(map(float, ball.center_px)),
-                    radius_px=float(ball.radius_px),
-                )
-            )
+            balls.append(ball.model_copy(update={"diameter_mm": diameter or usual}))
         self.alter(label, held_s=held_s, manifest=self.need().with_balls(balls).manifest)
 
     def measure(self, which: str | int, diameter_mm: float) -> None:
         """Say the diameter of all balls of a kind, or of one in the frames; 0: it is not known."""
-        of_kind = isinstance(which, str)
-        place = None if of_kind else self.place_of(which)
+        one = self.outlines[which] if isinstance(which, int) else None
         balls = [
             SphereTable(**{**ball.model_dump(), "diameter_mm": float(diameter_mm) or None})
-            if number == place or ball.kind == which
+            if ball is one or ball.kind == which
             else ball
-            for number, ball in enumerate(self.balls)
+            for ball in self.balls
         ]
         self.edit(self.need().with_balls(balls), "diameter")
 
     @property
     def plane(self) -> Plane | None:
         """Where the photographs stand."""
-        return None if self.capture is None else Plane(self.capture.width, self.capture.height)
+        if self.seen is not None:
+            return Plane(self.seen.width, self.seen.height)
+        first = self.folder_look.first if self.folder_look and self.is_looking else None
+        return None if first is None else Plane(first.shape[1], first.shape[0])
 
     @property
     def camera(self) -> Camera | None:
         """By which the outlines are drawn."""
-        return None if self.capture is None else self.capture.assumed_camera
+        return None if self.seen is None else self.seen.assumed_camera
+
+    def shown(self) -> Shown:
+        """Return the photograph that is chosen, or the mean; while the folder is looked at, the first, with balls."""
+        look, draft, found, photograph = self.folder_look, self.capture, self.found, self.photograph
+        assert look is not None
+        colours = tuple(COLOURS[ball.kind] for ball in self.outlines)
+        if draft is None or found is None:
+            return Shown((look.draft is None, lambda: first_picture(look)), colours=colours)
+        roles = tuple(role_of(draft, path) for path in found.photographs)
+        return Shown(
+            ((self.reading, photograph), lambda: found.picture(photograph)),
+            ((self.reading, roles), lambda: _strip(found, roles)),
+            None if photograph is None else found.photographs.index(photograph),
+            # One photograph is looked at as it is.
+            (found.draft.small, found.exposure, found.draft.step) if photograph is None else None,
+            colours,
+        )
+
+    def choose_small(self, index: int) -> None:
+        """Look at a photograph; a second click goes back to all of them together."""
+        assert self.found is not None
+        path = self.found.photographs[index]
+        self.choose(photograph=None if self.photograph == path else path, ball=None, looks=self.looks + 1)
 
     @property
     def text(self) -> str:
@@ -138,30 +170,29 @@ class NewSessionWindow(PhotographWindow):
 
     def open(self, files: FolderFiles) -> None:
         """Look at a folder; what was put right in it, or in another one, is kept."""
-        self.files, self.on_photograph = files, None
+        self.files, self.on_photograph, self._is_taken = files, None, False
         if self.manifest.exists():
-            self.desk.captures.pop(files.folder, None)
-        self.choose(ball=None, photograph=None, is_looking=False, reading=self.reading + 1)
-        if self.capture is None and not self.manifest.exists():
-            self.choose(state="Reading the photographs ...", share=0.0, is_looking=True)
-            self.looking.ask(
-                files,
-                lambda done, total: self.post(lambda: self._read(files, done, total)),
-                lambda found: self.post(lambda: self._show(files, found)),
-            )
+            self.state.captures.pop(files.folder, None)
+            self.looking.looks.pop(files.folder, None)
+        else:
+            self.looking.look_at(files)
+        self.choose(ball=None, photograph=None, reading=self.reading + 1)
+        self.look_again()
 
-    def _read(self, files: FolderFiles, done: int, total: int) -> None:
-        if files is self.files and self.is_looking:
-            reading = f"Reading the photographs: {done} of {total} ..."
-            state = reading if done < total else "Looking for balls, board and scan: 10 to 60 seconds ..."
-            self.choose(state=state, share=done / total)
-
-    def _show(self, files: FolderFiles, found: "Future[FoundCapture]") -> None:
-        if files is not self.files or not self.is_looking:
+    def look_again(self) -> None:
+        """Show how far the look is, and once what came of it."""
+        super().look_again()
+        look = self.folder_look
+        if look is None or self._is_taken:
             return
-        self.choose(state=str(found.exception()), is_looking=False)
-        self.keep(History(found.result().draft))  # What was at fault is told by the window too.
-        self.choose(reading=self.reading + 1)
+        if look.is_over:
+            self._is_taken = True
+            if look.fault is not None:
+                self.attempt(lambda: _raise(look.fault))
+            elif look.found is not None and self.files.folder not in self.state.captures:
+                self.keep(History(look.found.draft))
+            self.reading += 1
+        self.refresh()
 
     def edit(self, draft: Draft, label: str = "edit") -> None:
         """Take the document as it was edited."""
@@ -169,11 +200,7 @@ class NewSessionWindow(PhotographWindow):
 
     def back_to_found(self) -> None:
         """Take the balls as they were found, with the diameters that are known of their kinds."""
-        self.correct(
-            tuple(Outline(ball.kind, (ball.center_px[0], ball.center_px[1]), ball.radius_px)
-                  for ball in self.need().found if ball.center_px and ball.radius_px),
-            "balls as found",
-        )  # fmt: skip
+        self.correct(tuple(ball for ball in self.need().found if ball.center_px), "balls as found")
 
     def write(self) -> None:
         """Write session.toml, once, and go on with the session.
@@ -184,9 +211,9 @@ class NewSessionWindow(PhotographWindow):
         draft, out = self.need(), self.out
         check_free(self.files)
         write_manifest(draft, self.text)
-        self.desk.captures.pop(self.files.folder, None)
-        self.looking.forget(self.files.folder)
-        self.desk.show_session(out, self.files.folder, tab="Verdict")
+        self.state.captures.pop(self.files.folder, None)
+        self.looking.looks.pop(self.files.folder, None)
+        self.state.show_session(out, self.files.folder, tab="Verdict")
         self.turn()
 
     @property
@@ -196,5 +223,30 @@ class NewSessionWindow(PhotographWindow):
 
     def open_session(self) -> None:
         """Show the session that the folder has already."""
-        self.desk.show_session(self.out, self.files.folder)
+        self.state.show_session(self.out, self.files.folder)
         self.turn()
+
+
+def _raise(fault: BaseException | None) -> None:
+    if fault is not None:
+        raise fault
+
+
+def first_picture(look: Look) -> Image:
+    """Return what is shown of a folder that is being looked at: its first photograph, then the mean."""
+    if look.draft is not None:
+        mean = mean_of(look.draft)
+        return Exposure.for_picture(mean).develop(mean)
+    assert look.first is not None
+    return look.first
+
+
+def _strip(found: FoundCapture, roles: tuple[str, ...]) -> PictureStrip:
+    """Return the small photographs, each with its use; those that are not used are dim."""
+    colours = {"flash": INK, UNUSED: LEFT_OUT}
+    labels = [
+        (path.stem if role == "flash" else f"{role}: {path.stem}", colours.get(role, OTHER))
+        for path, role in zip(found.photographs, roles, strict=True)
+    ]
+    dimmed = [picture // (3 if role == UNUSED else 1) for picture, role in zip(found.thumbnails, roles, strict=True)]
+    return PictureStrip.of(dimmed, labels)

@@ -1,21 +1,52 @@
-"""One browser's window on a photograph with balls outlined on it."""
+"""A window on a photograph with balls outlined on it."""
 
 import time
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
+from capture.session.manifest import SphereTable
+from compare.report.picture_strip import PictureStrip
+from compare.report.pictures import Exposure
 from scene.camera import Camera
-from studio.browser_window import BrowserWindow
-from studio.desk import History
+from scene.frames import Frames
+from scene.map_pictures import Image
 from studio.photograph.outlines import Outlines, under
 from studio.photograph.plane import Plane
+from studio.studio_state import History
+from studio.window import Window
 
 
-class PhotographWindow(BrowserWindow):
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """A picture that stands beside the photograph: of the same view, with a caption."""
+
+    image: Image
+    caption: str
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What the view shows, by what makes it; each is made again where its key is another.
+
+    picture, strip: Key and maker of the large photograph and of the small ones. chosen: Of the small ones.
+    crop: Of which the chosen ball is shown enlarged, with the photograph's pixels in one of theirs; None: it is not.
+    colours: Of the balls' outlines; None: one is not drawn.
+    marks: What else stands on the photograph, by names: key, and what adds it and returns its handles.
+    """
+
+    picture: tuple[Any, Callable[[], Image]]
+    strip: tuple[Any, Callable[[], PictureStrip | None]] = (None, lambda: None)
+    chosen: int | None = None
+    crop: tuple[Frames, Exposure, int] | None = None
+    colours: Sequence[tuple[int, int, int] | None] = ()
+    marks: dict[str, tuple[Any, Callable[[], list[Any]]]] | None = None
+
+
+class PhotographWindow(Window):
     """What a browser marks balls in. Its panels call `choose` and `correct`; then all panels are refreshed.
 
-    What is corrected is a state, with a past, that lies on the desk; it has `outlines`.
+    What is corrected is a state with a past, which outlives the window; it has `outlines`.
     """
 
     def __init__(self, *place: Any) -> None:
@@ -25,6 +56,7 @@ class PhotographWindow(BrowserWindow):
         self.looks = 0
         """How often the whole was asked for again."""
         self.ball: int | None = None
+        self.beside: Beside | None = None
         self.on_photograph: Callable[[tuple[float, float]], None] | None = None
         """Who wants the pixels that are clicked on the photograph."""
 
@@ -38,13 +70,29 @@ class PhotographWindow(BrowserWindow):
         """By which the outlines are drawn; None where none is known."""
         raise NotImplementedError
 
+    def shown(self) -> Shown:
+        """Return what stands in the view, where there is a plane."""
+        raise NotImplementedError
+
+    def choose_small(self, index: int) -> None:
+        """Look at the photograph whose small picture is clicked."""
+        raise NotImplementedError
+
     def keep(self, history: History[Any]) -> None:
-        """Lay a state with its past on the desk."""
+        """Keep a state with its past."""
+        raise NotImplementedError
+
+    def is_found(self, ball: SphereTable) -> bool:
+        """Whether a ball is as it was found."""
+        raise NotImplementedError
+
+    def back_to_found(self) -> None:
+        """Take the balls as they were found."""
         raise NotImplementedError
 
     @property
     def outlines(self) -> Outlines:
-        """The balls."""
+        """The balls that have circles."""
         return self.history.state.outlines if self.history else ()
 
     def _refresh_panels(self) -> None:

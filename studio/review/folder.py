@@ -13,16 +13,17 @@ from numpy.typing import NDArray
 from capture.session.session import load_session
 from capture.session.session_types import Session
 from compare.report.facts import Material, all_warnings, read_optional
-from compare.report.pictures import Exposure, Image, thumbnail
+from compare.report.pictures import Exposure, thumbnail
 from lab.session_place import session_of
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.map_pictures import Image
 from scene.mesh import Mesh
 from scene.output_folder import read_record
 from scene.spheres import Sphere
 from scene.store import Store
-from studio.photograph.waiting import first_look
+from studio.new_session.looking import first_look
 from studio.review.warned import Warned, targets
 from twin.description.object_mesh import ObjectMesh
 

@@ -6,12 +6,15 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report.pictures import Box, Image, contours, normal_picture, thumbnail
+from compare.report.picture_strip import CELL_PX, INK, Label, PictureStrip
+from compare.report.pictures import Box, contours, thumbnail
 from compare.report.registration_pictures import WIDTH, shown_pixels, views
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.map_pictures import Image, normal_picture
+from studio.photograph.photograph_window import Beside
 from studio.review.folder import Review
 
 Overlay = Literal["nothing", "mask", "scan, shaded", "scan, normals"]
@@ -20,6 +23,9 @@ MASK_COLOUR = (0, 190, 255)
 CLIPPED_COLOUR = (255, 0, 60)
 BAND = 64
 """Rows."""
+MUCH_CLIPPED = 0.002
+"""Share of a frame's pixels; a chrome ball's highlight is far less."""
+CLIPPED, WARNED = (255, 60, 90), (255, 160, 0)
 
 
 @dataclass(frozen=True)
@@ -35,12 +41,21 @@ class Look:
     marks_clipped: bool = True
 
 
-@dataclass(frozen=True, eq=False)
-class Beside:
-    """A picture that stands beside the photograph: of the same view, with a caption."""
+def frame_strip(review: Review) -> PictureStrip | None:
+    """Return all frames small, one tone curve for all, each with number, name and what is clipped; None without any."""
+    frames, exposure, shares = review.material.frames, review.material.exposure, review.clipped_share
+    if frames is None or exposure is None or not len(frames):
+        return None
+    warned = {frame for one in review.warnings for frame in one.frames}
+    warned |= {index for index, flags in enumerate(review.lights.flags if review.lights else ()) if flags}
 
-    image: Image
-    caption: str
+    def label(index: int, name: str) -> Label:
+        if shares is not None and shares[index] >= MUCH_CLIPPED:
+            return f"{index + 1}  clipped {shares[index]:.1%}", CLIPPED
+        return (f"{index + 1} {name}  (!)", WARNED) if index in warned else (f"{index + 1} {name}", INK)
+
+    pictures = [exposure.develop(thumbnail(frames, index, CELL_PX)) for index in range(len(frames))]
+    return PictureStrip.of(pictures, [label(index, name) for index, name in enumerate(frames.names)])
 
 
 def photograph(review: Review, index: int, look: Look) -> Image:

@@ -110,21 +110,19 @@ def no_preview():
     """A preview that draws nothing, and what was asked of it, in order."""
     asked = []
     return SimpleNamespace(
-        asked=asked,
-        request=lambda window, *rest: asked.append(("request", window)),
-        forget=lambda window: asked.append(("forget", window)),
+        asked=asked, request=lambda *rest: asked.append("request"), forget=lambda: asked.append("forget")
     )
 
 
 @pytest.fixture
-def furnish():
-    """Return what puts panels on a window and shows them; all windows are closed in the end."""
+def furnish(monkeypatch):
+    """Return what shows rows and views on a window, which looks again often; all are closed in the end."""
+    monkeypatch.setattr("studio.window.EVERY_S", 0.05)
     windows = []
 
-    def put(window, panels):
+    def put(window, rows, *views):
         windows.append(window)
-        window.panels += [panel(window) for panel in panels]
-        window.refresh()
+        window.show(rows, views)
         return window
 
     yield put

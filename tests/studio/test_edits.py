@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from scene.current import fingerprint
 from scene.errors import RenderError
 from scene.pose import rotation_from_vector
-from studio.desk import TOGETHER_S, History
 from studio.editor import edits
 from studio.editor.edits import with_value
 from studio.editor.placement import quaternion, rotation_of
+from studio.studio_state import TOGETHER_S, History
 from twin.description.description_file import read_document, write_document
 from twin.description.light_groups import AreaLight, GridTable, RingTable
 from twin.description.materials import Conductor, Diffuse, RoughPlastic

@@ -9,12 +9,7 @@ import time
 import pytest
 
 from scene.errors import SceneError
-from studio.editor import edits
-from studio.editor.editor_window import EditorWindow, begun
-from studio.editor.files_panel import FilesPanel
-from studio.editor.panels import CameraPanel
 from studio.own_files import put_own, remove_own
-from studio.workspace import Workspace
 
 NOT_OURS = "rgbn did not write it|was changed after rgbn wrote it"
 
@@ -76,21 +71,6 @@ def test_a_folder_that_nothing_came_into_is_not_left(tmp_path):
     with pytest.raises(ZeroDivisionError):
         put_own(tmp_path / "new", lambda place: 1 / 0)
     assert not (tmp_path / "new").exists()
-
-
-@pytest.mark.parametrize("foreign", ["scene.toml", "export/scene.xml", "export/meshes/00.ply"])
-def test_the_files_panel_writes_over_no_foreign_file(foreign, nobody, furnish, settle, no_preview, tmp_path):
-    place = Workspace.at(tmp_path)
-    (tmp_path / "mine" / foreign).parent.mkdir(parents=True)
-    (tmp_path / "mine" / foreign).write_text("mine")
-    opened = tmp_path / "mine" if foreign == "scene.toml" else None
-    window = EditorWindow(nobody(), place, no_preview, begun(place, edits.start_document(), opened))
-    furnish(window, [FilesPanel, CameraPanel])
-    window.client.says("name", "mine")
-    window.client.says("Export for Mitsuba")
-    settle(window)
-    assert "rgbn did not write it" in window.client.told[-1], window.client.told
-    assert (tmp_path / "mine" / foreign).read_text() == "mine"
 
 
 SAVES = """

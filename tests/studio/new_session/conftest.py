@@ -9,7 +9,7 @@ from capture.session.manifest import FramesTable, Manifest, SphereTable
 from capture.survey.small_pictures import frames_of, read_small
 from shoot.init.draft import Draft
 from shoot.init.scan_unit import ScanSize
-from studio.new_session.found_capture import FoundCapture
+from studio.new_session.looking import FoundCapture
 
 BALLS = tuple(
     SphereTable(kind=kind, center_px=[u, v], radius_px=radius)

@@ -12,10 +12,17 @@ from scene.frames import Frames
 from scene.lights import Lights
 from scene.output_folder import open_record
 from studio.review.folder import Review
-from studio.review.light_sigmas import covariance_mm2, ellipsoid_of, fitting_factor
-from studio.review.photograph_picture import CLIPPED_COLOUR, Look, photograph, twin_beside
-from studio.review.photograph_view import CLIPPED, WARNED, frame_strip
+from studio.review.photograph_picture import (
+    CLIPPED,
+    CLIPPED_COLOUR,
+    WARNED,
+    Look,
+    frame_strip,
+    photograph,
+    twin_beside,
+)
 from studio.review.review_window import turned_deg
+from studio.review.spatial_view import covariance_mm2, ellipsoid_of, fitting_factor
 from studio.review.warned import targets
 from twin.description.light_groups import direction
 

@@ -1,25 +1,26 @@
-"""Folders of photographs looked at as `rgbn init` does, each once, whichever window asks."""
+"""Folders of photographs looked at as `rgbn init` does: each once, in a thread that outlives the window."""
 
 import threading
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future
-from contextlib import nullcontext
+import time
+from collections.abc import Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.session.globs import natural_key
+from capture.session.session_types import Encoding
 from capture.survey.folder_files import FolderFiles
 from capture.survey.small_pictures import Small, read_small
 from compare.report.picture_strip import CELL_PX
-from compare.report.pictures import Exposure, Image, shrink
+from compare.report.pictures import Exposure
 from lab.session_place import default_out
 from scene.errors import SceneError
 from scene.frames import decode
+from scene.map_pictures import Image, shrink
 from scene.origin import Origin
 from shoot.init.answers import Answers, Asking
 from shoot.init.contact_sheet import MOST
@@ -66,17 +67,64 @@ class FoundCapture:
         return tuple(self.exposure.develop(shrink(decode(one.codes), CELL_PX)) for one in self.small.values())
 
 
-def look(files: FolderFiles, progress: "Told") -> FoundCapture:
-    """Look at a folder; progress is told of the photographs, which are read first.
+class Look:
+    """A look at a folder, in a thread of its own, from when it is made.
 
-    Raises
-    ------
-    SceneError
-        As `shoot.init.prepare.prepare`.
+    done, total: Photographs that are read, and how many there are. draft: What is known so far: the photographs' uses,
+    then the balls. found: In the end; or `fault`, why nothing could be made of the folder.
     """
-    draft = prepare(files, Asking(Answers(), silent=True), nullcontext(progress))
-    mean = draft.small.some(MOST).read().mean(axis=0)
-    return FoundCapture(draft, _small(files, draft), mean)
+
+    def __init__(self, files: FolderFiles) -> None:
+        self.files, self.done, self.total = files, 0, 1
+        self.draft: Draft | None = None
+        self.found: FoundCapture | None = None
+        self.fault: Exception | None = None
+        self.begun_s = time.monotonic()
+        # A daemon: whoever ends the studio does not wait for it.
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it has ended."""
+        return self.found is not None or self.fault is not None
+
+    def wait(self) -> None:
+        """Return when it has ended."""
+        self._thread.join()
+
+    @property
+    def state(self) -> str:
+        """What it is at, and for how long."""
+        at = f"Reading the photographs: {self.done} of {self.total}" if self.done else "Reading the photographs"
+        if self.draft is not None:
+            has_balls = self.draft.manifest.spheres
+            at = "Looking at the scan" if has_balls else "Looking for balls, board and scan: 10 to 60 seconds"
+        return f"{at} ... {time.monotonic() - self.begun_s:.0f} s so far"
+
+    @cached_property
+    def first(self) -> Image | None:
+        """The first photograph, small; None: it cannot be read."""
+        return first_look(self.files.photographs["flash"][0])
+
+    def _read(self, done: int, total: int) -> None:
+        self.done, self.total = done, total
+
+    def _see(self, draft: Draft) -> None:
+        self.draft = draft
+
+    def _run(self) -> None:
+        try:
+            asking = Asking(Answers(), silent=True)
+            draft = prepare(self.files, asking, nullcontext(self._read), self._see)
+            self.found = FoundCapture(draft, _small(self.files, draft), mean_of(draft))
+        except Exception as fault:
+            self.fault = fault
+
+
+def mean_of(draft: Draft) -> NDArray[np.float32]:
+    """Return the mean (h, w, 3) of the flash frames, linear, small."""
+    return draft.small.some(MOST).read().mean(axis=0)
 
 
 def _small(files: FolderFiles, draft: Draft) -> dict[Path, Small]:
@@ -94,11 +142,17 @@ def _small(files: FolderFiles, draft: Draft) -> dict[Path, Small]:
     return {path: found[path] for path in sorted(found, key=natural_key)}
 
 
-Told = Callable[[int, int], Any]
+def first_look(path: Path, encoding: Encoding = "linear") -> Image | None:
+    """Return a photograph small, as 8 bits (h, w, 3); None: it cannot be read."""
+    with suppress(OSError, ValueError, SceneError):
+        (small,), _ = read_small([path], encoding)
+        linear = decode(small.codes)
+        return Exposure.for_picture(linear).develop(linear)
+    return None
 
 
 class Looking:
-    """Folders, and what was found in those that somebody has asked for.
+    """Folders, and the looks at those that somebody has asked for.
 
     out: Output folder of the one session, or, with `is_parent`, the folder in which each has its own; None: out/NAME.
     Raises SceneError: there are several, and one output folder.
@@ -108,8 +162,8 @@ class Looking:
         if out is not None and not is_parent and len(folders) > 1:
             raise SceneError(f"--out {out}: there are {len(folders)} objects, each with a folder of its own: out/NAME.")
         self.folders, self._out, self._is_parent = tuple(folders), out, is_parent
-        self._found: dict[Path, Future[FoundCapture]] = {}
-        self._lock = threading.Lock()
+        self.looks: dict[Path, Look] = {}
+        """By folder. One that is taken out is made anew: its photographs are hundreds of megabytes."""
 
     def out_of(self, files: FolderFiles) -> Path:
         """Return the output folder of a session."""
@@ -118,40 +172,9 @@ class Looking:
         origin = Origin("session", files.folder, tuple(files.photographs.get("flash", ())))
         return default_out(origin, files.folder.name, self._out).resolve()
 
-    def ask(self, files: FolderFiles, told: Told, done: Callable[["Future[FoundCapture]"], Any]) -> None:
-        """Have a folder looked at, in a thread of its own.
-
-        told: Called with how many photographs are read, and of how many, by who asked first. done: Called with what was
-        found, or why not.
-        """
-        with self._lock:
-            future = self._found.get(files.folder)
-            # What failed may have been mended.
-            is_new = future is None or (future.done() and future.exception() is not None)
-            if future is None or is_new:
-                future = self._found[files.folder] = Future()
-        if is_new:
-            # A daemon: whoever ends the studio does not wait for it.
-            threading.Thread(target=_fulfil, args=(future, files, told), daemon=True).start()
-        future.add_done_callback(done)
-
-    def found_in(self, folder: Path) -> FoundCapture | None:
-        """Return what was found in a folder; None before it was looked at, and after it is forgotten."""
-        with self._lock:
-            future = self._found.get(folder)
-        return future.result() if future and future.done() and not future.exception() else None
-
-    def forget(self, folder: Path) -> None:
-        """Let go of what was found in a folder: its photographs are hundreds of megabytes."""
-        with self._lock:
-            if folder in self._found and self._found[folder].done():
-                del self._found[folder]
-
-
-def _fulfil(future: "Future[FoundCapture]", files: FolderFiles, told: Told) -> None:
-    try:
-        found = look(files, told)
-    except BaseException as fault:
-        future.set_exception(fault)
-    else:
-        future.set_result(found)
+    def look_at(self, files: FolderFiles) -> Look:
+        """Return the look at a folder, which is begun now if none was; one that failed is begun again."""
+        look = self.looks.get(files.folder)
+        if look is None or look.fault is not None:
+            look = self.looks[files.folder] = Look(files)
+        return look

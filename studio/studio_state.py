@@ -1,4 +1,4 @@
-"""The state of the session of work, over all areas, with its past: it outlives a reload and a change of the area."""
+"""What is worked on in a studio, over all areas, with its past: it outlives a reload and a change of the area."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,6 +8,7 @@ from studio.background_process import Work
 
 State = TypeVar("State")
 LONGEST = 200
+"""Changes that can be taken back."""
 TOGETHER_S = 1.0
 """Changes by one input that follow each other faster are undone together: digits typed, a slider drawn."""
 
@@ -56,7 +57,7 @@ AREAS: tuple[Area, ...] = get_args(Area)
 
 
 @dataclass(eq=False)
-class Sitting:
+class Edits:
     """What is corrected in a session.
 
     found: As it was found when the folder was read. kept: What of it is in the folder's files.
@@ -68,7 +69,7 @@ class Sitting:
 
 
 @dataclass(eq=False)
-class Desk:
+class StudioState:
     """What is worked on; there is one for a studio.
 
     area: The one that is shown.
@@ -78,7 +79,7 @@ class Desk:
     looking: The folders in which sessions are begun.
     captures: Of each of these that was looked at, what was put right in it.
     review: Output folder and session that is looked at; None for the second: the one that the folder names.
-    sittings: By output folder, what was corrected there.
+    edits: By output folder, what was corrected there.
     to_run: The step up to which a session that is opened next is run at once; empty: it is not.
     work: What is at work in the background, or was last.
     """
@@ -90,7 +91,7 @@ class Desk:
     looking: Any = None
     captures: dict[Path, History[Any]] = field(default_factory=dict)
     review: tuple[Path, Path | None] | None = None
-    sittings: dict[Path, Sitting] = field(default_factory=dict)
+    edits: dict[Path, Edits] = field(default_factory=dict)
     to_run: str = ""
     work: Work | None = None
 
