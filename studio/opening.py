@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Literal
 
 from capture.session.session import load_session
-from capture.survey.folder_files import survey
+from capture.survey.folder_files import FolderFiles, survey
 from lab.session_place import MANIFEST, SESSION, default_out, is_output, is_session, origin_of, session_and_out
 from scene.errors import SceneError, SessionError
+from scene.origin import Origin
 from studio.editor.editor_window import FILE, begun
-from studio.new_session.looking import Looking
+from studio.new_session.looking import Look
 from studio.studio_state import StudioState
 from studio.widgets import Row, button, code, text
 from studio.window import Window
@@ -74,10 +75,13 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
         source = workspace.root / source
     kind = kind_of(source)
     if kind == "folder":
-        looking = Looking(survey(source), out or workspace.root / "out", is_parent=out is None)
-        for one in looking.folders:
-            workspace.path(looking.out_of(one))
-        state.area, state.looking = "New session", looking
+        folders = survey(source)
+        if out is not None and len(folders) > 1:
+            raise SceneError(f"--out {out}: there are {len(folders)} objects, each with a folder of its own: out/NAME.")
+        state.area, state.looks = "New session", {
+            files.folder: Look(files, workspace.path(out.resolve() if out else _out_of(files, workspace.root / "out")))
+            for files in folders
+        }  # fmt: skip
     elif source.is_dir() or source.name == MANIFEST:
         place, session = found_at(source, out)
         if out is None and kind != "results" and not place.is_relative_to(workspace.root):
@@ -95,6 +99,11 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
             f"{source}: neither a folder nor a scene description, .toml. Give photographs, a session or its output "
             "folder."
         )
+
+
+def _out_of(files: FolderFiles, parent: Path) -> Path:
+    origin = Origin("session", files.folder, tuple(files.photographs.get("flash", ())))
+    return default_out(origin, files.folder.name, parent).resolve()
 
 
 class OpenWindow(Window):

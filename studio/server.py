@@ -138,7 +138,7 @@ class Studio:
         state, place = self.state, (client, self._workspace, self.state)
         if state.area == "Session" and state.review is not None:
             return ReviewWindow(*place, address_of=self.page.address_of)
-        if state.area == "New session" and state.looking is not None:
+        if state.area == "New session" and state.looks:
             return NewSessionWindow(*place)
         return EditorWindow(*place, self.preview) if state.area == "Scene" else OpenWindow(*place)
 

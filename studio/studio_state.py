@@ -76,8 +76,7 @@ class StudioState:
     tabs: The open tab of each area.
     folder: That is looked into to open something; None: the workspace.
     scene: Of the scene that is made; None: a new one.
-    looking: The folders in which sessions are begun.
-    captures: Of each of these that was looked at, what was put right in it.
+    looks: The folders in which sessions are begun, with what is found there and was put right.
     review: Output folder and session that is looked at; None for the second: the one that the folder names.
     edits: By output folder, what was corrected there.
     to_run: The step up to which a session that is opened next is run at once; empty: it is not.
@@ -88,8 +87,7 @@ class StudioState:
     tabs: dict[Area, str] = field(default_factory=dict)
     folder: Path | None = None
     scene: History[Any] | None = None
-    looking: Any = None
-    captures: dict[Path, History[Any]] = field(default_factory=dict)
+    looks: dict[Path, Any] = field(default_factory=dict)
     review: tuple[Path, Path | None] | None = None
     edits: dict[Path, Edits] = field(default_factory=dict)
     to_run: str = ""

@@ -22,7 +22,7 @@ def _status(window: EditorWindow) -> str:
         return "drawing ..."
     if drawn.picture is None:
         return f"**No preview.** {plain(drawn.fault)}"
-    return f"{plain(drawn.light)}: {drawn.stage} after the change"
+    return f"{plain(drawn.light)}: {drawn.stage}, {drawn.seconds:.2f} s after the change"
 
 
 ROWS = (
@@ -58,7 +58,7 @@ class PreviewPanel:
     def refresh(self) -> None:
         """Follow the number of lights, which one is looked at, and what was drawn."""
         drawn, window = self._window.drawn, self._window
-        if drawn is not None and drawn.picture is not None and self._shown != (drawn, window.gain):
-            self._shown = drawn, window.gain
+        if drawn is not None and drawn.picture is not None and self._shown != (id(drawn), window.gain):
+            self._shown = id(drawn), window.gain
             self._picture.image = self._resize(Exposure(1 / window.gain, np.ones(3)).develop(drawn.picture))
         self._panel.refresh()

@@ -24,31 +24,25 @@ BY_SIZE = "(by the object's size)"
 MILLIMETRES: dict[str, Any] = {"value": 0.0, "min": 0.0, "max": 10_000.0, "step": 0.01}
 
 
-def _names(window: NewSessionWindow) -> dict[str, Any]:
+def _names(window: NewSessionWindow) -> dict[str, Path]:
     """Return the folders by the names by which they are chosen."""
-    folders = window.looking.folders
-    top = os.path.commonpath([files.folder.parent for files in folders])
-
-    def name(folder: Path) -> str:
-        there = " (has a session.toml)" if len(folders) > 1 and (folder / MANIFEST).exists() else ""
-        return f"{folder.relative_to(top)}{there}"
-
-    return {name(files.folder): files for files in folders}
+    folders = list(window.state.looks)
+    top = os.path.commonpath([folder.parent for folder in folders])
+    there = " (has a session.toml)" if len(folders) > 1 else ""
+    return {f"{folder.relative_to(top)}{there if (folder / MANIFEST).exists() else ''}": folder for folder in folders}
 
 
 def _object(window: NewSessionWindow) -> dict[str, Any]:
     names = _names(window)
-    chosen = next(name for name, files in names.items() if files is window.files)
+    chosen = next(name for name, folder in names.items() if folder == window.place)
     return {"visible": len(names) > 1, "options": tuple(names), "value": chosen}
 
 
 def _found(window: NewSessionWindow) -> str:
     """Return what was found, or what is looked for, as Markdown."""
-    draft = window.capture
-    lines = [code(str(window.files.folder)), ""]
+    draft, lines = window.capture, [code(str(window.place)), ""]
     if draft is None:
-        look = window.folder_look
-        told = "has a session.toml, which stays as it is." if look is None else str(look.fault or look.state)
+        told = "has a session.toml, which stays as it is." if window.manifest.exists() else window.taken.told
         return "\n".join([*lines, f"**{plain(told)}**"])
     # No table: its first column would be as wide as the longest key, and the panel is narrow.
     lines += [f"- **{plain(what)}**: {plain(told)}" for what, told in facts_of(draft)]
@@ -57,9 +51,9 @@ def _found(window: NewSessionWindow) -> str:
     return "\n".join([*lines, "", notes])
 
 
-def _share(window: NewSessionWindow) -> float:
-    """Return how many of the photographs are read, %."""
-    return 100 * window.folder_look.done / window.folder_look.total if window.folder_look else 0.0
+def _progress(window: NewSessionWindow) -> dict[str, Any]:
+    look = window.taken
+    return {"visible": bool(look.begun_s) and not look.is_over, "value": 100 * look.done / look.total}
 
 
 def _diameter(kind: str) -> Row:
@@ -91,13 +85,13 @@ def _measure_one(window: NewSessionWindow, diameter_mm: float) -> None:
         window.measure(window.ball, diameter_mm)
 
 
-def _photograph_names(window: NewSessionWindow) -> dict[str, Path]:
-    return {name_of(path, window.files.folder): path for path in window.found.photographs} if window.found else {}
+def _photographs(window: NewSessionWindow) -> dict[str, Path]:
+    return {name_of(path, window.place): path for path in window.taken.small}
 
 
 def _photograph(window: NewSessionWindow) -> dict[str, Any]:
-    chosen = MEAN if window.photograph is None else name_of(window.photograph, window.files.folder)
-    return {"options": (MEAN, *_photograph_names(window)), "value": chosen}
+    chosen = MEAN if window.photograph is None else name_of(window.photograph, window.place)
+    return {"options": (MEAN, *_photographs(window)), "value": chosen}
 
 
 def _role(window: NewSessionWindow) -> dict[str, Any]:
@@ -108,16 +102,16 @@ def _role(window: NewSessionWindow) -> dict[str, Any]:
 
 
 def _use(window: NewSessionWindow, role: str) -> None:
-    if window.photograph is not None and window.found is not None:
+    if window.photograph is not None:
         try:
-            window.edit(with_role(window.need(), window.found.small, window.photograph, role), "use")
+            window.edit(with_role(window.need(), window.taken.small, window.photograph, role), "use")
         finally:
             window.refresh()
 
 
 def _files(window: NewSessionWindow, path: str) -> list[Path]:
     """Return the files that a key may name."""
-    files = window.files
+    files = window.taken.files
     return {"object.scan": files.scans, "object.mask": files.masks, "object.normals": files.normals,
             "lights.file": files.lights}.get(path, [])  # fmt: skip
 
@@ -141,7 +135,7 @@ def _key(path: str) -> Row:
         value = getattr(said, key) if said is not None and key in said.model_fields_set else None
         shown: dict[str, Any] = {"value": nothing if value is None else value}
         if widget == "dropdown":
-            names = (name_of(one, window.files.folder) for one in _files(window, path))
+            names = (name_of(one, window.place) for one in _files(window, path))
             shown = {"options": (nothing, *declared.get("enum", names))} | shown
         # How values are coded is a question of some kinds of files only.
         return shown | ({"visible": value is not None} if widget == "checkbox" else {})
@@ -161,7 +155,7 @@ def _text(window: NewSessionWindow) -> str:
 def _where(window: NewSessionWindow) -> str:
     if window.capture is None:
         return ""
-    return f"Writes {code(str(window.manifest))}. Results go to {code(window.workspace.name(window.out))}."
+    return f"Writes {code(str(window.manifest))}. Results go to {code(window.workspace.name(window.taken.out))}."
 
 
 def _is_found(window: NewSessionWindow) -> bool:
@@ -181,7 +175,7 @@ TABS = {
         text("Click a photograph in the strip below the large one; a second click shows the mean again. One that is "
              "not to be used, because somebody walked by or the flash failed: choose *not used*."),
         Row("dropdown", "photograph", _photograph, lambda window, name: window.choose(
-            photograph=_photograph_names(window).get(name), ball=None), {"options": (MEAN,)}),
+            photograph=_photographs(window).get(name), ball=None), {"options": (MEAN,)}),
         Row("dropdown", "used for", _role, _use, {"options": (*ROLES, BOARD, UNUSED), "disabled": True}),
     ),
     "Camera": (
@@ -194,12 +188,11 @@ TABS = {
 }  # fmt: skip
 NEW_SESSION_ROWS = (
     text(lambda window: {"content": "Several objects: each gets a session of its own.",
-                         "visible": len(window.looking.folders) > 1}),
+                         "visible": len(window.state.looks) > 1}),
     Row("dropdown", "object", _object, lambda window, name: window.open(_names(window)[name]),
         {"options": ("",), "visible": False}),
     text(_found),
-    Row("progress_bar", show=lambda window: {"visible": window.is_looking, "value": _share(window)},
-        start={"value": 0, "visible": False, "animated": True}),
+    Row("progress_bar", show=_progress, start={"value": 0, "visible": False, "animated": True}),
     button("Open its session", lambda window: window.open_session(),
            lambda window: {"visible": window.capture is None and window.manifest.exists()}, kind="main", visible=False),
     *tab_rows(TABS, when=_is_found),

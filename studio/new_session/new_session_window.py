@@ -4,18 +4,14 @@ from pathlib import Path
 from typing import Any
 
 from capture.session.manifest import SphereTable
-from capture.survey.folder_files import FolderFiles
 from compare.report.picture_strip import INK, PictureStrip
-from compare.report.pictures import Exposure
 from lab.session_place import MANIFEST
-from scene.camera import Camera
 from scene.errors import SceneError
-from scene.map_pictures import Image
 from shoot.init.contact_sheet import COLOURS
 from shoot.init.draft import Draft
 from shoot.init.init_session import check_free, write_manifest
 from shoot.init.session_text import session_text
-from studio.new_session.looking import FoundCapture, Look, mean_of
+from studio.new_session.looking import Look
 from studio.new_session.photograph_roles import UNUSED, role_of
 from studio.photograph.outlines import Outlines
 from studio.photograph.photograph_window import PhotographWindow, Shown
@@ -27,63 +23,61 @@ LEFT_OUT, OTHER = (255, 120, 110), (255, 210, 90)
 
 
 class NewSessionWindow(PhotographWindow):
-    """What a browser begins sessions in. Its panels call `edit`, `measure` and `correct`."""
+    """What a browser begins sessions in. Its panels call `edit`, `measure` and `correct`.
+
+    place: Of the folder that is looked at, among the state's `looks`.
+    photograph: The one that is shown; None: the mean of the flash frames.
+    """
 
     area = "New session"
     first_tab = "Balls"
-    is_flat = True
 
     def __init__(self, *place: Any) -> None:
         super().__init__(*place)
-        self.looking = self.state.looking
-        without = [files for files in self.looking.folders if not (files.folder / MANIFEST).exists()]
-        self.files: FolderFiles = (without or self.looking.folders)[0]
+        without = [folder for folder in self.state.looks if not (folder / MANIFEST).exists()]
+        self.place: Path = (without or list(self.state.looks))[0]
         self.photograph: Path | None = None
-        """The one that is shown; None: the mean of the flash frames."""
-        self._is_taken = False
+        self._is_shown = False
 
     def begin(self) -> None:
         """Look at the first folder that has no session yet."""
-        self.open(self.files)
+        self.open(self.place)
 
     @property
-    def folder_look(self) -> Look | None:
-        """The look at the folder; None: it has a session.toml."""
-        return self.looking.looks.get(self.files.folder)
+    def taken(self) -> Look:
+        """The look at the folder."""
+        return self.state.looks[self.place]
 
     @property
-    def is_looking(self) -> bool:
-        """Whether the folder is being looked at."""
-        return self.folder_look is not None and not self.folder_look.is_over
-
-    @property
-    def found(self) -> FoundCapture | None:
-        """The folder as it was found; None before it was looked at."""
-        return self.folder_look.found if self.folder_look else None
+    def manifest(self) -> Path:
+        """Where session.toml is written."""
+        return self.place / MANIFEST
 
     @property
     def history(self) -> History[Draft] | None:
         """The document with what was put right in it; None before the folder was looked at."""
-        return self.state.captures.get(self.files.folder) if self.found else None
+        return self.taken.history
 
     def keep(self, history: History[Any]) -> None:
         """Keep what was put right."""
-        self.state.captures[self.files.folder] = history
+        self.taken.history = history
 
     @property
     def capture(self) -> Draft | None:
         """What would be written now, once the folder was looked at."""
         return self.history.state if self.history else None
 
-    @property
-    def seen(self) -> Draft | None:
-        """The same, or what is known so far."""
-        return self.capture or (self.folder_look.draft if self.folder_look else None)
+    def need(self) -> Draft:
+        """Return the document. Raises SceneError: the folder was not looked at yet."""
+        if self.capture is None:
+            raise SceneError(f"{self.place.name}: is still being looked at. Wait for it.")
+        return self.capture
 
     @property
     def balls(self) -> list[SphereTable]:
-        """The balls, in the frames and shot apart."""
-        return self.seen.manifest.spheres if self.seen else []
+        """The balls that are known so far, in the frames and shot apart."""
+        draft = self.capture or self.taken.draft
+        return draft.manifest.spheres if draft else []
 
     @property
     def outlines(self) -> Outlines:
@@ -116,84 +110,6 @@ class NewSessionWindow(PhotographWindow):
         ]
         self.edit(self.need().with_balls(balls), "diameter")
 
-    @property
-    def plane(self) -> Plane | None:
-        """Where the photographs stand."""
-        if self.seen is not None:
-            return Plane(self.seen.width, self.seen.height)
-        first = self.folder_look.first if self.folder_look and self.is_looking else None
-        return None if first is None else Plane(first.shape[1], first.shape[0])
-
-    @property
-    def camera(self) -> Camera | None:
-        """By which the outlines are drawn."""
-        return None if self.seen is None else self.seen.assumed_camera
-
-    def shown(self) -> Shown:
-        """Return the photograph that is chosen, or the mean; while the folder is looked at, the first, with balls."""
-        look, draft, found, photograph = self.folder_look, self.capture, self.found, self.photograph
-        assert look is not None
-        colours = tuple(COLOURS[ball.kind] for ball in self.outlines)
-        if draft is None or found is None:
-            return Shown((look.draft is None, lambda: first_picture(look)), colours=colours)
-        roles = tuple(role_of(draft, path) for path in found.photographs)
-        return Shown(
-            ((self.reading, photograph), lambda: found.picture(photograph)),
-            ((self.reading, roles), lambda: _strip(found, roles)),
-            None if photograph is None else found.photographs.index(photograph),
-            # One photograph is looked at as it is.
-            (found.draft.small, found.exposure, found.draft.step) if photograph is None else None,
-            colours,
-        )
-
-    def choose_small(self, index: int) -> None:
-        """Look at a photograph; a second click goes back to all of them together."""
-        assert self.found is not None
-        path = self.found.photographs[index]
-        self.choose(photograph=None if self.photograph == path else path, ball=None, looks=self.looks + 1)
-
-    @property
-    def text(self) -> str:
-        """What would be written now, as session.toml has it."""
-        return session_text(self.need(), "rgbn studio")
-
-    @property
-    def manifest(self) -> Path:
-        """Where it is written."""
-        return self.files.folder / MANIFEST
-
-    def need(self) -> Draft:
-        """Return the document. Raises SceneError: the folder was not looked at yet."""
-        if self.capture is None:
-            raise SceneError(f"{self.files.folder.name}: is still being looked at. Wait for it.")
-        return self.capture
-
-    def open(self, files: FolderFiles) -> None:
-        """Look at a folder; what was put right in it, or in another one, is kept."""
-        self.files, self.on_photograph, self._is_taken = files, None, False
-        if self.manifest.exists():
-            self.state.captures.pop(files.folder, None)
-            self.looking.looks.pop(files.folder, None)
-        else:
-            self.looking.look_at(files)
-        self.choose(ball=None, photograph=None, reading=self.reading + 1)
-        self.look_again()
-
-    def look_again(self) -> None:
-        """Show how far the look is, and once what came of it."""
-        super().look_again()
-        look = self.folder_look
-        if look is None or self._is_taken:
-            return
-        if look.is_over:
-            self._is_taken = True
-            if look.fault is not None:
-                self.attempt(lambda: _raise(look.fault))
-            elif look.found is not None and self.files.folder not in self.state.captures:
-                self.keep(History(look.found.draft))
-            self.reading += 1
-        self.refresh()
-
     def edit(self, draft: Draft, label: str = "edit") -> None:
         """Take the document as it was edited."""
         self.alter(label, manifest=draft.manifest)
@@ -202,51 +118,86 @@ class NewSessionWindow(PhotographWindow):
         """Take the balls as they were found, with the diameters that are known of their kinds."""
         self.correct(tuple(ball for ball in self.need().found if ball.center_px), "balls as found")
 
+    def shown(self) -> Shown | None:
+        """Return the photograph that is chosen, or the mean; while the folder is looked at, the first, with balls."""
+        look, draft, photograph = self.taken, self.capture or self.taken.draft, self.photograph
+        if draft is None:
+            first = look.first if look.begun_s and not look.is_over else None
+            plane = None if first is None else Plane(first.shape[1], first.shape[0])
+            return None if plane is None or first is None else Shown(plane, None, ("first", lambda: first))
+        plane, colours = Plane(draft.width, draft.height), tuple(COLOURS[ball.kind] for ball in self.outlines)
+        picture = ((self.reading, photograph), lambda: look.picture(photograph))
+        if self.capture is None:
+            return Shown(plane, draft.assumed_camera, picture, colours=colours)
+        roles = tuple(role_of(draft, path) for path in look.small)
+        # One photograph is looked at as it is.
+        crop = (draft.small, look.exposure, draft.step) if photograph is None else None
+        chosen = None if photograph is None else list(look.small).index(photograph)
+        strip = ((self.reading, roles), lambda: _strip(look, roles))
+        return Shown(plane, draft.assumed_camera, picture, strip, chosen, crop, colours)
+
+    def choose_small(self, index: int) -> None:
+        """Look at a photograph; a second click goes back to all of them together."""
+        path = list(self.taken.small)[index]
+        self.choose(photograph=None if self.photograph == path else path, ball=None, looks=self.looks + 1)
+
+    def open(self, place: Path) -> None:
+        """Look at a folder; what was put right in it, or in another one, is kept."""
+        self.place, self.on_photograph, self._is_shown = place, None, False
+        if self.manifest.exists():
+            self._let_go()
+        else:
+            self.taken.begin()
+        self.choose(ball=None, photograph=None, reading=self.reading + 1)
+        self.look_again()
+
+    def _let_go(self) -> None:
+        """Forget what was found: photographs are hundreds of megabytes."""
+        self.state.looks[self.place] = Look(self.taken.files, self.taken.out)
+
+    def look_again(self) -> None:
+        """Show how far the look is, and once what came of it."""
+        super().look_again()
+        look = self.taken
+        if self._is_shown or not look.begun_s:
+            return
+        if look.is_over:
+            self._is_shown = True
+            self.reading += 1
+            if look.fault is not None:
+                self.show_fault(str(look.fault))
+        self.refresh()
+
+    @property
+    def text(self) -> str:
+        """What would be written now, as session.toml has it."""
+        return session_text(self.need(), "rgbn studio")
+
     def write(self) -> None:
         """Write session.toml, once, and go on with the session.
 
         Raises SceneError: there is one already, what it would say cannot be read again, or the output folder would lie
         outside of the workspace.
         """
-        draft, out = self.need(), self.out
-        check_free(self.files)
+        draft, out = self.need(), self.workspace.path(self.taken.out)
+        check_free(self.taken.files)
         write_manifest(draft, self.text)
-        self.state.captures.pop(self.files.folder, None)
-        self.looking.looks.pop(self.files.folder, None)
-        self.state.show_session(out, self.files.folder, tab="Verdict")
+        self._let_go()
+        self.state.show_session(out, self.place, tab="Verdict")
         self.turn()
-
-    @property
-    def out(self) -> Path:
-        """The output folder, in the workspace."""
-        return self.workspace.path(self.looking.out_of(self.files))
 
     def open_session(self) -> None:
         """Show the session that the folder has already."""
-        self.state.show_session(self.out, self.files.folder)
+        self.state.show_session(self.workspace.path(self.taken.out), self.place)
         self.turn()
 
 
-def _raise(fault: BaseException | None) -> None:
-    if fault is not None:
-        raise fault
-
-
-def first_picture(look: Look) -> Image:
-    """Return what is shown of a folder that is being looked at: its first photograph, then the mean."""
-    if look.draft is not None:
-        mean = mean_of(look.draft)
-        return Exposure.for_picture(mean).develop(mean)
-    assert look.first is not None
-    return look.first
-
-
-def _strip(found: FoundCapture, roles: tuple[str, ...]) -> PictureStrip:
+def _strip(look: Look, roles: tuple[str, ...]) -> PictureStrip:
     """Return the small photographs, each with its use; those that are not used are dim."""
     colours = {"flash": INK, UNUSED: LEFT_OUT}
     labels = [
         (path.stem if role == "flash" else f"{role}: {path.stem}", colours.get(role, OTHER))
-        for path, role in zip(found.photographs, roles, strict=True)
+        for path, role in zip(look.small, roles, strict=True)
     ]
-    dimmed = [picture // (3 if role == UNUSED else 1) for picture, role in zip(found.thumbnails, roles, strict=True)]
+    dimmed = [small // (3 if role == UNUSED else 1) for small, role in zip(look.thumbnails, roles, strict=True)]
     return PictureStrip.of(dimmed, labels)

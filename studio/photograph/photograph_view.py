@@ -35,13 +35,12 @@ class PhotographView:
 
     def refresh(self) -> None:
         """Show the window's photograph, balls and strip; only what changed is sent."""
-        window, plane, draw = self._window, self._window.plane, self._layers.draw
+        window, shown, draw = self._window, self._window.shown(), self._layers.draw
         self._root.visible = window.is_flat
-        if plane is None:
+        if shown is None:
             self._layers.keep_only(set())
             return
-        shown, reading, balls = window.shown(), window.reading, window.outlines
-        marks = shown.marks or {}
+        plane, camera, balls = shown.plane, shown.camera, window.outlines
         # The photograph comes first: the small pictures are made of all of them.
         draw("picture", (plane, shown.picture[0]), lambda: self._add_picture(plane, shown.picture[1]()))
         draw("small pictures", shown.strip[0], lambda: self._make_strip(shown))
@@ -50,12 +49,13 @@ class PhotographView:
         key = (window.is_flat, window.ball, plane, self._strip is None, window.beside is None, window.looks)
         draw("face", key, lambda: self._face(plane))
         draw("beside", window.beside, lambda: self._add_beside(plane))
-        now, colours = (reading, window.ball), tuple(shown.colours)
-        draw("outlines", (now, balls, window.camera, colours), lambda: self._add_outlines(plane, colours))
-        draw("knobs", (now, len(balls), window.camera is None), lambda: self._add_knobs(plane))
-        draw("crop", (now, len(balls), shown.crop is None), lambda: self._add_crop(plane, shown))
-        for name, (mark_key, add) in marks.items():
-            draw(name, (now, len(balls), mark_key), add)
+        now = (window.reading, window.ball)
+        draw("outlines", (now, balls, camera, shown.colours), lambda: self._add_outlines(shown))
+        now = (*now, len(balls))
+        draw("knobs", (now, camera is None), lambda: self._add_knobs(plane, camera is not None))
+        draw("crop", (now, shown.crop is None), lambda: self._add_crop(plane, shown))
+        for name, (key, add) in shown.marks.items():
+            draw(name, (now, key), add)
         if window.ball is not None and self._knobs:
             # A knob is moved, not made anew: it may be under a hand.
             for knob, place in zip(self._knobs, _knob_places(plane, balls[window.ball]), strict=True):
@@ -126,9 +126,9 @@ class PhotographView:
         wide, high = box.width * plane.per_px * step, box.height * plane.per_px * step
         return [add_picture(window, f"{ROOT}/crop", image, (wide, high), plane.place(middle, lift=0.001))]
 
-    def _add_outlines(self, plane: Plane, colours: tuple[Any, ...]) -> list[Any]:
-        window, camera, handles = self._window, self._window.camera, []
-        for index, (ball, colour) in enumerate(zip(window.outlines, colours, strict=True)):
+    def _add_outlines(self, shown: Shown) -> list[Any]:
+        window, plane, camera, handles = self._window, shown.plane, shown.camera, []
+        for index, (ball, colour) in enumerate(zip(window.outlines, shown.colours, strict=True)):
             if colour is None or camera is None:
                 continue
             line = closed(plane.place(sphere_of(ball).outline(camera, 180), lift=0.002))
@@ -141,10 +141,10 @@ class PhotographView:
             handles.append(self._view.add_label(f"{ROOT}/name_{index}", name, position=corner))
         return handles
 
-    def _add_knobs(self, plane: Plane) -> list[Any]:
+    def _add_knobs(self, plane: Plane, are_drawn: bool) -> list[Any]:
         window, index = self._window, self._window.ball
         self._knobs = []
-        if index is None or window.camera is None:
+        if index is None or not are_drawn:
             return []
 
         def to_center(pixel: tuple[float, float], held_s: float) -> None:

@@ -1,8 +1,8 @@
 """A window on a photograph with balls outlined on it."""
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from capture.session.manifest import SphereTable
@@ -29,50 +29,51 @@ class Beside:
 class Shown:
     """What the view shows, by what makes it; each is made again where its key is another.
 
+    plane, camera: Where the photograph stands, and by which the outlines are drawn; None: they are not known.
     picture, strip: Key and maker of the large photograph and of the small ones. chosen: Of the small ones.
     crop: Of which the chosen ball is shown enlarged, with the photograph's pixels in one of theirs; None: it is not.
     colours: Of the balls' outlines; None: one is not drawn.
     marks: What else stands on the photograph, by names: key, and what adds it and returns its handles.
     """
 
+    plane: Plane
+    camera: Camera | None
     picture: tuple[Any, Callable[[], Image]]
     strip: tuple[Any, Callable[[], PictureStrip | None]] = (None, lambda: None)
     chosen: int | None = None
     crop: tuple[Frames, Exposure, int] | None = None
-    colours: Sequence[tuple[int, int, int] | None] = ()
-    marks: dict[str, tuple[Any, Callable[[], list[Any]]]] | None = None
+    colours: tuple[tuple[int, int, int] | None, ...] = ()
+    marks: dict[str, tuple[Any, Callable[[], list[Any]]]] = field(default_factory=dict)
 
 
 class PhotographWindow(Window):
     """What a browser marks balls in. Its panels call `choose` and `correct`; then all panels are refreshed.
 
     What is corrected is a state with a past, which outlives the window; it has `outlines`.
+
+    reading: How often what is shown was read again: whatever is drawn of it is older than that, or as old.
+    looks: How often the whole was asked for again.
+    on_photograph: Who wants the pixels that are clicked on the photograph.
     """
+
+    is_flat = True
 
     def __init__(self, *place: Any) -> None:
         super().__init__(*place)
-        self.reading = 0
-        """How often what is shown was read again: whatever is drawn of it is older than that, or as old."""
-        self.looks = 0
-        """How often the whole was asked for again."""
+        self.reading, self.looks = 0, 0
         self.ball: int | None = None
         self.beside: Beside | None = None
         self.on_photograph: Callable[[tuple[float, float]], None] | None = None
-        """Who wants the pixels that are clicked on the photograph."""
+
+    def shown(self) -> Shown | None:
+        """Return what stands in the view."""
+        raise NotImplementedError
 
     @property
     def plane(self) -> Plane | None:
         """Where the photograph stands in the view; None without one."""
-        raise NotImplementedError
-
-    @property
-    def camera(self) -> Camera | None:
-        """By which the outlines are drawn; None where none is known."""
-        raise NotImplementedError
-
-    def shown(self) -> Shown:
-        """Return what stands in the view, where there is a plane."""
-        raise NotImplementedError
+        shown = self.shown()
+        return shown and shown.plane
 
     def choose_small(self, index: int) -> None:
         """Look at the photograph whose small picture is clicked."""

@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from capture.session.manifest import SphereTable
 from compare.report.facts import read_optional
-from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.output_folder import read_record
 from shoot.watch.status import STATUS
 from studio.photograph.photograph_window import PhotographWindow, Shown
-from studio.photograph.plane import Plane
 from studio.review.corrections import Corrections, Picks, forget_kept, outlines_of, pose_of, tables_of, write_amended
 from studio.review.folder import Review, is_kept
 from studio.review.photograph_picture import Look, normals_beside, twin_beside
@@ -117,22 +115,7 @@ class ReviewWindow(PhotographWindow):
         """Address of the report, where the verdict is looked at."""
         return self._address_of(self.folder) if self.tab == "Verdict" else ""
 
-    @property
-    def plane(self) -> Plane | None:
-        """Where the photograph stands in the view; None without one, and beside a shoot."""
-        frames, first = self.review.material.frames, self.review.first_look
-        if self.is_alone:
-            return None
-        if frames is None:
-            return None if first is None else Plane(first.shape[1], first.shape[0])
-        return Plane(frames.width, frames.height)
-
-    @property
-    def camera(self) -> Camera | None:
-        """By which the outlines are drawn."""
-        return None if self.review.material.frames is None else self.review.material.camera
-
-    def shown(self) -> Shown:
+    def shown(self) -> Shown | None:
         """Return the frame with what lies over it, the other frames, and what is marked on it."""
         return shown_of(self)
 

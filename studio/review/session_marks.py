@@ -22,23 +22,26 @@ OUTLINE = (255, 0, 190)
 """Of the scan at the pose that the picks give."""
 
 
-def shown_of(window: "ReviewWindow") -> Shown:
-    """Return what a session's window shows, which has a plane."""
-    review, plane, material = window.review, window.plane, window.review.material
-    assert plane is not None
-    waiting = FITTED if review.spheres else WAITING if window.tab == "Balls" else None
+def shown_of(window: "ReviewWindow") -> Shown | None:
+    """Return what a session's window shows; None: no photograph can be shown, or a shoot is."""
+    review, material, first = window.review, window.review.material, window.review.first_look
+    frames, exposure = material.frames, material.exposure
+    if window.is_alone or (frames is None and first is None):
+        return None
+    size = (frames.width, frames.height) if frames is not None else first.shape[1::-1] if first is not None else (1, 1)
+    plane = Plane(*size)
+    found = FITTED if review.spheres else WAITING if window.tab == "Balls" else None
     is_scan = window.tab == "Scan"
     pixels, strokes = (window.picks.pixels, window.strokes) if is_scan else ((), window.strokes[:0])
     places = [tuple(plane.place(pixel, lift=0.003)) for pixel in pixels]
-    crop = None
-    if material.frames is not None and material.exposure is not None:
-        crop = material.frames, material.exposure, 1
     return Shown(
+        plane,
+        None if frames is None else material.camera,
         ((window.reading, window.frame, window.how), lambda: _picture(window)),
         (window.reading, lambda: frame_strip(review)),
         window.frame,
-        crop,
-        tuple(waiting if window.is_found(ball) else MOVED for ball in window.outlines),
+        None if frames is None or exposure is None else (frames, exposure, 1),
+        tuple(found if window.is_found(ball) else MOVED for ball in window.outlines),
         {
             "highlights": (window.frame, lambda: _add_highlights(window, plane)),
             "picks": (pixels, lambda: add_numbered(window.client.scene, f"{ROOT}/pick", places, 0.04, NOW)),

@@ -8,7 +8,7 @@ import pytest
 from studio.display_mesh import clustered, display_mesh
 from studio.editor import edits, preview
 from studio.editor.edits import with_value
-from studio.editor.preview import Preview, rendering
+from studio.editor.preview import Preview, rendered
 from twin.description.materials import Conductor, Diffuse, RoughPlastic, Texture
 from twin.description.object_mesh import ObjectMesh, built_in
 
@@ -50,7 +50,7 @@ MATTE = ("materials", "matte")
 
 
 def drawn(scene, light=0, *, is_refined=True):
-    return list(rendering(scene, light, is_refined=is_refined))[-1]
+    return rendered(scene, light, "refined" if is_refined else "first picture")
 
 
 @pytest.mark.render
@@ -98,30 +98,26 @@ def test_only_the_newest_wish_is_refined_and_a_fault_is_told(running):
     assert shown.until("light_002", is_refined=True).picture.max() > 0.1
 
 
-def test_a_refined_picture_that_is_no_longer_wanted_is_dropped(running, monkeypatch):
-    """Not shown under the light that is chosen now, and not drawn to its end; of who is gone nothing is drawn."""
+def test_a_refined_picture_that_is_no_longer_wanted_is_not_shown(running, monkeypatch):
+    """Not under the light that is chosen now; and of who is gone nothing is."""
     began, let = threading.Semaphore(0), threading.Semaphore(0)
 
-    def slowly(scene, light, *, is_refined):
-        for _ in range(4 if is_refined else 0):
+    def slowly(scene, light, stage):
+        if stage == "refined":
             began.release()
             assert let.acquire(timeout=60)
-            yield None
-        yield PICTURE
+        return PICTURE
 
-    monkeypatch.setattr(preview, "rendering", slowly)
-    monkeypatch.setattr(preview, "STILL_S", 0.0)
+    monkeypatch.setattr(preview, "rendered", slowly)
     scene, shown = edits.start_document().scene(), Shown()
     running.request(scene, 3, shown)
     assert began.acquire(timeout=60)
     running.request(scene, 4, shown)
-    let.release(5)
+    let.release(2)
     shown.until("light_004", is_refined=True)
-    assert [(one.light, one.is_refined) for one in shown.rows] == [
-        ("light_003", False), ("light_004", False), ("light_004", True)
-    ]  # fmt: skip
-    for _ in range(4):
-        assert began.acquire(timeout=60)
+    rows = [(one.light, one.is_refined) for one in shown.rows]
+    assert rows == [("light_003", False), ("light_004", False), ("light_004", True)]
+    assert began.acquire(timeout=60)
     running.request(scene, 0, shown)
     assert began.acquire(timeout=60)
     running.forget()

@@ -1,6 +1,5 @@
 """The window of a new session without a browser: what is typed, clicked and chosen, and what is written."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -12,10 +11,11 @@ from capture.survey.folder_files import survey
 from scene.errors import SceneError
 from shoot.init import init_session
 from shoot.init.draft_notes import notes_of
-from studio.new_session.looking import Looking
+from studio.new_session.looking import Look
 from studio.new_session.new_session_rows import NEW_SESSION_ROWS, TABS
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.new_session.photograph_roles import role_of, with_role
+from studio.opening import open_path
 from studio.photograph.photograph_view import PhotographView
 from studio.photograph.plane import Plane
 from studio.studio_command import studio
@@ -39,21 +39,26 @@ def looks(monkeypatch, *answers):
     monkeypatch.setattr("studio.new_session.looking.prepare", prepare)
 
 
+def window_on(folder, client):
+    """Return a window on a folder, or on one that holds several."""
+    root = folder.parent
+    looks = {files.folder: Look(files, root / "out" / files.folder.name) for files in survey(folder)}
+    return NewSessionWindow(client, Workspace.at(root), StudioState(looks=looks))
+
+
 @pytest.fixture
 def begun(folder, found, nobody, furnish, settle, monkeypatch):
     """Return what makes a window on the folder, as soon as it was looked at, and what says things in it."""
     looks(monkeypatch, found)
 
     def furnished():
-        state = StudioState(looking=Looking(survey(folder), folder.parent / "out" / "jug"))
-        window = furnish(NewSessionWindow(nobody(), Workspace.at(folder.parent), state), NEW_SESSION_ROWS,
-                         PhotographView)  # fmt: skip
+        window = furnish(window_on(folder, nobody()), NEW_SESSION_ROWS, PhotographView)
 
         def say(label, value=True):
             window.client.says(label, value)
             settle(window)
 
-        window.folder_look.wait()
+        window.taken.wait()
         window.post(window.look_again)
         settle(window)
         for tab in reversed(TABS):
@@ -123,12 +128,12 @@ def test_the_panels_write_what_they_show(begun, folder, settle):
 def test_what_cannot_be_written_is_not(begun, folder, monkeypatch):
     """Before the folder was looked at, over a file that is there, outside of the workspace, or not to be read again."""
     window, _ = begun()
-    captures, window.state.captures = window.state.captures, {}
+    history, window.taken.history = window.taken.history, None
     window.refresh()
     assert not window.client.input("Write session").visible
     with pytest.raises(SceneError, match="still being looked at"):
         window.write()
-    window.state.captures = captures
+    window.taken.history = history
     (folder / "session.toml").write_text("# mine")
     with pytest.raises(SceneError, match="is there already"):
         window.write()
@@ -177,25 +182,21 @@ def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, furnish, 
             (top / name / path.name).write_bytes(path.read_bytes())
     (top / "cup" / "session.toml").write_text("")
     looks(monkeypatch, found)
-    looking = Looking(survey(top))
-    assert [looking.out_of(one).name for one in looking.folders] == ["cup", "jug"]
-    window = NewSessionWindow(nobody(), Workspace.at(tmp_path), StudioState(looking=looking))
-    furnish(window, NEW_SESSION_ROWS)
+    window = furnish(window_on(top, nobody()), NEW_SESSION_ROWS)
     assert tuple(window.client.input("object").options) == ("cup (has a session.toml)", "jug")
-    assert window.files.folder.name == "jug", "where there is something to do"
+    assert window.place.name == "jug", "where there is something to do"
 
-    def turn(files):
-        window.post(lambda: window.open(files))
+    def turn(place):
+        window.post(lambda: window.open(place))
         settle(window)
-        if window.folder_look:
-            window.folder_look.wait()
+        window.taken.wait()
         window.post(window.look_again)
         settle(window)
 
     def white():
         return window.outlines[2].diameter_mm
 
-    cup, jug = looking.folders
+    cup, jug = top / "cup", top / "jug"
     turn(jug)
     window.post(lambda: window.measure("white", 5.0))
     turn(cup)
@@ -208,7 +209,7 @@ def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, furnish, 
     assert white() == 5.0
     assert not window.client.input("Open its session").visible
     with pytest.raises(SceneError, match="2 objects"):
-        Looking(looking.folders, tmp_path / "out")
+        open_path(StudioState(), window.workspace, top, tmp_path / "out")
 
 
 def test_what_is_known_so_far_is_shown_while_the_rest_is_looked_for(folder, found, nobody, furnish, settle,
@@ -231,19 +232,17 @@ def test_what_is_known_so_far_is_shown_while_the_rest_is_looked_for(folder, foun
         return found.draft
 
     monkeypatch.setattr("studio.new_session.looking.prepare", prepare)
-    looking = Looking(survey(folder), folder.parent / "out" / "jug")
-    window = NewSessionWindow(nobody(), Workspace.at(folder.parent), StudioState(looking=looking))
-    furnish(window, NEW_SESSION_ROWS, PhotographView)
+    window = furnish(window_on(folder, nobody()), NEW_SESSION_ROWS, PhotographView)
     for number, (balls, told) in enumerate(((0, "Reading"), (0, "Looking for balls"), (3, "Looking at the scan"))):
         assert steps[number].wait(60)
         window.post(window.look_again)
         settle(window)
         assert len(window.outlines) == balls
-        assert told in window.folder_look.state
+        assert told in window.taken.told
         assert window.client.seen("/photograph/picture") is not None
         assert window.capture is None
         waits[number].set()
-    window.folder_look.wait()
+    window.taken.wait()
     window.post(window.look_again)
     settle(window)
     assert window.capture is not None
@@ -252,26 +251,24 @@ def test_what_is_known_so_far_is_shown_while_the_rest_is_looked_for(folder, foun
 
 def test_what_fails_is_told_and_can_be_asked_again(begun, found, settle, monkeypatch):
     window, _ = begun()
-    again = replace(found, draft=found.draft.noting("y."))
+    again = SimpleNamespace(draft=found.draft.noting("y."))
     looks(monkeypatch, SceneError("jug: 2 of 5 photographs can be read."), found, again)
 
     def look_again():
-        window.post(lambda: window.open(window.files))
+        window.post(lambda: window.open(window.place))
         settle(window)
-        window.folder_look.wait()
+        window.taken.wait()
         window.post(window.look_again)
         settle(window)
 
-    window.looking.looks.clear()
-    window.state.captures.clear()
+    window._let_go()
     look_again()
     assert any("2 of 5 photographs" in told for told in window.client.told)
     look_again()
     assert window.capture is found.draft
     look_again()
     assert window.capture is found.draft, "each once"
-    window.looking.looks.clear()
-    window.state.captures.clear()
+    window._let_go()
     look_again()
     assert window.capture.notes[-1] == "y.", "it is looked at again"
 
@@ -322,7 +319,7 @@ def test_the_command_opens_what_a_path_is(folder, monkeypatch):
     state = opens(folder)
     assert opened == ["http://127.0.0.1:1"], "the system's browser"
     out = folder.parent / "out" / "jug"
-    assert (state.area, state.looking.out_of(state.looking.folders[0])) == ("New session", out)
+    assert (state.area, state.looks[folder].out) == ("New session", out)
     with pytest.raises(SceneError, match="lies outside of the workspace"):
         studio(folder, out=folder.parent / "out", workspace=folder)
     (folder / "session.toml").write_text('[frames]\nflash = "flash_*.png"')
