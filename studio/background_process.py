@@ -5,7 +5,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,21 @@ from studio.widgets import Row, button, plain, text
 
 LINES = 8
 """The last ones that are shown."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a window's button begins.
+
+    folder: That is written. arguments: Makes those of the process; it raises SceneError where it cannot be begun.
+    is_main: It is what the tab is for. is_possible: Something to work on is there.
+    """
+
+    label: str
+    folder: Path
+    arguments: Callable[[], list[str]]
+    is_main: bool = True
+    is_possible: bool = True
 
 
 class Work:
@@ -77,17 +93,20 @@ class Work:
 
 
 def _start(window: Any) -> dict[str, Any]:
-    label, is_main, is_possible = window.work_label()
-    is_free = is_possible and not window.is_busy
-    return {"label": label, "kind": "main" if is_main else "other", "disabled": not is_free}
+    job = window.job()
+    is_free = job.is_possible and not window.is_busy
+    return {"label": job.label, "kind": "main" if job.is_main else "other", "disabled": not is_free}
+
+
+def _bar(window: Any) -> dict[str, Any]:
+    return {"visible": window.is_busy, "value": 100 * window.work.share if window.is_busy else 0.0}
 
 
 WORK_ROWS = (
     button("Run", lambda window: window.begin_work(), _start, kind="main"),
     button("Stop", lambda window: window.work.stop(), lambda window: {"visible": window.is_busy},
            kind="danger", visible=False),
-    Row("progress_bar", show=lambda window: {"visible": window.is_busy, "value": 100 * window.share},
-        start={"value": 0, "visible": False, "animated": True}),
+    Row("progress_bar", show=_bar, start={"value": 0, "visible": False, "animated": True}),
     text(lambda window: window.work.state if window.work else window.work_told),
 )  # fmt: skip
 """The button that begins the window's work on a folder, the one that stops it, and how far it is."""

@@ -9,8 +9,7 @@ from typing import Any
 
 from scene.errors import SceneError
 from studio.editor.editor_window import EditorWindow
-from studio.editor.preview import Preview
-from studio.editor.preview_panel import PreviewPanel
+from studio.editor.preview import Preview, PreviewPanel
 from studio.editor.scene_rows import SCENE_ROWS
 from studio.editor.scene_view import SceneView
 from studio.new_session.new_session_rows import NEW_SESSION_ROWS

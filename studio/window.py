@@ -6,14 +6,13 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scene.errors import SceneError
-from studio.background_process import Work
+from studio.background_process import Job, Work
 from studio.studio_state import Area, History, StudioState
 from studio.tabs import HEADER
 from studio.widgets import Panel, Row
@@ -148,18 +147,9 @@ class Window:
         if self.history is not None:
             self.restore(self.history.redone())
 
-    @property
-    def work_folder(self) -> Path | None:
-        """That the window's work writes."""
+    def job(self) -> Job | None:
+        """Return what the window's button begins; None: it has none."""
         return None
-
-    def work_label(self) -> tuple[str, bool, bool]:
-        """Return what the button says that begins it, whether it is what the tab is for, and whether it can be."""
-        raise NotImplementedError
-
-    def work_arguments(self) -> list[str]:
-        """Return the process' arguments. Raises SceneError: it cannot be begun."""
-        raise NotImplementedError
 
     def work_ended(self) -> None:
         """Show what came of it."""
@@ -167,27 +157,23 @@ class Window:
     @property
     def work(self) -> Work | None:
         """What writes the window's folder, or wrote it last."""
-        work = self.state.work
-        return work if work is not None and work.folder == self.work_folder else None
+        work, job = self.state.work, self.job()
+        return work if work is not None and job is not None and work.folder == job.folder else None
 
     @property
     def is_busy(self) -> bool:
         """Whether the folder is being written."""
         return self.work is not None and not self.work.is_over
 
-    @property
-    def share(self) -> float:
-        """How much of what the work is at is done, 0 to 1."""
-        return self.work.share if self.work else 0.0
-
     def begin_work(self) -> None:
         """Begin. Raises SceneError: something is at work, which takes all of the machine."""
         other = self.state.work
         if other is not None and not other.is_over:
             raise SceneError(f"{other.folder.name}: {other.label} is at work. Stop it first, or wait.")
-        arguments, folder = self.work_arguments(), self.work_folder
-        assert folder is not None
-        self.state.work = Work(self.work_label()[0], folder, arguments)
+        # Saving may give the folder its place.
+        arguments = job.arguments() if (job := self.job()) else []
+        if job := self.job():
+            self.state.work = Work(job.label, job.folder, arguments)
         self.refresh()
 
     def attempt(self, work: Callable[[], Any]) -> bool:

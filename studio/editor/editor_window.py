@@ -8,13 +8,13 @@ from typing import Any
 
 from scene.current import file_digest
 from scene.errors import SceneError
+from studio.background_process import Job
 from studio.editor.edits import Place, start_document
 from studio.editor.preview import Drawn, Preview
-from studio.own_files import put_own
 from studio.studio_state import History, StudioState
 from studio.widgets import code, plain
 from studio.window import Window
-from studio.workspace import MOST_FILES, Listing, Workspace
+from studio.workspace import MOST_FILES, Listing, Workspace, put_own
 from twin.description.description import TwinScene
 from twin.description.scene_toml import SceneDocument
 
@@ -62,7 +62,7 @@ class EditorWindow(Window):
         state.scene = state.scene or begun(workspace, None, None)
         self._preview, self._asked = preview, None
         self.object, self.light, self.picked = 0, 0, "object"
-        self.listing, self._is_keeping = Listing(), False
+        self.listing = Listing()
         self._scene = self.document, self.document.scene()
         self.gain, self.drawn = 1.0, None
         """Brightness of the preview, and what was drawn last."""
@@ -143,17 +143,12 @@ class EditorWindow(Window):
             # The button would keep the content until the next file comes.
             name, content = event.target.value.name, event.target.value.content
             event.target.value.content = b""
-            if self._is_keeping:
-                self.show_fault(f"{name}: the last file is just being read. Send it again after that.")
-            else:
-                self._is_keeping = True
-                self.post(lambda: use(self._kept(name, content)))
+            self.post(lambda: use(self._kept(name, content)))
 
         handle.on_upload(_)
         return handle
 
     def _kept(self, name: str, content: bytes) -> str:
-        self._is_keeping = False
         name = self.workspace.keep_upload(name, content)
         self.list_files()
         return name
@@ -194,11 +189,6 @@ class EditorWindow(Window):
         self.gain = gain
         self.refresh()
 
-    def close(self) -> None:
-        """Do nothing more."""
-        super().close()
-        self._preview.forget()
-
     def save(self) -> Path:
         """Write the scene into its folder, and return the description's path."""
         from twin.description.description_check import check_scene
@@ -238,33 +228,33 @@ class EditorWindow(Window):
         self.refresh()
 
     @property
-    def work_folder(self) -> Path:
+    def dataset(self) -> Path:
         """Where the scene's dataset is rendered to."""
         return (self.saved.folder or self.workspace.root / "not saved yet") / "dataset"
 
     @property
     def is_rendered(self) -> bool:
         """Whether there is a dataset to be solved."""
-        return self.work_folder.is_dir() and not self.is_busy
+        return self.dataset.is_dir() and not self.is_busy
 
-    def work_label(self) -> tuple[str, bool, bool]:
-        """Render; solving comes first once that is done."""
-        return "Render dataset", not self.is_rendered, True
+    def job(self) -> Job:
+        """Render the scene, which is saved first; solving comes first once that is done."""
 
-    def work_arguments(self) -> list[str]:
-        """Return what renders the scene, which is saved first."""
-        path = self.save()
-        return ["-m", "studio.studio_run", "render", str(path), str(path.parent / "dataset")]
+        def arguments() -> list[str]:
+            path = self.save()
+            return ["-m", "studio.studio_run", "render", str(path), str(path.parent / "dataset")]
+
+        return Job("Render dataset", self.dataset, arguments, is_main=not self.dataset.is_dir())
 
     def work_ended(self) -> None:
         """Say where the dataset is."""
-        where = self.workspace.name(self.work_folder)
+        where = self.workspace.name(self.dataset)
         self.work_told = f"Rendered into {code(where)}, a session. **Solve** goes the whole way to its report."
         self.notify("Rendered", where)
         self.list_files()
 
     def solve(self) -> None:
         """Go to the dataset as a session, and begin the steps."""
-        out = self.workspace.path(self.work_folder.parent / "results")
-        self.state.show_session(out, self.work_folder, tab="Verdict", run="compare")
+        out = self.workspace.path(self.dataset.parent / "results")
+        self.state.show_session(out, self.dataset, tab="Verdict", run="compare")
         self.turn()

@@ -205,10 +205,6 @@ def _less(document: SceneDocument, index: int) -> SceneDocument:
     return edits.without(document, "lights", edits.group_of(document, index))
 
 
-def _centre(document: SceneDocument, index: int) -> SceneDocument:
-    return with_value(document, ("reference_point_mm",), None)
-
-
 def _name(window: EditorWindow, value: str) -> None:
     window.saved.name = value
 
@@ -255,7 +251,6 @@ SCENE_ROWS = tab_rows({
         Row("text", "new material", lambda window: window.chosen.get("material", ""),
             lambda window, value: window.chosen.update(material=value), {"value": ""}),
         button("Add material", _add_material, hint="A copy of this one, for this object"),
-        button("Remove unused materials", lambda window: window.change("tidy", edits.tidied), kind="danger"),
     ),
     "Lights": (
         Row("folder", "Make lights", rows=(
@@ -271,8 +266,6 @@ SCENE_ROWS = tab_rows({
             button("Remove light", _edit("remove light", lambda document, index: _less(
                 edits.singled_out(document, index), index), "light"), kind="danger"),
             button("Remove its group", _edit("remove lights", _less, "light"), _is_group, kind="danger"),
-            button("Lights about the middle", _edit("centre", _centre, "light"),
-                   hint="Of all objects, wherever they go"),
         )),
         Row("folder", "Environment", rows=(fields(lambda window: ("environment",)),)),
     ),

@@ -1,7 +1,7 @@
 """The 3-D view: objects, lights as arrows, the camera. What is selected can be dragged."""
 
 from collections.abc import Callable
-from functools import partial
+from functools import lru_cache, partial
 from operator import attrgetter
 from typing import Any
 
@@ -11,13 +11,16 @@ from numpy.typing import NDArray
 from studio.display_mesh import display_mesh
 from studio.editor import edits
 from studio.editor.editor_window import Edit, EditorWindow
-from studio.editor.placement import placement_of, quaternion, rotation_of
+from studio.editor.edits import placement_of, quaternion, rotation_of
 from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import Diffuse, Material, Principled, RoughPlastic
+from twin.description.object_mesh import ObjectMesh
 from twin.description.scene_toml import SceneDocument
 
 Array = NDArray[np.float64]
+KEPT = 8
+"""Meshes whose display is remembered: each change of an object's place asks for it again."""
 PICKED, PLAIN = (255, 140, 0), (250, 210, 60)
 
 
@@ -73,10 +76,9 @@ class SceneView:
 
     def _own(self, one: TwinObject, rotation: Array, middle: Array) -> tuple[Any, Any, float]:
         """Return the display mesh in the gizmo's frame, and half its longest side, in the view's units."""
-        shown = display_mesh(one.mesh)
-        faces = shown.faces
+        vertices, faces = _displayed(one.mesh)
         linear = one.matrix[:3, :3]
-        placed = shown.vertices @ linear.T + one.matrix[:3, 3]
+        placed = vertices @ linear.T + one.matrix[:3, 3]
         own = ((placed - middle) @ rotation * UNITS_PER_MM).astype(np.float32)
         if np.linalg.det(linear) < 0:
             faces = faces[:, ::-1]
@@ -149,6 +151,11 @@ class SceneView:
             self._window.drag(edit)
         elif phase == "end":
             self._window.change(f"drag {name}", edit)
+
+
+@lru_cache(KEPT)
+def _displayed(mesh: ObjectMesh) -> tuple[Any, Any]:
+    return display_mesh(mesh.vertices, mesh.faces)
 
 
 def _spread(scene: TwinScene) -> float:

@@ -13,8 +13,7 @@ from shoot.init.init_session import check_free, write_manifest
 from shoot.init.session_text import session_text
 from studio.new_session.looking import Look
 from studio.new_session.photograph_roles import UNUSED, role_of
-from studio.photograph.outlines import Outlines
-from studio.photograph.photograph_window import PhotographWindow, Shown
+from studio.photograph.photograph_window import Outlines, PhotographWindow, Shown
 from studio.photograph.plane import Plane
 from studio.studio_state import History
 

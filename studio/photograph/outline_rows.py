@@ -5,8 +5,7 @@ from functools import partial
 from typing import Any
 
 from scene.spheres import KINDS, Kind
-from studio.photograph.outlines import added, circle_of, moved, of_kind, resized
-from studio.photograph.photograph_window import PhotographWindow
+from studio.photograph.photograph_window import PhotographWindow, added, circle_of, moved, of_kind, resized
 from studio.widgets import Row, button, text
 
 ALL = "(all)"

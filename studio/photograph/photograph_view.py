@@ -11,8 +11,7 @@ from capture.session.manifest import SphereTable
 from compare.report import pictures
 from compare.report.picture_strip import PictureStrip
 from scene.map_pictures import Image, shrink
-from studio.photograph.outlines import circle_of, moved, resized, sphere_of
-from studio.photograph.photograph_window import PhotographWindow, Shown
+from studio.photograph.photograph_window import PhotographWindow, Shown, circle_of, moved, resized, sphere_of
 from studio.photograph.plane import ROOT, WIDE, Plane, add_lines, add_picture
 from studio.widgets import NO_SHADOW, Layers
 

@@ -23,9 +23,9 @@ from scene.files import write_text
 from scene.length_units import UNITS_MM
 from scene.mesh import Mesh
 from scene.spheres import Sphere
-from studio.own_files import put_own, remove_own
-from studio.photograph.outlines import Outlines, circle_of, outline
+from studio.photograph.photograph_window import Outlines, circle_of, outline
 from studio.review.folder import HEADLINE, KEPT, OWN, Review
+from studio.workspace import put_own, remove_own
 
 if TYPE_CHECKING:
     from scene.rays import RayCaster

@@ -14,12 +14,11 @@ from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.output_folder import read_record
 from shoot.watch.status import STATUS
+from studio.background_process import Job
 from studio.photograph.photograph_window import PhotographWindow, Shown
 from studio.review.corrections import Corrections, Picks, forget_kept, outlines_of, pose_of, tables_of, write_amended
-from studio.review.folder import Review, is_kept
-from studio.review.photograph_picture import Look, normals_beside, twin_beside
-from studio.review.session_marks import shown_of
-from studio.review.warned import STEPS
+from studio.review.folder import STEPS, Review, is_kept
+from studio.review.photograph_picture import Look, normals_beside, shown_of, twin_beside
 from studio.studio_state import Edits, History
 from studio.widgets import plain
 
@@ -263,17 +262,12 @@ class ReviewWindow(PhotographWindow):
         self.state.edits.pop(self.folder, None)
         self.read_again()
 
-    @property
-    def work_folder(self) -> Path:
-        """The output folder."""
-        return self.folder
-
-    def work_label(self) -> tuple[str, bool, bool]:
+    def job(self) -> Job:
         """Run up to the step of the tab; under Verdict all of them."""
         label = "Run everything" if self.tab == "Verdict" else f"Run up to {self.tab}"
-        return label, True, self.review.session is not None
+        return Job(label, self.folder, self._arguments, is_possible=self.review.session is not None)
 
-    def work_arguments(self) -> list[str]:
+    def _arguments(self) -> list[str]:
         """Return what runs the steps with what was corrected, which is kept first."""
         self.review.need("session")
         if not self.is_kept_so:

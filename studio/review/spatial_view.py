@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from studio.display_mesh import display_mesh
-from studio.editor.placement import quaternion
+from studio.editor.edits import quaternion
 from studio.photograph.plane import add_numbered
 from studio.review.corrections import met
 from studio.review.review_window import ReviewWindow
@@ -62,9 +62,9 @@ class SpatialView:
         review = self._window.review
         if review.session is None or review.session.scan is None or not review.store.path("pose.json").exists():
             return []
-        shown = display_mesh(review.scan_shape)
-        placed = review.store.load_pose().apply(review.store.load_scan_scale() * shown.vertices)
-        return [self._add_mesh(f"{LIGHTS}/object", placed * UNITS_PER_MM, shown.faces)]
+        vertices, faces = display_mesh(review.scan_mesh.vertices, review.scan_mesh.faces)
+        placed = review.store.load_pose().apply(review.store.load_scan_scale() * vertices)
+        return [self._add_mesh(f"{LIGHTS}/object", placed * UNITS_PER_MM, faces)]
 
     def _add_mesh(self, name: str, places: Array, faces: Any) -> Any:
         return self._view.add_mesh_simple(name, places.astype(np.float32), faces, color=CLAY, **NO_SHADOW)
@@ -111,8 +111,9 @@ class SpatialView:
 
     def _add_scan(self) -> list[Any]:
         window, review = self._window, self._window.review
-        mesh, shown = review.scan_mesh, display_mesh(review.scan_shape)
-        handle = self._add_mesh(f"{SCAN}/mesh", self._on_scan(shown.vertices), shown.faces)
+        mesh = review.scan_mesh
+        vertices, faces = display_mesh(mesh.vertices, mesh.faces)
+        handle = self._add_mesh(f"{SCAN}/mesh", self._on_scan(vertices), faces)
 
         def clicked(origin: Array, direction: Array) -> None:
             point = met(review.scan_rays, origin * 2 * mesh.radius_mm / SCAN_SIZE + mesh.center_mm, direction)

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from studio.editor.placement import rotation_of
+from studio.editor.edits import rotation_of
 
 PATIENCE_S = 240
 """For what comes in the end, however busy the machine is."""
@@ -107,11 +107,8 @@ def nobody(viser_server):
 
 @pytest.fixture
 def no_preview():
-    """A preview that draws nothing, and what was asked of it, in order."""
-    asked = []
-    return SimpleNamespace(
-        asked=asked, request=lambda *rest: asked.append("request"), forget=lambda: asked.append("forget")
-    )
+    """A preview that draws nothing."""
+    return SimpleNamespace(request=lambda *rest: None)
 
 
 @pytest.fixture

@@ -13,10 +13,9 @@ from studio.editor.edits import with_value
 from studio.editor.scene_rows import SCENE_ROWS
 from studio.editor.scene_view import SceneView
 from studio.opening import open_path
-from studio.own_files import put_own
 from studio.studio_state import StudioState
 from studio.widgets import UNITS_PER_MM
-from studio.workspace import MOST_FILES, Workspace
+from studio.workspace import MOST_FILES, Workspace, put_own
 from twin.description.description_file import read_document, read_scene, write_document
 from twin.description.light_groups import DistantLight
 from twin.description.materials import Conductor, Diffuse, RoughPlastic, Subsurface, Texture
@@ -316,7 +315,7 @@ def test_a_drag_is_worked_out_in_the_windows_thread(furnished, settle, monkeypat
     assert [label for label, *_ in window.history.past] == ["drag scale"]
 
 
-def test_what_waits_is_dropped_when_the_window_is_closed(furnished, no_preview):
+def test_what_waits_is_dropped_when_the_window_is_closed(furnished):
     """What is at work comes to its end, and whoever closes the window does not wait for it."""
     window, _ = furnished()
     begun_, go_on, done = threading.Event(), threading.Event(), []
@@ -335,7 +334,6 @@ def test_what_waits_is_dropped_when_the_window_is_closed(furnished, no_preview):
     go_on.set()
     window.wait()
     assert done == ["ended"]
-    assert no_preview.asked[-1] == "forget", "a request after that would be drawn for nobody"
     window.post(lambda: done.append("later"))
     window.close()
     assert done == ["ended"]

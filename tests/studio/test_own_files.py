@@ -9,7 +9,7 @@ import time
 import pytest
 
 from scene.errors import SceneError
-from studio.own_files import put_own, remove_own
+from studio.workspace import put_own, remove_own
 
 NOT_OURS = "rgbn did not write it|was changed after rgbn wrote it"
 
@@ -76,7 +76,7 @@ def test_a_folder_that_nothing_came_into_is_not_left(tmp_path):
 SAVES = """
 import sys
 from pathlib import Path
-from studio.own_files import put_own
+from studio.workspace import put_own
 
 def write(place, number):
     for name in ("a", "b", "scene.toml"):

@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from studio.display_mesh import clustered, display_mesh
+from studio.display_mesh import display_mesh
 from studio.editor import edits, preview
 from studio.editor.edits import with_value
 from studio.editor.preview import Preview, rendered
@@ -99,7 +99,6 @@ def test_only_the_newest_wish_is_refined_and_a_fault_is_told(running):
 
 
 def test_a_refined_picture_that_is_no_longer_wanted_is_not_shown(running, monkeypatch):
-    """Not under the light that is chosen now; and of who is gone nothing is."""
     began, let = threading.Semaphore(0), threading.Semaphore(0)
 
     def slowly(scene, light, stage):
@@ -117,26 +116,15 @@ def test_a_refined_picture_that_is_no_longer_wanted_is_not_shown(running, monkey
     shown.until("light_004", is_refined=True)
     rows = [(one.light, one.is_refined) for one in shown.rows]
     assert rows == [("light_003", False), ("light_004", False), ("light_004", True)]
-    assert began.acquire(timeout=60)
-    running.request(scene, 0, shown)
-    assert began.acquire(timeout=60)
-    running.forget()
-    running.request(scene, 1, shown)
-    let.release(100)
-    shown.until("light_001", is_refined=True)
-    assert ("light_000", True) not in [(one.light, one.is_refined) for one in shown.rows]
 
 
-def test_the_display_mesh_has_few_triangles_the_same_outline_and_the_same_colours():
+def test_the_display_mesh_has_few_triangles_and_the_same_outline(monkeypatch):
     sphere = built_in("sphere")
-    whole = ObjectMesh(sphere.vertices * [60, 40, 20], sphere.faces, colours=sphere.vertices / 4 + 0.5)
-    few = clustered(whole, 5000)
-    assert 1500 < len(few.faces) <= 5000
-    radii = np.linalg.norm(few.vertices / [60, 40, 20], axis=1)
-    assert abs(radii - 1).max() < 0.05
-    np.testing.assert_allclose(few.colours, few.vertices / [60, 40, 20] / 4 + 0.5, atol=1e-9)
-    a, b, c = (few.vertices[few.faces[:, k]] for k in range(3))
+    assert display_mesh(sphere.vertices, sphere.faces)[1] is sphere.faces
+    monkeypatch.setattr("studio.display_mesh.MOST_FACES", 5000)
+    vertices, faces = display_mesh(sphere.vertices * [60, 40, 20], sphere.faces)
+    assert 1500 < len(faces) <= 5000
+    assert abs(np.linalg.norm(vertices / [60, 40, 20], axis=1) - 1).max() < 0.05
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
     volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6
     assert volume == pytest.approx(4 / 3 * np.pi * 60 * 40 * 20, rel=0.05), "closed, and turned outward"
-    assert display_mesh(whole) is display_mesh(whole)
-    assert display_mesh(sphere) is not display_mesh(whole)

@@ -12,7 +12,7 @@ from capture.session.session import load_session
 from scene.errors import SceneError
 from scene.rays import RayCaster
 from studio.opening import found_at
-from studio.photograph.outlines import added, moved, outline, resized
+from studio.photograph.photograph_window import added, moved, outline, resized
 from studio.photograph.plane import Plane
 from studio.review.corrections import Picks, forget_kept, met, outlines_of, pose_of, tables_of, write_amended
 from studio.review.folder import Review

@@ -11,7 +11,7 @@ from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.output_folder import open_record
-from studio.review.folder import Review
+from studio.review.folder import Review, targets
 from studio.review.photograph_picture import (
     CLIPPED,
     CLIPPED_COLOUR,
@@ -23,7 +23,6 @@ from studio.review.photograph_picture import (
 )
 from studio.review.review_window import turned_deg
 from studio.review.spatial_view import covariance_mm2, ellipsoid_of, fitting_factor
-from studio.review.warned import targets
 from twin.description.light_groups import direction
 
 

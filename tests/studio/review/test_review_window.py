@@ -18,8 +18,8 @@ from scene.output_folder import open_record
 from shoot.watch.status import MAP, STATUS
 from studio import window as windows
 from studio.photograph import photograph_view, photograph_window
-from studio.photograph.outlines import moved
 from studio.photograph.photograph_view import PhotographView
+from studio.photograph.photograph_window import moved
 from studio.photograph.plane import ROOT
 from studio.review.review_window import ReviewWindow
 from studio.review.session_rows import TABS, session_rows
