@@ -15,36 +15,38 @@ from studio.widgets import Row, button, plain, text
 
 LINES = 8
 """The last ones that are shown."""
+RGBN = "from lab import progress; progress.EVERY_S = 1.0; from rgbn.cli import main; main()"
+"""The command line, which tells a page of work under way more often than a log."""
 
 
 @dataclass(frozen=True)
 class Job:
     """What a window's button begins.
 
-    folder: That is written. arguments: Makes those of the process; it raises SceneError where it cannot be begun.
+    folder: That is written. words: Makes those of the command line; it raises SceneError where it cannot be begun.
     is_main: It is what the tab is for. is_possible: Something to work on is there.
     """
 
     label: str
     folder: Path
-    arguments: Callable[[], list[str]]
+    words: Callable[[], list[str]]
     is_main: bool = True
     is_possible: bool = True
 
 
 class Work:
-    """Python at work with these arguments on a folder, as it stands; a window looks at it once a second.
+    """The command line at work with these words on a folder; a window looks at it once a second.
 
     said: What it said last. share: How much of what it is at is done, 0 to 1. fault: Why it ended badly.
     is_told: A window has shown how it ended.
     """
 
-    def __init__(self, label: str, folder: Path, arguments: Sequence[str]) -> None:
+    def __init__(self, label: str, folder: Path, words: Sequence[str]) -> None:
         self.label, self.folder, self.said, self.share, self.fault = label, folder, list[str](), 0.0, ""
         self.is_over = self.is_stopped = self.is_told = False
         self.begun_s = time.monotonic()
         self._process = subprocess.Popen(
-            [sys.executable, *arguments], cwd=ROOT, text=True,
+            [sys.executable, "-c", RGBN, *words], cwd=ROOT, text=True,
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
         )  # fmt: skip
         self._reader = threading.Thread(target=self._read, daemon=True)

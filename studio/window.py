@@ -170,10 +170,10 @@ class Window:
         other = self.state.work
         if other is not None and not other.is_over:
             raise SceneError(f"{other.folder.name}: {other.label} is at work. Stop it first, or wait.")
-        # Saving may give the folder its place.
-        arguments = job.arguments() if (job := self.job()) else []
         if job := self.job():
-            self.state.work = Work(job.label, job.folder, arguments)
+            # Saving may give the folder its place.
+            words, job = job.words(), self.job() or job
+            self.state.work = Work(job.label, job.folder, words)
         self.refresh()
 
     def attempt(self, work: Callable[[], Any]) -> bool:

@@ -240,11 +240,11 @@ class EditorWindow(Window):
     def job(self) -> Job:
         """Render the scene, which is saved first; solving comes first once that is done."""
 
-        def arguments() -> list[str]:
+        def words() -> list[str]:
             path = self.save()
-            return ["-m", "studio.studio_run", "render", str(path), str(path.parent / "dataset")]
+            return ["twin", str(path), "--out", str(path.parent / "dataset")]
 
-        return Job("Render dataset", self.dataset, arguments, is_main=not self.dataset.is_dir())
+        return Job("Render dataset", self.dataset, words, is_main=not self.dataset.is_dir())
 
     def work_ended(self) -> None:
         """Say where the dataset is."""

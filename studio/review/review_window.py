@@ -265,9 +265,9 @@ class ReviewWindow(PhotographWindow):
     def job(self) -> Job:
         """Run up to the step of the tab; under Verdict all of them."""
         label = "Run everything" if self.tab == "Verdict" else f"Run up to {self.tab}"
-        return Job(label, self.folder, self._arguments, is_possible=self.review.session is not None)
+        return Job(label, self.folder, self._words, is_possible=self.review.session is not None)
 
-    def _arguments(self) -> list[str]:
+    def _words(self) -> list[str]:
         """Return what runs the steps with what was corrected, which is kept first."""
         self.review.need("session")
         if not self.is_kept_so:
@@ -276,7 +276,8 @@ class ReviewWindow(PhotographWindow):
             # The session's own file may have changed since something was kept.
             session = write_amended(self.review) if is_kept(self.review.store) else self.review.session_path
         assert session is not None
-        return ["-m", "studio.studio_run", STEPS[self.tab], str(session.resolve()), str(self.folder)]
+        verb = "process" if self.tab == "Verdict" else STEPS[self.tab]
+        return [verb, str(session.resolve()), "--out", str(self.folder)]
 
     def work_ended(self) -> None:
         """Show what the steps have made."""

@@ -15,7 +15,7 @@ from studio.editor.edits import quaternion, rotation_of, with_value
 from studio.studio_state import TOGETHER_S, History
 from twin.description.description_file import read_document, write_document
 from twin.description.light_groups import AreaLight, GridTable, RingTable
-from twin.description.materials import Conductor, Diffuse, RoughPlastic
+from twin.description.materials import Diffuse
 from twin.description.object_mesh import ObjectMesh, built_in
 
 ANGLE = st.floats(-89, 89)
@@ -189,11 +189,3 @@ def test_digits_typed_are_undone_together():
     assert other.undone().state is states[2], "another input's change is another"
     pressed = history.did("add", states[0], 1.1 * TOGETHER_S).did("add", states[1], 1.2 * TOGETHER_S)
     assert pressed.undone().state is states[0], "a button pressed twice"
-
-
-def test_another_kind_of_material_keeps_what_it_has_too():
-    was = RoughPlastic((0.2, 0.3, 0.4), 0.3, 0.5)
-    first = {"reflectance": edits.GRAY, "metal": "Al"}
-    metal = edits.of_kind(Conductor, was, first)
-    assert (metal.metal, metal.roughness) == ("Al", 0.3)
-    assert edits.of_kind(RoughPlastic, metal, first) == RoughPlastic(edits.GRAY, 0.3)

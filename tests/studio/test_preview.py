@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from studio.display_mesh import display_mesh
-from studio.editor import edits, preview
+from studio.editor import edits
 from studio.editor.edits import with_value
 from studio.editor.preview import Preview, rendered
 from twin.description.materials import Conductor, Diffuse, RoughPlastic, Texture
@@ -96,26 +96,6 @@ def test_only_the_newest_wish_is_refined_and_a_fault_is_told(running):
     assert [one.light for one in shown.rows if one.is_refined] == ["light_001"]
     running.request(small, 2, shown)
     assert shown.until("light_002", is_refined=True).picture.max() > 0.1
-
-
-def test_a_refined_picture_that_is_no_longer_wanted_is_not_shown(running, monkeypatch):
-    began, let = threading.Semaphore(0), threading.Semaphore(0)
-
-    def slowly(scene, light, stage):
-        if stage == "refined":
-            began.release()
-            assert let.acquire(timeout=60)
-        return PICTURE
-
-    monkeypatch.setattr(preview, "rendered", slowly)
-    scene, shown = edits.start_document().scene(), Shown()
-    running.request(scene, 3, shown)
-    assert began.acquire(timeout=60)
-    running.request(scene, 4, shown)
-    let.release(2)
-    shown.until("light_004", is_refined=True)
-    rows = [(one.light, one.is_refined) for one in shown.rows]
-    assert rows == [("light_003", False), ("light_004", False), ("light_004", True)]
 
 
 def test_the_display_mesh_has_few_triangles_and_the_same_outline(monkeypatch):

@@ -27,7 +27,7 @@ def small_scene(folder, samples):
 
 
 def render(scene, out):
-    return Work("Render", out, ["-m", "studio.studio_run", "render", scene, out])
+    return Work("Render", out, ["twin", scene, "--out", out])
 
 
 @pytest.mark.full
@@ -89,7 +89,7 @@ def test_a_fault_is_told(tmp_path):
     for number in range(3):
         (session / f"flash_{number}.png").write_bytes(b"")
     (session / "session.toml").write_text('[frames]\nflash = "flash_*.png"\nlinear = true\n')
-    work = Work("Run", session, ["-m", "studio.studio_run", "check", str(session), str(tmp_path / "o")])
+    work = Work("Run", session, ["check", str(session), "--out", str(tmp_path / "o")])
     work.wait()
     assert "flash_0.png" in work.fault
     assert not work.fault.startswith("rgbn")

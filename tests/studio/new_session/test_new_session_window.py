@@ -273,20 +273,6 @@ def test_what_fails_is_told_and_can_be_asked_again(begun, found, settle, monkeyp
     assert window.capture.notes[-1] == "y.", "it is looked at again"
 
 
-def test_typing_and_marking_are_undone_one_by_one(begun):
-    window, say = begun()
-    say("chrome balls, mm", 40.0)
-    say("ball", "2: chrome")
-    say("Remove this ball")
-    assert [ball.diameter_mm for ball in window.outlines] == [40.0, None]
-    window.undo()
-    assert [ball.diameter_mm for ball in window.outlines] == [40.0, 40.0, None]
-    window.undo()
-    assert window.client.input("chrome balls, mm").value == 0.0
-    window.redo()
-    assert [ball.diameter_mm for ball in window.outlines] == [40.0, 40.0, None]
-
-
 def test_no_name_breaks_out_of_the_shown_file():
     shown = fenced('flash = "a```b.png"', "toml")
     assert shown.startswith("````toml\n")

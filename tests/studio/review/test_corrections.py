@@ -148,14 +148,6 @@ def test_corrections_that_cannot_be_said_are_refused(review, made):
             tables_of(one, outlines, made.camera)
 
 
-def test_picks_are_pairs():
-    picks = Picks().with_pixel((1.0, 2.0)).with_pixel((3.0, 4.0))
-    assert (picks.pixels, picks.pairs) == (((3.0, 4.0),), 0)
-    picks = picks.with_point([1, 2, 3]).with_point([4, 5, 6])
-    assert picks.points == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0)), "a point may come first"
-    assert picks.with_point([7, 8, 9]).points[1] == (7.0, 8.0, 9.0)
-
-
 def test_picks_give_the_pose_at_which_they_were_made(review, made):
     """Rays from aside meet the scan; the points are seen where the true pose puts them: that pose is found."""
     mesh, generator, picks = review.scan_mesh, np.random.default_rng(10_007), Picks()

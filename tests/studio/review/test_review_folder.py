@@ -6,9 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from compare.report.pictures import Exposure
 from scene.errors import SceneError
-from scene.frames import Frames
 from scene.lights import Lights
 from scene.output_folder import open_record
 from studio.review.folder import Review, targets
@@ -22,7 +20,7 @@ from studio.review.photograph_picture import (
     twin_beside,
 )
 from studio.review.review_window import turned_deg
-from studio.review.spatial_view import covariance_mm2, ellipsoid_of, fitting_factor
+from studio.review.spatial_view import covariance_mm2, ellipsoid_of
 from twin.description.light_groups import direction
 
 
@@ -95,17 +93,6 @@ def test_the_first_photograph_is_shown_before_any_is_decoded(made, tmp_path):
     shown = photograph(review, 0, Look()).astype(int)
     assert shown.shape == (60, 80, 3)
     assert shown[:, 50:].mean() > shown[:, :30].mean() + 20
-
-
-def test_before_the_lights_are_known_no_photograph_has_a_cast(made):
-    """A sensor's greens are brighter: what the photograph takes for white takes the cast away."""
-    frames = Frames.from_linear(made.lights.names, made.linear[[0] * 5] * [0.5, 1.0, 0.6])
-    made.store.save_frames(frames)
-    (made.folder / "lights.json").unlink()
-    review = Review(made.folder, made.session)
-    white = Exposure.for_picture(made.linear[0] * [0.5, 1.0, 0.6]).balance
-    np.testing.assert_allclose(review.material.exposure.balance, white / white.mean(), rtol=0.05)
-    assert white[1] / white[0] > 1.2
 
 
 def test_a_warning_goes_to_what_it_names(made):
@@ -183,11 +170,6 @@ def test_what_changed_is_told_in_degrees(made):
     cosine = np.sum(a * b, 1) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
     np.testing.assert_allclose(turned_deg(made.lights, turned), np.degrees(np.arccos(cosine)), atol=1e-6)
     assert turned_deg(made.lights, made.lights) is None
-
-
-def test_sigmas_are_drawn_so_large_that_they_are_seen(made):
-    for sigma, factor in ((0.11, 30), (5.0, 1), (np.nan, 1)):
-        assert fitting_factor(replace(made.lights, direction_sigma_deg=np.full(5, sigma))) == factor
 
 
 def test_an_ellipsoid_is_its_covariance_and_a_distant_lights_is_flat():
