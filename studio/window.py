@@ -86,6 +86,12 @@ class Window:
         for panel in self.panels:
             self.attempt(panel.refresh)
 
+    def choose(self, **changes: Any) -> None:
+        """Look at something else that is kept here, by its names; what is not said stays."""
+        assert vars(self).keys() >= changes.keys()
+        vars(self).update(changes)
+        self.refresh()
+
     def follow(self) -> None:
         """Look every second, in a thread, at what goes on in the background."""
 

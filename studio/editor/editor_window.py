@@ -184,11 +184,6 @@ class EditorWindow(Window):
             self._asked = id(scene), light
             self._preview.request(scene, light, lambda drawn: self.post(lambda: self.show_preview(drawn)))
 
-    def brighten(self, gain: float) -> None:
-        """Show the preview brighter or darker."""
-        self.gain = gain
-        self.refresh()
-
     def save(self) -> Path:
         """Write the scene into its folder, and return the description's path."""
         from twin.description.description_check import check_scene

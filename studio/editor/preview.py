@@ -158,7 +158,7 @@ ROWS = (
     text(_status),
     Row("slider", "light", _light, lambda window, value: window.select("light", int(value) - 1),
         {"min": 1, "max": 2, "step": 1, "initial_value": 1, "hint": "Which light shines"}),
-    Row("slider", "brightness", lambda window: window.gain, lambda window, value: window.brighten(value),
+    Row("slider", "brightness", lambda window: window.gain, lambda window, value: window.choose(gain=value),
         {"min": 0.1, "max": 8.0, "step": 0.1, "initial_value": 1.0}),
 )  # fmt: skip
 

@@ -113,10 +113,6 @@ def _placement(label: str, field: str, hint: str, **start: Any) -> Row:
     return Row("vector3", label, show, use, {"value": (0.0,) * 3, "step": 0.1, "hint": hint, **start})
 
 
-def _set_in_proportion(window: EditorWindow, value: bool) -> None:
-    window.size_in_proportion = value
-
-
 def _object_text(window: EditorWindow) -> str:
     is_exact = edits.placement(window.document, window.object).is_exact
     sheared = "" if is_exact else " Its matrix shears: numbers typed here drop that."
@@ -234,7 +230,8 @@ SCENE_ROWS = tab_rows({
             _placement("place, mm", "middle_mm", "Of its middle; camera frame"),
             _placement("turn, deg", "rotate_deg", "About x, then y, then z"),
             _placement("size, mm", "size_mm", "Its own axes", min=(0.0, 0.0, 0.0)),
-            Row("checkbox", "size in proportion", lambda window: window.size_in_proportion, _set_in_proportion,
+            Row("checkbox", "size in proportion", lambda window: window.size_in_proportion,
+                lambda window, value: window.choose(size_in_proportion=value),
                 {"value": True, "hint": "One side changes the others too"}),
             fields(_object, skip=("scale", "rotate_deg", "translate_mm")),
             text(_object_text),

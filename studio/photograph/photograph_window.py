@@ -164,12 +164,6 @@ class PhotographWindow(Window):
             self.ball = None
         super()._refresh_panels()
 
-    def choose(self, **changes: Any) -> None:
-        """Look at another `ball` or whatever else is kept here; what is not said stays."""
-        assert vars(self).keys() >= changes.keys()
-        vars(self).update(changes)
-        self.refresh()
-
     def choose_ball(self, ball: int | None) -> None:
         """Look at a ball on the photograph; None: at all of it."""
         self.choose(ball=ball)

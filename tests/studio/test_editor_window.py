@@ -10,10 +10,8 @@ from studio.editor import edits
 from studio.editor.editor_window import EditorWindow, begun
 from studio.editor.edits import with_value
 from studio.editor.scene_rows import SCENE_ROWS
-from studio.editor.scene_view import SceneView
 from studio.opening import open_path
 from studio.studio_state import StudioState
-from studio.widgets import UNITS_PER_MM
 from studio.workspace import Workspace, put_own
 from twin.description.description_file import read_document, read_scene, write_document
 from twin.description.light_groups import DistantLight
@@ -247,27 +245,6 @@ def test_names_are_shown_as_they_are(furnished):
     (shown,) = [text for text in texts if "1 of 1" in text]
     escaped = name.replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")
     assert MarkdownIt("commonmark", {"html": True}).render(shown).startswith(f"<p><strong>{escaped}</strong>")
-
-
-def test_a_drag_is_worked_out_in_the_windows_thread(furnished, settle, monkeypatch):
-    """No mesh of a million vertices keeps the browser's messages waiting; and twice as far is twice as large."""
-    (window, _), threads = furnished(SceneView), []
-    middle, scaled = edits.placement(window.document, 0).middle_mm, edits.scaled
-
-    def watched(*given):
-        threads.append(threading.current_thread().name)
-        return scaled(*given)
-
-    monkeypatch.setattr(edits, "scaled", watched)
-    places = [(middle + [reach, 0, 0]) * UNITS_PER_MM for reach in (60.0, 90.0, 120.0)]
-    window.client.drags(window.client.seen("/object_0/scale"), *places)
-    settle(window)
-    assert threads
-    assert all(name.startswith("window 1") for name in threads)
-    now = edits.placement(window.document, 0)
-    np.testing.assert_allclose(now.scale, 2 * np.array([60.0, 60, 60]))
-    np.testing.assert_allclose(now.middle_mm, middle, atol=1e-9)
-    assert [label for label, *_ in window.history.past] == ["drag scale"]
 
 
 def test_what_waits_is_dropped_when_the_window_is_closed(furnished):

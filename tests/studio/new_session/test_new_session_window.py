@@ -184,30 +184,21 @@ def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, furnish, 
     looks(monkeypatch, found)
     window = furnish(window_on(top, nobody()), NEW_SESSION_ROWS)
     assert tuple(window.client.input("object").options) == ("cup (has a session.toml)", "jug")
-    assert window.place.name == "jug", "where there is something to do"
 
-    def turn(place):
-        window.post(lambda: window.open(place))
+    def turn(name):
+        window.post(lambda: window.open(top / name))
         settle(window)
         window.taken.wait()
         window.post(window.look_again)
         settle(window)
+        return window.outlines and window.outlines[2].diameter_mm, window.client.input("Open its session").visible
 
-    def white():
-        return window.outlines[2].diameter_mm
-
-    cup, jug = top / "cup", top / "jug"
-    turn(jug)
+    assert turn("jug") == (None, False)
     window.post(lambda: window.measure("white", 5.0))
-    turn(cup)
-    assert window.capture is None
-    assert window.client.input("Open its session").visible
+    assert turn("cup") == ((), True)
     (top / "cup" / "session.toml").unlink()
-    turn(cup)
-    assert white() is None
-    turn(jug)
-    assert white() == 5.0
-    assert not window.client.input("Open its session").visible
+    assert turn("cup") == (None, False)
+    assert turn("jug") == (5.0, False)
     with pytest.raises(SceneError, match="2 objects"):
         open_path(StudioState(), window.workspace, top, tmp_path / "out")
 

@@ -1,7 +1,6 @@
 """A session's window without a browser: what is clicked, what is missing, what runs, and a shoot under way."""
 
 import json
-import threading
 import time
 from itertools import count
 from pathlib import Path
@@ -12,7 +11,6 @@ import pytest
 
 from capture.session.session import load_session
 from lab.options import Settings
-from scene import rays
 from scene.files import write_png
 from scene.output_folder import open_record
 from shoot.watch.status import MAP, STATUS
@@ -23,7 +21,7 @@ from studio.photograph.photograph_window import moved
 from studio.photograph.plane import ROOT
 from studio.review.review_window import ReviewWindow
 from studio.review.session_rows import TABS, session_rows
-from studio.review.spatial_view import SCAN_SIZE, SpatialView
+from studio.review.spatial_view import SpatialView
 from studio.studio_state import StudioState
 from studio.workspace import Workspace
 from tests.studio.review.conftest import note_steps
@@ -59,34 +57,6 @@ def eventually(condition):
     while not condition():
         assert time.monotonic() < end, "it looks for itself"
         time.sleep(0.05)
-
-
-def test_a_click_on_the_scan_is_met_in_the_windows_own_thread(reviewing, settle, monkeypatch):
-    """Rays are cast there, against one tree a reading; what fails is told, as of any click."""
-    window, threads, points = reviewing(SpatialView), [], []
-
-    class Counted(rays.RayCaster):
-        def __init__(self, mesh):
-            threads.append(threading.current_thread().name)
-            super().__init__(mesh)
-
-    window.on_scan = points.append
-    window.choose(is_scan_asked=True)
-    mesh, client = window.review.scan_mesh, window.client
-    monkeypatch.setattr(rays, "RayCaster", Counted)
-    scale = SCAN_SIZE / (2 * mesh.radius_mm)
-    for aside in (0.0, 2.0, 4.0):
-        origin = np.array([aside, -3.0, 900.0])
-        client.clicks(client.seen("/scan/mesh"), ray_origin=origin * scale, ray_direction=[0.0, 0.0, -1.0])
-    settle(window)
-    np.testing.assert_allclose([point[0] - mesh.center_mm[0] for point in points], [0, 2, 4], atol=1e-3)
-    assert len(threads) == 1
-    assert threads[0].startswith("window 1")
-    window.read_again()
-    monkeypatch.setattr(Counted, "__init__", lambda self, mesh: 1 / 0)
-    client.clicks(client.seen("/scan/mesh"), ray_origin=np.zeros(3), ray_direction=[0.0, 0.0, -1.0])
-    settle(window)
-    assert "ZeroDivisionError" in client.told[-1]
 
 
 def test_what_is_missing_breaks_no_tab(reviewing, made):
