@@ -68,7 +68,12 @@ class Window:
         self.client.gui.main_panel.set_width(self.panel_px)
         self.panels += [Panel(self, rows(self) if callable(rows) else rows), *(view(self) for view in views)]
         self.refresh()
-        self.follow()
+
+        def follow() -> None:
+            while not self._gone.wait(EVERY_S):
+                self.post(self.look_again)
+
+        threading.Thread(target=follow, daemon=True).start()
 
     def begin(self) -> None:
         """Read what is to be shown."""
@@ -91,15 +96,6 @@ class Window:
         assert vars(self).keys() >= changes.keys()
         vars(self).update(changes)
         self.refresh()
-
-    def follow(self) -> None:
-        """Look every second, in a thread, at what goes on in the background."""
-
-        def tick() -> None:
-            while not self._gone.wait(EVERY_S):
-                self.post(self.look_again)
-
-        threading.Thread(target=tick, daemon=True).start()
 
     def look_again(self) -> None:
         """Show how far the work is, and once how it ended."""

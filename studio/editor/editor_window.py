@@ -61,7 +61,7 @@ class EditorWindow(Window):
         super().__init__(client, workspace, state)
         state.scene = state.scene or begun(workspace, None, None)
         self._preview, self._asked = preview, None
-        self.object, self.light, self.picked = 0, 0, "object"
+        self.object, self.light = 0, 0
         self.listing = Listing()
         self._scene = self.document, self.document.scene()
         self.gain, self.drawn = 1.0, None
@@ -130,8 +130,7 @@ class EditorWindow(Window):
         self._keep(self.history.did(label, state, time.monotonic(), self._input))
 
     def select(self, what: str, index: int) -> None:
-        """Give an object or a light the gizmo: `what` is "object" or "light"."""
-        self.picked = what
+        """Look at another one: `what` is "object", which has the gizmo then, or "light"."""
         setattr(self, what, index)
         self._keep(self.history)
         self.refresh()

@@ -22,6 +22,11 @@ from twin.description.object_mesh import built_in
 from twin.description.scene_toml import CameraTable, ObjectTable, SceneDocument
 
 Array = NDArray[np.float64]
+Place = tuple[str | int, ...]
+"""Where a value stands in a document: keys, names and numbers from the top."""
+FILLED = 0.8
+"""Share of the picture's width or height that a new object fills."""
+GRAY = (0.5, 0.5, 0.5)
 
 
 @dataclass(frozen=True)
@@ -100,14 +105,6 @@ def quaternion(rotation: Array) -> Array:
 def rotation_of(wxyz: Array) -> Array:
     """Return the rotation (3, 3) of a quaternion (w, x, y, z)."""
     return Rotation.from_quat(np.asarray(wxyz, float), scalar_first=True).as_matrix()
-
-
-Array = NDArray[np.float64]
-Place = tuple[str | int, ...]
-"""Where a value stands in a document: keys, names and numbers from the top."""
-FILLED = 0.8
-"""Share of the picture's width or height that a new object fills."""
-GRAY = (0.5, 0.5, 0.5)
 
 
 @cache

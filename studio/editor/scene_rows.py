@@ -88,7 +88,7 @@ def _add_shape(window: EditorWindow) -> None:
 
 def _add(window: EditorWindow, label: str, name: str, **source: Any) -> None:
     # It is the last one, and selected as it comes: a large mesh is sent once.
-    window.picked, window.object = "object", len(window.document.objects)
+    window.object = len(window.document.objects)
     window.change(label, lambda document: edits.added(document, name, **source))
 
 

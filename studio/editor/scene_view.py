@@ -43,14 +43,14 @@ class SceneView:
         places = {f"light {index}": _place(scene, index, spread) for index in range(len(lights))}
         layers.keep_only({*objects, *places, "camera", "look"})
         for index, (name, one) in enumerate(objects.items()):
-            is_picked = window.picked == "object" and window.object == index
+            is_picked = window.object == index
             colour = _colour(scene.materials[one.material])
             key = (id(one.mesh), one.matrix.tobytes(), is_picked, colour)
             layers.draw(name, key, lambda i=index, p=is_picked, c=colour: self._add_object(i, p, c))
         for index, (name, place) in enumerate(places.items()):
-            is_picked, is_lit = window.picked == "light" and window.light == index, window.light == index
-            key = (place.tobytes(), lights.reference_point_mm.tobytes(), is_picked, is_lit, spread)
-            layers.draw(name, key, lambda i=index, p=is_picked, lit=is_lit: self._add_light(i, p, lit, spread))
+            is_lit = window.light == index
+            key = (place.tobytes(), lights.reference_point_mm.tobytes(), is_lit, spread)
+            layers.draw(name, key, lambda i=index, lit=is_lit: self._add_light(i, lit, spread))
         layers.draw("camera", scene.camera, self._add_camera)
 
     def _add_object(self, index: int, is_picked: bool, colour: tuple[int, int, int]) -> list[Any]:
@@ -99,7 +99,7 @@ class SceneView:
 
         self._on_drag(knob, "scale", scaled)
 
-    def _add_light(self, index: int, is_picked: bool, is_lit: bool, spread: float) -> list[Any]:
+    def _add_light(self, index: int, is_lit: bool, spread: float) -> list[Any]:
         scene = self._window.scene
         place, colour = _place(scene, index, spread), PICKED if is_lit else PLAIN
         root, at = f"/light_{index}", place * UNITS_PER_MM
@@ -109,18 +109,11 @@ class SceneView:
         knob = self._view.add_icosphere(root, radius=radius, color=colour, position=at, **NO_SHADOW)
         self._window.on(knob.on_click, lambda: self._window.select("light", index))
 
-        def to_place(place_mm: Array, *_: Array) -> Edit:
-            return lambda document: edits.moved_light(document, index, place_mm)
+        def to_place(start: Array, end: Array) -> Edit:
+            return lambda document: edits.moved_light(document, index, end / UNITS_PER_MM)
 
-        self._on_drag(knob, f"light {index}", lambda start, end: to_place(end / UNITS_PER_MM))
-        if not is_picked:
-            return [arrow, knob]
-        scale = 0.2 * spread * UNITS_PER_MM
-        gizmo = self._view.add_transform_controls(
-            f"{root}_gizmo", scale=scale, disable_rotations=True, depth_test=False, position=at
-        )
-        self._follow(gizmo, f"light {index}", to_place)
-        return [arrow, knob, gizmo]
+        self._on_drag(knob, f"light {index}", to_place)
+        return [arrow, knob]
 
     def _add_camera(self) -> list[Any]:
         camera = self._window.scene.camera

@@ -35,9 +35,9 @@ def outline(
 
 def circle_of(ball: SphereTable) -> tuple[tuple[float, float], float]:
     """Return centre and radius, px, of a ball that has both."""
-    assert ball.center_px is not None
-    assert ball.radius_px is not None
-    return (ball.center_px[0], ball.center_px[1]), ball.radius_px
+    assert ball.center_px and ball.radius_px  # noqa: PT018
+    u, v = ball.center_px
+    return (u, v), ball.radius_px
 
 
 def sphere_of(ball: SphereTable) -> Sphere:
