@@ -52,6 +52,7 @@ class Window:
         """Those that a person has changed, and nothing has been done yet about it."""
         self._input: Any = None
         self._is_behind, self._gone = False, threading.Event()
+        self._is_ticking, self._told = False, set[str]()
 
     @property
     def is_gone(self) -> bool:
@@ -71,7 +72,7 @@ class Window:
 
         def follow() -> None:
             while not self._gone.wait(EVERY_S):
-                self.post(self.look_again)
+                self.post(self._tick)
 
         threading.Thread(target=follow, daemon=True).start()
 
@@ -96,6 +97,13 @@ class Window:
         assert vars(self).keys() >= changes.keys()
         vars(self).update(changes)
         self.refresh()
+
+    def _tick(self) -> None:
+        self._is_ticking = True
+        try:
+            self.look_again()
+        finally:
+            self._is_ticking = False
 
     def look_again(self) -> None:
         """Show how far the work is, and once how it ended."""
@@ -195,7 +203,10 @@ class Window:
         return False
 
     def show_fault(self, text: str) -> None:
-        """Show what was at fault until it is closed."""
+        """Show what was at fault until it is closed; once, where nobody did anything."""
+        if self._is_ticking and text in self._told:
+            return
+        self._told.add(text)
         self.client.add_notification("That cannot be done", text, color="red")
 
     def notify(self, title: str, text: str = "") -> None:

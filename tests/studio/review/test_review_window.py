@@ -11,6 +11,7 @@ import pytest
 
 from capture.session.session import load_session
 from lab.options import Settings
+from scene.errors import SceneError
 from scene.files import write_png
 from scene.output_folder import open_record
 from shoot.watch.status import MAP, STATUS
@@ -205,6 +206,23 @@ def test_a_run_takes_what_was_corrected_and_the_session_as_it_is_now(reviewing, 
     assert run("Run up to Balls")[0].spheres[0].center_px == (40.0, 30.0), "what was kept stays so"
     window.forget()
     assert run("Run up to Balls")[0].folder == made.session
+
+
+def test_what_fails_at_each_look_is_told_once(reviewing, runs, monkeypatch, settle):
+    """While a run is at work everything is refreshed each second; what a person does is answered each time."""
+    window, looks = reviewing(PhotographView), []
+
+    def fail(self):
+        looks.append(1)
+        raise SceneError("the disk is gone")
+
+    monkeypatch.setattr(ReviewWindow, "shown", fail)
+    window.client.says("Run up to Capture")
+    eventually(lambda: len(looks) > 5)
+    assert window.client.told == ["That cannot be done: the disk is gone"]
+    window.post(lambda: window.open_tab("Balls"))
+    settle(window)
+    assert len(window.client.told) == 2
 
 
 STATE = {
