@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 PICKS = "picks.csv"
 """Beside the session with what was corrected."""
-GLOBS = {"flash", "ambient", "dark", "flat", "charuco", "frames"}
+GLOBS = {"flash", "ambient", "dark", "flat", "charuco", "chessboard", "frames"}
 FILES = {"mask", "scan", "normals", "picks", "file"}
 """Keys of a session that name files, by patterns or one each."""
 

@@ -1,6 +1,7 @@
 """What a session's window reads of a folder, how it is shown, and how what a hand puts right is written."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from capture.session.manifest import TABLES
 from capture.session.requests import sphere_requests
 from capture.session.session import load_session
 from scene.errors import SceneError
@@ -17,6 +19,7 @@ from scene.rays import RayCaster
 from studio.opening import found_at
 from studio.photograph.photograph_window import added, moved, outline, resized
 from studio.photograph.plane import Plane
+from studio.review import corrections
 from studio.review.corrections import Picks, forget_kept, met, outlines_of, pose_of, tables_of, write_amended
 from studio.review.folder import Review, targets
 from studio.review.photograph_picture import CLIPPED, CLIPPED_COLOUR, WARNED, Look, frame_strip, photograph, twin_beside
@@ -254,6 +257,19 @@ def test_the_command_line_reads_the_balls_that_were_kept(made, half):
     assert (
         load_session(write_amended(review, spheres=tables_of(review.session, balls, made.camera))).picks == both.picks
     )
+
+
+def test_every_key_that_names_files_is_written_in_full():
+    """As the declaration of session.toml has them: lists of names that may not be empty, and texts such as mask.png."""
+    globs, files = set(), set()
+    for table in TABLES.values():
+        for name, key in table.model_json_schema()["properties"].items():
+            kind, example = key.get("anyOf", [key])[0], str(key.get("examples", [""])[0])
+            if kind.get("type") == "array" and kind["items"].get("type") == "string" and kind.get("minItems"):
+                globs.add(name)
+            elif kind.get("type") == "string" and re.search(r"\.[a-z]+$", example):
+                files.add(name)
+    assert (globs, files) == (corrections.GLOBS, corrections.FILES)
 
 
 def test_a_ball_that_was_shot_apart_stays_as_the_session_has_it(review, made):
