@@ -1,15 +1,16 @@
-"""Rows of tabs that the studio itself follows, and the header of the page: areas, undo and redo.
+"""Rows that every page has: areas, undo and redo; tabs that the studio itself follows; the work that is under way.
 
 viser keeps the open tab of its own groups to itself; here the view goes with it. A tab is a button of viser's in a
 colour by which `page/studio.css` knows it.
 """
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from typing import Any
 
 from studio.studio_state import AREAS
-from studio.widgets import Row, button
+from studio.widgets import Row, button, plain, text
 
 Rows = Sequence[Row] | Callable[[Any], Sequence[Row]]
 
@@ -66,3 +67,36 @@ HEADER = (
     Row("html", show=_view),
 )
 """The areas; undo and redo; what the page's own script is to know of the view."""
+
+
+def _work(window: Any) -> str:
+    """Return how far the work is, or what came of it, as Markdown."""
+    work = window.work
+    if work is None:
+        return window.work_told
+    if not work.is_over:
+        said = "\n".join(f"- {plain(text)}" for text in work.said)
+        return f"**{plain(work.label)}**, {time.monotonic() - work.begun_s:.0f} s so far\n\n{said}"
+    if work.is_stopped:
+        return f"Stopped. What is done is kept; **{plain(work.label)}** goes on from there."
+    return f"**Stopped by a fault.** {plain(work.fault)}" if work.fault else ""
+
+
+def _start(window: Any) -> dict[str, Any]:
+    job = window.job()
+    is_free = job.is_possible and not window.is_busy
+    return {"label": job.label, "kind": "main" if job.is_main else "other", "disabled": not is_free}
+
+
+def _bar(window: Any) -> dict[str, Any]:
+    return {"visible": window.is_busy, "value": 100 * window.work.share if window.is_busy else 0.0}
+
+
+WORK_ROWS = (
+    button("Run", lambda window: window.begin_work(), _start, kind="main"),
+    button("Stop", lambda window: window.work.stop(), lambda window: {"visible": window.is_busy},
+           kind="danger", visible=False),
+    Row("progress_bar", show=_bar, start={"value": 0, "visible": False, "animated": True}),
+    text(_work),
+)  # fmt: skip
+"""The button that begins the window's work on a folder, the one that stops it, and how far it is."""

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scene.errors import SceneError
-from studio.background_process import Job, Work
-from studio.studio_state import Area, History, StudioState
+from studio.studio_state import Area, History, Job, StudioState, Work
 from studio.tabs import HEADER
 from studio.widgets import Panel, Row
 from studio.workspace import Workspace

@@ -8,10 +8,9 @@ from typing import Any
 
 from scene.current import file_digest
 from scene.errors import SceneError
-from studio.background_process import Job
 from studio.editor.edits import Place, start_document
 from studio.editor.preview import Drawn, Preview
-from studio.studio_state import History, StudioState
+from studio.studio_state import History, Job, StudioState
 from studio.widgets import code, plain
 from studio.window import Window
 from studio.workspace import MOST_FILES, Listing, Workspace, put_own

@@ -125,37 +125,37 @@ class _Key:
         label, is_colour = self._label, self._field["input"] == "colour"
 
         def is_apart(window: EditorWindow, value: Any) -> bool:
-            return len(set(value)) > 1 or (*self._at(window), self._name) in window.apart
+            return isinstance(value, tuple) and (len(set(value)) > 1 or (*self._at(window), self._name) in window.apart)
 
         def split(window: EditorWindow, said: bool, was: Any) -> Any:
             place = (*self._at(window), self._name)
             (window.apart.add if said else window.apart.discard)(place)
             return was if said else (float(was[0]),) * 3
 
-        def shown(
-            value_of: Callable[[Any], Any], when: Callable[[EditorWindow, Any], bool]
-        ) -> Callable[[EditorWindow, Any], dict[str, Any]]:
-            def show(window: EditorWindow, value: Any) -> dict[str, Any]:
-                # A picture has no numbers.
-                if not isinstance(value, tuple) or not when(window, value):
-                    return {"visible": False}
-                return {"visible": True, "value": value_of(value)}
+        def one(window: EditorWindow, value: Any) -> dict[str, Any]:
+            # A picture has no numbers.
+            is_shown = isinstance(value, tuple) and not is_apart(window, value)
+            return {"visible": True, "value": float(value[0])} if is_shown else {"visible": False}
 
-            return show
+        def three(window: EditorWindow, value: Any) -> dict[str, Any]:
+            return _present(window, value) if is_apart(window, value) else {"visible": False}
 
-        yield self._row("number", label, shown(lambda value: float(value[0]), lambda *now: not is_apart(*now)),
-                        lambda window, said, was: (said,) * 3, value=0.0, min=0.0, max=high, step=FINE,
-                        hint=self._field.get("description"))  # fmt: skip
-        yield self._row("checkbox", f"{label} by channel",
-                        lambda window, value: {"visible": isinstance(value, tuple),
-                                               "value": isinstance(value, tuple) and is_apart(window, value)},
-                        split, value=False)  # fmt: skip
-        yield self._row("vector3", f"{label} R, G, B", shown(lambda value: tuple(map(float, value)), is_apart),
-                        value=(0.0,) * 3, min=(0.0,) * 3, max=(high,) * 3, step=FINE)  # fmt: skip
+        def colour(window: EditorWindow, value: Any) -> dict[str, Any]:
+            if not isinstance(value, tuple):
+                return {"visible": False}
+            return {"visible": True, "value": tuple(round(255 * float(srgb_from_linear(part))) for part in value)}
+
+        def box(window: EditorWindow, value: Any) -> dict[str, Any]:
+            return {"visible": isinstance(value, tuple), "value": is_apart(window, value)}
+
+        yield self._row("number", label, one, lambda window, said, was: (said,) * 3, value=0.0, min=0.0, max=high,
+                        step=FINE, hint=self._field.get("description"))  # fmt: skip
+        yield self._row("checkbox", f"{label} by channel", box, split, value=False)
+        yield self._row("vector3", f"{label} R, G, B", three, value=(0.0,) * 3, min=(0.0,) * 3, max=(high,) * 3,
+                        step=FINE)  # fmt: skip
         if is_colour:
-            srgb = lambda value: tuple(round(255 * float(srgb_from_linear(part))) for part in value)  # noqa: E731
-            linear = lambda window, said, was: tuple(float(linear_from_srgb(one / 255)) for one in said)  # noqa: E731
-            yield self._row("rgb", "colour", shown(srgb, lambda *now: True), linear, value=(188, 188, 188))
+            linear = lambda window, said, was: tuple(float(linear_from_srgb(part / 255)) for part in said)  # noqa: E731
+            yield self._row("rgb", "colour", colour, linear, value=(188, 188, 188))
             yield from self._pictures("picture", (COLOUR, VERTICES))
 
     def _pictures(self, label: str, before: tuple[str, ...]) -> Iterator[Row]:

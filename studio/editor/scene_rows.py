@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from studio.background_process import WORK_ROWS
 from studio.editor import edits
 from studio.editor.editor_window import EditorWindow
 from studio.editor.edits import Place, value_at, with_value
 from studio.editor.fields import METALS, fields
-from studio.tabs import tab_rows
+from studio.tabs import WORK_ROWS, tab_rows
 from studio.widgets import Row, button, plain, text
 from studio.workspace import MESHES
 from twin.description.light_groups import LIGHTS, LightGroup

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from studio.display_mesh import display_mesh
 from studio.editor import edits
 from studio.editor.editor_window import Edit, EditorWindow
 from studio.editor.edits import placement_of, quaternion, rotation_of
-from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow
+from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow, display_mesh
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import Diffuse, Material, Principled, RoughPlastic
 from twin.description.object_mesh import ObjectMesh

@@ -12,8 +12,7 @@ from scene.spheres import KINDS
 from shoot.init.draft import ROLES
 from shoot.init.draft_notes import notes_of
 from shoot.init.session_text import facts_of
-from studio.new_session.new_session_window import NewSessionWindow
-from studio.new_session.photograph_roles import BOARD, UNUSED, role_of, with_role
+from studio.new_session.new_session_window import BOARD, UNUSED, NewSessionWindow, role_of, with_role
 from studio.photograph.outline_rows import of_ball, outline_rows
 from studio.tabs import tab_rows
 from studio.widgets import Row, button, code, fenced, plain, text

@@ -14,12 +14,11 @@ from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.output_folder import read_record
 from shoot.watch.status import STATUS
-from studio.background_process import Job
 from studio.photograph.photograph_window import PhotographWindow, Shown
 from studio.review.corrections import Corrections, Picks, forget_kept, outlines_of, pose_of, tables_of, write_amended
 from studio.review.folder import STEPS, Review, is_kept
 from studio.review.photograph_picture import Look, normals_beside, shown_of, twin_beside
-from studio.studio_state import Edits, History
+from studio.studio_state import Edits, History, Job
 from studio.widgets import plain
 
 Array = NDArray[np.float64]

@@ -9,14 +9,13 @@ import numpy as np
 from compare.report.facts import read_optional
 from lab.options import Settings
 from scene.output_folder import read_record
-from studio.background_process import WORK_ROWS
 from studio.photograph.outline_rows import outline_rows
 from studio.review.folder import STEPS, Review, Warned, is_kept
 from studio.review.photograph_picture import OVERLAYS
 from studio.review.review_window import ReviewWindow
 from studio.review.shoot_rows import SHOOT
 from studio.review.spatial_view import FACTORS, fitting_factor
-from studio.tabs import tab_rows
+from studio.tabs import WORK_ROWS, tab_rows
 from studio.widgets import Row, button, code, plain, table, text
 
 NONE = "(no method has run)"

@@ -6,12 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
-from studio.display_mesh import display_mesh
 from studio.editor.edits import quaternion
 from studio.photograph.plane import add_numbered
 from studio.review.corrections import met
 from studio.review.review_window import ReviewWindow
-from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow
+from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow, display_mesh
 
 Array = NDArray[np.float64]
 LIGHTS, SCAN = "/lights", "/scan"

@@ -5,10 +5,10 @@ import threading
 import numpy as np
 import pytest
 
-from studio.display_mesh import display_mesh
 from studio.editor import edits
 from studio.editor.edits import with_value
 from studio.editor.preview import Preview, rendered
+from studio.widgets import display_mesh
 from twin.description.materials import Conductor, Diffuse, RoughPlastic, Texture
 from twin.description.object_mesh import ObjectMesh, built_in
 
@@ -101,7 +101,7 @@ def test_only_the_newest_wish_is_refined_and_a_fault_is_told(running):
 def test_the_display_mesh_has_few_triangles_and_the_same_outline(monkeypatch):
     sphere = built_in("sphere")
     assert display_mesh(sphere.vertices, sphere.faces)[1] is sphere.faces
-    monkeypatch.setattr("studio.display_mesh.MOST_FACES", 5000)
+    monkeypatch.setattr("studio.widgets.MOST_FACES", 5000)
     vertices, faces = display_mesh(sphere.vertices * [60, 40, 20], sphere.faces)
     assert 1500 < len(faces) <= 5000
     assert abs(np.linalg.norm(vertices / [60, 40, 20], axis=1) - 1).max() < 0.05

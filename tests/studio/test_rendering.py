@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from studio import background_process
-from studio.background_process import Work
+from studio import studio_state
 from studio.editor import edits
+from studio.studio_state import Work
 from twin.description.description_file import write_document
 from twin.description.light_groups import RingTable
 
@@ -69,7 +69,7 @@ def test_whatever_is_printed_the_end_is_told(tmp_path, monkeypatch, said, code, 
     program = tmp_path / "renderer"
     program.write_text("\n".join(["#!/bin/sh", "seq 100000", *(f"echo '{line}' >&2" for line in said), f"exit {code}"]))
     program.chmod(0o755)
-    monkeypatch.setattr(background_process, "sys", SimpleNamespace(executable=str(program)))
+    monkeypatch.setattr(studio_state, "sys", SimpleNamespace(executable=str(program)))
     work = render(tmp_path / "scene.toml", tmp_path / "out")
     work.wait()
     assert (work.fault, work.is_over) == (fault, True)

@@ -13,8 +13,7 @@ from shoot.init import init_session
 from shoot.init.draft_notes import notes_of
 from studio.new_session.looking import Look
 from studio.new_session.new_session_rows import NEW_SESSION_ROWS, TABS
-from studio.new_session.new_session_window import NewSessionWindow
-from studio.new_session.photograph_roles import role_of, with_role
+from studio.new_session.new_session_window import NewSessionWindow, role_of, with_role
 from studio.opening import open_path
 from studio.photograph.photograph_view import PhotographView
 from studio.photograph.plane import Plane

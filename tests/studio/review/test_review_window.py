@@ -164,7 +164,7 @@ def runs(made, monkeypatch):
             verb, session, out, place = arguments
             assert (out, place) == ("--out", str(made.folder)) == ("--out", str(folder))
             begun.append((load_session(Path(session)), verb))
-            super().__init__(label=label, folder=folder, share=0.0, state="at work", fault="", is_stopped=False)
+            super().__init__(label=label, folder=folder, said=[], share=0.0, begun_s=0.0, fault="", is_stopped=False)
             self.is_over, self.is_told = False, False
 
     monkeypatch.setattr(windows, "Work", Ran)
