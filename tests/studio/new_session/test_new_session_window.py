@@ -46,7 +46,19 @@ def window_on(folder, client):
 
 
 @pytest.fixture
-def begun(folder, found, nobody, furnish, settle, monkeypatch):
+def looked(settle):
+    """Return what waits until a look has ended, and a window shows what came of it."""
+
+    def wait(window):
+        window.taken.wait()
+        window.post(window.look_again)
+        settle(window)
+
+    return wait
+
+
+@pytest.fixture
+def begun(folder, found, nobody, furnish, settle, looked, monkeypatch):
     """Return what makes a window on the folder, as soon as it was looked at, and what says things in it."""
     looks(monkeypatch, found)
 
@@ -57,9 +69,7 @@ def begun(folder, found, nobody, furnish, settle, monkeypatch):
             window.client.says(label, value)
             settle(window)
 
-        window.taken.wait()
-        window.post(window.look_again)
-        settle(window)
+        looked(window)
         for tab in reversed(TABS):
             window.open_tab(tab)
         assert window.capture is not None
@@ -172,7 +182,7 @@ def test_a_photograph_gets_another_use_where_it_can_have_it(found, folder):
             with_role(one, small, folder / path, role)
 
 
-def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, furnish, settle, monkeypatch):
+def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, furnish, settle, looked, monkeypatch):
     """Two objects in a folder: one is looked at when it is chosen, and the other is as it was left."""
     top = tmp_path / "shelf"
     for name in ("cup", "jug"):
@@ -187,9 +197,7 @@ def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, furnish, 
     def turn(name):
         window.post(lambda: window.open(top / name))
         settle(window)
-        window.taken.wait()
-        window.post(window.look_again)
-        settle(window)
+        looked(window)
         return window.outlines and window.outlines[2].diameter_mm, window.client.input("Open its session").visible
 
     assert turn("jug") == (None, False)
@@ -202,8 +210,7 @@ def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, furnish, 
         open_path(StudioState(), window.workspace, top, tmp_path / "out")
 
 
-def test_what_is_known_so_far_is_shown_while_the_rest_is_looked_for(folder, found, nobody, furnish, settle,
-                                                                    monkeypatch):  # fmt: skip
+def test_what_is_known_so_far_is_shown(folder, found, nobody, furnish, settle, looked, monkeypatch):
     """The first photograph, then the mean, then the balls in it; nothing of it can be changed yet."""
     from threading import Event
 
@@ -232,14 +239,12 @@ def test_what_is_known_so_far_is_shown_while_the_rest_is_looked_for(folder, foun
         assert window.client.seen("/photograph/picture") is not None
         assert window.capture is None
         waits[number].set()
-    window.taken.wait()
-    window.post(window.look_again)
-    settle(window)
+    looked(window)
     assert window.capture is not None
     assert not window.client.told
 
 
-def test_what_fails_is_told_and_can_be_asked_again(begun, found, settle, monkeypatch):
+def test_what_fails_is_told_and_can_be_asked_again(begun, found, settle, looked, monkeypatch):
     window, _ = begun()
     again = SimpleNamespace(draft=found.draft.noting("y."))
     looks(monkeypatch, SceneError("jug: 2 of 5 photographs can be read."), found, again)
@@ -247,9 +252,7 @@ def test_what_fails_is_told_and_can_be_asked_again(begun, found, settle, monkeyp
     def look_again():
         window.post(lambda: window.open(window.place))
         settle(window)
-        window.taken.wait()
-        window.post(window.look_again)
-        settle(window)
+        looked(window)
 
     window._let_go()
     look_again()

@@ -14,7 +14,6 @@ from capture.session.requests import sphere_requests
 from capture.session.session import load_session
 from scene.errors import SceneError
 from scene.lights import Lights
-from scene.output_folder import open_record
 from scene.rays import RayCaster
 from studio.opening import found_at
 from studio.photograph.photograph_window import added, moved, outline, resized
@@ -75,18 +74,6 @@ def test_each_part_that_is_not_there_is_named_and_no_other(made, file, lacking, 
             photograph(review, 0, Look())
     else:
         assert photograph(review, 0, Look()).shape == (120, 160, 3)
-
-
-def test_an_unfinished_step_is_said_to_be_unfinished(made):
-    with open_record(made.folder) as record:
-        record.forget(["calibrate", "align", "solve", "twin"])
-    for name in ("lights.json", "mask.png", "pose.json"):
-        (made.folder / name).unlink()
-    review = Review(made.folder, made.session)
-    assert set(review.missing) == {"lights", "mask"}
-    assert "`calibrate` has not ended" in review.missing["lights"]
-    (line,) = review.lacks
-    assert line.startswith("- **lights, mask**: not made yet (`calibrate`, `align`)"), "one line for all that waits"
 
 
 def test_the_first_photograph_is_shown_before_any_is_decoded(made, tmp_path):
