@@ -185,21 +185,17 @@ class Window:
             self.state.work = Work(job.label, job.folder, words)
         self.refresh()
 
-    def attempt(self, work: Callable[[], Any]) -> bool:
+    def attempt(self, work: Callable[[], Any]) -> None:
         """Do something, unless the window is gone; tell what was at fault, if anything was, and live on."""
-        if self.is_gone:
-            return False
         try:
-            work()
+            if not self.is_gone:
+                work()
         except SceneError as error:
             self.show_fault(str(error))
         except Exception as error:
             if not self.is_gone:  # Else there is nobody to show it to.
                 traceback.print_exc()
                 self.show_fault(f"a fault of the studio, not of the input: {type(error).__name__}: {error}")
-        else:
-            return True
-        return False
 
     def show_fault(self, text: str) -> None:
         """Show what was at fault until it is closed; once, where nobody did anything."""

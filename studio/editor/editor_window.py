@@ -101,12 +101,11 @@ class EditorWindow(Window):
             self._scene = self.document, self.document.scene()
         return self._scene[1]
 
-    def change(self, label: str, edit: Edit) -> bool:
-        """Make the document another one; return whether it could be. A fault is told, and the document stays."""
-        done = self.attempt(lambda: self._do(label, replace(self.history.state, document=edit(self.document))))
+    def change(self, label: str, edit: Edit) -> None:
+        """Make the document another one, where it can be. A fault is told, and the document stays."""
+        self.attempt(lambda: self._do(label, replace(self.history.state, document=edit(self.document))))
         # What could not be done is taken out of the input that asked for it.
         self.refresh()
-        return done
 
     def drag(self, edit: Edit) -> None:
         """Show in the preview what the scene would be; nothing is kept of it."""
