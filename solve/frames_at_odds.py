@@ -115,7 +115,7 @@ def _switched(names: tuple[str, ...], value: Array, valid: NDArray[np.bool_], to
         known = ((lit & after).sum(1) > 2) & ((lit & ~after).sum(1) > 2)
         if known.mean() < LARGE:
             continue
-        terms = np.concatenate([steady, np.stack([after * expected, 1.0 * after], -1)], -1)
+        terms: Array = np.concatenate([steady, np.stack([after * expected, 1.0 * after], -1)], -1, dtype=np.float64)
         found, left = _fitted(value[known], lit[known], terms[known])
         share, more = float(np.sum(np.abs(left * lit[known])) / np.sum(np.abs(before * lit)[known])), found[:, -1]
         middle = float(np.median(more))

@@ -5,19 +5,19 @@ A path is a folder of photographs, a session, an output folder or a scene.
 
 import os
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from capture.session.session import load_session
-from capture.survey.folder_files import survey
+from capture.survey.folder_files import FolderFiles, survey
 from lab.session_place import MANIFEST, SESSION, default_out, is_output, is_session, origin_of, session_and_out
 from scene.errors import SceneError, SessionError
-from studio.browser_window import BrowserWindow
-from studio.desk import Desk
+from scene.origin import Origin
 from studio.editor.editor_window import FILE, begun
-from studio.new_session.found_capture import Looking
-from studio.widgets import Layers, Panel, Row, code, text
+from studio.new_session.looking import Look
+from studio.studio_state import StudioState
+from studio.widgets import Row, button, code, text
+from studio.window import Window
 from studio.workspace import Workspace
 
 Kind = Literal["results", "session", "scene", "folder"]
@@ -63,7 +63,7 @@ def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
     return folder.resolve(), session
 
 
-def lay(desk: Desk, workspace: Workspace, source: Path, out: Path | None = None) -> None:
+def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path | None = None) -> None:
     """Make a path, whatever it is, what is worked on.
 
     out: Output folder of a session. Raises SceneError: it cannot be read, or lies outside of the workspace.
@@ -75,22 +75,25 @@ def lay(desk: Desk, workspace: Workspace, source: Path, out: Path | None = None)
         source = workspace.root / source
     kind = kind_of(source)
     if kind == "folder":
-        looking = Looking(survey(source), out or workspace.root / "out", is_parent=out is None)
-        for one in looking.folders:
-            workspace.path(looking.out_of(one))
-        desk.area, desk.looking = "New session", looking
+        folders = survey(source)
+        if out is not None and len(folders) > 1:
+            raise SceneError(f"--out {out}: there are {len(folders)} objects, each with a folder of its own: out/NAME.")
+        state.area, state.looks = "New session", {
+            files.folder: Look(files, workspace.path(out.resolve() if out else _out_of(files, workspace.root / "out")))
+            for files in folders
+        }  # fmt: skip
     elif source.is_dir() or source.name == MANIFEST:
         place, session = found_at(source, out)
         if out is None and kind != "results" and not place.is_relative_to(workspace.root):
             found = load_session(source)
             place = default_out(origin_of(found, source), found.name, workspace.root / "out")
-        desk.show_session(workspace.path(place), session)
+        state.show_session(workspace.path(place), session)
     elif source.suffix == ".toml":
         path = workspace.path(source.resolve())
-        desk.area = "Scene"
+        state.area = "Scene"
         scene = begun(workspace, read_document(path), path.parent if path.name == FILE else None)
         # What was made before can be taken back to.
-        desk.scene = desk.scene.did(f"open {path.stem}", scene.state, 0.0) if desk.scene else scene
+        state.scene = state.scene.did(f"open {path.stem}", scene.state, 0.0) if state.scene else scene
     else:
         raise SceneError(
             f"{source}: neither a folder nor a scene description, .toml. Give photographs, a session or its output "
@@ -98,7 +101,12 @@ def lay(desk: Desk, workspace: Workspace, source: Path, out: Path | None = None)
         )
 
 
-class OpenWindow(BrowserWindow):
+def _out_of(files: FolderFiles, parent: Path) -> Path:
+    origin = Origin("session", files.folder, tuple(files.photographs.get("flash", ())))
+    return default_out(origin, files.folder.name, parent).resolve()
+
+
+class OpenWindow(Window):
     """What a browser opens things in: folders below the workspace."""
 
     area = "Open"
@@ -106,52 +114,40 @@ class OpenWindow(BrowserWindow):
     @property
     def folder(self) -> Path:
         """The one that is looked into."""
-        return self.desk.folder or self.workspace.root
+        return self.state.folder or self.workspace.root
 
     def look_into(self, folder: Path) -> None:
         """Show another folder of the workspace."""
-        self.desk.folder = self.workspace.path(folder)
+        self.state.folder = self.workspace.path(folder)
         self.refresh()
 
     def open(self, path: Path) -> None:
         """Open something in the area that is for it."""
-        lay(self.desk, self.workspace, self.workspace.path(path))
+        open_path(self.state, self.workspace, self.workspace.path(path))
         self.turn()
 
 
-ROWS = (
+def _entries(window: OpenWindow) -> tuple[tuple[Path, Kind], ...]:
+    return tuple(entries(window.folder))
+
+
+def _entry_rows(window: OpenWindow) -> list[Row]:
+    def row(path: Path, kind: Kind) -> Row:
+        if kind == "folder":
+            return button(f"{path.name}/", lambda window: window.look_into(path))
+        return button(f"{path.name}: {kind}", lambda window: window.open(path))
+
+    return [row(*one) for one in _entries(window)] or [text("Nothing that can be opened.")]
+
+
+OPEN_ROWS = (
     text(lambda window: f"{code(str(window.folder))}\n\nChoose a folder of photographs, a session, its output folder, "
          "or a scene."),
-    Row("button", "One folder up", lambda window: {"visible": window.folder != window.workspace.root},
-        lambda window: window.look_into(window.folder.parent)),
-    Row("button", HERE["folder"], lambda window: {"label": HERE[kind_of(window.folder) or "folder"]},
-        lambda window: window.open(window.folder), {"kind": "main"}),
-    Row("button", "New scene", use=lambda window: window.go("Scene")),
+    button("One folder up", lambda window: window.look_into(window.folder.parent),
+           lambda window: {"visible": window.folder != window.workspace.root}),
+    button(HERE["folder"], lambda window: window.open(window.folder),
+           lambda window: {"label": HERE[kind_of(window.folder) or "folder"]}, kind="main"),
+    button("New scene", lambda window: window.go("Scene")),
+    Row("folder", "In this folder", rows=_entry_rows, key=_entries),
 )  # fmt: skip
-
-
-class OpenPanel(Panel):
-    """What is to be done with the folder itself, and the folders and scenes in it."""
-
-    def __init__(self, window: OpenWindow) -> None:
-        super().__init__(window, ROWS)
-        self._layers, self._list = Layers(), window.client.gui.add_folder("In this folder")
-
-    def refresh(self) -> None:
-        """List the folder as it is now."""
-        super().refresh()
-        folder = self._window.folder
-        found = tuple(entries(folder))
-        self._layers.draw("entries", (folder, found), lambda: self._list_entries(found))
-
-    def _list_entries(self, found: tuple[tuple[Path, Kind], ...]) -> list[Any]:
-        window = self._window
-        with self._list:
-            if not found:
-                return [window.client.gui.add_markdown("Nothing that can be opened.")]
-            return [
-                window.button(f"{path.name}/", partial(window.look_into, path))
-                if kind == "folder"
-                else window.button(f"{path.name}: {kind}", partial(window.open, path))
-                for path, kind in found
-            ]
+"""What is to be done with the folder itself, and the folders and scenes in it."""

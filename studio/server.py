@@ -8,36 +8,29 @@ from functools import partial
 from typing import Any
 
 from scene.errors import SceneError
-from studio.browser_window import BrowserWindow
-from studio.desk import Desk
-from studio.editor.editor_window import EditorWindow, begun
-from studio.editor.files_panel import FilesPanel
-from studio.editor.panels import CameraPanel, LightsPanel, MaterialsPanel, ObjectsPanel
-from studio.editor.preview import Preview
-from studio.editor.preview_panel import PreviewPanel
+from studio.editor.editor_window import EditorWindow
+from studio.editor.preview import Preview, PreviewPanel
+from studio.editor.scene_rows import SCENE_ROWS
 from studio.editor.scene_view import SceneView
-from studio.new_session.capture_panels import DiametersPanel, LensPanel, ObjectPanel, PhotographsPanel
-from studio.new_session.found_panel import FoundPanel, TextPanel, WritePanel
+from studio.new_session.new_session_rows import NEW_SESSION_ROWS
 from studio.new_session.new_session_window import NewSessionWindow
-from studio.new_session.photographs_view import PhotographsView
-from studio.opening import OpenPanel, OpenWindow
-from studio.photograph.waiting import WaitingView
-from studio.review.photograph_view import PhotographView
+from studio.opening import OPEN_ROWS, OpenWindow
+from studio.photograph.photograph_view import PhotographView
 from studio.review.review_window import ReviewWindow
-from studio.review.run_panel import RunPanel, WarningsPanel, marks_of
-from studio.review.shoot_panel import ShootPanel
+from studio.review.session_rows import session_rows
 from studio.review.spatial_view import SpatialView
-from studio.review.step_panels import SESSION_TABS
 from studio.served_page import LOOPBACK, ServedPage
-from studio.tabs import Header, TabbedPanels
+from studio.studio_state import StudioState
+from studio.window import Window
 from studio.workspace import Workspace
 
-SCENE_TABS = {"Objects": ObjectsPanel, "Material": MaterialsPanel, "Lights": LightsPanel, "Camera": CameraPanel,
-              "Dataset": FilesPanel}  # fmt: skip
-NEW_SESSION_TABS = {"Balls": DiametersPanel, "Photographs": PhotographsPanel, "Camera": LensPanel,
-                    "Object": ObjectPanel, "session.toml": TextPanel}  # fmt: skip
-PANEL_PX, SHOOT_PX = 430, 820
-"""Width of the panels; of a shoot's, which is read from the tripod and has nothing beside it."""
+PAGES: dict[type[Window], tuple[Any, ...]] = {
+    OpenWindow: (OPEN_ROWS,),
+    NewSessionWindow: (NEW_SESSION_ROWS, [PhotographView]),
+    ReviewWindow: (session_rows, [PhotographView, SpatialView]),
+    EditorWindow: (SCENE_ROWS, [PreviewPanel, SceneView]),
+}
+"""What each area shows: its rows of widgets, and its views."""
 ELSEWHERE = "The studio is open in another window, and it has one at a time."
 
 
@@ -45,15 +38,15 @@ class Studio:
     """A server that runs until it is closed. What is worked on outlives its window: the next one goes on with it.
 
     port: 0: one that is free.
-    desk: What the browser begins with; None: with nothing opened.
+    state: What the browser begins with; None: with nothing opened.
     Raises SceneError: the port is taken.
     """
 
-    def __init__(self, workspace: Workspace, *, port: int = 8080, desk: Desk | None = None) -> None:
+    def __init__(self, workspace: Workspace, *, port: int = 8080, state: StudioState | None = None) -> None:
         _check_free(port)
-        self._workspace, self.desk, self.window = workspace, desk or Desk(), None
-        self.window: BrowserWindow | None
-        self._lock, self.page = threading.RLock(), ServedPage()
+        self._workspace, self.state, self.window = workspace, state or StudioState(), None
+        self.window: Window | None
+        self._lock, self.page, self.preview = threading.RLock(), ServedPage(), Preview()
         with contextlib.redirect_stdout(io.StringIO()):
             self._server = server = self.page.make_server(port)
         server.scene.set_up_direction("+y")
@@ -64,7 +57,6 @@ class Studio:
         for label, modifier in (("Undo", "cmd/ctrl"), ("Redo", "cmd/ctrl+shift")):
             command = server.gui.add_command(label, hotkey="Z", modifier=modifier)
             command.on_trigger(partial(self._press, label.lower()))
-        self.preview = Preview()
         server.on_client_connect(self._come)
         server.on_client_disconnect(self._go)
 
@@ -80,8 +72,8 @@ class Studio:
         if window is not None:
             window.close()
             window.wait()
-        if self.desk.work is not None and not self.desk.work.is_over:
-            self.desk.work.stop()
+        if self.state.work is not None and not self.state.work.is_over:
+            self.state.work.stop()
         self.preview.close()
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
@@ -134,56 +126,20 @@ class Studio:
         self.window = window = self._make_window(client)
         window.turn = partial(self._turn, window)
         # What takes time is done in the window's own thread, which tells what is at fault.
-        window.post(lambda: self._add_panels(window))
+        window.post(lambda: window.show(*PAGES[type(window)]))
 
-    def _turn(self, window: BrowserWindow) -> None:
+    def _turn(self, window: Window) -> None:
         with self._lock:
             if self.window is window:
                 self._show(window.client)
 
-    def _make_window(self, client: Any) -> BrowserWindow:
-        desk, place = self.desk, (client, self._workspace, self.preview)
-        if desk.area == "Session" and desk.review is not None:
-            return ReviewWindow(*place, *desk.review, desk)
-        if desk.area == "New session" and desk.looking is not None:
-            return NewSessionWindow(*place, desk.looking, desk)
-        if desk.area == "Scene":
-            return EditorWindow(*place, desk.scene or begun(self._workspace, None, None), desk)
-        return OpenWindow(*place, desk)
-
-    def _add_panels(self, window: BrowserWindow) -> None:
-        # Before anything that may fail: from a folder that cannot be read there is a way out.
-        window.panels.append(Header(window))
-        window.panels[0].refresh()
-        window.client.gui.main_panel.dock_right()
-        window.client.gui.main_panel.set_width(PANEL_PX)
-        if isinstance(window, ReviewWindow):
-            self._furnish_session(window)
-        elif isinstance(window, NewSessionWindow):
-            first = lambda: next(iter(window.files.photographs.get("flash", ())), None)  # noqa: E731
-            window.panels += [FoundPanel(window), WaitingView(window, lambda: window.is_looking, first)]
-            tabs = TabbedPanels(window, NEW_SESSION_TABS, when=lambda: window.capture is not None)
-            window.panels += [tabs, WritePanel(window), PhotographsView(window)]
-            window.open(window.files)
-        elif isinstance(window, EditorWindow):
-            window.list_files()
-            window.panels += [TabbedPanels(window, SCENE_TABS), PreviewPanel(window), SceneView(window)]
-        elif isinstance(window, OpenWindow):
-            window.panels.append(OpenPanel(window))
-        window.refresh()
-
-    def _furnish_session(self, window: ReviewWindow) -> None:
-        window.address_of = self.page.address_of
-        window.read()
-        shoot = ShootPanel(window)
-        if shoot.is_alone:
-            window.client.gui.main_panel.set_width(SHOOT_PX)
-            window.panels.append(shoot)
-            return
-        # The tabs say what stands beside the photograph; what tells of files comes after what is looked at.
-        tabs = TabbedPanels(window, SESSION_TABS, lambda: marks_of(window.review))
-        warnings, run = WarningsPanel(window), RunPanel(window)
-        window.panels += [tabs, PhotographView(window), SpatialView(window), shoot, warnings, run]
+    def _make_window(self, client: Any) -> Window:
+        state, place = self.state, (client, self._workspace, self.state)
+        if state.area == "Session" and state.review is not None:
+            return ReviewWindow(*place, address_of=self.page.address_of)
+        if state.area == "New session" and state.looks:
+            return NewSessionWindow(*place)
+        return EditorWindow(*place, self.preview) if state.area == "Scene" else OpenWindow(*place)
 
 
 def _check_free(port: int) -> None:

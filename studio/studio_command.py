@@ -29,18 +29,18 @@ def studio(
     import webbrowser
 
     from lab.progress import say
-    from studio.desk import Desk
-    from studio.opening import lay
+    from studio.opening import open_path
     from studio.server import Studio
+    from studio.studio_state import StudioState
     from studio.workspace import Workspace
 
     # viser's, of each place that still writes when its window is closed.
     warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
     place = Workspace.at(workspace)
-    desk = Desk()
+    state = StudioState()
     if source is not None:
-        lay(desk, place, source, out)
-    running = Studio(place, port=port, desk=desk)
+        open_path(state, place, source, out)
+    running = Studio(place, port=port, state=state)
     say(f"studio: {running.address}   workspace {place.root}   Ctrl-C ends it")
     if browser:
         # Where the system has none, the address that was printed does.

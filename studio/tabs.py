@@ -1,85 +1,102 @@
-"""Rows of tabs that the studio itself follows, and the header of the page: areas, undo and redo.
+"""Rows that every page has: areas, undo and redo; tabs that the studio itself follows; the work that is under way.
 
 viser keeps the open tab of its own groups to itself; here the view goes with it. A tab is a button of viser's in a
 colour by which `page/studio.css` knows it.
 """
 
+import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from html import escape
 from typing import Any
 
-from studio.browser_window import BrowserWindow
-from studio.desk import AREAS
-from studio.widgets import Panel, Row
+from studio.studio_state import AREAS
+from studio.widgets import Row, button, plain, text
 
-OPEN, OTHER = "indigo", "dark"
-
-
-class Tabs:
-    """A row of tabs. use: Called with the name of the tab that is pressed."""
-
-    def __init__(self, window: BrowserWindow, names: Sequence[str], use: Callable[[str], Any]) -> None:
-        self._buttons = {name: window.button(name, partial(use, name), color=OTHER) for name in names}
-
-    def show(self, chosen: str, marks: Mapping[str, str] | None = None, *, visible: bool = True) -> None:
-        """Mark the tab that is open, and put a sign behind the names in `marks`."""
-        for name, button in self._buttons.items():
-            button.label = f"{name} {(marks or {}).get(name, '')}".strip()
-            button.color, button.visible = OPEN if name == chosen else OTHER, visible
+Rows = Sequence[Row] | Callable[[Any], Sequence[Row]]
 
 
-class TabbedPanels:
-    """Panels of which one is shown, by the words on their tabs; each is made when its tab is first opened.
+def tab_rows(
+    tabs: Mapping[str, Rows], marks: Callable[[Any], Mapping[str, str]] = lambda window: {},
+    when: Callable[[Any], bool] = lambda window: True,
+) -> tuple[Row, ...]:  # fmt: skip
+    """Return a row of tabs, and the folder of each, of which one is shown.
 
-    panels: What makes each, given the window; or its rows. marks: Returns signs to be put behind the names.
-    when: Returns whether there is anything to be shown.
+    marks: Returns signs to be put behind the names. when: Returns whether there is anything to be shown.
     """
 
-    def __init__(
-        self, window: BrowserWindow, panels: Mapping[str, Callable[[Any], Any] | Sequence[Row]],
-        marks: Callable[[], Mapping[str, str]] = dict, when: Callable[[], bool] = lambda: True,
-    ) -> None:  # fmt: skip
-        self._window, self._panels, self._marks, self._when = window, panels, marks, when
-        self._tabs = Tabs(window, tuple(panels), window.open_tab)
-        self._folders = {name: window.client.gui.add_folder(name, visible=False) for name in panels}
-        self._made: dict[str, Any] = {}
-        if window.tab not in panels:
-            window.tab = next(iter(panels))
+    def tab(name: str) -> Row:
+        def show(window: Any) -> dict[str, Any]:
+            label, kind = f"{name} {marks(window).get(name, '')}".strip(), _kind(window.tab == name)
+            return {"label": label, "kind": kind, "visible": when(window)}
 
-    def refresh(self) -> None:
-        """Show the panel of the tab that is open; those that were open before follow the window too."""
-        chosen, is_shown = self._window.tab, self._when()
-        self._tabs.show(chosen, self._marks() if is_shown else None, visible=is_shown)
-        for name, folder in self._folders.items():
-            folder.visible = is_shown and name == chosen
-        if is_shown and chosen not in self._made:
-            make = self._panels[chosen]
-            with self._folders[chosen]:
-                self._made[chosen] = make(self._window) if callable(make) else Panel(self._window, make)
-        for panel in self._made.values() if is_shown else ():
-            self._window.attempt(panel.refresh)
+        return button(name, lambda window: window.open_tab(name), show, kind="tab", visible=False)
+
+    def folder(name: str, rows: Rows) -> Row:
+        shown = lambda window: {"visible": when(window) and window.tab == name}  # noqa: E731
+        return Row("folder", name, shown, start={"visible": False}, rows=rows)
+
+    return *map(tab, tabs), *(folder(name, rows) for name, rows in tabs.items())
 
 
-class Header:
-    """The areas; undo and redo; what the page's own script is to know of the view."""
+def _kind(is_open: bool) -> str:
+    return "open tab" if is_open else "tab"
 
-    def __init__(self, window: BrowserWindow) -> None:
-        self._window = window
-        self._areas = Tabs(window, AREAS, window.go)  # type: ignore[arg-type]
-        self._undo = window.button("Undo", window.undo, visible=False)
-        self._redo = window.button("Redo", window.redo, visible=False)
-        self._state = window.client.gui.add_html("")
 
-    def refresh(self) -> None:
-        """Follow the window."""
-        window, history = self._window, self._window.history
-        self._areas.show(window.area)
-        past, future = (history.past, history.future) if history else ((), ())
-        self._undo.visible, self._redo.visible = bool(past), bool(future)
-        self._undo.label = f"Undo: {past[-1][0]}" if past else "Undo"
-        self._redo.label = f"Redo: {future[0][0]}" if future else "Redo"
-        is_flat, report = str(window.is_flat).lower(), escape(window.report)
-        content = f'<div id="studio-state" data-flat="{is_flat}" data-report="{report}"></div>'
-        if self._state.content != content:
-            self._state.content = content
+def _area(name: str) -> Row:
+    return button(name, lambda window: window.go(name), lambda window: {"kind": _kind(window.area == name)}, kind="tab")
+
+
+def _past(label: str, use: Callable[[Any], Any], part: str) -> Row:
+    def show(window: Any) -> dict[str, Any]:
+        changes = getattr(window.history, part) if window.history else ()
+        last = changes[-1 if part == "past" else 0][0] if changes else ""
+        return {"visible": bool(changes), "label": f"{label}: {last}" if last else label}
+
+    return button(label, use, show, visible=False)
+
+
+def _view(window: Any) -> str:
+    is_flat, report = str(window.is_flat).lower(), escape(window.report)
+    return f'<div id="studio-state" data-flat="{is_flat}" data-report="{report}"></div>'
+
+
+HEADER = (
+    *map(_area, AREAS),
+    _past("Undo", lambda window: window.undo(), "past"),
+    _past("Redo", lambda window: window.redo(), "future"),
+    Row("html", show=_view),
+)
+"""The areas; undo and redo; what the page's own script is to know of the view."""
+
+
+def _work(window: Any) -> str:
+    """Return how far the work is, or what came of it, as Markdown."""
+    work = window.work
+    if work is None:
+        return window.work_told
+    if not work.is_over:
+        said = "\n".join(f"- {plain(text)}" for text in work.said)
+        return f"**{plain(work.label)}**, {time.monotonic() - work.begun_s:.0f} s so far\n\n{said}"
+    if work.is_stopped:
+        return f"Stopped. What is done is kept; **{plain(work.label)}** goes on from there."
+    return f"**Stopped by a fault.** {plain(work.fault)}" if work.fault else ""
+
+
+def _start(window: Any) -> dict[str, Any]:
+    job = window.job()
+    is_free = job.is_possible and not window.is_busy
+    return {"label": job.label, "kind": "main" if job.is_main else "other", "disabled": not is_free}
+
+
+def _bar(window: Any) -> dict[str, Any]:
+    return {"visible": window.is_busy, "value": 100 * window.work.share if window.is_busy else 0.0}
+
+
+WORK_ROWS = (
+    button("Run", lambda window: window.begin_work(), _start, kind="main"),
+    button("Stop", lambda window: window.work.stop(), lambda window: {"visible": window.is_busy},
+           kind="danger", visible=False),
+    Row("progress_bar", show=_bar, start={"value": 0, "visible": False, "animated": True}),
+    text(_work),
+)  # fmt: skip
+"""The button that begins the window's work on a folder, the one that stops it, and how far it is."""

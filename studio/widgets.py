@@ -1,41 +1,59 @@
-"""What panels and views are made of: rows of widgets, inputs by name, layers drawn again on change, Markdown."""
+"""What panels and views are made of: rows of widgets, parts of a view drawn again on change, words as Markdown."""
 
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 UNITS_PER_MM = 0.01
 """The browser's view has clipping planes and gizmos for things a few units large."""
 NO_SHADOW = {"cast_shadow": False, "receive_shadow": False}
 """Shadows of the view's own lamps would be taken for the flashes'."""
+KINDS = {"main": "blue", "other": "gray", "danger": "red", "open tab": "indigo", "tab": "dark"}
+"""Colours of buttons by their roles; `page/studio.css` knows them by these, and makes them plain."""
+
+WITHOUT_LABEL = {"markdown": "content", "html": "content", "image": "image", "progress_bar": "value"}
+"""Kinds of widgets, and what each shows."""
+
+
+def no_use(*said: Any) -> None:
+    """Of a widget that nobody changes."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One widget of a panel, or with `rows` a folder of them.
+    """One widget of a panel.
 
-    kind: Of viser's `add_<kind>`; "button" of the window's own; "more": what `use` adds, given the window.
+    kind: Of viser's `add_<kind>`; "button" of the window's own; "upload": a button that sends a file.
+    show: Given the window, the value or text that it shows now; or several of its properties by their names.
+    use: Given the window and, unless it is a button, what a person has said; of "upload" the file's name in the
+        workspace.
     start: What viser is given for it in the beginning.
-    show: Given the window, the value or the text that it shows now; or several of its properties by their names.
-    use: Given the window and, unless it is a button, what a person has said.
+    rows: Of a folder, which is made when it is first visible. Where they are a function, it is given the window, and
+        called again when `key`, given the window, is another.
     """
 
     kind: str
     label: str = ""
     show: Callable[[Any], Any] = lambda window: {}
-    use: Callable[..., Any] | None = None
-    start: dict[str, Any] | None = None
-    rows: "tuple[Row, ...]" = ()
+    use: Callable[..., Any] = no_use
+    start: Mapping[str, Any] = field(default_factory=dict)
+    rows: "Sequence[Row] | Callable[[Any], Sequence[Row]]" = ()
+    key: Callable[[Any], Any] = lambda window: None
 
 
-def text(show: Callable[[Any], Any]) -> Row:
+def text(show: Callable[[Any], Any] | str) -> Row:
     """Return a row of Markdown."""
-    return Row("markdown", show=show)
+    return Row("markdown", show=(lambda window: show) if isinstance(show, str) else show)
+
+
+def button(label: str, use: Callable[[Any], Any], show: Callable[[Any], Any] = lambda window: {}, **start: Any) -> Row:
+    """Return a row of a button; `start`: `kind`, one of `KINDS`, and what viser takes."""
+    return Row("button", label, show, use, start)
 
 
 class Panel:
@@ -43,78 +61,60 @@ class Panel:
 
     def __init__(self, window: Any, rows: Sequence[Row]) -> None:
         self._window = window
-        self._made: list[tuple[Any, Row]] = []
-        self._add(rows)
+        self._made = [(row, self._add(row)) for row in rows]
+        self._inside: dict[int, tuple[Any, Panel]] = {}
+        """Of folders, by their row's number: the key that it was made for, and what is in it."""
 
-    def _add(self, rows: Sequence[Row]) -> None:
-        window, gui = self._window, self._window.client.gui
-        for row in rows:
-            if row.kind == "folder":
-                with gui.add_folder(row.label):
-                    self._add(row.rows)
-                continue
-            if row.kind == "more":
-                assert row.use is not None
-                row.use(window)
-                continue
-            if row.kind == "button":
-                assert row.use is not None
-                handle = window.button(row.label, partial(row.use, window), **row.start or {})
-            else:
-                words = "" if row.kind in ("markdown", "html") else row.label
-                handle = getattr(gui, f"add_{row.kind}")(words, **row.start or {})
-                if row.use is not None:
-                    window.on_input(handle, partial(row.use, window))
-            self._made.append((handle, row))
+    def _add(self, row: Row) -> Any:
+        window, gui, start = self._window, self._window.client.gui, dict(row.start)
+        if row.kind in ("button", "upload"):
+            start["color"] = KINDS[start.pop("kind", "other")]
+        if row.kind == "upload":
+            return window.on_upload(gui.add_upload_button(row.label, **start), partial(row.use, window))
+        first = start.pop(WITHOUT_LABEL[row.kind], "") if row.kind in WITHOUT_LABEL else row.label or None
+        value = [start.pop("value")] if "value" in start else []
+        handle = getattr(gui, f"add_{row.kind}")(first, *value, **start)
+        if row.kind == "button":
+            window.on(handle.on_click, partial(row.use, window))
+        elif row.use is not no_use:
+            window.on_input(handle, partial(row.use, window))
+        return handle
 
     def refresh(self) -> None:
         """Show what is now; only what changed is sent."""
-        for handle, row in self._made:
-            found = row.show(self._window)
-            name = "content" if row.kind in ("markdown", "html") else "value"
-            for key, value in (found if isinstance(found, dict) else {name: found}).items():
-                if getattr(handle, key) != value:
-                    setattr(handle, key, value)
+        for number, (row, handle) in enumerate(self._made):
+            # What is at fault in one row breaks no other.
+            self._window.attempt(partial(self._refresh, number, row, handle))
 
+    def _refresh(self, number: int, row: Row, handle: Any) -> None:
+        found = row.show(self._window)
+        if not isinstance(found, dict):
+            found = {WITHOUT_LABEL.get(row.kind, "value"): found}
+        for name, value in found.items():
+            name, value = ("color", KINDS[value]) if name == "kind" else (name, value)
+            if getattr(handle, name) != value:
+                setattr(handle, name, value)
+        if row.kind == "folder" and (found.get("visible", True) or number in self._inside):
+            self._refresh_inside(number, row, handle)
 
-class Inputs(dict[str, Any]):
-    """The inputs of a panel by name.
+    def _refresh_inside(self, number: int, row: Row, folder: Any) -> None:
+        key, made = row.key(self._window), self._inside.get(number)
+        if made is None or made[0] != key:
+            if made is not None:
+                made[1].remove()
+            with folder:
+                rows = row.rows(self._window) if callable(row.rows) else row.rows
+                made = self._inside[number] = key, Panel(self._window, rows)
+        made[1].refresh()
 
-    change: given name=value of an input that a person has changed, in the window's thread; None: nothing is done.
-    """
-
-    def __init__(self, window: Any, change: Callable[..., Any] | None = None) -> None:
-        super().__init__()
-        self._window, self._change = window, change
-
-    def add(self, name: str, kind: str, label: str, *start: Any, **look: Any) -> None:
-        """Add what viser's `add_<kind>` makes; its values are given on as the kind of number that it starts with."""
-        handle = self[name] = getattr(self._window.client.gui, f"add_{kind}")(label, *start, **look)
-        change, like = self._change, handle.value
-        if change is not None:
-            self._window.on_input(handle, lambda value: change(**{name: _as(like, value)}))
-
-    def show(self, **values: Any) -> None:
-        """Give inputs these values."""
-        for name, value in values.items():
-            self[name].value = value
-
-    def show_only(self, names: set[str]) -> None:
-        """Hide all inputs but these."""
-        for name, handle in self.items():
-            handle.visible = name in names
-
-    def number(self, name: str) -> float:
-        """Return the value of an input as a float."""
-        return float(self[name].value)
-
-
-def _as(like: Any, value: Any) -> Any:
-    return tuple(map(type(like[0]), value)) if isinstance(like, tuple) else type(like)(value)
+    def remove(self) -> None:
+        """Take all of it away."""
+        for _, handle in self._made:
+            handle.remove()
 
 
 class Layers:
-    """What stands in a view or a folder: named parts, each drawn again only when what it shows has changed."""
+    """What stands in a view: named parts, each drawn again only when what it shows has changed."""
 
     def __init__(self) -> None:
         self._keys: dict[str, Any] = {}
@@ -124,13 +124,12 @@ class Layers:
         """Put a part, whose handles, if any, `add` returns, in place of what it was, unless it has this key already."""
         if name in self._keys and self._keys[name] == key:
             return
-        self.remove(name)
+        self._remove(name)
         # Kept first: what fails once would fail again at each refresh.
         self._keys[name] = key
         self._handles[name] = add() or []
 
-    def remove(self, name: str) -> None:
-        """Take a part away."""
+    def _remove(self, name: str) -> None:
         self._keys.pop(name, None)
         for handle in self._handles.pop(name, []):
             handle.remove()
@@ -138,22 +137,17 @@ class Layers:
     def keep_only(self, names: set[str]) -> None:
         """Take all other parts away."""
         for name in [name for name in self._keys if name not in names]:
-            self.remove(name)
+            self._remove(name)
 
 
 def add_light_arrow(view: Any, name: str, ends_mm: ArrayLike, spread_mm: float, colour: tuple[int, int, int]) -> Any:
     """Add an arrow from a light toward the reference point, `ends_mm` (2, 3), as long as 0.22 of `spread_mm`."""
     place, reference = np.asarray(ends_mm, np.float64)
     toward = (reference - place) / max(float(np.linalg.norm(reference - place)), 1e-9)
+    line = np.stack([place, place + toward * 0.22 * spread_mm])[None] * UNITS_PER_MM
     size = spread_mm * UNITS_PER_MM
-    return view.add_arrows(
-        name,
-        (np.stack([place, place + toward * 0.22 * spread_mm])[None] * UNITS_PER_MM).astype(np.float32),
-        colour,
-        shaft_radius=0.006 * size,
-        head_radius=0.018 * size,
-        head_length=0.05 * size,
-    )
+    look = {"shaft_radius": 0.006 * size, "head_radius": 0.018 * size, "head_length": 0.05 * size}
+    return view.add_arrows(name, line.astype(np.float32), colour, **look)
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -183,3 +177,30 @@ def fenced(text: str, kind: str) -> str:
 def _fence(text: str) -> str:
     """Return more backticks than a text holds in a row."""
     return "`" * (1 + max(map(len, re.findall("`+", text)), default=0))
+
+
+MOST_FACES = 70_000
+"""That are sent to a browser; a software renderer still turns them. The built-in shapes have fewer."""
+
+
+def display_mesh(vertices: NDArray[np.float64], faces: NDArray) -> tuple[NDArray[np.float64], NDArray]:
+    """Return vertices (V, 3) and faces (F, 3) of a mesh, or of one that looks like it from afar.
+
+    Of one with more than `MOST_FACES` the vertices are gathered in the cells of a cubic grid [Rossignac1993], each at
+    its cell's mean; faces with two corners in one cell go. The grid is made coarser until few enough are left. An
+    outline moves by less than a cell.
+    """
+    low = vertices.min(0)
+    extent = float((vertices.max(0) - low).max()) or 1.0
+    # A surface of area a few extents squared has about this many cells.
+    cells = int(np.sqrt(MOST_FACES / 2))
+    places, merged = vertices, faces
+    while len(merged) > MOST_FACES:
+        grid = ((vertices - low) * (cells / extent)).astype(np.int64)
+        keys = (grid[:, 0] * (cells + 1) + grid[:, 1]) * (cells + 1) + grid[:, 2]
+        _, cell, count = np.unique(keys, return_inverse=True, return_counts=True)
+        places = np.stack([np.bincount(cell, column) for column in vertices.T], 1) / count[:, None]
+        a, b, c = cell[faces].T
+        merged = cell[faces][(a != b) & (b != c) & (c != a)]
+        cells = int(0.8 * cells)
+    return places, merged

@@ -39,11 +39,13 @@ def prepare(
     *,
     small: Sequence[Small] = (),
     balls: Sequence[SphereTable] | None = None,
+    seen: Callable[[Draft], Any] = lambda draft: None,
 ) -> Draft:
     """Return what a folder's files are, with what the user answered.
 
     `progress` gives what is told of how many photographs are read; it is closed before a question comes. `small`,
-    `balls`: the photographs as they were read already, and the balls as they were found.
+    `balls`: the photographs as they were read already, and the balls as they were found. `seen` is given the draft when
+    the photographs have their roles, and again when the balls are found.
 
     Raises
     ------
@@ -56,10 +58,12 @@ def prepare(
     with progress as tell:
         small, unread = (small, []) if small else read_small(every, encoding, tell)
     draft = _look(files, linear, {one.path: one for one in small}, unread)
+    seen(draft)
     if "board" not in draft.photographs:
         draft = draft.saying("camera", **asking.camera(is_known=draft.known_camera()[0] is not None))
         draft.known_camera()
     draft = with_balls(draft, files, asking, balls)
+    seen(draft)
     return _given(draft, files, asking)
 
 

@@ -1,4 +1,4 @@
-"""One browser's window for a scene: the scene with its past, to be undone, and what is selected."""
+"""The window of a scene: the scene with its past, to be undone, what is selected, and its files in the workspace."""
 
 import time
 from collections.abc import Callable
@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from scene.current import file_digest
-from studio.browser_window import BrowserWindow
-from studio.desk import Desk, History
-from studio.editor.edits import start_document
+from scene.errors import SceneError
+from studio.editor.edits import Place, start_document
 from studio.editor.preview import Drawn, Preview
-from studio.workspace import MOST_FILES, Listing, Workspace
+from studio.studio_state import History, Job, StudioState
+from studio.widgets import code, plain
+from studio.window import Window
+from studio.workspace import MOST_FILES, Listing, Workspace, put_own
 from twin.description.description import TwinScene
 from twin.description.scene_toml import SceneDocument
 
@@ -25,7 +27,7 @@ class Saved:
 
     name: What the browser calls the folder that it is to be saved to.
     folder: Where it was opened from, or saved to last; None: nowhere yet.
-    digest: Of its file as it was then: another window may have saved since.
+    digest: Of its file as it was then: somebody else may have saved since.
     """
 
     name: str = "scene"
@@ -48,34 +50,49 @@ def begun(workspace: Workspace, document: SceneDocument | None, folder: Path | N
     return History(Edited(document, Saved(name, folder, digest)))
 
 
-class EditorWindow(BrowserWindow):
-    """What a browser makes a scene on. Its panels call `change`; whatever changed, all panels are refreshed.
-
-    history: The document, and what was done to it; it lies on the desk.
-    """
+class EditorWindow(Window):
+    """What a browser makes a scene on. Its panels call `change`; whatever changed, all panels are refreshed."""
 
     area = "Scene"
+    first_tab = "Objects"
 
-    def __init__(
-        self, client: Any, workspace: Workspace, preview: Preview, history: History[Edited], desk: Desk | None = None
-    ) -> None:
-        super().__init__(client, workspace, preview, desk)
-        self.desk.scene = history
-        self.object, self.light, self.picked = 0, 0, "object"
-        self.listing, self._is_keeping = Listing(), False
+    def __init__(self, client: Any, workspace: Workspace, state: StudioState, preview: Preview) -> None:
+        super().__init__(client, workspace, state)
+        state.scene = state.scene or begun(workspace, None, None)
+        self._preview, self._asked = preview, None
+        self.object, self.light = 0, 0
+        self.listing = Listing()
         self._scene = self.document, self.document.scene()
+        self.gain, self.drawn = 1.0, None
+        """Brightness of the preview, and what was drawn last."""
+        self.drawn: Drawn | None
         self.show_preview: Callable[[Drawn], None] = lambda drawn: None
+        self.apart: set[Place] = set()
+        """Colours that are typed channel by channel."""
+        self.chosen: dict[str, str] = {}
+        """What is chosen or typed for a button to take, by what it is for."""
+        self.size_in_proportion = True
+        """One side that is typed changes the others too."""
+
+    def begin(self) -> None:
+        """Look for files."""
+        self.list_files()
 
     @property
     def history(self) -> History[Edited]:
-        """What can be undone."""
-        assert self.desk.scene is not None
-        return self.desk.scene
+        """The document, and what was done to it."""
+        assert self.state.scene is not None
+        return self.state.scene
 
     @property
     def document(self) -> SceneDocument:
         """What is edited."""
         return self.history.state.document
+
+    @property
+    def saved(self) -> Saved:
+        """What it is saved as."""
+        return self.history.state.saved
 
     @property
     def scene(self) -> TwinScene:
@@ -84,12 +101,11 @@ class EditorWindow(BrowserWindow):
             self._scene = self.document, self.document.scene()
         return self._scene[1]
 
-    def change(self, label: str, edit: Edit) -> bool:
-        """Make the document another one; return whether it could be. A fault is told, and the document stays."""
-        done = self.attempt(lambda: self._do(label, replace(self.history.state, document=edit(self.document))))
+    def change(self, label: str, edit: Edit) -> None:
+        """Make the document another one, where it can be. A fault is told, and the document stays."""
+        self.attempt(lambda: self._do(label, replace(self.history.state, document=edit(self.document))))
         # What could not be done is taken out of the input that asked for it.
         self.refresh()
-        return done
 
     def drag(self, edit: Edit) -> None:
         """Show in the preview what the scene would be; nothing is kept of it."""
@@ -100,10 +116,10 @@ class EditorWindow(BrowserWindow):
         self._keep(history)
         self.refresh()
 
-    def restart(self, label: str, document: SceneDocument, saved: Saved) -> None:
-        """Work on another document. It can be taken back as any change can."""
+    def start_again(self) -> None:
+        """Work on a new document. It can be taken back as any change can."""
         self.object, self.light = 0, 0
-        self._do(label, Edited(document, saved))
+        self._do("new scene", Edited(start_document(), Saved()))
         self.refresh()
 
     def _do(self, label: str, state: Edited) -> None:
@@ -112,8 +128,7 @@ class EditorWindow(BrowserWindow):
         self._keep(self.history.did(label, state, time.monotonic(), self._input))
 
     def select(self, what: str, index: int) -> None:
-        """Give an object or a light the gizmo: `what` is "object" or "light"."""
-        self.picked = what
+        """Look at another one: `what` is "object", which has the gizmo then, or "light"."""
         setattr(self, what, index)
         self._keep(self.history)
         self.refresh()
@@ -125,17 +140,12 @@ class EditorWindow(BrowserWindow):
             # The button would keep the content until the next file comes.
             name, content = event.target.value.name, event.target.value.content
             event.target.value.content = b""
-            if self._is_keeping:
-                self.show_fault(f"{name}: the last file is just being read. Send it again after that.")
-            else:
-                self._is_keeping = True
-                self.post(lambda: use(self._kept(name, content)))
+            self.post(lambda: use(self._kept(name, content)))
 
         handle.on_upload(_)
         return handle
 
     def _kept(self, name: str, content: bytes) -> str:
-        self._is_keeping = False
         name = self.workspace.keep_upload(name, content)
         self.list_files()
         return name
@@ -156,17 +166,87 @@ class EditorWindow(BrowserWindow):
 
     def _refresh_panels(self) -> None:
         with self.client.atomic():
-            for panel in self.panels:
-                panel.refresh()
+            super()._refresh_panels()
         self._request(self.scene)
 
     def _keep(self, history: History[Edited]) -> None:
-        self.desk.scene = history
+        self.state.scene = history
         self.object = min(self.object, len(self.document.objects) - 1)
         self.light = min(self.light, len(self.scene.lights) - 1)
 
     def _request(self, scene: TwinScene) -> None:
-        self.preview.request(self.client.client_id, scene, min(self.light, len(scene.lights) - 1), self._drawn)
+        """Have a scene drawn, unless it is the one that was asked for last."""
+        light = min(self.light, len(scene.lights) - 1)
+        if not self.is_gone and self._asked != (id(scene), light):
+            self._asked = id(scene), light
+            self._preview.request(scene, light, lambda drawn: self.post(lambda: self.show_preview(drawn)))
 
-    def _drawn(self, drawn: Drawn) -> None:
-        self.post(lambda: self.show_preview(drawn))
+    def save(self) -> Path:
+        """Write the scene into its folder, and return the description's path."""
+        from twin.description.description_check import check_scene
+        from twin.description.description_file import write_document
+
+        saved, document = self.saved, self.document
+        name, own = saved.name, saved.folder
+        # The workspace itself may be a scene's folder only where the scene was opened from there.
+        folder = own if own and name.strip() == self.workspace.name(own) else self.workspace.folder_for(name)
+        if (folder / FILE).exists() and folder != own:
+            raise SceneError(f"{name}: holds another scene already. Open that first, or choose another name.")
+        if folder == own and saved.digest != file_digest(folder / FILE):
+            raise SceneError(
+                f"{name}: was saved elsewhere, or removed, since it was opened here. Save under another name, or open "
+                "it again."
+            )
+        if folder != self.workspace.root:
+            document = document.model_copy(update={"name": folder.name})
+        check_scene(self.scene)
+        put_own(folder, lambda place: write_document(document, place))
+        saved.folder, saved.digest = folder, file_digest(folder / FILE)
+        self.list_files()
+        self.refresh()
+        return folder / FILE
+
+    def export(self) -> None:
+        """Save the scene, and write it as Mitsuba's files."""
+        from twin.engines.mitsuba_files import write_mitsuba
+
+        out = self.workspace.path(self.save().parent / "export")
+        paths, notes = put_own(out, lambda place: write_mitsuba(self.scene, place))
+        first = self.scene.lights.names[0]
+        command = f"mitsuba -m llvm_ad_rgb -D light={first} -o {first}.exr scene.xml"
+        told = f"Exported {len(paths) - 1} lights to {code(self.workspace.name(out))}."
+        self.state.work = None if self.work and self.work.is_over else self.state.work
+        self.work_told = "\n\n".join([told, code(command), *map(plain, notes)])
+        self.refresh()
+
+    @property
+    def dataset(self) -> Path:
+        """Where the scene's dataset is rendered to."""
+        return (self.saved.folder or self.workspace.root / "not saved yet") / "dataset"
+
+    @property
+    def is_rendered(self) -> bool:
+        """Whether there is a dataset to be solved."""
+        return self.dataset.is_dir() and not self.is_busy
+
+    def job(self) -> Job:
+        """Render the scene, which is saved first; solving comes first once that is done."""
+
+        def words() -> list[str]:
+            path = self.save()
+            return ["twin", str(path), "--out", str(path.parent / "dataset")]
+
+        return Job("Render dataset", self.dataset, words, is_main=not self.dataset.is_dir())
+
+    def work_ended(self) -> None:
+        """Say where the dataset is."""
+        where = self.workspace.name(self.dataset)
+        self.work_told = f"Rendered into {code(where)}, a session. **Solve** goes the whole way to its report."
+        self.notify("Rendered", where)
+        self.list_files()
+
+    def solve(self) -> None:
+        """Go to the dataset as a session, and begin the steps."""
+        out = self.workspace.path(self.dataset.parent / "results")
+        self.state.show_session(out, self.dataset, tab="Verdict", run="compare")
+        self.turn()

@@ -3,17 +3,17 @@
 They raise RenderError where the next would be none: what a key may be, its declaration tells.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import TypeAdapter, ValidationError
+from scipy.spatial.transform import Rotation
 
 from scene.errors import RenderError
-from studio.editor.placement import Placement, matrix_of, placement_of
 from twin.description.description import TwinObject
 from twin.description.description_file import faults_in
 from twin.description.light_groups import AreaLight, DistantLight, GridTable, LightGroup, PointLight, SessionLights
@@ -27,6 +27,84 @@ Place = tuple[str | int, ...]
 FILLED = 0.8
 """Share of the picture's width or height that a new object fills."""
 GRAY = (0.5, 0.5, 0.5)
+
+
+@dataclass(frozen=True)
+class Placement:
+    """An object's matrix in numbers.
+
+    middle_mm (3,): Of the object's bounding box in its own frame, where it is now: what gizmos turn it about.
+    rotate_deg (3,): About x, then y, then z, the axes standing still.
+    scale (3,): Factors along the object's own axes, before it is turned. The first is negative where the matrix
+        mirrors.
+    own_mm (3,): Extent of the mesh along its own axes.
+    is_exact: False: the matrix shears as well, and these numbers are the nearest without.
+    """
+
+    middle_mm: Array
+    rotate_deg: Array
+    scale: Array
+    own_mm: Array
+    is_exact: bool = True
+
+    @property
+    def rotation(self) -> Array:
+        """(3, 3)."""
+        return Rotation.from_euler("xyz", self.rotate_deg, degrees=True).as_matrix()
+
+    @property
+    def size_mm(self) -> Array:
+        """(3,) extent along the object's own axes, as it is."""
+        return np.abs(self.scale) * self.own_mm
+
+    def sized(self, size_mm: ArrayLike, *, in_proportion: bool) -> "Placement":
+        """Return the placement of another extent (3,); a flat mesh stays flat.
+
+        in_proportion: What was changed of the extent changes the rest too.
+        """
+        was, wanted = self.size_mm, np.asarray(size_mm, float)
+        factors = np.divide(wanted, was, out=np.ones(3), where=was > 0)
+        if in_proportion:
+            factors = np.full(3, factors[np.argmax(np.abs(factors - 1))])
+        return replace(self, scale=self.scale * factors)
+
+
+def placement_of(one: TwinObject) -> Placement:
+    """Return an object's placement.
+
+    The matrix' linear part is R diag(s) if its columns are at right angles: s their lengths, R the rest. Else R is the
+    rotation nearest to it (its polar part), and s the lengths.
+    """
+    linear = one.matrix[:3, :3]
+    low, high = one.mesh.vertices.min(0), one.mesh.vertices.max(0)
+    scale = np.linalg.norm(linear, axis=0)
+    if np.linalg.det(linear) < 0:
+        scale[0] = -scale[0]
+    turned = linear / scale
+    is_exact = bool(np.allclose(turned.T @ turned, np.eye(3), atol=1e-6))
+    u, _, v = np.linalg.svd(turned)
+    rotation = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
+    # Where y is +-90 degrees, x and z turn about one axis, and z is taken as 0.
+    angles = Rotation.from_matrix(rotation).as_euler("xyz", degrees=True, suppress_warnings=True)
+    return Placement(linear @ ((low + high) / 2) + one.matrix[:3, 3], angles, scale, high - low, is_exact)
+
+
+def matrix_of(one: TwinObject, placement: Placement) -> Array:
+    """Return the matrix (4, 4) that gives an object a placement."""
+    matrix, vertices = np.eye(4), one.mesh.vertices
+    matrix[:3, :3] = placement.rotation * placement.scale
+    matrix[:3, 3] = placement.middle_mm - matrix[:3, :3] @ (vertices.min(0) + vertices.max(0)) / 2
+    return matrix
+
+
+def quaternion(rotation: Array) -> Array:
+    """Return (w, x, y, z), unit, w >= 0, of a rotation (3, 3): viser's."""
+    return Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True)
+
+
+def rotation_of(wxyz: Array) -> Array:
+    """Return the rotation (3, 3) of a quaternion (w, x, y, z)."""
+    return Rotation.from_quat(np.asarray(wxyz, float), scalar_first=True).as_matrix()
 
 
 @cache
@@ -79,20 +157,14 @@ def added(document: SceneDocument, name: str, **source: Any) -> SceneDocument:
     the first object takes. Its axes are the camera's.
     """
     others = () if document.objects == start_document().objects else document.objects
-    size = 60.0 if "shape" in source else 1.0
-    mesh = built_in(source["shape"]) if "shape" in source else source["mesh"]
+    size, mesh = (60.0, built_in(source["shape"])) if "shape" in source else (1.0, source["mesh"])
     low, high = (size * end for end in (mesh.vertices.min(0), mesh.vertices.max(0)))
     place = _before_the_camera(document, high - low) - (low + high) / 2
     one = ObjectTable(
-        name=free_name(name, [one.name for one in others]), material=next(iter(document.materials)),
+        name=name, material=next(iter(document.materials)),
         scale=(size, size, size), translate_mm=tuple(place.tolist()), **source,
     )  # fmt: skip
     return document.model_copy(update={"objects": (*others, one)})
-
-
-def free_name(name: str, taken: Sequence[str | None]) -> str:
-    """Return a name that is not taken: itself, or with a number."""
-    return name if name not in taken else next(f"{name} {i}" for i in range(2, 10**6) if f"{name} {i}" not in taken)
 
 
 def _before_the_camera(document: SceneDocument, size: Array) -> Array:
@@ -177,12 +249,6 @@ def of_kind(kind: type[Material], was: Material, first: Mapping[str, Any]) -> Ma
         return kind(**{key: value for key, value in known.items() if key != "specularity"})
 
 
-def tidied(document: SceneDocument) -> SceneDocument:
-    """Return the document without materials of which nothing is."""
-    used = {one.material for one in document.objects}
-    return document.model_copy(update={"materials": {k: v for k, v in document.materials.items() if k in used}})
-
-
 def group_of(document: SceneDocument, index: int) -> int:
     """Return in which group the light of a number stands."""
     ends = np.cumsum([_count(group) for group in document.lights])
@@ -206,10 +272,9 @@ def singled_out(document: SceneDocument, index: int) -> SceneDocument:
         common = {"name": lights.names[i], "intensity": tuple(lights.intensities[i].tolist())}
         if lights.positions_mm is None:
             singles.append(DistantLight(direction=tuple(lights.directions[i].tolist()), **common))
-        else:
-            common["position_mm"] = tuple(lights.positions_mm[i].tolist())
-            radius = float(scene.radii_mm[i])
-            singles.append(AreaLight(radius_mm=radius, **common) if radius else PointLight(**common))
+            continue
+        common["position_mm"], radius = tuple(lights.positions_mm[i].tolist()), float(scene.radii_mm[i])
+        singles.append(AreaLight(radius_mm=radius, **common) if radius else PointLight(**common))
     changed: dict[str, Any] = {"lights": (*document.lights[:group], *singles, *document.lights[group + 1 :])}
     if isinstance(document.lights[group], SessionLights):
         changed["reference_point_mm"] = tuple(lights.reference_point_mm.tolist())

@@ -1,13 +1,13 @@
 """Inputs made from a table's declaration: what a key is, its range, unit and choices stand in the scene's document."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
 from formats.picture_files import linear_from_srgb, srgb_from_linear
 from studio.editor.editor_window import EditorWindow
 from studio.editor.edits import GRAY, Place, value_at, with_value
-from studio.widgets import Inputs
+from studio.widgets import Row
 from twin.description.description_file import keys_of
 from twin.description.materials import VERTEX, Texture, read_texture
 
@@ -15,11 +15,13 @@ METALS = ("Al", "Ag", "Au", "Cu", "Cr", "W", "none")
 NONE, COLOUR, VERTICES = "(none)", "(the colour)", "(the mesh's own colours)"
 FINE, COARSE = 0.01, 0.1
 """Steps of inputs: of what goes up to 1, and of other numbers."""
+At = Callable[[EditorWindow], Place]
+"""Where a table stands in the document."""
 
 
 @cache
 def inputs_of(table: type) -> dict[str, dict[str, Any]]:
-    """Return the keys of a table that have an input, each with its schema and `input`, its kind.
+    """Return the keys of a table that have an input, each with its schema, `input`, its kind, and `label`.
 
     may_be_absent: It says with what it begins where a box is ticked; other keys are shown where they are there.
     """
@@ -27,8 +29,10 @@ def inputs_of(table: type) -> dict[str, dict[str, Any]]:
     for name, field in keys_of(table).items():
         choices = [one for one in field.get("anyOf", [field]) if one.get("type") != "null"]
         field = field | choices[0] | {"may_be_absent": "start" in field}
-        kind = field.get("input") or _kind(field)
-        if kind:
+        unit = field.get("unit")
+        usual = name.removesuffix(f"_{unit}").replace("_", " ") + (f", {unit}" if unit else "")
+        field["label"] = field.get("label") or usual
+        if kind := field.get("input") or _kind(field):
             found[name] = field | {"input": kind}
     return found
 
@@ -43,161 +47,146 @@ def _kind(field: dict[str, Any]) -> str:
     return "checkbox" if field.get("type") == "boolean" else ""
 
 
-class Fields:
-    """The keys of one table of the document, each with what viser has for its kind.
+def fields(at: At, skip: tuple[str, ...] = ()) -> Row:
+    """Return the inputs of the keys of one table of the document, made anew for a table of another kind.
 
-    at: Returns where the table stands. skip: Keys that have inputs elsewhere.
-    A key that may be absent has a box to tick, and its input while it is there. Three channels have one number, unless
-    they are asked for one by one: a number typed shall not give a colour.
+    skip: Keys that have inputs elsewhere. A key that may be absent has a box to tick, and its input while it is there.
     """
 
-    def __init__(self, window: EditorWindow, at: Callable[[], Place], skip: tuple[str, ...] = ()) -> None:
-        self._window, self._at, self._skip = window, at, skip
-        self._folder = window.client.gui.add_folder(None)
-        self._kind: type | None = None
-        self._inputs = Inputs(window, self._said)
-        self._below: dict[str, Fields] = {}
-        self._apart: set[Place] = set()
+    def table(window: EditorWindow) -> Any:
+        return value_at(window.document, at(window))
 
-    def refresh(self) -> None:
-        """Show the table as it is; its inputs are made anew for a table of another kind."""
-        table = value_at(self._window.document, self._at())
-        self._folder.visible = table is not None
-        if table is None:
-            return
-        if type(table) is not self._kind:
-            self._make(type(table))
-        shown = set()
-        for name, field in self._fields().items():
-            value = vars(table)[name]
-            if field["may_be_absent"]:
-                self._inputs[f"{name} on"].value = value is not None
-                shown.add(f"{name} on")
-            if name in self._below:
-                self._below[name].refresh()
-            elif value is not None or field["input"] in ("picture", "session"):
-                shown |= getattr(self, f"_show_{field['input']}", self._show_value)(name, value)
-        self._inputs.show_only(shown)
+    def rows(window: EditorWindow) -> list[Row]:
+        known = inputs_of(type(table(window)))
+        return [row for name, field in known.items() if name not in skip for row in _Key(at, name, field).rows()]
 
-    def _fields(self) -> dict[str, dict[str, Any]]:
-        assert self._kind is not None
-        return {name: field for name, field in inputs_of(self._kind).items() if name not in self._skip}
+    return Row("folder", show=lambda window: {"visible": table(window) is not None}, rows=rows,
+               key=lambda window: type(table(window)))  # fmt: skip
 
-    def _make(self, kind: type) -> None:
-        for handle in (*self._inputs.values(), *(one._folder for one in self._below.values())):
-            handle.remove()
-        self._inputs.clear()
-        self._below.clear()
-        self._kind = kind
-        with self._folder:
-            for name, field in self._fields().items():
-                self._add(name, field)
 
-    def _add(self, name: str, field: dict[str, Any]) -> None:
-        unit = field.get("unit") and f", {field['unit']}"
-        label = field.get("label") or name.removesuffix(f"_{field.get('unit')}").replace("_", " ") + (unit or "")
-        add, look, kind = self._inputs.add, {"hint": field.get("description")}, field["input"]
+class _Key:
+    """The rows of one key. Each has `show`, by the key's value, and `use`, which makes a value of what was said."""
+
+    def __init__(self, at: At, name: str, field: dict[str, Any]) -> None:
+        self._at, self._name, self._field, self._label = at, name, field, field["label"]
+
+    def rows(self) -> Iterator[Row]:
+        field, kind = self._field, self._field["input"]
+        hint: dict[str, Any] = {"hint": field.get("description")}
         low, high = field.get("minimum", field.get("exclusiveMinimum")), field.get("maximum")
         if field["may_be_absent"]:
-            add(f"{name} on", "checkbox", label, False, **look)
+            begin = lambda window, said, was: field["start"] if said else None  # noqa: E731
+            yield self._row("checkbox", self._label, lambda *now: now[1] is not None, begin, value=False, **hint)
         if kind == "table":
-            self._below[name] = Fields(self._window, lambda: (*self._at(), name))
+            yield fields(lambda window: (*self._at(window), self._name))
         elif kind == "number":
             start = int if field["type"] == "integer" else float
-            add(name, "number", label, start(max(low or 0, 1)), min=low, max=high, step=start(1) or COARSE, **look)
+            look = {"value": start(max(low or 0, 1)), "min": low, "max": high, "step": start(1) or COARSE}
+            yield self._row("number", self._label, _present, **look, **hint)
         elif kind in ("slider", "share"):
-            add(name, "slider", label, min=FINE if low else 0.0, max=1.0, step=FINE, initial_value=1.0, **look)
-        elif kind in ("dropdown", "metal", "picture", "session"):
-            add(name, "dropdown", label, tuple(field.get("enum", METALS if kind == "metal" else (NONE,))), **look)
+            look = {"min": FINE if low else 0.0, "max": 1.0, "step": FINE, "initial_value": 1.0}
+            yield self._row("slider", self._label, _present, **look, **hint)
+        elif kind in ("dropdown", "metal"):
+            options = tuple(field.get("enum", METALS))
+            shown = lambda window, value: {"options": options if value in (None, *options) else (*options, value)}  # noqa: E731
+            yield self._row("dropdown", self._label, lambda *now: shown(*now) | _present(*now), options=options, **hint)
+        elif kind == "session":
+            yield self._files(self._label, lambda window: window.listing.sessions,
+                              lambda window, said: str(window.workspace.path(f"{said}/lights.json")))  # fmt: skip
+        elif kind == "picture":
+            yield from self._pictures(self._label, (NONE,))
         elif kind in ("channels", "colour"):
-            high = field["prefixItems"][0]["maximum"] if kind == "channels" else 1.0
-            add(f"{name} all", "number", label, 0.0, min=0.0, max=float(high), step=FINE, **look)
-            add(f"{name} apart", "checkbox", f"{label} by channel", False)
-            add(name, "vector3", f"{label} R, G, B", (0.0,) * 3, min=(0.0,) * 3, max=(float(high),) * 3, step=FINE)
-            if kind == "colour":
-                add(f"{name} rgb", "rgb", "colour", (188, 188, 188))
-                add(f"{name} picture", "dropdown", "picture", (COLOUR,), hint="From the workspace")
+            yield from self._channels(float(field["prefixItems"][0]["maximum"]) if kind == "channels" else 1.0)
         else:
-            add(name, kind, label, *([(0.0,) * 3] if kind == "vector3" else [False]), **look)
-        if kind in ("picture", "colour"):
-            upload = self._window.client.gui.add_upload_button(
-                f"Send a {field.get('of', 'texture')} from here", color="gray"
+            start = (0.0,) * 3 if kind == "vector3" else False
+            yield self._row(kind, self._label, _present, value=start, **hint)
+
+    def _row(
+        self, kind: str, label: str, show: Callable[[EditorWindow, Any], Any],
+        make: Callable[[EditorWindow, Any, Any], Any] = lambda window, said, was: said, **start: Any,
+    ) -> Row:  # fmt: skip
+        """Return a row; show: given the window and the value. make: given window, what was said and the value."""
+
+        def use(window: EditorWindow, said: Any) -> None:
+            place = (*self._at(window), self._name)
+            # Each choice is a change of its own; digits that are typed are one.
+            label = " ".join(map(str, (*place, *((said,) if isinstance(said, str) else ())))).replace("_", " ")
+            window.change(
+                label, lambda document: with_value(document, place, make(window, said, value_at(document, place)))
             )
-            self._inputs[f"{name} upload"] = self._window.on_upload(
-                upload, lambda file: self._said(**{f"{name} picture" if kind == "colour" else name: file})
-            )
 
-    def _show_value(self, name: str, value: Any) -> set[str]:
-        # A picture has no number.
-        if isinstance(value, Texture):
-            return set()
-        handle = self._inputs[name]
-        if hasattr(handle, "options") and value not in handle.options:
-            handle.options = (*handle.options, value)
-        like = handle.value
-        handle.value = tuple(float(part) for part in value) if isinstance(value, tuple) else type(like)(value)
-        return {name}
+        return Row(kind, label, lambda window: show(window, self._value(window)), use, start)
 
-    def _show_channels(self, name: str, value: Any) -> set[str]:
-        is_apart = len(set(value)) > 1 or (*self._at(), name) in self._apart
-        self._inputs[f"{name} all"].value = float(value[0])
-        self._inputs[f"{name} apart"].value = is_apart
-        return self._show_value(name, value) | {f"{name} apart"} if is_apart else {f"{name} all", f"{name} apart"}
+    def _value(self, window: EditorWindow) -> Any:
+        return vars(value_at(window.document, self._at(window)))[self._name]
 
-    def _show_colour(self, name: str, value: Any) -> set[str]:
-        shown = {f"{name} picture", f"{name} upload"}
-        if isinstance(value, tuple):
-            self._inputs[f"{name} rgb"].value = tuple(round(255 * float(srgb_from_linear(part))) for part in value)
-            shown |= self._show_channels(name, value) | {f"{name} rgb"}
-        first = COLOUR if isinstance(value, tuple) else VERTICES if value == VERTEX else value
-        self._choose(f"{name} picture", first, (COLOUR, VERTICES, *self._window.listing.pictures))
-        return shown
+    def _channels(self, high: float) -> Iterator[Row]:
+        """Three channels have one number, unless they are asked for one by one: one that is typed gives no colour."""
+        label, is_colour = self._label, self._field["input"] == "colour"
 
-    def _show_picture(self, name: str, value: Any) -> set[str]:
-        self._choose(name, value, (NONE, *self._window.listing.pictures))
-        return {name, f"{name} upload"}
+        def is_apart(window: EditorWindow, value: Any) -> bool:
+            return isinstance(value, tuple) and (len(set(value)) > 1 or (*self._at(window), self._name) in window.apart)
 
-    def _show_session(self, name: str, value: Any) -> set[str]:
-        self._choose(name, value.parent, self._window.listing.sessions)
-        return {name}
+        def split(window: EditorWindow, said: bool, was: Any) -> Any:
+            place = (*self._at(window), self._name)
+            (window.apart.add if said else window.apart.discard)(place)
+            return was if said else (float(was[0]),) * 3
 
-    def _choose(self, name: str, value: Any, options: tuple[str, ...]) -> None:
-        """Show a file among those that there are."""
-        path = value.file if isinstance(value, Texture) else value
-        shown = NONE if path is None else path if isinstance(path, str) else self._window.name_of(path)
-        self._inputs[name].options = tuple(dict.fromkeys((shown, *options)))
-        self._inputs[name].value = shown
+        def one(window: EditorWindow, value: Any) -> dict[str, Any]:
+            # A picture has no numbers.
+            is_shown = isinstance(value, tuple) and not is_apart(window, value)
+            return {"visible": True, "value": float(value[0])} if is_shown else {"visible": False}
 
-    def _said(self, **said: Any) -> None:
-        """Change what a person has said."""
-        ((name, value),) = said.items()
-        key, _, part = name.partition(" ")
-        place = (*self._at(), key)
-        if part == "apart":
-            (self._apart.add if value else self._apart.discard)(place)
-        # Each choice is a change of its own; digits that are typed are one.
-        chosen = (value,) if isinstance(value, str) else ()
-        self._window.change(
-            " ".join(map(str, (*place, *chosen))).replace("_", " "),
-            lambda document: with_value(document, place, self._value(key, part, value, value_at(document, place))),
+        def three(window: EditorWindow, value: Any) -> dict[str, Any]:
+            return _present(window, value) if is_apart(window, value) else {"visible": False}
+
+        def colour(window: EditorWindow, value: Any) -> dict[str, Any]:
+            if not isinstance(value, tuple):
+                return {"visible": False}
+            return {"visible": True, "value": tuple(round(255 * float(srgb_from_linear(part))) for part in value)}
+
+        def box(window: EditorWindow, value: Any) -> dict[str, Any]:
+            return {"visible": isinstance(value, tuple), "value": is_apart(window, value)}
+
+        yield self._row("number", label, one, lambda window, said, was: (said,) * 3, value=0.0, min=0.0, max=high,
+                        step=FINE, hint=self._field.get("description"))  # fmt: skip
+        yield self._row("checkbox", f"{label} by channel", box, split, value=False)
+        yield self._row("vector3", f"{label} R, G, B", three, value=(0.0,) * 3, min=(0.0,) * 3, max=(high,) * 3,
+                        step=FINE)  # fmt: skip
+        if is_colour:
+            linear = lambda window, said, was: tuple(float(linear_from_srgb(part / 255)) for part in said)  # noqa: E731
+            yield self._row("rgb", "colour", colour, linear, value=(188, 188, 188))
+            yield from self._pictures("picture", (COLOUR, VERTICES))
+
+    def _pictures(self, label: str, before: tuple[str, ...]) -> Iterator[Row]:
+        known = {COLOUR: GRAY, VERTICES: VERTEX, NONE: None}
+        chosen = self._files(
+            label,
+            lambda window: (*before, *window.listing.pictures),
+            lambda window, said: known[said] if said in known else read_texture(window.workspace.path(said)),
         )
+        yield chosen
+        yield Row("upload", f"Send a {self._field.get('of', 'texture')} from here", use=chosen.use)
 
-    def _value(self, key: str, part: str, said: Any, was: Any) -> Any:
-        """Return what a key is to be; part: of its inputs, the one by which it was said."""
-        field = self._fields()[key]
-        file = self._window.workspace.path
-        match part or field["input"]:
-            case "apart":
-                return was if said else (float(was[0]),) * 3
-            case "on":
-                return field["start"] if said else None
-            case "all":
-                return (said,) * 3
-            case "rgb":
-                return tuple(float(linear_from_srgb(one / 255)) for one in said)
-            case "session":
-                return str(file(f"{said}/lights.json"))
-            case "picture":
-                known = {COLOUR: GRAY, VERTICES: VERTEX, NONE: None}
-                return known[said] if said in known else read_texture(file(said))
-        return said
+    def _files(
+        self, label: str, options: Callable[[EditorWindow], tuple[str, ...]], read: Callable[[EditorWindow, str], Any]
+    ) -> Row:
+        """Return a choice of files; `read` makes the value of one's name."""
+
+        def show(window: EditorWindow, value: Any) -> dict[str, Any]:
+            session = value.parent if self._field["input"] == "session" else None
+            path = session or (value.file if isinstance(value, Texture) else None)
+            words = COLOUR if isinstance(value, tuple) else VERTICES if value == VERTEX else NONE
+            name = window.name_of(path) if path else words
+            return {"options": tuple(dict.fromkeys((name, *options(window)))), "value": name}
+
+        hint = self._field.get("description") if self._field["input"] != "colour" else "From the workspace"
+        return self._row("dropdown", label, show, lambda window, said, was: read(window, said), options=(NONE,),
+                         hint=hint)  # fmt: skip
+
+
+def _present(window: EditorWindow, value: Any) -> dict[str, Any]:
+    """Show a value where it is there. A picture has no number."""
+    if value is None or isinstance(value, Texture):
+        return {"visible": False}
+    return {"visible": True, "value": tuple(map(float, value)) if isinstance(value, tuple) else value}

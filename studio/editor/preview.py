@@ -1,148 +1,193 @@
-"""The preview's one thread: it draws the newest request of each browser, rough at once and refined when still."""
+"""The preview of a scene, drawn in a thread of its own: small and rough at once, then refined; and its panel."""
 
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from compare.report.pictures import Exposure
 from scene.errors import SceneError
-from studio.editor.preview_pictures import Picture, first_picture, refining
+from studio.widgets import Panel, Row, plain, text
 from twin.description.description import TwinScene
 
+Picture = NDArray[np.float32]
 WIDTH, HEIGHT = 320, 240
-STILL_S = 0.4
-"""So long after the last change the picture is refined."""
+"""Of the refined picture; the rough one is half as large."""
+PATHS = {"first picture": 4, "refined": 16}
+"""Stages of a picture: paths a pixel, where any are needed."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Drawn:
-    """A picture, or why there is none.
+    """A picture (h, w, 3), linear, under the light of this name; or None and why there is none.
 
-    picture (h, w, 3): Linear.
-    seconds: From the request to the picture.
-    light: Name of the light that shines in it.
-    fault: Empty where there is a picture.
+    stage: A key of `PATHS`. seconds: From the request to the picture.
     """
 
     picture: Picture | None
-    is_refined: bool
+    stage: str
     seconds: float
     light: str
     fault: str = ""
 
     @property
-    def stage(self) -> str:
-        """In words, with the seconds."""
-        return f"{'refined' if self.is_refined else 'first picture'}, {self.seconds:.2f} s"
+    def is_refined(self) -> bool:
+        """Whether nothing better comes."""
+        return self.stage == "refined"
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class _Request:
-    """What a browser wants to see.
-
-    slices: Of the refined picture, once it is begun.
-    """
-
     scene: TwinScene
     light: int
     show: Callable[[Drawn], Any]
     at: float
-    is_rough_done: bool = False
-    slices: Iterator[Picture | None] | None = None
 
 
 class Preview:
-    """Draws the previews of all browsers in one thread until it is closed.
-
-    A refined picture is drawn in slices: first pictures, of whichever browser, come between them, and one that is no
-    longer wanted is dropped.
-    """
+    """Draws in one thread until it is closed; only the newest request counts."""
 
     def __init__(self) -> None:
-        self._requests: dict[int, _Request] = {}
-        self._change = threading.Condition()
-        self._open = True
+        self._request: _Request | None = None
+        self._change, self._open = threading.Condition(), True
         self._thread = threading.Thread(target=self._run, name="preview", daemon=True)
         self._thread.start()
 
-    def request(self, window: int, scene: TwinScene, light: int, show: Callable[[Drawn], Any]) -> None:
-        """Ask for a picture; a request of the same window that is not yet met is forgotten.
-
-        window: Whose request. show: Called in the preview's thread with each `Drawn`: the rough one, then the refined.
-        """
+    def request(self, scene: TwinScene, light: int, show: Callable[[Drawn], Any]) -> None:
+        """Ask for a picture; `show` is called in the preview's thread with each `Drawn`: the rough one, the refined."""
         with self._change:
-            self._requests[window] = _Request(scene, light, show, time.monotonic())
+            self._request = _Request(scene, light, show, time.monotonic())
             self._change.notify()
-
-    def forget(self, window: int) -> None:
-        """Let go what a browser asked for that went away."""
-        with self._change:
-            self._requests.pop(window, None)
 
     def close(self) -> None:
         """Stop the thread, after the picture that it is at."""
         with self._change:
-            self._open = False
+            self._open, self._request = False, None
             self._change.notify()
         self._thread.join()
 
     def _run(self) -> None:
+        done: _Request | None = None
         while True:
             with self._change:
-                found = self._next()
-                while self._open and found is None:
-                    self._change.wait(self._until_still())
-                    found = self._next()
+                self._change.wait_for(lambda: not self._open or self._request not in (None, done))  # noqa: B023
                 if not self._open:
-                    self._requests.clear()
                     return
-            assert found is not None
-            window, request = found
-            drawn = self._drawn(request)
-            if drawn is None:
-                continue
-            with self._change:
-                newest = self._requests.get(window)
-                if newest is request and drawn.is_refined:
-                    del self._requests[window]
-                request.is_rough_done = True
-            # While something is dragged there is always a newer request: an older first picture is better than none.
-            # And one that failed says nothing yet: the refined one tells all that is at fault.
-            wanted = newest is request if drawn.is_refined else newest is not None and drawn.picture is not None
-            if wanted:
-                try:
-                    request.show(drawn)
-                except Exception:
-                    traceback.print_exc()
+                done = request = self._request
+            assert request is not None
+            for stage in PATHS:
+                drawn = _drawn(request, stage)
+                newest = self._request
+                # While something is dragged there is always a newer request: an older first picture is better than
+                # none. And one that failed says nothing yet: the refined one tells all that is at fault.
+                if newest is request if drawn.is_refined else newest is not None and drawn.picture is not None:
+                    try:
+                        request.show(drawn)
+                    except Exception:
+                        traceback.print_exc()
+                if newest is not request:
+                    break
 
-    def _next(self) -> tuple[int, _Request] | None:
-        """Return the oldest request for a rough picture, else one that has been still."""
-        rough = [pair for pair in self._requests.items() if not pair[1].is_rough_done]
-        still = [pair for pair in self._requests.items() if pair[1].at + STILL_S <= time.monotonic()]
-        return min(rough or still, key=lambda pair: pair[1].at, default=None)
 
-    def _until_still(self) -> float | None:
-        times = [request.at + STILL_S for request in self._requests.values()]
-        return max(0.01, min(times) - time.monotonic()) if times else None
+def _drawn(request: _Request, stage: str) -> Drawn:
+    scene, light, fault, picture = request.scene, request.light, "", None
+    try:
+        picture = rendered(scene, light, stage)
+    except SceneError as error:
+        fault = str(error)
+    except Exception as error:
+        # Whatever a strange mesh does to a renderer, the studio lives on.
+        traceback.print_exc()
+        fault = f"the preview failed ({type(error).__name__}: {error})."
+    return Drawn(picture, stage, time.monotonic() - request.at, scene.lights.names[light], fault)
 
-    def _drawn(self, request: _Request) -> Drawn | None:
-        """Return the next picture of a request; None: a slice of it was drawn."""
-        scene, second, fault, picture = request.scene, request.is_rough_done, "", None
-        size = {"width": WIDTH, "height": HEIGHT}
-        try:
-            if second:
-                request.slices = request.slices or refining(scene, request.light, **size)
-                picture = next(request.slices)
-                if picture is None:
-                    return None
-            else:
-                picture = first_picture(scene, request.light, **size)
-        except SceneError as error:
-            fault = str(error)
-        except Exception as error:
-            # Whatever a strange mesh does to a renderer, the studio lives on.
-            traceback.print_exc()
-            fault = f"the preview failed ({type(error).__name__}: {error})."
-        return Drawn(picture, second, time.monotonic() - request.at, scene.lights.names[request.light], fault)
+
+def fitted(scene: TwinScene, light: int, width: int, height: int) -> TwinScene:
+    """Return the scene under one light, before a camera of at most width x height pixels that sees the same."""
+    camera = scene.camera
+    scale = min(1.0, width / camera.width, height / camera.height)
+    across, down = max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
+    small = camera.scaled(across, down, across / camera.width, down / camera.height)
+    return replace(scene, camera=small, lights=scene.lights.only([light]), radii_mm=scene.radii_mm[[light]])
+
+
+def rendered(scene: TwinScene, light: int, stage: str) -> Picture:
+    """Render everything under one light, (h, w, 3) linear: interreflection, environment, mirrors, discs, wax.
+
+    Raises RenderError: the scene is at fault; refined, all faults are told.
+    """
+    from twin.description.description_check import check_scene
+    from twin.engines.engine_choice import choose_engine
+    from twin.engines.layers import Piece, PieceRenderer, standing_light
+
+    if stage == "refined":
+        check_scene(scene)
+    part = 1 if stage == "refined" else 2
+    lit = fitted(scene, light, WIDTH // part, HEIGHT // part)
+    film, (engine, _) = lit.film(), choose_engine(lit)
+    piece = Piece(slice(0, 1), slice(0, film.size[0]))
+    frame = PieceRenderer(lit, film, engine).render(piece, PATHS[stage]).frames()[0]
+    standing = standing_light(lit, film)
+    return film.whole(np.asarray(frame if standing is None else frame + standing, np.float32))
+
+
+PANEL_PX = 380
+"""Width."""
+
+
+def _light(window: Any) -> dict[str, object]:
+    count = len(window.scene.lights)
+    return {"max": max(count, 2), "disabled": count == 1, "value": window.light + 1}
+
+
+def _status(window: Any) -> str:
+    drawn = window.drawn
+    if drawn is None:
+        return "drawing ..."
+    if drawn.picture is None:
+        return f"**No preview.** {plain(drawn.fault)}"
+    return f"{plain(drawn.light)}: {drawn.stage}, {drawn.seconds:.2f} s after the change"
+
+
+ROWS = (
+    text(_status),
+    Row("slider", "light", _light, lambda window, value: window.select("light", int(value) - 1),
+        {"min": 1, "max": 2, "step": 1, "initial_value": 1, "hint": "Which light shines"}),
+    Row("slider", "brightness", lambda window: window.gain, lambda window, value: window.choose(gain=value),
+        {"min": 0.1, "max": 8.0, "step": 0.1, "initial_value": 1.0}),
+)  # fmt: skip
+
+
+class PreviewPanel:
+    """The picture beside the 3-D view, with its rows."""
+
+    def __init__(self, window: Any) -> None:
+        import cv2
+
+        self._window, self._shown, gui = window, None, window.client.gui
+        panel = gui.add_panel()
+        with panel.add_tab("Preview"):
+            self._picture = gui.add_image(np.full((HEIGHT, WIDTH, 3), 40, np.uint8), format="png")
+            self._panel = Panel(window, ROWS)
+        panel.dock_left()
+        panel.set_width(PANEL_PX)
+        self._resize = lambda image: cv2.resize(image, (WIDTH, round(WIDTH * image.shape[0] / image.shape[1])))
+        window.show_preview = self.show
+
+    def show(self, drawn: Drawn) -> None:
+        """Show a picture, or what is at fault."""
+        self._window.drawn = drawn
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Follow the number of lights, which one is looked at, and what was drawn."""
+        drawn, window = self._window.drawn, self._window
+        if drawn is not None and drawn.picture is not None and self._shown != (id(drawn), window.gain):
+            self._shown = id(drawn), window.gain
+            self._picture.image = self._resize(Exposure(1 / window.gain, np.ones(3)).develop(drawn.picture))
+        self._panel.refresh()

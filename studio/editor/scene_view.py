@@ -1,23 +1,25 @@
 """The 3-D view: objects, lights as arrows, the camera. What is selected can be dragged."""
 
 from collections.abc import Callable
-from functools import partial
+from functools import lru_cache, partial
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from studio.display_mesh import display_mesh
 from studio.editor import edits
 from studio.editor.editor_window import Edit, EditorWindow
-from studio.editor.placement import placement_of, quaternion, rotation_of
-from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow
+from studio.editor.edits import placement_of, quaternion, rotation_of
+from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow, display_mesh
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import Diffuse, Material, Principled, RoughPlastic
+from twin.description.object_mesh import ObjectMesh
 from twin.description.scene_toml import SceneDocument
 
 Array = NDArray[np.float64]
+KEPT = 8
+"""Meshes whose display is remembered: each change of an object's place asks for it again."""
 PICKED, PLAIN = (255, 140, 0), (250, 210, 60)
 
 
@@ -40,14 +42,14 @@ class SceneView:
         places = {f"light {index}": _place(scene, index, spread) for index in range(len(lights))}
         layers.keep_only({*objects, *places, "camera", "look"})
         for index, (name, one) in enumerate(objects.items()):
-            is_picked = window.picked == "object" and window.object == index
+            is_picked = window.object == index
             colour = _colour(scene.materials[one.material])
             key = (id(one.mesh), one.matrix.tobytes(), is_picked, colour)
             layers.draw(name, key, lambda i=index, p=is_picked, c=colour: self._add_object(i, p, c))
         for index, (name, place) in enumerate(places.items()):
-            is_picked, is_lit = window.picked == "light" and window.light == index, window.light == index
-            key = (place.tobytes(), lights.reference_point_mm.tobytes(), is_picked, is_lit, spread)
-            layers.draw(name, key, lambda i=index, p=is_picked, lit=is_lit: self._add_light(i, p, lit, spread))
+            is_lit = window.light == index
+            key = (place.tobytes(), lights.reference_point_mm.tobytes(), is_lit, spread)
+            layers.draw(name, key, lambda i=index, lit=is_lit: self._add_light(i, lit, spread))
         layers.draw("camera", scene.camera, self._add_camera)
 
     def _add_object(self, index: int, is_picked: bool, colour: tuple[int, int, int]) -> list[Any]:
@@ -73,10 +75,9 @@ class SceneView:
 
     def _own(self, one: TwinObject, rotation: Array, middle: Array) -> tuple[Any, Any, float]:
         """Return the display mesh in the gizmo's frame, and half its longest side, in the view's units."""
-        shown = display_mesh(one.mesh)
-        faces = shown.faces
+        vertices, faces = _displayed(one.mesh)
         linear = one.matrix[:3, :3]
-        placed = shown.vertices @ linear.T + one.matrix[:3, 3]
+        placed = vertices @ linear.T + one.matrix[:3, 3]
         own = ((placed - middle) @ rotation * UNITS_PER_MM).astype(np.float32)
         if np.linalg.det(linear) < 0:
             faces = faces[:, ::-1]
@@ -97,7 +98,7 @@ class SceneView:
 
         self._on_drag(knob, "scale", scaled)
 
-    def _add_light(self, index: int, is_picked: bool, is_lit: bool, spread: float) -> list[Any]:
+    def _add_light(self, index: int, is_lit: bool, spread: float) -> list[Any]:
         scene = self._window.scene
         place, colour = _place(scene, index, spread), PICKED if is_lit else PLAIN
         root, at = f"/light_{index}", place * UNITS_PER_MM
@@ -107,18 +108,11 @@ class SceneView:
         knob = self._view.add_icosphere(root, radius=radius, color=colour, position=at, **NO_SHADOW)
         self._window.on(knob.on_click, lambda: self._window.select("light", index))
 
-        def to_place(place_mm: Array, *_: Array) -> Edit:
-            return lambda document: edits.moved_light(document, index, place_mm)
+        def to_place(start: Array, end: Array) -> Edit:
+            return lambda document: edits.moved_light(document, index, end / UNITS_PER_MM)
 
-        self._on_drag(knob, f"light {index}", lambda start, end: to_place(end / UNITS_PER_MM))
-        if not is_picked:
-            return [arrow, knob]
-        scale = 0.2 * spread * UNITS_PER_MM
-        gizmo = self._view.add_transform_controls(
-            f"{root}_gizmo", scale=scale, disable_rotations=True, depth_test=False, position=at
-        )
-        self._follow(gizmo, f"light {index}", to_place)
-        return [arrow, knob, gizmo]
+        self._on_drag(knob, f"light {index}", to_place)
+        return [arrow, knob]
 
     def _add_camera(self) -> list[Any]:
         camera = self._window.scene.camera
@@ -149,6 +143,11 @@ class SceneView:
             self._window.drag(edit)
         elif phase == "end":
             self._window.change(f"drag {name}", edit)
+
+
+@lru_cache(KEPT)
+def _displayed(mesh: ObjectMesh) -> tuple[Any, Any]:
+    return display_mesh(mesh.vertices, mesh.faces)
 
 
 def _spread(scene: TwinScene) -> float:

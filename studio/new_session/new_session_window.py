@@ -1,84 +1,94 @@
-"""One browser's window on a folder without session.toml: the document that is to be written, as it is put right."""
+"""The window on a folder without session.toml: the document that is to be written, as it is put right."""
 
-from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
+from capture.session.globs import natural_key
 from capture.session.manifest import SphereTable
-from capture.survey.folder_files import FolderFiles
+from capture.survey.folder_files import FEWEST
+from capture.survey.small_pictures import Small
+from compare.report.picture_strip import INK, PictureStrip
 from lab.session_place import MANIFEST
-from scene.camera import Camera
 from scene.errors import SceneError
+from shoot.init.contact_sheet import COLOURS
 from shoot.init.draft import Draft
 from shoot.init.init_session import check_free, write_manifest
 from shoot.init.session_text import session_text
-from studio.desk import Desk, History
-from studio.editor.preview import Preview
-from studio.new_session.found_capture import FoundCapture, Looking
-from studio.photograph.outlines import Outline, Outlines
-from studio.photograph.photograph_window import PhotographWindow
+from studio.new_session.looking import Look
+from studio.photograph.photograph_window import Outlines, PhotographWindow, Shown
 from studio.photograph.plane import Plane
-from studio.workspace import Workspace
+from studio.studio_state import History
+
+BOARD, UNUSED = "board", "not used"
+LEFT_OUT, OTHER = (255, 120, 110), (255, 210, 90)
+"""Colours of the names of photographs that are not used, and of those that are no flash frames."""
 
 
 class NewSessionWindow(PhotographWindow):
     """What a browser begins sessions in. Its panels call `edit`, `measure` and `correct`.
 
-    looking: The folders that were named; what is written lies in one of them.
+    place: Of the folder that is looked at, among the state's `looks`.
+    photograph: The one that is shown; None: the mean of the flash frames.
     """
 
     area = "New session"
-    is_flat = True
+    first_tab = "Balls"
 
-    def __init__(
-        self, client: Any, workspace: Workspace, preview: Preview, looking: Looking, desk: Desk | None = None
-    ) -> None:
-        super().__init__(client, workspace, preview, desk)
-        self.looking = looking
-        without = [files for files in looking.folders if not (files.folder / MANIFEST).exists()]
-        self.files: FolderFiles = (without or looking.folders)[0]
+    def __init__(self, *place: Any) -> None:
+        super().__init__(*place)
+        without = [folder for folder in self.state.looks if not (folder / MANIFEST).exists()]
+        self.place: Path = (without or list(self.state.looks))[0]
         self.photograph: Path | None = None
-        """The one that is shown; None: the mean of the flash frames."""
-        self.state, self.share, self.is_looking = "", 0.0, False
-        """What is being looked at and how much of it is done; or why nothing could be made of the folder."""
+        self._is_shown = False
+
+    def begin(self) -> None:
+        """Look at the first folder that has no session yet."""
+        self.open(self.place)
 
     @property
-    def found(self) -> FoundCapture | None:
-        """The folder as it was found; None before it was looked at."""
-        return self.looking.found_in(self.files.folder)
+    def taken(self) -> Look:
+        """The look at the folder."""
+        return self.state.looks[self.place]
+
+    @property
+    def manifest(self) -> Path:
+        """Where session.toml is written."""
+        return self.place / MANIFEST
 
     @property
     def history(self) -> History[Draft] | None:
         """The document with what was put right in it; None before the folder was looked at."""
-        return self.desk.captures.get(self.files.folder) if self.found else None
+        return self.taken.history
 
     def keep(self, history: History[Any]) -> None:
-        """Lay what was put right on the desk."""
-        self.desk.captures[self.files.folder] = history
+        """Keep what was put right."""
+        self.taken.history = history
 
     @property
     def capture(self) -> Draft | None:
         """What would be written now, once the folder was looked at."""
         return self.history.state if self.history else None
 
+    def need(self) -> Draft:
+        """Return the document. Raises SceneError: the folder was not looked at yet."""
+        if self.capture is None:
+            raise SceneError(f"{self.place.name}: is still being looked at. Wait for it.")
+        return self.capture
+
     @property
     def balls(self) -> list[SphereTable]:
-        """The balls, in the frames and shot apart."""
-        return self.capture.manifest.spheres if self.capture else []
+        """The balls that are known so far, in the frames and shot apart."""
+        draft = self.capture or self.taken.draft
+        return draft.manifest.spheres if draft else []
 
     @property
     def outlines(self) -> Outlines:
         """The balls in the frames."""
-        draft = self.capture
-        return () if draft is None else tuple(
-            Outline(ball.kind, (ball.center_px[0], ball.center_px[1]), ball.radius_px, ball.diameter_mm,
-                    not draft.is_found(ball))
-            for ball in self.balls if ball.center_px and ball.radius_px
-        )  # fmt: skip
+        return tuple(ball for ball in self.balls if ball.center_px and ball.radius_px)
 
-    def place_of(self, index: int) -> int:
-        """Return which of the balls an outline is."""
-        return [number for number, ball in enumerate(self.balls) if ball.center_px][index]
+    def is_found(self, ball: SphereTable) -> bool:
+        """Whether a ball's circle was found."""
+        return self.need().is_found(ball)
 
     def correct(self, outlines: Outlines, label: str = "correct a ball", held_s: float | None = None) -> None:
         """Take other balls in the frames; a new one, or one of another kind, is as large as all of its kind."""
@@ -88,80 +98,19 @@ class NewSessionWindow(PhotographWindow):
             alike = {one.diameter_mm for one in self.balls if one.kind == ball.kind}
             usual = alike.pop() if len(alike) == 1 else None
             diameter = ball.diameter_mm if ball.kind == before.kind else None
-            balls.append(
-                SphereTable(
-                    kind=ball.kind,
-                    diameter_mm=diameter or usual,
-                    center_px=list(map(float, ball.center_px)),
-                    radius_px=float(ball.radius_px),
-                )
-            )
+            balls.append(ball.model_copy(update={"diameter_mm": diameter or usual}))
         self.alter(label, held_s=held_s, manifest=self.need().with_balls(balls).manifest)
 
     def measure(self, which: str | int, diameter_mm: float) -> None:
         """Say the diameter of all balls of a kind, or of one in the frames; 0: it is not known."""
-        of_kind = isinstance(which, str)
-        place = None if of_kind else self.place_of(which)
+        one = self.outlines[which] if isinstance(which, int) else None
         balls = [
             SphereTable(**{**ball.model_dump(), "diameter_mm": float(diameter_mm) or None})
-            if number == place or ball.kind == which
+            if ball is one or ball.kind == which
             else ball
-            for number, ball in enumerate(self.balls)
+            for ball in self.balls
         ]
         self.edit(self.need().with_balls(balls), "diameter")
-
-    @property
-    def plane(self) -> Plane | None:
-        """Where the photographs stand."""
-        return None if self.capture is None else Plane(self.capture.width, self.capture.height)
-
-    @property
-    def camera(self) -> Camera | None:
-        """By which the outlines are drawn."""
-        return None if self.capture is None else self.capture.assumed_camera
-
-    @property
-    def text(self) -> str:
-        """What would be written now, as session.toml has it."""
-        return session_text(self.need(), "rgbn studio")
-
-    @property
-    def manifest(self) -> Path:
-        """Where it is written."""
-        return self.files.folder / MANIFEST
-
-    def need(self) -> Draft:
-        """Return the document. Raises SceneError: the folder was not looked at yet."""
-        if self.capture is None:
-            raise SceneError(f"{self.files.folder.name}: is still being looked at. Wait for it.")
-        return self.capture
-
-    def open(self, files: FolderFiles) -> None:
-        """Look at a folder; what was put right in it, or in another one, is kept."""
-        self.files, self.on_photograph = files, None
-        if self.manifest.exists():
-            self.desk.captures.pop(files.folder, None)
-        self.choose(ball=None, photograph=None, is_looking=False, reading=self.reading + 1)
-        if self.capture is None and not self.manifest.exists():
-            self.choose(state="Reading the photographs ...", share=0.0, is_looking=True)
-            self.looking.ask(
-                files,
-                lambda done, total: self.post(lambda: self._read(files, done, total)),
-                lambda found: self.post(lambda: self._show(files, found)),
-            )
-
-    def _read(self, files: FolderFiles, done: int, total: int) -> None:
-        if files is self.files and self.is_looking:
-            reading = f"Reading the photographs: {done} of {total} ..."
-            state = reading if done < total else "Looking for balls, board and scan: 10 to 60 seconds ..."
-            self.choose(state=state, share=done / total)
-
-    def _show(self, files: FolderFiles, found: "Future[FoundCapture]") -> None:
-        if files is not self.files or not self.is_looking:
-            return
-        self.choose(state=str(found.exception()), is_looking=False)
-        self.keep(History(found.result().draft))  # What was at fault is told by the window too.
-        self.choose(reading=self.reading + 1)
 
     def edit(self, draft: Draft, label: str = "edit") -> None:
         """Take the document as it was edited."""
@@ -169,11 +118,62 @@ class NewSessionWindow(PhotographWindow):
 
     def back_to_found(self) -> None:
         """Take the balls as they were found, with the diameters that are known of their kinds."""
-        self.correct(
-            tuple(Outline(ball.kind, (ball.center_px[0], ball.center_px[1]), ball.radius_px)
-                  for ball in self.need().found if ball.center_px and ball.radius_px),
-            "balls as found",
-        )  # fmt: skip
+        self.correct(tuple(ball for ball in self.need().found if ball.center_px), "balls as found")
+
+    def shown(self) -> Shown | None:
+        """Return the photograph that is chosen, or the mean; while the folder is looked at, the first, with balls."""
+        look, draft, photograph = self.taken, self.capture or self.taken.draft, self.photograph
+        if draft is None:
+            first = look.first if look.begun_s and not look.is_over else None
+            plane = None if first is None else Plane(first.shape[1], first.shape[0])
+            return None if plane is None or first is None else Shown(plane, None, ("first", lambda: first))
+        plane, colours = Plane(draft.width, draft.height), tuple(COLOURS[ball.kind] for ball in self.outlines)
+        picture = ((self.reading, photograph), lambda: look.picture(photograph))
+        if self.capture is None:
+            return Shown(plane, draft.assumed_camera, picture, colours=colours)
+        roles = tuple(role_of(draft, path) for path in look.small)
+        # One photograph is looked at as it is.
+        crop = (draft.small, look.exposure, draft.step) if photograph is None else None
+        chosen = None if photograph is None else list(look.small).index(photograph)
+        strip = ((self.reading, roles), lambda: _strip(look, roles))
+        return Shown(plane, draft.assumed_camera, picture, strip, chosen, crop, colours)
+
+    def choose_small(self, index: int) -> None:
+        """Look at a photograph; a second click goes back to all of them together."""
+        path = list(self.taken.small)[index]
+        self.choose(photograph=None if self.photograph == path else path, ball=None, looks=self.looks + 1)
+
+    def open(self, place: Path) -> None:
+        """Look at a folder; what was put right in it, or in another one, is kept."""
+        self.place, self.on_photograph, self._is_shown = place, None, False
+        if self.manifest.exists():
+            self._let_go()
+        else:
+            self.taken.begin()
+        self.choose(ball=None, photograph=None, reading=self.reading + 1)
+        self.look_again()
+
+    def _let_go(self) -> None:
+        """Forget what was found: photographs are hundreds of megabytes."""
+        self.state.looks[self.place] = Look(self.taken.files, self.taken.out)
+
+    def look_again(self) -> None:
+        """Show how far the look is, and once what came of it."""
+        super().look_again()
+        look = self.taken
+        if self._is_shown or not look.begun_s:
+            return
+        if look.is_over:
+            self._is_shown = True
+            self.reading += 1
+            if look.fault is not None:
+                self.show_fault(str(look.fault))
+        self.refresh()
+
+    @property
+    def text(self) -> str:
+        """What would be written now, as session.toml has it."""
+        return session_text(self.need(), "rgbn studio")
 
     def write(self) -> None:
         """Write session.toml, once, and go on with the session.
@@ -181,20 +181,59 @@ class NewSessionWindow(PhotographWindow):
         Raises SceneError: there is one already, what it would say cannot be read again, or the output folder would lie
         outside of the workspace.
         """
-        draft, out = self.need(), self.out
-        check_free(self.files)
+        draft, out = self.need(), self.workspace.path(self.taken.out)
+        check_free(self.taken.files)
         write_manifest(draft, self.text)
-        self.desk.captures.pop(self.files.folder, None)
-        self.looking.forget(self.files.folder)
-        self.desk.show_session(out, self.files.folder, tab="Verdict")
+        self._let_go()
+        self.state.show_session(out, self.place, tab="Verdict")
         self.turn()
-
-    @property
-    def out(self) -> Path:
-        """The output folder, in the workspace."""
-        return self.workspace.path(self.looking.out_of(self.files))
 
     def open_session(self) -> None:
         """Show the session that the folder has already."""
-        self.desk.show_session(self.out, self.files.folder)
+        self.state.show_session(self.workspace.path(self.taken.out), self.place)
         self.turn()
+
+
+def _strip(look: Look, roles: tuple[str, ...]) -> PictureStrip:
+    """Return the small photographs, each with its use; those that are not used are dim."""
+    colours = {"flash": INK, UNUSED: LEFT_OUT}
+    labels = [
+        (path.stem if role == "flash" else f"{role}: {path.stem}", colours.get(role, OTHER))
+        for path, role in zip(look.small, roles, strict=True)
+    ]
+    dimmed = [small // (3 if role == UNUSED else 1) for small, role in zip(look.thumbnails, roles, strict=True)]
+    return PictureStrip.of(dimmed, labels)
+
+
+def role_of(draft: Draft, path: Path) -> str:
+    """Return what a photograph is used for."""
+    return next((role for role, paths in draft.photographs.items() if path in paths), UNUSED)
+
+
+def with_role(draft: Draft, small: dict[Path, Small], path: Path, role: str) -> Draft:
+    """Return a draft with a photograph used for something else.
+
+    Raises SceneError: too few flash frames would be left, it is of another size, or it is one of a board.
+    """
+    was = role_of(draft, path)
+    if role == was:
+        return draft
+    if BOARD in (role, was):
+        raise SceneError(
+            f"{path.name}: a board's shots are found by themselves. Put three or more that show all of it into a "
+            "folder called board, or others out of it, and look at the folder again."
+        )
+    if "flash" in (role, was) and any(ball.frames for ball in draft.manifest.spheres):
+        raise SceneError(
+            f"{path.name}: the balls that were shot apart have one photograph for each flash frame. Name it under "
+            "frames.skip in session.toml, which leaves out theirs, too."
+        )
+    photographs = {one: [other for other in paths if other != path] for one, paths in draft.photographs.items()}
+    if role != UNUSED:
+        photographs[role] = sorted([*photographs.get(role, []), path], key=natural_key)
+    if len(photographs["flash"]) < FEWEST:
+        raise SceneError(f"{path.name}: {FEWEST} flash frames are the fewest. Leave it, or add others first.")
+    size = small[path].width, small[path].height
+    if role != UNUSED and size != (draft.width, draft.height):
+        raise SceneError(f"{path.name}: {size[0]} x {size[1]} px; the flash frames: {draft.width} x {draft.height}.")
+    return draft.with_photographs(photographs)

@@ -4,7 +4,6 @@ What is written lies in the output folder; the user's own session.toml is read a
 """
 
 import glob
-import tomllib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,18 +12,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.session.session_types import Session, SphereSpec
+from capture.session.manifest import SphereTable
+from capture.session.manifest_file import toml_tables
+from capture.session.requests import hint_scale
+from capture.session.session_types import Session
 from formats.toml_text import toml_text
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.files import write_text
 from scene.length_units import UNITS_MM
 from scene.mesh import Mesh
-from scene.reading import reading, text_of
 from scene.spheres import Sphere
-from studio.own_files import put_own, remove_own
-from studio.photograph.outlines import Outline, Outlines
+from studio.photograph.photograph_window import Outlines, circle_of, outline
 from studio.review.folder import HEADLINE, KEPT, OWN, Review
+from studio.workspace import put_own, remove_own
 
 if TYPE_CHECKING:
     from scene.rays import RayCaster
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 PICKS = "picks.csv"
 """Beside the session with what was corrected."""
-GLOBS = {"flash", "ambient", "dark", "flat", "charuco", "frames"}
+GLOBS = {"flash", "ambient", "dark", "flat", "charuco", "chessboard", "frames"}
 FILES = {"mask", "scan", "normals", "picks", "file"}
 """Keys of a session that name files, by patterns or one each."""
 
@@ -76,25 +77,24 @@ def outlines_of(review: Review) -> Outlines:
     camera, session = review.material.camera, review.session
     if review.spheres:
         return tuple(
-            Outline(s.kind, (float(s.center_px[0]), float(s.center_px[1])), float(s.radius_px), _stated_mm(session, s))
-            for s in review.spheres
+            outline(one.kind, (one.center_px[0], one.center_px[1]), one.radius_px, _stated_mm(session, one))
+            for one in review.spheres
         )
     if camera is None or session is None:
         return ()
-    scale, found = _scale(session, camera), []
+    scale, found = hint_scale(session, camera.width), []
     specs = [spec for spec in session.spheres if not spec.frames]
     for i, spec in enumerate(specs):
         # Those that the session names without a place wait in the middle of the picture to be put in place.
         place = (camera.width * (i + 0.5) / len(specs), camera.height / 2)
         if spec.center_px is not None:
             place = (spec.center_px[0] + 0.5) / scale - 0.5, (spec.center_px[1] + 0.5) / scale - 0.5
-        radius = (spec.radius_px or 0) / scale or camera.width / 20
-        found.append(Outline(spec.kind, place, radius, spec.diameter_mm))
+        found.append(outline(spec.kind, place, (spec.radius_px or 0) / scale or camera.width / 20, spec.diameter_mm))
     return tuple(found)
 
 
-def specs_of(session: Session, balls: Outlines, camera: Camera) -> tuple[SphereSpec, ...]:
-    """Return `[[spheres]]` entries that say these outlines, in the pixels that the session counts in.
+def tables_of(session: Session, balls: Outlines, camera: Camera) -> list[dict[str, Any]]:
+    """Return `[[spheres]]` tables that say these outlines, in the pixels that the session counts in.
 
     Balls that were shot apart stay as the session has them. Raises SceneError: its balls cannot be said by circles:
     their lights are given, or a ball has a mask.
@@ -114,11 +114,15 @@ def specs_of(session: Session, balls: Outlines, camera: Camera) -> tuple[SphereS
         fault = "spheres: there is no ball to calibrate with. Add one."
     if fault:
         raise SceneError(fault)
-    scale, specs = _scale(session, camera), []
+    scale, tables = hint_scale(session, camera.width), []
     for ball in balls:
-        center = (ball.center_px[0] + 0.5) * scale - 0.5, (ball.center_px[1] + 0.5) * scale - 0.5
-        specs.append(SphereSpec(ball.kind, ball.diameter_mm, center, ball.radius_px * scale, None, ()))
-    return (*specs, *apart)
+        (u, v), radius = circle_of(ball)
+        place = {"center_px": [(u + 0.5) * scale - 0.5, (v + 0.5) * scale - 0.5], "radius_px": radius * scale}
+        tables.append(ball.model_copy(update=place))
+    for spec in apart:
+        files = [glob.escape(str(path)) for path in spec.frames]
+        tables.append(SphereTable(kind=spec.kind, diameter_mm=spec.diameter_mm, frames=files))
+    return [one.model_dump(exclude_none=True) for one in tables]
 
 
 def _stated_mm(session: Session | None, sphere: Sphere) -> float | None:
@@ -130,13 +134,7 @@ def _stated_mm(session: Session | None, sphere: Sphere) -> float | None:
     return sphere.diameter_mm if any(abs(one - sphere.diameter_mm) < 1e-6 * one for one in stated) else None
 
 
-def _scale(session: Session, camera: Camera) -> int:
-    from capture.session.requests import hint_scale
-
-    return hint_scale(session, camera.width)
-
-
-def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = None, picks: Picks | None = None) -> Path:
+def write_amended(review: Review, *, spheres: list[dict[str, Any]] | None = None, picks: Picks | None = None) -> Path:
     """Write OUT/review/session.toml, and return its folder: a session for `rgbn process OUT/review --out OUT`.
 
     spheres: Instead of the session's `[[spheres]]`; picks: for `object.picks`, beside it. None: those of an earlier
@@ -144,12 +142,12 @@ def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = No
     correct, or a file that is not the studio's is in the way.
     """
     path, source = review.store.path(KEPT, "session.toml"), _source(review)
-    before = _read(path) if path.exists() and path != source else {}
-    data = _in_full(_read(source), source.parent)
+    before = toml_tables(path) if path.exists() and path != source else {}
+    data = _in_full(toml_tables(source), source.parent)
     if review.session is not None:
         data["name"] = review.session.name
     if spheres is not None:
-        data["spheres"] = [_sphere_table(spec) for spec in spheres]
+        data["spheres"] = spheres
     elif "spheres" in before:
         data["spheres"] = before["spheres"]
     rows = None if picks is None else _table(review, picks)
@@ -179,11 +177,6 @@ def forget_kept(review: Review) -> None:
     remove_own(review.store.folder, [f"{KEPT}/{name}" for name in ("session.toml", PICKS)])
 
 
-def _read(path: Path) -> dict[str, Any]:
-    with reading(path, "cannot be read as TOML", do="Correct it, or remove it."):
-        return tomllib.loads(text_of(path))
-
-
 def _source(review: Review) -> Path:
     (session,), path = review.need("session"), review.session_path
     if session.layout != "toml":
@@ -208,21 +201,10 @@ def _in_full(value: Any, folder: Path, key: str = "") -> Any:
     return [_in_full(part, folder) for part in value] if isinstance(value, list) else value
 
 
-def _sphere_table(spec: SphereSpec) -> dict[str, Any]:
-    said = {
-        "kind": spec.kind,
-        "diameter_mm": spec.diameter_mm and float(spec.diameter_mm),
-        "center_px": spec.center_px and list(map(float, spec.center_px)),
-        "radius_px": spec.radius_px and float(spec.radius_px),
-        "frames": [glob.escape(str(path)) for path in spec.frames] or None,
-    }
-    return {key: value for key, value in said.items() if value is not None}
-
-
 def _table(review: Review, picks: Picks) -> str:
     """Return picks as `object.picks` is read."""
     session, camera = review.need("session", "camera")
-    scale, unit = _scale(session, camera), UNITS_MM[session.scan_unit]
+    scale, unit = hint_scale(session, camera.width), UNITS_MM[session.scan_unit]
     rows = ["u,v,x,y,z"]
     for (u, v), point in list(zip(picks.pixels, picks.points, strict=False))[: picks.pairs]:
         x, y, z = (value / unit for value in point)
@@ -242,7 +224,7 @@ def pose_of(review: Review, picks: Picks, mesh: Mesh) -> Any:
         path = Path(folder) / PICKS
         path.write_text(text)
         try:
-            return read_picks(path, camera, mesh, unit=session.scan_unit, half=_scale(session, camera) == 2)
+            return read_picks(path, camera, mesh, unit=session.scan_unit, half=hint_scale(session, camera.width) == 2)
         except SceneError as error:
             raise SceneError(str(error).replace(str(path), "The picks")) from None
 

@@ -1,8 +1,9 @@
 """What the output folder of a session holds to be reviewed, and why the rest is not there."""
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,18 +14,17 @@ from numpy.typing import NDArray
 from capture.session.session import load_session
 from capture.session.session_types import Session
 from compare.report.facts import Material, all_warnings, read_optional
-from compare.report.pictures import Exposure, Image, thumbnail
+from compare.report.pictures import Exposure, thumbnail
 from lab.session_place import session_of
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.map_pictures import Image
 from scene.mesh import Mesh
 from scene.output_folder import read_record
 from scene.spheres import Sphere
 from scene.store import Store
-from studio.photograph.waiting import first_look
-from studio.review.warned import Warned, targets
-from twin.description.object_mesh import ObjectMesh
+from studio.new_session.looking import first_look
 
 if TYPE_CHECKING:
     from scene.rays import RayCaster
@@ -99,7 +99,7 @@ class Review:
         return None
 
     @cached_property
-    def warnings(self) -> list[Warned]:
+    def warnings(self) -> "list[Warned]":
         """Of all steps, with what each is about."""
         told = {step: entry.get("warnings") or () for step, entry in self._steps.items() if isinstance(entry, dict)}
         rows = [{"step": step, "text": str(text)} for step, texts in told.items() for text in texts]
@@ -169,11 +169,6 @@ class Review:
         return load_scan(session.scan, session.scan_unit, ball_diameter_mm=session.scan_ball_diameter_mm)
 
     @cached_property
-    def scan_shape(self) -> ObjectMesh:
-        """The same as what the views show."""
-        return ObjectMesh(self.scan_mesh.vertices, self.scan_mesh.faces)
-
-    @cached_property
     def scan_rays(self) -> "RayCaster":
         """Its tree, which takes a second for a large scan."""
         from scene import rays
@@ -215,3 +210,53 @@ def _array(rows: Any, shape: tuple[int, ...]) -> Array | None:
         found = np.array(rows, np.float64)
         return found if found.shape == shape else None
     return None
+
+
+STEPS = {"Capture": "check", "Balls": "calibrate", "Lights": "calibrate", "Scan": "align", "Solve": "solve",
+         "Twin": "twin", "Verdict": "compare"}  # fmt: skip
+"""The tabs of a session, each with the step of `lab.plan` up to which its button runs."""
+
+
+@dataclass(frozen=True)
+class Warned:
+    """A warning of a step.
+
+    frames: That it names, in the order in which it names them.
+    ball: That it names first.
+    """
+
+    step: str
+    text: str
+    frames: tuple[int, ...] = ()
+    ball: int | None = None
+
+
+def targets(texts: Sequence[tuple[str, str]], names: Sequence[str], spheres: Sequence[Sphere]) -> list[Warned]:
+    """Return warnings, each with its step, and what they name.
+
+    names: The frames'. spheres: In the order in which `spheres.json` has them, which is that of "ball 2" in a text.
+    """
+    return [Warned(step, text, _frames(text, names), _ball(text, spheres)) for step, text in texts]
+
+
+def _frames(text: str, names: Sequence[str]) -> tuple[int, ...]:
+    """Return the frames whose names stand in a text as whole words."""
+    # flash_1 is not named by flash_12, nor by flash_1.5; flash_1.dng names it.
+    found = [re.search(rf"(?<![\w.-]){re.escape(name)}(?!\w|-\w|\.\d)", text) for name in names]
+    return tuple(index for _, index in sorted((match.start(), index) for index, match in enumerate(found) if match))
+
+
+def _ball(text: str, spheres: Sequence[Sphere]) -> int | None:
+    """Return the ball that a text names by its number or its place among its kind, or as the only one of it."""
+    numbered = re.search(r"\b(chrome|white) ball (?:(\d+)|at \((-?\d+), (-?\d+)\) px)", text)
+    named = numbered or re.search(r"\b(?:the|one) (chrome|white) ball\b()()()", text)
+    if named is None:
+        return None
+    kind, number, u, v = named.groups()
+    own = [index for index, sphere in enumerate(spheres) if sphere.kind == kind]
+    if u:
+        place = [float(u), float(v)]
+        return next((i for i in own if abs(spheres[i].center_px - place).max() < spheres[i].radius_px), None)
+    # Numbers count the balls of one kind.
+    at = int(number) - 1 if number else 0
+    return own[at] if 0 <= at < len(own) and (number or len(own) == 1) else None

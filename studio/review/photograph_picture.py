@@ -1,17 +1,21 @@
 """A photograph as it is shown large, with what is laid over it; and the normals or the twin beside it."""
 
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report.pictures import Image, PixelBox, contours, normal_picture, thumbnail
+from compare.report.picture_strip import CELL_PX, INK, Label, PictureStrip
+from compare.report.pictures import PixelBox, contours, thumbnail
 from compare.report.registration_pictures import WIDTH, shown_pixels, views
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.map_pictures import Image, normal_picture
+from studio.photograph.photograph_window import Beside, Shown
+from studio.photograph.plane import ROOT, Plane, add_lines, add_numbered
 from studio.review.folder import Review
 
 Overlay = Literal["nothing", "mask", "scan, shaded", "scan, normals"]
@@ -20,6 +24,9 @@ MASK_COLOUR = (0, 190, 255)
 CLIPPED_COLOUR = (255, 0, 60)
 BAND = 64
 """Rows."""
+MUCH_CLIPPED = 0.002
+"""Share of a frame's pixels; a chrome ball's highlight is far less."""
+CLIPPED, WARNED = (255, 60, 90), (255, 160, 0)
 
 
 @dataclass(frozen=True)
@@ -35,12 +42,21 @@ class Look:
     marks_clipped: bool = True
 
 
-@dataclass(frozen=True, eq=False)
-class Beside:
-    """A picture that stands beside the photograph: of the same view, with a caption."""
+def frame_strip(review: Review) -> PictureStrip | None:
+    """Return all frames small, one tone curve for all, each with number, name and what is clipped; None without any."""
+    frames, exposure, shares = review.material.frames, review.material.exposure, review.clipped_share
+    if frames is None or exposure is None or not len(frames):
+        return None
+    warned = {frame for one in review.warnings for frame in one.frames}
+    warned |= {index for index, flags in enumerate(review.lights.flags if review.lights else ()) if flags}
 
-    image: Image
-    caption: str
+    def label(index: int, name: str) -> Label:
+        if shares is not None and shares[index] >= MUCH_CLIPPED:
+            return f"{index + 1}  clipped {shares[index]:.1%}", CLIPPED
+        return (f"{index + 1} {name}  (!)", WARNED) if index in warned else (f"{index + 1} {name}", INK)
+
+    pictures = [exposure.develop(thumbnail(frames, index, CELL_PX)) for index in range(len(frames))]
+    return PictureStrip.of(pictures, [label(index, name) for index, name in enumerate(frames.names)])
 
 
 def photograph(review: Review, index: int, look: Look) -> Image:
@@ -167,3 +183,66 @@ def _fitted(image: NDArray, shape: tuple[int, ...]) -> NDArray[np.uint8]:
     import cv2
 
     return np.asarray(cv2.resize(image, (shape[1], shape[0]), interpolation=cv2.INTER_NEAREST), np.uint8)
+
+
+FITTED, MOVED, WAITING = (60, 220, 90), (255, 150, 0), (170, 170, 170)
+"""Of a ball that was found; that a hand has moved; that was not found, and waits to be put in its place."""
+SEEN, NOW = (255, 235, 60), (60, 170, 255)
+"""Highlights; that of the frame that is chosen, and pixels that are picked."""
+OUTLINE = (255, 0, 190)
+"""Of the scan at the pose that the picks give."""
+
+
+def shown_of(window: Any) -> Shown | None:
+    """Return what a session's window shows; None: no photograph can be shown, or a shoot is."""
+    review, material, first = window.review, window.review.material, window.review.first_look
+    frames, exposure = material.frames, material.exposure
+    if window.is_alone or (frames is None and first is None):
+        return None
+    size = (frames.width, frames.height) if frames is not None else first.shape[1::-1] if first is not None else (1, 1)
+    plane = Plane(*size)
+    found = FITTED if review.spheres else WAITING if window.tab == "Balls" else None
+    is_scan = window.tab == "Scan"
+    pixels, strokes = (window.picks.pixels, window.strokes) if is_scan else ((), window.strokes[:0])
+    places = [tuple(plane.place(pixel, lift=0.003)) for pixel in pixels]
+    return Shown(
+        plane,
+        None if frames is None else material.camera,
+        ((window.reading, window.frame, window.how), lambda: _picture(window)),
+        (window.reading, lambda: frame_strip(review)),
+        window.frame,
+        None if frames is None or exposure is None else (frames, exposure, 1),
+        tuple(found if window.is_found(ball) else MOVED for ball in window.outlines),
+        {
+            "highlights": (window.frame, lambda: _add_highlights(window, plane)),
+            "picks": (pixels, lambda: add_numbered(window.client.scene, f"{ROOT}/pick", places, 0.04, NOW)),
+            "picked": (strokes.tobytes(), lambda: _add(window, "picked", plane.place(strokes, lift=0.002), OUTLINE, 2)),
+        },
+    )
+
+
+def _picture(window: Any) -> Image:
+    try:
+        return photograph(window.review, window.frame, window.how)
+    except SceneError as error:
+        # What was to lie over it is not there: the frame as it is.
+        window.show_fault(str(error))
+        return photograph(window.review, window.frame, Look(brightness=window.how.brightness))
+
+
+def _add(window: Any, name: str, strokes: NDArray[np.float64], colour: Any, width_px: float) -> list[Any]:
+    return [add_lines(window.client.scene, name, strokes, colour, width_px)] if len(strokes) else []
+
+
+def _add_highlights(window: Any, plane: Plane) -> list[Any]:
+    """Mark the chosen ball's highlights by crosses."""
+    seen, index = window.review.highlights_px, window.ball
+    if index is None or seen is None or index >= len(seen):
+        return []
+    arm = 0.03 * (window.outlines[index].radius_px or 0) * plane.per_px
+    crosses = arm * np.array([[[-1, 0, 0], [1, 0, 0]], [[0, -1, 0], [0, 1, 0]]])
+    crosses = plane.place(seen[index], lift=0.0024)[:, None, None] + crosses
+    known = np.isfinite(seen[index]).all(-1)
+    is_now = known & (np.arange(len(known)) == window.frame)
+    handles = _add(window, "seen", crosses[known].reshape(-1, 2, 3), SEEN, 2)
+    return handles + _add(window, "this_frame", crosses[is_now].reshape(-1, 2, 3), NOW, 4)

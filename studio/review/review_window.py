@@ -8,66 +8,88 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.camera import Camera
+from capture.session.manifest import SphereTable
+from compare.report.facts import read_optional
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from studio.desk import Desk, History, Sitting
-from studio.editor.preview import Preview
-from studio.photograph.photograph_window import PhotographWindow
-from studio.photograph.plane import Plane
-from studio.review.corrections import Corrections, Picks, forget_kept, outlines_of, specs_of, write_amended
-from studio.review.folder import Review, is_kept
-from studio.review.photograph_picture import Beside, Look, normals_beside, twin_beside
-from studio.workspace import Workspace
+from scene.output_folder import read_record
+from shoot.watch.status import STATUS
+from studio.photograph.photograph_window import PhotographWindow, Shown
+from studio.review.corrections import Corrections, Picks, forget_kept, outlines_of, pose_of, tables_of, write_amended
+from studio.review.folder import STEPS, Review, is_kept
+from studio.review.photograph_picture import Look, normals_beside, shown_of, twin_beside
+from studio.studio_state import Edits, History, Job
+from studio.widgets import plain
 
 Array = NDArray[np.float64]
 View = Literal["Photograph", "Lights in 3-D", "Scan"]
+SHOOT_PX = 820
+"""Width of a shoot's panel, which is read from the tripod and has nothing beside it."""
 
 
 class ReviewWindow(PhotographWindow):
-    """What a browser looks at a session in. Its panels call `show`, `choose` and `correct`; then all are refreshed.
+    """What a browser looks at a session in. Its panels call `look_at`, `choose` and `correct`; then all are refreshed.
 
-    folder: The output folder. session_path: None: the session that the folder names.
-    `read` is to be called before anything is shown.
+    address_of: Where the server gives out an output folder's report.
     """
 
     area = "Session"
+    first_tab = "Capture"
     review: Review
 
-    def __init__(
-        self, client: Any, workspace: Workspace, preview: Preview, folder: Path, session_path: Path | None = None,
-        desk: Desk | None = None,
-    ) -> None:  # fmt: skip
-        super().__init__(client, workspace, preview, desk)
-        self.folder, self.session_path = folder, session_path
-        self.frame, self.shown, self.factor, self.method = 0, Look(), 0, ""
+    def __init__(self, *place: Any, address_of: Callable[[Path], str] = lambda folder: "") -> None:
+        super().__init__(*place)
+        assert self.state.review is not None
+        self.folder, self.session_path = self.state.review
+        self._address_of = address_of
+        self.frame, self.how, self.factor, self.method = 0, Look(), 0, ""
         """`factor`: By how much the lights' sigmas are drawn larger; 0: so that they are seen. `method`: Whose normals
         are shown; empty: the first."""
         self.on_scan: Callable[[Array], None] | None = None
         """Who wants the points that are clicked on the scan, mm."""
         self.is_scan_asked = False
         """The scan is shown alone, for a point of it to be clicked."""
-        self.beside: Beside | None = None
         self._beside_of: Any = None
         self.picked_pose: Any = None
         """That the picks give, once it was asked for."""
-        self.address_of: Callable[[Path], str] = lambda folder: ""
-        """Where the server gives out an output folder's report."""
+        self.picks_told, self.strokes = "", np.zeros((0, 2, 2))
+        self.status: Any = None
+        """Of a shoot under way, as `rgbn watch` tells it."""
+        self.is_alone = False
+        """Of a folder's first shoot nothing else can be shown."""
+
+    def begin(self) -> None:
+        """Read the folder; where it was asked for, run its steps."""
+        self.read()
+        status = self.status
+        self.is_alone = self.review.session is None and isinstance(status, dict) and status.get("is_over") is False
+        self.panel_px = SHOOT_PX if self.is_alone else self.panel_px
+        if self.state.to_run:
+            self.state.to_run = ""
+            self.post(lambda: None if self.is_busy else self.begin_work())
 
     @property
-    def sitting(self) -> Sitting | None:
+    def edits(self) -> Edits | None:
         """What is corrected here."""
-        return self.desk.sittings.get(self.folder)
+        return self.state.edits.get(self.folder)
 
     @property
     def history(self) -> History[Corrections] | None:
         """The corrections with their past."""
-        return self.sitting.history if self.sitting else None
+        return self.edits.history if self.edits else None
 
     def keep(self, history: History[Any]) -> None:
         """Take corrections."""
-        assert self.sitting is not None
-        self.sitting.history = history
+        assert self.edits is not None
+        self.edits.history = history
+
+    def is_found(self, ball: SphereTable) -> bool:
+        """Whether a ball is as it was found."""
+        return self.edits is not None and ball in self.edits.found.outlines
+
+    def back_to_found(self) -> None:
+        """Take the balls as they were found."""
+        self.correct(outlines_of(self.review), "balls as found")
 
     @property
     def picks(self) -> Picks:
@@ -84,25 +106,20 @@ class ReviewWindow(PhotographWindow):
     @property
     def is_flat(self) -> bool:
         """Whether the photograph is shown."""
-        return self.view == "Photograph"
+        return "review" not in vars(self) or self.view == "Photograph"
 
     @property
     def report(self) -> str:
         """Address of the report, where the verdict is looked at."""
-        return self.address_of(self.folder) if self.tab == "Verdict" else ""
+        return self._address_of(self.folder) if self.tab == "Verdict" else ""
 
-    @property
-    def plane(self) -> Plane | None:
-        """Where the photograph stands in the view; None without one."""
-        frames, first = self.review.material.frames, self.review.first_look
-        if frames is None:
-            return None if first is None else Plane(first.shape[1], first.shape[0])
-        return Plane(frames.width, frames.height)
+    def shown(self) -> Shown | None:
+        """Return the frame with what lies over it, the other frames, and what is marked on it."""
+        return shown_of(self)
 
-    @property
-    def camera(self) -> Camera | None:
-        """By which the outlines are drawn."""
-        return None if self.review.material.frames is None else self.review.material.camera
+    def choose_small(self, index: int) -> None:
+        """Look at another frame."""
+        self.choose(frame=index)
 
     def open_tab(self, name: str) -> None:
         """Turn to a step, and look at what it is about."""
@@ -110,7 +127,7 @@ class ReviewWindow(PhotographWindow):
         self.on_photograph = self.on_scan = None
         self.is_scan_asked = False
         overlay = "scan, shaded" if name == "Scan" and self._can_shade else "nothing"
-        self.shown = replace(self.shown, overlay=overlay)
+        self.how = replace(self.how, overlay=overlay)
         super().open_tab(name)
 
     @property
@@ -121,16 +138,31 @@ class ReviewWindow(PhotographWindow):
         """Read the folder. Corrections stay, unless they are kept and the balls were found anew with them."""
         before = vars(self).get("review")
         self.review = Review(self.folder, self.session_path)
+        self.status = read_optional(self.review.store, STATUS)
         if before is not None and (turned := turned_deg(before.lights, self.review.lights)) is not None:
             self.notify("The lights have turned", f"by {np.median(turned):.3f}° (median), {turned.max():.3f}° at most")
-        found, sitting = Corrections(outlines_of(self.review)), self.sitting
-        if sitting is None or (self.is_kept_so and found != sitting.found):
-            self.desk.sittings[self.folder] = Sitting(History(found), found, found)
+        found, edits = Corrections(outlines_of(self.review)), self.edits
+        if edits is None or (self.is_kept_so and found != edits.found):
+            self.state.edits[self.folder] = Edits(History(found), found, found)
+
+    def look_again(self) -> None:
+        """Show what the steps have made, as each ends; and a shoot as it goes on."""
+        super().look_again()
+        record = read_record(self.folder) if self.is_busy or self.is_alone else None
+        status = read_optional(self.review.store, STATUS)
+        if record is not None and self.is_alone and "check" in record.done:
+            self.turn()
+        elif record is not None and self.is_busy and record.done.keys() != self.review.done:
+            self.read_again()
+        elif status != self.status:
+            self.status = status
+            self.refresh()
 
     def _refresh_panels(self) -> None:
-        frames = self.review.material.frames
-        self.frame = min(self.frame, len(frames) - 1) if frames is not None else 0
-        self.attempt(self._look_beside)
+        if "review" in vars(self):
+            frames = self.review.material.frames
+            self.frame = min(self.frame, len(frames) - 1) if frames is not None else 0
+            self.attempt(self._look_beside)
         super()._refresh_panels()
 
     def _look_beside(self) -> None:
@@ -138,14 +170,14 @@ class ReviewWindow(PhotographWindow):
         review, tab = self.review, self.tab
         methods = review.material.methods
         self.method = self.method if self.method in methods else next(iter(methods), "")
-        now = (tab, self.reading, self.method) if tab == "Solve" else (tab, self.reading, self.frame, self.shown)
+        now = (tab, self.reading, self.method) if tab == "Solve" else (tab, self.reading, self.frame, self.how)
         if now != self._beside_of:
             # Kept first: what fails once would fail again at each refresh.
             self._beside_of, self.beside = now, None
             if tab == "Solve":
                 self.beside = normals_beside(review, self.method)
             elif tab == "Twin" and not {"twin", "frames"} & review.missing.keys():
-                self.beside = twin_beside(review, self.frame, self.shown)
+                self.beside = twin_beside(review, self.frame, self.how)
 
     def choose_ball(self, ball: int | None) -> None:
         """Look at a ball on the photograph."""
@@ -153,33 +185,72 @@ class ReviewWindow(PhotographWindow):
             self.open_tab("Balls")
         self.choose(ball=ball)
 
-    def show(self, **changes: Any) -> None:
+    def look_at(self, **changes: Any) -> None:
         """Show the photograph in another way; see `Look`."""
-        self.choose(shown=replace(self.shown, **changes))
+        self.choose(how=replace(self.how, **changes))
 
     def read_again(self) -> None:
         """Read the folder again; a scan that was registered meanwhile is laid over the photograph."""
         could = self._can_shade
         self.read()
         if self.tab == "Scan" and self._can_shade and not could:
-            self.shown = replace(self.shown, overlay="scan, shaded")
+            self.how = replace(self.how, overlay="scan, shaded")
         self.choose(reading=self.reading + 1)
+
+    @property
+    def is_picking(self) -> bool:
+        """Whether pixels and points are picked."""
+        return self.on_photograph == self._take_pixel
+
+    def toggle_picking(self) -> None:
+        """Begin or end to pick."""
+        if self.is_picking:
+            self.on_photograph = self.on_scan = None
+        else:
+            _ = self.review.scan_mesh  # What is at fault with it is told before anything is picked.
+            self.on_photograph, self.on_scan = self._take_pixel, self._take_point
+        self.choose(is_scan_asked=False, ball=None)
+
+    def _take_pixel(self, pixel: tuple[float, float]) -> None:
+        picks = self.picks.with_pixel(pixel)
+        self._pick("a pixel", picks, len(picks.pixels) > len(picks.points))
+
+    def _take_point(self, point: Array) -> None:
+        self._pick("a point of the scan", self.picks.with_point(point), False)
+
+    def _pick(self, label: str, picks: Picks, is_scan_asked: bool) -> None:
+        self.is_scan_asked, self.picks_told = is_scan_asked, ""
+        self.alter(label, picks=picks)
+
+    def pose_from_picks(self) -> None:
+        """Draw the scan's outline at the pose that the picks give."""
+        from align.pose.scan_outline import outline_strokes
+
+        review = self.review
+        found = self.picked_pose = pose_of(review, self.picks, review.scan_mesh)
+        self.strokes = outline_strokes(review.scan_mesh, found.pose, *review.need("camera"))
+        told = "".join(f"\n\n**Warning:** {plain(text)}" for text in found.warnings)
+        self.picks_told = (
+            f" They lie {found.residual_px:.1f} px rms apart at the pose that they give. Its outline is drawn in pink: "
+            f"a start, which the step `align` refines.{told}"
+        )
+        self.choose(is_scan_asked=False)
 
     @property
     def is_kept_so(self) -> bool:
         """Whether nothing is corrected that is not in the folder's files."""
-        return self.sitting is None or self.sitting.history.state == self.sitting.kept
+        return self.edits is None or self.edits.history.state == self.edits.kept
 
     def write_kept(self) -> Path:
         """Keep what was corrected, for `rgbn process` and the next run; return the folder of the corrected session."""
-        sitting, review = self.sitting, self.review
-        assert sitting is not None
-        state, spheres = sitting.history.state, None
-        if state.outlines != sitting.kept.outlines or not state.picks.pairs:
+        edits, review = self.edits, self.review
+        assert edits is not None
+        state, spheres = edits.history.state, None
+        if state.outlines != edits.kept.outlines or not state.picks.pairs:
             session, camera = review.need("session", "camera")
-            spheres = specs_of(session, state.outlines, camera)
+            spheres = tables_of(session, state.outlines, camera)
         folder = write_amended(review, spheres=spheres, picks=state.picks if state.picks.pairs else None)
-        sitting.kept = state
+        edits.kept = state
         self.notify("Kept", f"{self.workspace.name(folder)}/session.toml; your own session.toml is as it was.")
         self.refresh()
         return folder
@@ -187,18 +258,29 @@ class ReviewWindow(PhotographWindow):
     def forget(self) -> None:
         """Remove what was kept, and read the folder again."""
         forget_kept(self.review)
-        self.desk.sittings.pop(self.folder, None)
+        self.state.edits.pop(self.folder, None)
         self.read_again()
 
-    def session_to_run(self) -> Path:
-        """Return the session that a run takes: with what was corrected, which is kept first."""
+    def job(self) -> Job:
+        """Run up to the step of the tab; under Verdict all of them."""
+        label = "Run everything" if self.tab == "Verdict" else f"Run up to {self.tab}"
+        return Job(label, self.folder, self._words, is_possible=self.review.session is not None)
+
+    def _words(self) -> list[str]:
+        """Return what runs the steps with what was corrected, which is kept first."""
         self.review.need("session")
         if not self.is_kept_so:
-            return self.write_kept()
-        # The session's own file may have changed since something was kept.
-        session = write_amended(self.review) if is_kept(self.review.store) else self.review.session_path
+            session = self.write_kept()
+        else:
+            # The session's own file may have changed since something was kept.
+            session = write_amended(self.review) if is_kept(self.review.store) else self.review.session_path
         assert session is not None
-        return session
+        verb = "process" if self.tab == "Verdict" else STEPS[self.tab]
+        return [verb, str(session.resolve()), "--out", str(self.folder)]
+
+    def work_ended(self) -> None:
+        """Show what the steps have made."""
+        self.read_again()
 
 
 def turned_deg(before: Lights | None, after: Lights | None) -> Array | None:

@@ -5,17 +5,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from studio.display_mesh import display_mesh
-from studio.editor.placement import quaternion
+from scene.lights import Lights
+from studio.editor.edits import quaternion
 from studio.photograph.plane import add_numbered
 from studio.review.corrections import met
-from studio.review.light_sigmas import covariance_mm2, ellipsoid_of, fitting_factor, light_places
 from studio.review.review_window import ReviewWindow
-from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow
+from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow, display_mesh
 
 Array = NDArray[np.float64]
 LIGHTS, SCAN = "/lights", "/scan"
 CHOSEN, PLAIN, CLAY, STEEL, CHALK = (26, 115, 232), (250, 210, 60), (205, 190, 170), (150, 155, 165), (240, 240, 240)
+FACTORS = (1, 3, 10, 30, 100)
+"""By which a sigma may be drawn larger."""
+SHOWN_DEG = 4.0
+"""A sigma drawn this large is seen well."""
 SCAN_SIZE = 6.0
 """Of the scan when it is shown alone, in the view's units."""
 
@@ -58,9 +61,9 @@ class SpatialView:
         review = self._window.review
         if review.session is None or review.session.scan is None or not review.store.path("pose.json").exists():
             return []
-        shown = display_mesh(review.scan_shape)
-        placed = review.store.load_pose().apply(review.store.load_scan_scale() * shown.vertices)
-        return [self._add_mesh(f"{LIGHTS}/object", placed * UNITS_PER_MM, shown.faces)]
+        vertices, faces = display_mesh(review.scan_mesh.vertices, review.scan_mesh.faces)
+        placed = review.store.load_pose().apply(review.store.load_scan_scale() * vertices)
+        return [self._add_mesh(f"{LIGHTS}/object", placed * UNITS_PER_MM, faces)]
 
     def _add_mesh(self, name: str, places: Array, faces: Any) -> Any:
         return self._view.add_mesh_simple(name, places.astype(np.float32), faces, color=CLAY, **NO_SHADOW)
@@ -107,8 +110,9 @@ class SpatialView:
 
     def _add_scan(self) -> list[Any]:
         window, review = self._window, self._window.review
-        mesh, shown = review.scan_mesh, display_mesh(review.scan_shape)
-        handle = self._add_mesh(f"{SCAN}/mesh", self._on_scan(shown.vertices), shown.faces)
+        mesh = review.scan_mesh
+        vertices, faces = display_mesh(mesh.vertices, mesh.faces)
+        handle = self._add_mesh(f"{SCAN}/mesh", self._on_scan(vertices), faces)
 
         def clicked(origin: Array, direction: Array) -> None:
             point = met(review.scan_rays, origin * 2 * mesh.radius_mm / SCAN_SIZE + mesh.center_mm, direction)
@@ -122,3 +126,41 @@ class SpatialView:
         """Show the points of the scan that were picked, numbered."""
         places = [tuple(self._on_scan(np.array(point))) for point in self._window.picks.points]
         return add_numbered(self._view, f"{SCAN}/mark", places, 0.05, CHOSEN)
+
+
+def light_places(lights: Lights) -> Array:
+    """Return (N, 3), mm, where lights are drawn: near ones where they are, distant ones a metre toward them."""
+    if lights.positions_mm is not None:
+        return lights.positions_mm
+    return lights.reference_point_mm + 1000.0 * lights.directions
+
+
+def covariance_mm2(lights: Lights, position_covariance_mm2: Array | None) -> Array:
+    """Return (N, 3, 3), how well each of `light_places` is known; NaN where nothing is.
+
+    Where the positions' covariance is not known, the stated sigma holds all round, across the direction.
+    """
+    if position_covariance_mm2 is not None and lights.positions_mm is not None:
+        return position_covariance_mm2
+    away = np.linalg.norm(light_places(lights) - lights.reference_point_mm, axis=1)
+    wide = away * np.tan(np.radians(lights.direction_sigma_deg))
+    across = np.eye(3) - lights.directions[:, :, None] * lights.directions[:, None]
+    return wide[:, None, None] ** 2 * across
+
+
+def fitting_factor(lights: Lights) -> int:
+    """Return by how much sigmas are drawn larger so that they are seen."""
+    sigma = lights.direction_sigma_deg
+    typical = float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else SHOWN_DEG
+    return min(FACTORS, key=lambda factor: abs(np.log(factor * max(typical, 1e-6) / SHOWN_DEG)))
+
+
+def ellipsoid_of(covariance_mm2: Array) -> tuple[Array, Array] | None:
+    """Return one standard deviation (3,) along each axis, and the axes (3, 3), right-handed, as columns.
+
+    None where the covariance (3, 3) is not known.
+    """
+    if not np.isfinite(covariance_mm2).all():
+        return None
+    values, axes = np.linalg.eigh(covariance_mm2)
+    return np.sqrt(np.maximum(values, 0)), axes * [1.0, 1.0, np.sign(np.linalg.det(axes))]

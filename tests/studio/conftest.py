@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from studio.editor.placement import rotation_of
+from studio.editor.edits import rotation_of
 
 PATIENCE_S = 240
 """For what comes in the end, however busy the machine is."""
@@ -107,24 +107,19 @@ def nobody(viser_server):
 
 @pytest.fixture
 def no_preview():
-    """A preview that draws nothing, and what was asked of it, in order."""
-    asked = []
-    return SimpleNamespace(
-        asked=asked,
-        request=lambda window, *rest: asked.append(("request", window)),
-        forget=lambda window: asked.append(("forget", window)),
-    )
+    """A preview that draws nothing."""
+    return SimpleNamespace(request=lambda *rest: None)
 
 
 @pytest.fixture
-def furnish():
-    """Return what puts panels on a window and shows them; all windows are closed in the end."""
+def furnish(monkeypatch):
+    """Return what shows rows and views on a window, which looks again often; all are closed in the end."""
+    monkeypatch.setattr("studio.window.EVERY_S", 0.05)
     windows = []
 
-    def put(window, panels):
+    def put(window, rows, *views):
         windows.append(window)
-        window.panels += [panel(window) for panel in panels]
-        window.refresh()
+        window.show(rows, views)
         return window
 
     yield put

@@ -10,10 +10,10 @@ import pytest
 from capture.session.session import load_session
 from formats.meshes.scan_files import ObjectMesh, write_mesh
 from formats.picture_files import read_picture
-from studio.desk import Desk
 from studio.editor import edits
 from studio.editor.editor_window import begun
 from studio.server import Studio
+from studio.studio_state import StudioState
 from studio.widgets import UNITS_PER_MM
 from studio.workspace import Workspace
 from twin.description.object_mesh import built_in
@@ -39,7 +39,7 @@ def studio(tmp_path):
         for name, value in change.items():
             quick = edits.with_value(quick, (key, name), value)
     workspace = Workspace.at(root)
-    running = Studio(workspace, port=0, desk=Desk(area="Scene", scene=begun(workspace, quick, None)))
+    running = Studio(workspace, port=0, state=StudioState(area="Scene", scene=begun(workspace, quick, None)))
     yield running
     running.close()
 
@@ -54,6 +54,7 @@ def test_a_first_dataset(visitor, studio, tmp_path):
     """Load, drag, choose lights, export, render: the files are what stock Mitsuba renders and rgbn reads."""
     window, root = visitor.window, visitor.window.workspace.root
     drawn = visitor.preview(lambda: visitor.press("Load model"))
+    assert [one.is_refined for one in drawn[-2:]] == [False, True], "a picture comes before the refined one"
     assert [one.name for one in window.scene.objects] == ["cone"]
     assert drawn[-1].picture.max() > 0.2
     visitor.shows("1 cone")
@@ -170,14 +171,3 @@ def test_a_reload_keeps_the_scene_and_its_past(visitor):
     history = visitor.window.history
     visitor.reload("Undo: camera width")
     assert visitor.window.history is history
-
-
-@pytest.mark.full
-def test_a_picture_comes_at_once(visitor):
-    """Not a matter of seconds, which a busy machine stretches: the first picture needs no refinement."""
-    if pick_variant()[0] == SLOW:
-        pytest.skip("without the vectorised variant there is only the refined picture")
-    drawn = visitor.preview(lambda: visitor.press("Add shape"))
-    assert [one.is_refined for one in drawn] == [False] * (len(drawn) - 1) + [True]
-    rough, fine = (one.picture for one in drawn[-2:])
-    assert np.corrcoef(rough.ravel(), fine.ravel())[0, 1] > 0.95

@@ -6,18 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scene.files import write_npy
 from studio.editor import edits
 from studio.editor.editor_window import EditorWindow, begun
 from studio.editor.edits import with_value
-from studio.editor.files_panel import FilesPanel
-from studio.editor.panels import CameraPanel, LightsPanel, MaterialsPanel, ObjectsPanel
-from studio.editor.scene_view import SceneView
-from studio.opening import lay
-from studio.own_files import put_own
-from studio.tabs import Header
-from studio.widgets import UNITS_PER_MM
-from studio.workspace import MOST_FILES, Workspace
+from studio.editor.scene_rows import SCENE_ROWS
+from studio.opening import open_path
+from studio.studio_state import StudioState
+from studio.workspace import Workspace, put_own
 from twin.description.description_file import read_document, read_scene, write_document
 from twin.description.light_groups import DistantLight
 from twin.description.materials import Conductor, Diffuse, RoughPlastic, Subsurface, Texture
@@ -26,36 +21,29 @@ MATTE = ("materials", "matte")
 
 
 @pytest.fixture
-def furnished(nobody, no_preview, tmp_path, furnish):
-    """Return what makes a window with panels, whose client is `window.client`."""
+def furnished(nobody, no_preview, tmp_path, furnish, settle):
+    """Return what makes a window with all rows, whose client is `window.client`, and what says things in it."""
 
-    def made(*panels, document=None, folder=None):
+    def made(*views, document=None, folder=None):
         workspace = Workspace.at(tmp_path)
-        window = EditorWindow(nobody(), workspace, no_preview, begun(workspace, document, folder))
-        window.list_files()
-        return furnish(window, panels)
+        state = StudioState(scene=begun(workspace, document, folder))
+        window = furnish(EditorWindow(nobody(), workspace, state, no_preview), SCENE_ROWS, *views)
+        for tab in ("Material", "Lights", "Camera", "Dataset", "Objects"):
+            window.open_tab(tab)
+
+        def say(label, value=True, number=-1):
+            window.client.says(window.client.inputs(label)[number], value)
+            settle(window)
+
+        return window, say
 
     return made
 
 
-def slowly(window):
-    """Begin a change that takes as long as one likes; return what lets it end."""
-    begun, end = threading.Event(), threading.Event()
-
-    def edit(document):
-        begun.set()
-        assert end.wait(60)
-        return with_value(document, ("environment", "ambient"), (0.1, 0.1, 0.1))
-
-    window.post(lambda: window.change("slow", edit))
-    assert begun.wait(60)
-    return end.set
-
-
 def test_what_is_typed_while_the_studio_is_at_work_is_kept(furnished, settle):
     """The inputs' values as they were said, not as the change before them left them; and none is set back meanwhile."""
-    window = furnished(CameraPanel, MaterialsPanel)
-    client, written = window.client, []
+    window, _ = furnished()
+    client, written, begun_, end = window.client, [], threading.Event(), threading.Event()
     window.change("gloss", lambda d: with_value(d, MATTE, RoughPlastic((0.5, 0.5, 0.5), 0.2)))
     focal, rough = client.input("fx, px"), client.input("roughness")
 
@@ -64,13 +52,18 @@ def test_what_is_typed_while_the_studio_is_at_work_is_kept(furnished, settle):
         if event.client is None:
             written.append(event.target.value)
 
-    written.clear()
-    end = slowly(window)
+    def slow(document):
+        begun_.set()
+        assert end.wait(60)
+        return with_value(document, ("environment", "ambient"), (0.1, 0.1, 0.1))
+
+    window.post(lambda: window.change("slow", slow))
+    assert begun_.wait(60)
     for text in ("9", "99", "999"):
         client.says(focal, float(text))
     client.says("max depth", 7)
     client.says(rough, 0.4)
-    end()
+    end.set()
     settle(window)
     assert window.scene.camera.fx == 999
     assert window.scene.sampling.max_depth == 7
@@ -79,20 +72,18 @@ def test_what_is_typed_while_the_studio_is_at_work_is_kept(furnished, settle):
     assert not written, "an input that is typed into is not set back"
 
 
-def test_what_cannot_be_is_told_and_taken_out_of_the_input(furnished, settle):
-    window = furnished(CameraPanel)
-    client = window.client
-    client.says("error", 3.0)
-    settle(window)
-    assert "expected less than 1" in client.told[0]
-    assert client.input("error").value == 0.01
+def test_what_cannot_be_is_told_and_taken_out_of_the_input(furnished):
+    window, say = furnished()
+    say("error", 3.0)
+    assert "expected less than 1" in window.client.told[0]
+    assert window.client.input("error").value == 0.01
     assert window.document == edits.start_document()
 
 
-def test_an_edit_changes_what_it_says_and_nothing_else(furnished, settle):
+def test_an_edit_changes_what_it_says_and_nothing_else(furnished):
     below = Subsurface(3.0, (0.9, 0.5, 0.2), 0.3)
     was = RoughPlastic((0.2, 0.3, 0.4), 0.1, 0.5, 1.6, below, 0.25)
-    window = furnished(MaterialsPanel, document=with_value(edits.start_document(), MATTE, was))
+    window, say = furnished(document=with_value(edits.start_document(), MATTE, was))
     for label, value, change in (
         ("roughness", 0.7, {"roughness": 0.7}),
         ("distribution", "beckmann", {"distribution": "beckmann"}),
@@ -102,79 +93,63 @@ def test_an_edit_changes_what_it_says_and_nothing_else(furnished, settle):
         ("subsurface", True, {"subsurface": Subsurface(2.0)}),
     ):
         inputs = [one for one in window.client.inputs(label) if isinstance(one.value, type(value))]
-        window.client.says(inputs[-1], value)
-        settle(window)
+        say(label, value, window.client.inputs(label).index(inputs[-1]))
         was = replace(was, **change)
         assert window.scene.materials["matte"] == was, label
-    window.client.says("kind", "diffuse")
-    settle(window)
+    say("kind", "diffuse", 0)
     assert window.scene.materials["matte"] == Diffuse(was.reflectance, was.subsurface), "what it has too is kept"
+    window.change("metal", lambda d: with_value(d, MATTE, Conductor("Hg", 0.1)))
+    assert window.client.input("metal").value == "Hg", "what there is no choice for is shown"
 
 
-def test_what_a_panel_has_no_choice_for_is_shown(furnished):
-    window = furnished(MaterialsPanel, document=with_value(edits.start_document(), MATTE, Conductor("Hg", 0.1)))
-    assert window.client.input("metal").value == "Hg"
-
-
-def test_one_number_typed_gives_no_colour(furnished, settle):
+@pytest.mark.parametrize(
+    ("label", "found"),
+    [
+        ("ambient", lambda window: window.scene.environment.ambient),
+        ("intensity", lambda window: tuple(window.scene.lights.intensities[0])),
+    ],
+)
+def test_one_number_typed_gives_no_colour(furnished, label, found):
     """Three channels have one input, until they are asked for one by one."""
-    window = furnished(LightsPanel)
-    for label, found in (
-        ("ambient", lambda: window.scene.environment.ambient),
-        ("intensity", lambda: tuple(window.scene.lights.intensities[0])),
+    window, say = furnished()
+    for words, value, wanted in (
+        (label, 0.3, (0.3,) * 3),
+        (f"{label} by channel", True, (0.3,) * 3),
+        (f"{label} R, G, B", (0.3, 0.2, 0.1), (0.3, 0.2, 0.1)),
+        (f"{label} by channel", False, (0.3,) * 3),
     ):
-        window.client.says(label, 0.3)
-        settle(window)
-        assert found() == (0.3,) * 3
-        window.client.says(f"{label} by channel", True)
-        settle(window)
-        window.client.says(f"{label} R, G, B", (0.3, 0.2, 0.1))
-        settle(window)
-        assert found() == (0.3, 0.2, 0.1)
-        window.client.says(f"{label} by channel", False)
-        settle(window)
-        assert found() == (0.3,) * 3
+        say(words, value)
+        assert found(window) == wanted
 
 
-def test_sizes_are_millimetres(furnished, settle):
-    window = furnished(ObjectsPanel)
-    assert np.allclose(window.client.input("size, mm").value, 120, atol=0.1)
-    window.client.says("size, mm", (60.0, 120.0, 120.0))
-    settle(window)
-    np.testing.assert_allclose(np.ptp(window.scene.points, axis=0), 60, atol=0.1)
-
-
-def test_lights_are_made_changed_and_singled_out(furnished, settle):
-    window = furnished(LightsPanel)
-    client = window.client
-    client.says(client.inputs("kind")[0], "ring")
-    client.says("Replace the lights")
-    settle(window)
+def test_lights_are_made_changed_and_singled_out(furnished):
+    window, say = furnished()
+    say("kind", "ring")
+    say("Replace the lights")
     assert window.scene.lights.names == tuple(f"ring_{i:03d}" for i in range(8))
-    client.says("count", 5)
-    settle(window)
-    client.says(next(one for one in client.inputs("distance, mm") if one.value is False), True)
-    settle(window)
+    say("count", 5)
+    boxes = [one.value is False for one in window.client.inputs("distance, mm")]
+    say("distance, mm", True, boxes.index(True))
     assert np.allclose(np.linalg.norm(window.scene.lights.positions_mm - [0, 0, -600], axis=1), 800)
-    client.says(client.inputs("kind")[0], "point")
-    client.says("Add to the lights")
-    client.says("Single out")
-    settle(window)
+    say("kind", "point")
+    say("Add to the lights")
+    say("Single out")
     assert [one.kind for one in window.document.lights] == ["point"] * 6
-    client.says("Remove light")
-    settle(window)
+    say("Remove light")
     assert len(window.scene.lights) == 5
-    assert not client.told
-    client.says(client.inputs("kind")[0], "session")
-    client.says("Replace the lights")
-    settle(window)
-    assert "no session" in client.told[-1]
+    assert not window.client.told
+    say("kind", "session")
+    say("Replace the lights")
+    assert "no session" in window.client.told[-1]
 
 
-def test_a_picture_sent_again_is_read_again(furnished, settle, tmp_path):
-    window = furnished(MaterialsPanel)
+def test_a_picture_sent_again_is_read_again(furnished, settle):
+    import cv2
+
+    window, _ = furnished()
     for level, name in ((0, "uploads/a.png"), (255, "uploads/a_2.png")):
-        window.client.sends("Send a texture from here", "a.png", png(level))
+        picture = cv2.imencode(".png", np.full((4, 4, 3), level, np.uint8))[1].tobytes()
+        window.client.sends(window.client.inputs("Send a texture from here")[0], "a.png", picture)
         settle(window)
         texture = window.scene.materials["matte"].reflectance
         assert isinstance(texture, Texture)
@@ -184,181 +159,104 @@ def test_a_picture_sent_again_is_read_again(furnished, settle, tmp_path):
     assert window.client.input("picture").value == "uploads/a.png", "the first one is as it was"
 
 
-def png(level):
-    import cv2
-
-    return cv2.imencode(".png", np.full((4, 4, 3), level, np.uint8))[1].tobytes()
-
-
-def test_a_map_is_called_by_its_own_name(furnished, settle, tmp_path):
-    for name in ("a", "b"):
-        write_npy(tmp_path / f"{name}.npy", np.full((2, 4, 3), 0.3, np.float32))
-    window = furnished(LightsPanel)
-    for name in ("a.npy", "b.npy"):
-        window.client.says("map", name)
-        settle(window)
-        assert window.client.input("map").value == name
-    window.undo()
-    assert window.client.input("map").value == "a.npy"
-    window.undo()
-    assert window.client.input("map").value == "(none)"
-
-
-def test_two_presses_are_two_changes_and_typed_digits_one(furnished, settle):
-    window = furnished(ObjectsPanel, CameraPanel)
-    for _ in range(3):
-        window.client.says("Add shape")
-    for width in (64, 640, 64):
-        window.client.says("width, px", width)
-    window.client.says("height, px", 48)
-    settle(window)
-    # The sphere of a new scene made place for the first.
-    assert len(window.scene.objects) == 3
-    labels = [label for label, *_ in window.history.past]
-    assert [label.split()[0] for label in labels] == ["add"] * 3 + ["camera"] * 2
-
-
-def test_opening_and_beginning_anew_can_be_taken_back(furnished, settle, tmp_path):
+def test_opening_and_beginning_anew_can_be_taken_back(furnished, tmp_path):
     """Nothing is lost; and a scene that is taken back is saved to its own folder, not over the one opened meanwhile."""
     write_document(edits.start_document(), tmp_path / "a" / "other")
     theirs = (tmp_path / "a" / "other" / "scene.toml").read_text()
-    window = furnished(Header, FilesPanel, CameraPanel)
+    window, say = furnished()
     client = window.client
-    client.says("width, px", 64)
-    settle(window)
-    lay(window.desk, window.workspace, tmp_path / "a" / "other" / "scene.toml")
+    say("width, px", 64)
+    open_path(window.state, window.workspace, tmp_path / "a" / "other" / "scene.toml")
     window.refresh()
     assert window.scene.camera.width == 640
     assert client.input("name").value == "a/other", "the folder that it came from, below the workspace"
-    client.says("Undo")
-    settle(window)
+    say("Undo")
     assert window.scene.camera.width == 64
     assert client.input("name").value == "scene"
-    client.says("name", "a/other")
-    client.says("Save scene")
-    settle(window)
+    say("name", "a/other")
+    say("Save scene")
     assert "holds another scene already" in client.told[-1]
     assert (tmp_path / "a" / "other" / "scene.toml").read_text() == theirs
-    client.says("name", "mine")
-    client.says("Save scene")
-    client.says("New scene")
-    settle(window)
+    say("name", "mine")
+    say("Save scene")
+    say("New scene")
     assert read_scene(tmp_path / "mine" / "scene.toml").camera.width == 64
-    client.says("name", "mine")
-    client.says("Save scene")
-    settle(window)
+    say("name", "mine")
+    say("Save scene")
     assert "holds another scene already" in client.told[-1], "a new scene is another one"
-    client.says("Undo")
-    client.says("width, px", 80)
-    client.says("Save scene")
-    settle(window)
+    say("Undo")
+    say("width, px", 80)
+    say("Save scene")
     assert read_scene(tmp_path / "mine" / "scene.toml").camera.width == 80, "its own it may write over"
 
 
 @pytest.mark.parametrize("where", ["a/penguin", "."])
-def test_a_scene_is_saved_where_it_was_opened_from(furnished, settle, tmp_path, where):
+def test_a_scene_is_saved_where_it_was_opened_from(furnished, tmp_path, where):
     folder = (tmp_path / where).resolve()
     path = folder / "scene.toml"
     put_own(folder, lambda place: write_document(with_value(edits.start_document(), ("name",), "penguin"), place))
-    window = furnished(FilesPanel, CameraPanel, document=read_document(path), folder=folder)
-    window.client.says("width, px", 64)
-    window.client.says("Save scene")
-    settle(window)
+    window, say = furnished(document=read_document(path), folder=folder)
+    say("width, px", 64)
+    say("Save scene")
     assert window.client.told == [f"Saved: {path.relative_to(tmp_path)}"]
     saved = read_scene(path)
     assert (saved.camera.width, saved.name) == (64, "penguin")
     assert not (tmp_path / "penguin").exists()
 
 
-@pytest.mark.parametrize("link", ["meshes", "textures", "scene.toml", "export"])
-def test_nothing_is_written_through_a_link_that_leads_out(furnished, settle, tmp_path_factory, tmp_path, link):
-    outside = tmp_path_factory.mktemp("outside")
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / link).symlink_to(outside / link if link == "scene.toml" else outside)
-    window = furnished(FilesPanel)
-    window.client.says("name", "mine")
-    window.client.says("Export for Mitsuba")
-    settle(window)
+@pytest.mark.parametrize("name", ["meshes", "scene.toml", "export", "export/scene.xml", "export/meshes/00.ply"])
+def test_nothing_foreign_is_written_over_nor_through_a_link_that_leads_out(furnished, tmp_path_factory, tmp_path, name):
+    outside, place = tmp_path_factory.mktemp("outside"), tmp_path / "mine" / name
+    place.parent.mkdir(parents=True)
+    if name in ("meshes", "export"):
+        place.symlink_to(outside)
+    else:
+        place.write_text("mine")
+    folder = tmp_path / "mine" if name == "scene.toml" else None
+    window, say = furnished(document=edits.start_document(), folder=folder)
+    say("name", "mine")
+    say("Export for Mitsuba")
     assert not list(outside.iterdir())
+    if place.is_file():
+        assert "rgbn did not write it" in window.client.told[-1], window.client.told
+        assert place.read_text() == "mine"
 
 
-def test_lists_that_end_say_so(furnished, tmp_path):
-    for number in range(MOST_FILES):
-        (tmp_path / f"{number:03d}.ply").touch()
-    (tmp_path / "ring").mkdir()
-    (tmp_path / "ring" / "lights.json").touch()
-    window = furnished(ObjectsPanel, LightsPanel)
-    assert not window.client.told
-    assert window.client.input("session").options == ("ring",)
-    (tmp_path / "one_more.ply").touch()
-    window.list_files()
-    window.refresh()
-    assert len(window.client.input("model").options) == MOST_FILES
-    assert "Not every file is listed" in window.client.told[-1]
-
-
-def test_a_refresh_looks_at_no_disk(furnished, settle, monkeypatch):
-    window = furnished(ObjectsPanel, MaterialsPanel, LightsPanel, FilesPanel)
+def test_a_refresh_looks_at_no_disk(furnished, monkeypatch):
+    window, say = furnished()
 
     def walked(*_):
         raise AssertionError("the workspace is walked at a refresh")
 
     monkeypatch.setattr(Workspace, "_walk", walked)
-    window.client.says("Add shape")
-    settle(window)
+    say("Add shape")
     assert not window.client.told
 
 
 def test_names_are_shown_as_they_are(furnished):
     """Neither HTML nor Markdown: a file may come from anywhere."""
-    name = '<img src=x onerror="alert(1)"> *b* `c`'
-    window = furnished(LightsPanel)
-    window.change("names", lambda d: with_value(d, ("lights",), (DistantLight(name=name, direction=(0, 0, 1)),)))
-    shown = window.panels[0]._text.content
-    assert rendered(shown).startswith(f"<p><strong>{escaped(name)}</strong>")
-
-
-def rendered(markdown):
     from markdown_it import MarkdownIt
 
-    return MarkdownIt("commonmark", {"html": True}).render(markdown)
+    name = '<img src=x onerror="alert(1)"> *b* `c`'
+    window, _ = furnished()
+    window.change("names", lambda d: with_value(d, ("lights",), (DistantLight(name=name, direction=(0, 0, 1)),)))
+    handles = window.client.gui._container_handle_from_uuid.values()
+    texts = [one.content for folder in handles for one in folder._children.values() if hasattr(one, "content")]
+    (shown,) = [text for text in texts if "1 of 1" in text]
+    escaped = name.replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")
+    assert MarkdownIt("commonmark", {"html": True}).render(shown).startswith(f"<p><strong>{escaped}</strong>")
 
 
-def escaped(text):
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")
-
-
-def test_a_drag_is_worked_out_in_the_windows_thread(furnished, settle, monkeypatch):
-    """No mesh of a million vertices keeps the browser's messages waiting; and twice as far is twice as large."""
-    window, threads = furnished(SceneView), []
-    middle, scaled = edits.placement(window.document, 0).middle_mm, edits.scaled
-
-    def watched(*given):
-        threads.append(threading.current_thread().name)
-        return scaled(*given)
-
-    monkeypatch.setattr(edits, "scaled", watched)
-    places = [(middle + [reach, 0, 0]) * UNITS_PER_MM for reach in (60.0, 90.0, 120.0)]
-    window.client.drags(window.client.seen("/object_0/scale"), *places)
-    settle(window)
-    assert threads
-    assert all(name.startswith("window 1") for name in threads)
-    now = edits.placement(window.document, 0)
-    np.testing.assert_allclose(now.scale, 2 * np.array([60.0, 60, 60]))
-    np.testing.assert_allclose(now.middle_mm, middle, atol=1e-9)
-    assert [label for label, *_ in window.history.past] == ["drag scale"]
-
-
-def test_what_waits_is_dropped_when_the_window_is_closed(furnished, no_preview):
+def test_what_waits_is_dropped_when_the_window_is_closed(furnished):
     """What is at work comes to its end, and whoever closes the window does not wait for it."""
-    window = furnished()
+    window, _ = furnished()
     begun_, go_on, done = threading.Event(), threading.Event(), []
 
     def starts():
         begun_.set()
         assert go_on.wait(60)
         done.append("ended")
-        window.refresh()
+        window.change("late", lambda d: with_value(d, ("camera", "width"), 64))
 
     window.post(starts)
     window.post(lambda: done.append("another began"))
@@ -368,7 +266,6 @@ def test_what_waits_is_dropped_when_the_window_is_closed(furnished, no_preview):
     go_on.set()
     window.wait()
     assert done == ["ended"]
-    assert no_preview.asked[-1] == ("forget", 1), "a request after that would be kept for good"
     window.post(lambda: done.append("later"))
     window.close()
     assert done == ["ended"]

@@ -1,14 +1,14 @@
 """Work in its own process: told how far it is, stopped, gone on with, and its faults."""
 
-import threading
+import time
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from studio import background_process
-from studio.background_process import Work
+from studio import studio_state
 from studio.editor import edits
+from studio.studio_state import Work
 from twin.description.description_file import write_document
 from twin.description.light_groups import RingTable
 
@@ -26,41 +26,30 @@ def small_scene(folder, samples):
     return write_document(edits.with_value(document, ("lights",), (RingTable(count=6, polar_deg=40.0),)), folder)
 
 
-def render(scene, out, told=lambda line: None):
-    return Work("Render", out, ["-m", "studio.studio_run", "render", scene, out], told)
-
-
-def pieces(told):
-    """Return how many pieces were done at each line that says so."""
-    return [int(line.split()[1]) for line in told if line.startswith("twin: ")]
+def render(scene, out):
+    return Work("Render", out, ["twin", scene, "--out", out])
 
 
 @pytest.mark.full
 def test_a_rendering_is_stopped_and_goes_on(tmp_path):
     """What was rendered when it was stopped is kept, and the whole is as if it had never been stopped."""
     scene = small_scene(tmp_path / "scene", samples=1600)
-    told, first = [], threading.Event()
-
-    def tell(line):
-        told.append(line)
-        if max(pieces(told), default=0) >= 1:
-            first.set()
-
-    stopped = render(scene, tmp_path / "a", tell)
-    assert first.wait(240), told
+    stopped, end = render(scene, tmp_path / "a"), time.monotonic() + 240
+    while not stopped.share:
+        assert time.monotonic() < end, stopped.said
+        time.sleep(0.05)
+    done = stopped.share
     stopped.stop()
     assert (stopped.is_over, stopped.is_stopped, stopped.fault) == (True, True, "")
     assert not (tmp_path / "a" / "session.toml").exists()
     assert (tmp_path / "a" / ".rgbn" / "unfinished").is_dir()
-
-    told.clear()
-    again = render(scene, tmp_path / "a", tell)
+    again, first = render(scene, tmp_path / "a"), 0.0
+    while not (again.is_over or first):
+        first = again.share
+        time.sleep(0.01)
     again.wait()
     assert (again.fault, again.share) == ("", 1.0)
-    counts = pieces(told)
-    assert counts[0] >= 1, "it goes on from what was done"
-    assert counts == sorted(counts)
-    assert counts[-1] == 6
+    assert first >= done, "it goes on from what was done"
     render(scene, tmp_path / "b").wait()
     a, b = (np.load(tmp_path / name / "frames" / "codes.npy") for name in "ab")
     # Threads add to a pixel in the order in which they come: the last bit of a float, one code at most.
@@ -80,11 +69,9 @@ def test_whatever_is_printed_the_end_is_told(tmp_path, monkeypatch, said, code, 
     program = tmp_path / "renderer"
     program.write_text("\n".join(["#!/bin/sh", "seq 100000", *(f"echo '{line}' >&2" for line in said), f"exit {code}"]))
     program.chmod(0o755)
-    monkeypatch.setattr(background_process, "sys", SimpleNamespace(executable=str(program)))
-    told = []
-    work = render(tmp_path / "scene.toml", tmp_path / "out", told.append)
+    monkeypatch.setattr(studio_state, "sys", SimpleNamespace(executable=str(program)))
+    work = render(tmp_path / "scene.toml", tmp_path / "out")
     work.wait()
-    assert told == [*said, ""]
     assert (work.fault, work.is_over) == (fault, True)
     assert work.said == [said[one] if isinstance(one, int) else one for one in shown]
 
@@ -102,9 +89,8 @@ def test_a_fault_is_told(tmp_path):
     for number in range(3):
         (session / f"flash_{number}.png").write_bytes(b"")
     (session / "session.toml").write_text('[frames]\nflash = "flash_*.png"\nlinear = true\n')
-    told = []
-    work = Work("Run", session, ["-m", "studio.studio_run", "check", str(session), str(tmp_path / "o")], told.append)
+    work = Work("Run", session, ["check", str(session), "--out", str(tmp_path / "o")])
     work.wait()
     assert "flash_0.png" in work.fault
     assert not work.fault.startswith("rgbn")
-    assert "Traceback" not in "".join(told)
+    assert "Traceback" not in "".join(work.said)

@@ -10,10 +10,10 @@ import pytest
 from websockets.asyncio import server as served
 
 from scene.errors import SceneError
-from studio.desk import Desk
 from studio.editor import edits
 from studio.review.folder import Review
 from studio.server import ELSEWHERE, Studio
+from studio.studio_state import StudioState
 from studio.workspace import Workspace
 
 pytestmark = [pytest.mark.render]
@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.render]
 
 @pytest.fixture(scope="module")
 def studio(tmp_path_factory):
-    running = Studio(Workspace.at(tmp_path_factory.mktemp("bench")), port=0, desk=Desk(area="Scene"))
+    running = Studio(Workspace.at(tmp_path_factory.mktemp("bench")), port=0, state=StudioState(area="Scene"))
     yield running
     running.close()
 
@@ -114,41 +114,29 @@ def coming(studio, nobody, monkeypatch):
         go(number)
 
 
-def rest(window):
-    done = threading.Event()
-    window.post(done.set)
-    assert done.wait(60)
-    return window
-
-
-def resized(width):
-    return lambda document: edits.with_value(document, ("camera", "width"), width)
-
-
 def test_one_window_at_a_time_and_the_next_goes_on_with_the_scene(studio, coming, settle):
     """A second one is told in one sentence, and works when it takes over or the first goes; nothing is lost."""
     come, go = coming
     first = come(1)
     window = studio.window
-    window.post(lambda: window.change("camera", resized(64)))
-    rest(window)
+    window.post(lambda: window.change("camera", lambda d: edits.with_value(d, ("camera", "width"), 64)))
+    settle(window)
     second = come(2)
     assert studio.window is window
-    assert [one.content for one in said(second) if hasattr(one, "content")][-1] == ELSEWHERE
+    shown = second.gui._container_handle_from_uuid["root"]._children.values()
+    assert [one.content for one in shown if hasattr(one, "content")][-1] == ELSEWHERE
     second.says("Work in this window")
     assert studio.window.client is second
     assert window.is_gone
-    assert rest(studio.window).scene.camera.width == 64
+    settle(studio.window)
+    assert studio.window.scene.camera.width == 64
     go(2)
     assert studio.window.client is first, "who waits takes the place of who goes, as after a reload"
     go(1)
     assert studio.window is None
     come(3)
-    assert rest(studio.window).history.past[-1][0] == "camera"
-
-
-def said(client):
-    return list(client.gui._container_handle_from_uuid["root"]._children.values())
+    settle(studio.window)
+    assert studio.window.history.past[-1][0] == "camera"
 
 
 def test_a_browser_that_is_gone_before_its_panels_are_made_leaves_none(studio, nobody, monkeypatch):
@@ -159,7 +147,7 @@ def test_a_browser_that_is_gone_before_its_panels_are_made_leaves_none(studio, n
     assert studio.window is None
 
 
-def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(tmp_path, nobody, monkeypatch):
+def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(tmp_path, nobody, settle, monkeypatch):
     """Reading takes long on a large folder: it is done in the window's thread, and what fails there is shown."""
     go_on = threading.Event()
 
@@ -168,13 +156,13 @@ def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(t
         raise OSError("the disk is gone")
 
     monkeypatch.setattr(Review, "__init__", read)
-    running = Studio(Workspace.at(tmp_path), port=0, desk=Desk(area="Session", review=(tmp_path, None)))
+    running = Studio(Workspace.at(tmp_path), port=0, state=StudioState(area="Session", review=(tmp_path, None)))
     try:
         client = nobody(8)
         monkeypatch.setattr(running._server, "get_clients", lambda: {8: client})
         running._come(client)
         go_on.set()
-        rest(running.window)
+        settle(running.window)
         assert "the disk is gone" in client.told[0]
     finally:
         go_on.set()

@@ -1,5 +1,7 @@
 """A folder of photographs that nobody has described yet, and what a look finds there."""
 
+from types import SimpleNamespace
+
 import cv2
 import numpy as np
 import pytest
@@ -9,7 +11,6 @@ from capture.session.manifest import FramesTable, Manifest, SphereTable
 from capture.survey.small_pictures import frames_of, read_small
 from shoot.init.draft import Draft
 from shoot.init.scan_unit import ScanSize
-from studio.new_session.found_capture import FoundCapture
 
 BALLS = tuple(
     SphereTable(kind=kind, center_px=[u, v], radius_px=radius)
@@ -42,4 +43,4 @@ def found(folder, monkeypatch):
     draft = Draft(manifest, folder, 80, 60, frames, 1, exif=(Exif(),), found=BALLS, across_px=30.0,
                   notes=("left out: x.",))  # fmt: skip
     draft = draft.with_balls(BALLS).saying("object", scan="jug.ply")
-    return FoundCapture(draft, small, frames.read().mean(0))
+    return SimpleNamespace(draft=draft, small=small)

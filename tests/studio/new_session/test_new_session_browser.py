@@ -96,7 +96,7 @@ def test_what_was_found_is_put_right_by_hand(visit, studio, tmp_path):
     rim = plane.place(np.add(first.center_px, [first.radius_px, 0]))
     hand = plane.place(np.add(first.center_px, [1.05 * first.radius_px, 0]))
     visitor.drag(visitor.on_screen(rim), visitor.on_screen(hand))
-    visitor.until(lambda: window.outlines[0].is_moved, "the knob was dragged")
+    visitor.until(lambda: not window.is_found(window.outlines[0]), "the knob was dragged")
     visitor.settle()
     visitor.keep("new_session_ball")
     dragged = window.outlines[0]

@@ -1,7 +1,5 @@
 """The window of a new session without a browser: what is typed, clicked and chosen, and what is written."""
 
-from concurrent.futures import Future
-from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -13,55 +11,78 @@ from capture.survey.folder_files import survey
 from scene.errors import SceneError
 from shoot.init import init_session
 from shoot.init.draft_notes import notes_of
-from studio.new_session.capture_panels import DiametersPanel, LensPanel, ObjectPanel, PhotographsPanel
-from studio.new_session.found_capture import Looking
-from studio.new_session.found_panel import FoundPanel, TextPanel, WritePanel
-from studio.new_session.new_session_window import NewSessionWindow
-from studio.new_session.photograph_roles import role_of, with_role
-from studio.new_session.photographs_view import PhotographsView
+from studio.new_session.looking import Look
+from studio.new_session.new_session_rows import NEW_SESSION_ROWS, TABS
+from studio.new_session.new_session_window import NewSessionWindow, role_of, with_role
+from studio.opening import open_path
+from studio.photograph.photograph_view import PhotographView
 from studio.photograph.plane import Plane
 from studio.studio_command import studio
+from studio.studio_state import StudioState
 from studio.widgets import fenced
 from studio.workspace import Workspace
 
 SIZE = Plane(80, 60)
-PANELS = (FoundPanel, DiametersPanel, PhotographsPanel, LensPanel, ObjectPanel, TextPanel, WritePanel, PhotographsView)
 
 
-def looked(looking, files):
-    """Wait until a folder was looked at."""
-    done = Future()
-    looking.ask(files, lambda done, total: None, done.set_result)
-    return done.result(60)
+def looks(monkeypatch, *answers):
+    """Have looks at folders come to these ends, in this order; the last one again and again."""
+    ends = list(answers)
+
+    def prepare(files, asking, progress, seen):
+        end = ends.pop(0) if len(ends) > 1 else ends[0]
+        if isinstance(end, Exception):
+            raise end
+        return end.draft
+
+    monkeypatch.setattr("studio.new_session.looking.prepare", prepare)
+
+
+def window_on(folder, client):
+    """Return a window on a folder, or on one that holds several."""
+    root = folder.parent
+    looks = {files.folder: Look(files, root / "out" / files.folder.name) for files in survey(folder)}
+    return NewSessionWindow(client, Workspace.at(root), StudioState(looks=looks))
 
 
 @pytest.fixture
-def begun(folder, found, nobody, no_preview, furnish, settle, monkeypatch):
-    """Return what makes a window on the folder with its panels, as soon as it was looked at."""
-    monkeypatch.setattr("studio.new_session.found_capture.look", lambda files, progress: (progress(1, 2), found)[1])
+def looked(settle):
+    """Return what waits until a look has ended, and a window shows what came of it."""
 
-    def furnished(*panels):
-        looking = Looking(survey(folder), folder.parent / "out" / "jug")
-        window = NewSessionWindow(nobody(), Workspace.at(folder.parent), no_preview, looking)
-        furnish(window, panels)
-        window.open(window.files)
-        assert looked(looking, window.files).result() is found
+    def wait(window):
+        window.taken.wait()
+        window.post(window.look_again)
         settle(window)
+
+    return wait
+
+
+@pytest.fixture
+def begun(folder, found, nobody, furnish, settle, looked, monkeypatch):
+    """Return what makes a window on the folder, as soon as it was looked at, and what says things in it."""
+    looks(monkeypatch, found)
+
+    def furnished():
+        window = furnish(window_on(folder, nobody()), NEW_SESSION_ROWS, PhotographView)
+
+        def say(label, value=True):
+            window.client.says(label, value)
+            settle(window)
+
+        looked(window)
+        for tab in reversed(TABS):
+            window.open_tab(tab)
         assert window.capture is not None
-        return window
+        return window, say
 
     return furnished
 
 
 def test_the_panels_write_what_they_show(begun, folder, settle):
     """Typed, clicked and chosen in the panels; the file holds it, and nothing else in the folder is touched."""
-    before = {path: path.read_bytes() for path in folder.rglob("*")}
-    window = begun(*PANELS)
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    window, say = begun()
     client = window.client
-
-    def say(label, value=True):
-        client.says(label, value)
-        settle(window)
 
     def diameters():
         return [ball.diameter_mm for ball in window.outlines]
@@ -100,27 +121,28 @@ def test_the_panels_write_what_they_show(begun, folder, settle):
     shown = window.text
     say("Write session")
     assert (folder / "session.toml").read_text() == shown
-    assert {path: path.read_bytes() for path in folder.rglob("*") if path.name != "session.toml"} == before
+    after = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file() and path.name != "session.toml"}
+    assert after == before
     session = load_session(folder)
     assert [path.name for path in session.flash] == ["flash_0.png", "flash_1.png", "flash_3.png", "flash_4.png"]
     rows = [(one.kind, one.diameter_mm, one.center_px, one.radius_px) for one in session.spheres]
     assert rows == [("chrome", 40.0, (21.0, 15.0), 8.0), ("chrome", 40.0, (60.0, 15.0), 7.5)]
     assert session.mask == folder / "mask.png"
     assert (session.scan_unit, session.camera) == ("mm", Lens(focal_mm=50.0, sensor_mm=36.0))
-    desk = window.desk
-    assert (desk.area, desk.review) == ("Session", (folder.parent / "out" / "jug", folder)), "it goes on there"
+    state = window.state
+    assert (state.area, state.review) == ("Session", (folder.parent / "out" / "jug", folder)), "it goes on there"
     assert window.capture is None, "nothing here changes it any more"
 
 
-def test_what_cannot_be_written_is_not(begun, folder, nobody, no_preview, monkeypatch):
+def test_what_cannot_be_written_is_not(begun, folder, monkeypatch):
     """Before the folder was looked at, over a file that is there, outside of the workspace, or not to be read again."""
-    window = NewSessionWindow(nobody(), Workspace.at(folder.parent), no_preview, Looking(survey(folder)))
-    panel = WritePanel(window)
-    panel.refresh()
+    window, _ = begun()
+    history, window.taken.history = window.taken.history, None
+    window.refresh()
     assert not window.client.input("Write session").visible
-    window.close()
-    window.wait()
-    window = begun()
+    with pytest.raises(SceneError, match="still being looked at"):
+        window.write()
+    window.taken.history = history
     (folder / "session.toml").write_text("# mine")
     with pytest.raises(SceneError, match="is there already"):
         window.write()
@@ -138,7 +160,7 @@ def test_what_cannot_be_written_is_not(begun, folder, nobody, no_preview, monkey
     with pytest.raises(SceneError, match="not a session"):
         window.write()
     assert not (folder / "session.toml").exists()
-    assert window.desk.area == "Open"
+    assert window.state.area == "Open"
 
 
 def test_a_photograph_gets_another_use_where_it_can_have_it(found, folder):
@@ -160,7 +182,7 @@ def test_a_photograph_gets_another_use_where_it_can_have_it(found, folder):
             with_role(one, small, folder / path, role)
 
 
-def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, no_preview, furnish, settle, monkeypatch):
+def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, furnish, settle, looked, monkeypatch):
     """Two objects in a folder: one is looked at when it is chosen, and the other is as it was left."""
     top = tmp_path / "shelf"
     for name in ("cup", "jug"):
@@ -168,79 +190,80 @@ def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, no_previe
         for path in found.draft.photographs["flash"]:
             (top / name / path.name).write_bytes(path.read_bytes())
     (top / "cup" / "session.toml").write_text("")
-    monkeypatch.setattr("studio.new_session.found_capture.look", lambda files, progress: found)
-    looking = Looking(survey(top))
-    assert [looking.out_of(one).name for one in looking.folders] == ["cup", "jug"]
-    window = NewSessionWindow(nobody(), Workspace.at(tmp_path), no_preview, looking)
-    furnish(window, [FoundPanel])
+    looks(monkeypatch, found)
+    window = furnish(window_on(top, nobody()), NEW_SESSION_ROWS)
     assert tuple(window.client.input("object").options) == ("cup (has a session.toml)", "jug")
-    assert window.files.folder.name == "jug", "where there is something to do"
 
-    def turn(files):
-        window.post(lambda: window.open(files))
-        looked(looking, files)
+    def turn(name):
+        window.post(lambda: window.open(top / name))
         settle(window)
-        settle(window)
+        looked(window)
+        return window.outlines and window.outlines[2].diameter_mm, window.client.input("Open its session").visible
 
-    def white():
-        return window.outlines[2].diameter_mm
-
-    cup, jug = looking.folders
-    turn(jug)
+    assert turn("jug") == (None, False)
     window.post(lambda: window.measure("white", 5.0))
-    turn(cup)
-    assert window.capture is None
-    assert window.client.input("Open its session").visible
+    assert turn("cup") == ((), True)
     (top / "cup" / "session.toml").unlink()
-    turn(cup)
-    assert white() is None
-    turn(jug)
-    assert white() == 5.0
-    assert not window.client.input("Open its session").visible
+    assert turn("cup") == (None, False)
+    assert turn("jug") == (5.0, False)
     with pytest.raises(SceneError, match="2 objects"):
-        Looking(looking.folders, tmp_path / "out")
+        open_path(StudioState(), window.workspace, top, tmp_path / "out")
 
 
-def test_what_fails_is_told_and_can_be_asked_again(begun, found, settle, monkeypatch):
-    answers = [
-        SceneError("jug: 2 of 5 photographs can be read."),
-        found,
-        replace(found, draft=found.draft.noting("y.")),
-    ]
+def test_what_is_known_so_far_is_shown(folder, found, nobody, furnish, settle, looked, monkeypatch):
+    """The first photograph, then the mean, then the balls in it; nothing of it can be changed yet."""
+    from threading import Event
 
-    def look(files, progress):
-        answer = answers.pop(0)
-        if isinstance(answer, Exception):
-            raise answer
-        return answer
+    steps, waits = [Event() for _ in range(3)], [Event() for _ in range(3)]
 
-    window = begun(FoundPanel)
-    monkeypatch.setattr("studio.new_session.found_capture.look", look)
-    window.looking = looking = Looking(window.looking.folders)
-    window.desk.captures.clear()
-    window.post(lambda: window.open(window.files))
-    settle(window)
-    looked(looking, window.files)
-    settle(window)
+    def prepare(files, asking, progress, seen):
+        def pause(number):
+            steps[number].set()
+            assert waits[number].wait(60)
+
+        pause(0)
+        seen(found.draft.with_balls([]))
+        pause(1)
+        seen(found.draft)
+        pause(2)
+        return found.draft
+
+    monkeypatch.setattr("studio.new_session.looking.prepare", prepare)
+    window = furnish(window_on(folder, nobody()), NEW_SESSION_ROWS, PhotographView)
+    for number, (balls, told) in enumerate(((0, "Reading"), (0, "Looking for balls"), (3, "Looking at the scan"))):
+        assert steps[number].wait(60)
+        window.post(window.look_again)
+        settle(window)
+        assert len(window.outlines) == balls
+        assert told in window.taken.told
+        assert window.client.seen("/photograph/picture") is not None
+        assert window.capture is None
+        waits[number].set()
+    looked(window)
+    assert window.capture is not None
+    assert not window.client.told
+
+
+def test_what_fails_is_told_and_can_be_asked_again(begun, found, settle, looked, monkeypatch):
+    window, _ = begun()
+    again = SimpleNamespace(draft=found.draft.noting("y."))
+    looks(monkeypatch, SceneError("jug: 2 of 5 photographs can be read."), found, again)
+
+    def look_again():
+        window.post(lambda: window.open(window.place))
+        settle(window)
+        looked(window)
+
+    window._let_go()
+    look_again()
     assert any("2 of 5 photographs" in told for told in window.client.told)
-    assert looked(looking, window.files).result() is looked(looking, window.files).result() is found
-    looking.forget(window.files.folder)
-    assert looked(looking, window.files).result().draft.notes[-1] == "y.", "it is looked at again"
-
-
-def test_typing_and_marking_are_undone_one_by_one(begun, settle):
-    window = begun(*PANELS)
-    window.client.says("chrome balls, mm", 40.0)
-    window.client.says("ball", "2: chrome")
-    window.client.says("Remove this ball")
-    settle(window)
-    assert [ball.diameter_mm for ball in window.outlines] == [40.0, None]
-    window.undo()
-    assert [ball.diameter_mm for ball in window.outlines] == [40.0, 40.0, None]
-    window.undo()
-    assert window.client.input("chrome balls, mm").value == 0.0
-    window.redo()
-    assert [ball.diameter_mm for ball in window.outlines] == [40.0, 40.0, None]
+    look_again()
+    assert window.capture is found.draft
+    look_again()
+    assert window.capture is found.draft, "each once"
+    window._let_go()
+    look_again()
+    assert window.capture.notes[-1] == "y.", "it is looked at again"
 
 
 def test_no_name_breaks_out_of_the_shown_file():
@@ -254,7 +277,7 @@ def test_the_command_opens_what_a_path_is(folder, monkeypatch):
     asked, opened = [], []
 
     def begin(place, **how):
-        asked.append(how["desk"])
+        asked.append(how["state"])
         return SimpleNamespace(address="http://127.0.0.1:1", close=lambda: None)
 
     def wait(self, timeout=None):
@@ -272,14 +295,15 @@ def test_the_command_opens_what_a_path_is(folder, monkeypatch):
 
     assert opens(browser=False).area == "Open"
     assert not opened
-    desk = opens(folder)
+    state = opens(folder)
     assert opened == ["http://127.0.0.1:1"], "the system's browser"
-    assert (desk.area, desk.looking.out_of(desk.looking.folders[0])) == ("New session", folder.parent / "out" / "jug")
+    out = folder.parent / "out" / "jug"
+    assert (state.area, state.looks[folder].out) == ("New session", out)
     with pytest.raises(SceneError, match="lies outside of the workspace"):
         studio(folder, out=folder.parent / "out", workspace=folder)
     (folder / "session.toml").write_text('[frames]\nflash = "flash_*.png"')
-    desk = opens(folder)
-    assert (desk.area, desk.review) == ("Session", (folder.parent / "out" / "jug", folder))
+    state = opens(folder)
+    assert (state.area, state.review) == ("Session", (out, folder))
     (folder.parent / "empty").mkdir()
     with pytest.raises(SceneError, match="photometric stereo needs 3"):
         studio(folder.parent / "empty")

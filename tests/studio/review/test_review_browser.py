@@ -5,11 +5,11 @@ import pytest
 
 from capture.session.session import load_session
 from scene.rays import RayCaster
-from studio.desk import Desk
 from studio.photograph.plane import Plane
 from studio.review.corrections import met
 from studio.review.spatial_view import SCAN_SIZE
 from studio.server import Studio
+from studio.studio_state import StudioState
 from studio.workspace import Workspace
 
 pytestmark = [pytest.mark.slow, pytest.mark.full]
@@ -22,7 +22,7 @@ def at_session():
     running = []
 
     def made(root, folder, session):
-        running.append(Studio(Workspace.at(root), port=0, desk=Desk(area="Session", review=(folder, session))))
+        running.append(Studio(Workspace.at(root), port=0, state=StudioState(area="Session", review=(folder, session))))
         return running[-1]
 
     yield made
@@ -64,7 +64,7 @@ def test_a_half_done_session_is_put_right(visit, calibrated, at_session):
     knob = plane.place(np.add(found.center_px, [found.radius_px, 0]))
     hand = plane.place(np.add(found.center_px, [1.1 * found.radius_px, 0]))
     visitor.drag(visitor.on_screen(knob), visitor.on_screen(hand))
-    visitor.until(lambda: window.outlines[0].is_moved, "the knob was dragged")
+    visitor.until(lambda: not window.is_found(window.outlines[0]), "the knob was dragged")
     visitor.settle()
     dragged = window.outlines[0]
     assert dragged.radius_px == pytest.approx(1.1 * found.radius_px, rel=0.02)
@@ -82,7 +82,7 @@ def test_a_half_done_session_is_put_right(visit, calibrated, at_session):
 
     visitor.press("Run up to Balls")
     visitor.see("your own session.toml is as it was")
-    visitor.until(lambda: window.desk.work is None, "the steps have ended")
+    visitor.until(lambda: window.state.work is None, "the steps have ended")
     (spec,) = load_session(calibrated.folder / "review").spheres
     assert spec.radius_px == pytest.approx(2 * dragged.radius_px), "full-size pixels of halved frames"
     assert (calibrated.session / "session.toml").read_text() == calibrated.text
@@ -103,7 +103,7 @@ def test_a_half_done_session_is_put_right(visit, calibrated, at_session):
     # What is not there is said, and the studio lives on.
     window = other.window
     window.post(lambda: window.open_tab("Capture"))
-    window.post(lambda: window.show(overlay="mask"))
+    window.post(lambda: window.look_at(overlay="mask"))
     other.see("That cannot be done")
     other.tab("Scan")
     other.see("Not registered")
@@ -117,7 +117,7 @@ def test_a_whole_session_is_looked_at_and_picked_on(visit, made, tmp_path, at_se
     visitor.see("the rendered frame of the same flash; differs by 1")
     visitor.keep("review_twin")
     visitor.tab("Scan")
-    visitor.until(lambda: window.shown.overlay == "scan, shaded", "the scan lies over the photograph")
+    visitor.until(lambda: window.how.overlay == "scan, shaded", "the scan lies over the photograph")
     visitor.press("Start picking")
     visitor.until(lambda: window.on_photograph is not None, "picking has begun")
     assert window.beside is None

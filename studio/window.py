@@ -1,8 +1,9 @@
 """What each area's window has: a thread that does what the browser says in order, panels, and words for faults."""
 
+import threading
 import traceback
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import Any
@@ -11,42 +12,71 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scene.errors import SceneError
-from studio.desk import Area, Desk, History
-from studio.editor.preview import Preview
+from studio.studio_state import Area, History, Job, StudioState, Work
+from studio.tabs import HEADER
+from studio.widgets import Panel, Row
 from studio.workspace import Workspace
 
 Array = NDArray[np.float64]
-KINDS = {"main": "blue", "other": "gray", "danger": "red"}
-"""Colours of buttons: the one that a tab is for, others, and those that destroy; `page/studio.css` makes them plain."""
+EVERY_S = 1.0
+"""So often a window looks at what goes on in the background."""
+Page = Sequence[Row] | Callable[[Any], Sequence[Row]]
 
 
-class BrowserWindow:
+class Window:
     """An area of the studio as the browser shows it.
 
     What the browser says is done in the window's one thread, in the order in which it was said. A rendering, a run of
-    the steps and a look for balls have threads or processes of their own, which come back by `post`.
+    the steps and a look for balls have threads or processes of their own, which the window looks at every second.
     """
 
     area: Area = "Open"
+    first_tab = ""
     is_flat = False
     """Whether a photograph is shown, which is moved and not turned."""
     report = ""
     """Address of the report that lies over the view."""
+    panel_px = 430
+    """Width of the panels."""
+    work_told = ""
+    """What came of the last work, as Markdown."""
 
-    def __init__(self, client: Any, workspace: Workspace, preview: Preview, desk: Desk | None = None) -> None:
-        self.client, self.workspace, self.preview = client, workspace, preview
-        self.desk = desk or Desk()
+    def __init__(self, client: Any, workspace: Workspace, state: StudioState | None = None) -> None:
+        self.client, self.workspace, self.state = client, workspace, state or StudioState()
         self.turn: Callable[[], Any] = lambda: None
-        """Shows the desk's area, in another window."""
+        """Shows the state's area, in another window."""
         self.panels: list[Any] = []
-        """What is shown: each has a `refresh`."""
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"window {client.client_id}")
         self._inputs: deque[Any] = deque()
         """Those that a person has changed, and nothing has been done yet about it."""
         self._input: Any = None
-        self._is_behind = False
-        self.is_gone = False
-        """Another window has taken its place: nothing more is done for it."""
+        self._is_behind, self._gone = False, threading.Event()
+        self._is_ticking, self._told = False, set[str]()
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether another window has taken its place: nothing more is done for it."""
+        return self._gone.is_set()
+
+    def show(self, rows: Page, views: Sequence[Callable[[Any], Any]] = ()) -> None:
+        """Begin with a page of rows, and with views, each of which has a `refresh`."""
+        # The way out stands before anything that may fail.
+        self.panels.append(Panel(self, HEADER))
+        self.panels[0].refresh()
+        self.begin()
+        self.client.gui.main_panel.dock_right()
+        self.client.gui.main_panel.set_width(self.panel_px)
+        self.panels += [Panel(self, rows(self) if callable(rows) else rows), *(view(self) for view in views)]
+        self.refresh()
+
+        def follow() -> None:
+            while not self._gone.wait(EVERY_S):
+                self.post(self._tick)
+
+        threading.Thread(target=follow, daemon=True).start()
+
+    def begin(self) -> None:
+        """Read what is to be shown."""
 
     def refresh(self) -> None:
         """Show everything as it is now; while more input waits, after that.
@@ -61,14 +91,41 @@ class BrowserWindow:
         for panel in self.panels:
             self.attempt(panel.refresh)
 
+    def choose(self, **changes: Any) -> None:
+        """Look at something else that is kept here, by its names; what is not said stays."""
+        assert vars(self).keys() >= changes.keys()
+        vars(self).update(changes)
+        self.refresh()
+
+    def _tick(self) -> None:
+        self._is_ticking = True
+        try:
+            self.look_again()
+        finally:
+            self._is_ticking = False
+
+    def look_again(self) -> None:
+        """Show how far the work is, and once how it ended."""
+        work = self.work
+        if work is None or work.is_told:
+            return
+        if work.is_over:
+            work.is_told = True
+            if work.fault:
+                self.show_fault(work.fault)
+            elif not work.is_stopped:
+                self.state.work = None
+                self.work_ended()
+        self.refresh()
+
     @property
     def tab(self) -> str:
         """The tab that is open."""
-        return self.desk.tabs.get(self.area, "")
+        return self.state.tabs.get(self.area, self.first_tab)
 
     @tab.setter
     def tab(self, name: str) -> None:
-        self.desk.tabs[self.area] = name
+        self.state.tabs[self.area] = name
 
     def open_tab(self, name: str) -> None:
         """Turn to a tab."""
@@ -77,7 +134,7 @@ class BrowserWindow:
 
     def go(self, area: Area) -> None:
         """Turn to another area."""
-        self.desk.area = area
+        self.state.area = area
         self.turn()
 
     @property
@@ -99,24 +156,52 @@ class BrowserWindow:
         if self.history is not None:
             self.restore(self.history.redone())
 
-    def attempt(self, work: Callable[[], Any]) -> bool:
+    def job(self) -> Job | None:
+        """Return what the window's button begins; None: it has none."""
+        return None
+
+    def work_ended(self) -> None:
+        """Show what came of it."""
+
+    @property
+    def work(self) -> Work | None:
+        """What writes the window's folder, or wrote it last."""
+        work, job = self.state.work, self.job()
+        return work if work is not None and job is not None and work.folder == job.folder else None
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether the folder is being written."""
+        return self.work is not None and not self.work.is_over
+
+    def begin_work(self) -> None:
+        """Begin. Raises SceneError: something is at work, which takes all of the machine."""
+        other = self.state.work
+        if other is not None and not other.is_over:
+            raise SceneError(f"{other.folder.name}: {other.label} is at work. Stop it first, or wait.")
+        if job := self.job():
+            # Saving may give the folder its place.
+            words, job = job.words(), self.job() or job
+            self.state.work = Work(job.label, job.folder, words)
+        self.refresh()
+
+    def attempt(self, work: Callable[[], Any]) -> None:
         """Do something, unless the window is gone; tell what was at fault, if anything was, and live on."""
-        if self.is_gone:
-            return False
         try:
-            work()
+            if not self.is_gone:
+                work()
         except SceneError as error:
             self.show_fault(str(error))
         except Exception as error:
             if not self.is_gone:  # Else there is nobody to show it to.
                 traceback.print_exc()
                 self.show_fault(f"a fault of the studio, not of the input: {type(error).__name__}: {error}")
-        else:
-            return True
-        return False
 
     def show_fault(self, text: str) -> None:
-        """Show what was at fault until it is closed."""
+        """Show what was at fault until it is closed; once, where nobody did anything."""
+        if self._is_ticking and text in self._told:
+            return
+        self._told.add(text)
         self.client.add_notification("That cannot be done", text, color="red")
 
     def notify(self, title: str, text: str = "") -> None:
@@ -128,11 +213,8 @@ class BrowserWindow:
         with suppress(RuntimeError):  # It is gone.
             self._thread.submit(self.attempt, work)
 
-    def on_input(self, handle: Any, use: Callable[[Any], Any]) -> Any:
-        """Call `use` with the value of an input as a person has changed it. Return the handle.
-
-        The input itself may hold another value by then.
-        """
+    def on_input(self, handle: Any, use: Callable[[Any], Any]) -> None:
+        """Call `use` with the value of an input as a person has changed it: it may hold another value by then."""
 
         async def _(event: Any) -> None:
             # What the program writes into an input comes by here too, without a client.
@@ -142,7 +224,6 @@ class BrowserWindow:
                 self.post(lambda: self._take(use, value))
 
         handle.on_update(_)
-        return handle
 
     def _take(self, use: Callable[[Any], Any], value: Any) -> None:
         self._input = self._inputs.popleft()
@@ -168,12 +249,6 @@ class BrowserWindow:
 
         listen(_)
 
-    def button(self, label: str, use: Callable[[], Any], kind: str = "other", **look: Any) -> Any:
-        """Add a button that calls `use`; kind: a key of `KINDS`. Return the handle."""
-        handle = self.client.gui.add_button(label, **{"color": KINDS[kind], **look})
-        self.on(handle.on_click, use)
-        return handle
-
     def on_ray(self, handle: Any, use: Callable[[Array, Array], Any]) -> None:
         """Call `use` with origin and direction (3,) of the ray by which something in the view is clicked."""
         self.on(handle.on_click, use, lambda event: (np.array(event.ray_origin), np.array(event.ray_direction)))
@@ -191,10 +266,8 @@ class BrowserWindow:
 
     def close(self) -> None:
         """Do nothing more: what waits is dropped, and what is at work is let come to an end."""
-        if not self.is_gone:
-            self.is_gone = True
-            self._thread.submit(self.preview.forget, self.client.client_id)
-            self._thread.shutdown(wait=False)
+        self._gone.set()
+        self._thread.shutdown(wait=False)
 
     def wait(self) -> None:
         """Return when everything has ended, after `close`."""

@@ -1,0 +1,192 @@
+"""The photograph large in the browser's view, its strip below, another beside; on it the balls, with knobs to drag."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.session.manifest import SphereTable
+from compare.report import pictures
+from compare.report.picture_strip import PictureStrip
+from scene.map_pictures import Image, shrink
+from studio.photograph.photograph_window import PhotographWindow, Shown, circle_of, moved, resized, sphere_of
+from studio.photograph.plane import ROOT, WIDE, Plane, add_lines, add_picture
+from studio.widgets import NO_SHADOW, Layers
+
+Array = NDArray[np.float64]
+GAP = 0.25
+"""Between the photograph, the strip and what stands beside, in the view's units."""
+KNOB = (255, 150, 0)
+CROP_PX = 500
+"""Width of the chosen ball's picture."""
+
+
+class PhotographView:
+    """What stands in the plane of the photograph."""
+
+    def __init__(self, window: PhotographWindow) -> None:
+        self._window, self._view, self._layers = window, window.client.scene, Layers()
+        self._root = self._view.add_frame(ROOT, show_axes=False)
+        self._strip: PictureStrip | None = None
+        self._knobs: list[Any] = []
+
+    def refresh(self) -> None:
+        """Show the window's photograph, balls and strip; only what changed is sent."""
+        window, shown, draw = self._window, self._window.shown(), self._layers.draw
+        self._root.visible = window.is_flat
+        if shown is None:
+            self._layers.keep_only(set())
+            return
+        plane, camera, balls = shown.plane, shown.camera, window.outlines
+        # The photograph comes first: the small pictures are made of all of them.
+        draw("picture", (plane, shown.picture[0]), lambda: self._add_picture(plane, shown.picture[1]()))
+        draw("small pictures", shown.strip[0], lambda: self._make_strip(shown))
+        draw("strip", (shown.strip[0], shown.chosen), lambda: self._add_strip(plane, shown.chosen))
+        # A reading anew while the steps run leaves the look as it is.
+        key = (window.is_flat, window.ball, plane, self._strip is None, window.beside is None, window.looks)
+        draw("face", key, lambda: self._face(plane))
+        draw("beside", window.beside, lambda: self._add_beside(plane))
+        now = (window.reading, window.ball)
+        draw("outlines", (now, balls, camera, shown.colours), lambda: self._add_outlines(shown))
+        now = (*now, len(balls))
+        draw("knobs", (now, camera is None), lambda: self._add_knobs(plane, camera is not None))
+        draw("crop", (now, shown.crop is None), lambda: self._add_crop(plane, shown))
+        for name, (key, add) in shown.marks.items():
+            draw(name, (now, key), add)
+        if window.ball is not None and self._knobs:
+            # A knob is moved, not made anew: it may be under a hand.
+            for knob, place in zip(self._knobs, _knob_places(plane, balls[window.ball]), strict=True):
+                knob.position = tuple(place)
+
+    def _face(self, plane: Plane) -> None:
+        """Look straight at the photograph with what stands around it, or at the chosen ball."""
+        window = self._window
+        if not window.is_flat:
+            return
+        if window.ball is not None:
+            center, radius = circle_of(window.outlines[window.ball])
+            size = 3.2 * radius * plane.per_px
+            window.look_straight(plane.place(center), size, size)
+            return
+        below = 0.0 if self._strip is None else GAP + _high(self._strip)
+        aside = 0.0 if window.beside is None else WIDE + GAP
+        window.look_straight([aside / 2, -below / 2, 0.0], WIDE + aside, plane.high + below)
+
+    def _add_picture(self, plane: Plane, image: Image) -> list[Any]:
+        def clicked(across: float, down: float) -> None:
+            self._window.click((across * plane.width - 0.5, down * plane.height - 0.5))
+
+        return [add_picture(self._window, f"{ROOT}/picture", image, (WIDE, plane.high), (0.0, 0.0, 0.0), clicked)]
+
+    def _make_strip(self, shown: Shown) -> None:
+        self._strip = shown.strip[1]()
+
+    def _add_strip(self, plane: Plane, chosen: int | None) -> list[Any]:
+        window, strip = self._window, self._strip
+        if strip is None:
+            return []
+
+        def clicked(across: float, down: float) -> None:
+            index = strip.frame_at(across, down)
+            if index is not None:
+                window.choose_small(index)
+
+        middle = (0.0, -plane.high / 2 - GAP - _high(strip) / 2, 0.0)
+        return [add_picture(window, f"{ROOT}/strip", strip.with_chosen(chosen), (WIDE, _high(strip)), middle, clicked)]
+
+    def _add_beside(self, plane: Plane) -> list[Any]:
+        beside, x = self._window.beside, WIDE + GAP
+        if beside is None:
+            return []
+        above = (x, plane.high / 2 + 0.1, 0.0)
+        label = self._view.add_label(f"{ROOT}/caption", beside.caption, position=above, anchor="bottom-center")
+        return [add_picture(self._window, f"{ROOT}/beside", beside.image, (WIDE, plane.high), (x, 0.0, 0.0)), label]
+
+    def _add_crop(self, plane: Plane, shown: Shown) -> list[Any]:
+        """Show the chosen ball by all frames together: a mirror so that its edge and all highlights are seen."""
+        window = self._window
+        if window.ball is None or shown.crop is None:
+            return []
+        (frames, exposure, step), ball = shown.crop, window.outlines[window.ball]
+        full_center, full_radius = circle_of(ball)
+        center, radius = (np.array(full_center) + 0.5) / step - 0.5, full_radius / step
+        size = {"width": frames.width, "height": frames.height}
+        box = pictures.PixelBox.around(center - radius, center + radius, margin=0.25, **size)
+        image = shrink(pictures.ball_picture(frames, box, brightest=False), CROP_PX)
+        if ball.kind == "chrome":
+            brightest = shrink(pictures.ball_picture(frames, box, brightest=True), CROP_PX)
+            image = pictures.mirror_picture(image / exposure.balance, brightest)
+        else:
+            image = exposure.develop(image)
+        # Edges of pixels are half a pixel from their centres, in either size.
+        middle = np.array([box.left + box.right, box.top + box.bottom]) * step / 2 - 0.5
+        wide, high = box.width * plane.per_px * step, box.height * plane.per_px * step
+        return [add_picture(window, f"{ROOT}/crop", image, (wide, high), plane.place(middle, lift=0.001))]
+
+    def _add_outlines(self, shown: Shown) -> list[Any]:
+        window, plane, camera, handles = self._window, shown.plane, shown.camera, []
+        for index, (ball, colour) in enumerate(zip(window.outlines, shown.colours, strict=True)):
+            if colour is None or camera is None:
+                continue
+            line = closed(plane.place(sphere_of(ball).outline(camera, 180), lift=0.002))
+            handles.append(
+                add_lines(self._view, f"outline_{index}", line, colour, 3.0 if window.ball == index else 2.0)
+            )
+            center, radius = circle_of(ball)
+            corner = tuple(plane.place(np.add(center, [0, -1.15 * radius]), lift=0.002))
+            name = f"{ball.kind} ball {index + 1}"
+            handles.append(self._view.add_label(f"{ROOT}/name_{index}", name, position=corner))
+        return handles
+
+    def _add_knobs(self, plane: Plane, are_drawn: bool) -> list[Any]:
+        window, index = self._window, self._window.ball
+        self._knobs = []
+        if index is None or not are_drawn:
+            return []
+
+        def to_center(pixel: tuple[float, float], held_s: float) -> None:
+            window.correct(moved(window.outlines, index, pixel, plane), f"move ball {index + 1}", held_s)
+
+        def to_rim(pixel: tuple[float, float], held_s: float) -> None:
+            reach = float(np.hypot(*np.subtract(pixel, circle_of(window.outlines[index])[0])))
+            window.correct(resized(window.outlines, index, reach, plane), f"resize ball {index + 1}", held_s)
+
+        ball = window.outlines[index]
+        look = {"radius": 0.05 * circle_of(ball)[1] * plane.per_px, "color": KNOB, **NO_SHADOW}
+        for name, at, use in zip(("center", "rim"), _knob_places(plane, ball), (to_center, to_rim), strict=True):
+            self._knobs.append(self._view.add_icosphere(f"{ROOT}/{name}", position=tuple(at), **look))
+            self._on_drag(self._knobs[-1], plane, use)
+        return list(self._knobs)
+
+    def _on_drag(self, knob: Any, plane: Plane, use: Callable[[tuple[float, float], float], None]) -> None:
+        held_s = time.monotonic()
+
+        def dragged(phase: str, eye: Array, end: Array) -> None:
+            nonlocal held_s
+            if phase == "start":
+                held_s = time.monotonic()
+            elif (pixel := plane.pixel(eye, end - eye)) is not None:
+                use(pixel, held_s)
+
+        def said(event: Any) -> tuple[Any, ...]:
+            return event.phase, np.array(event.client.camera.position), np.array(event.end_position)
+
+        self._window.on(knob.on_drag("left"), dragged, said)
+
+
+def _knob_places(plane: Plane, ball: SphereTable) -> Array:
+    """Return where the knobs stand, on the middle and the rim."""
+    center, radius = circle_of(ball)
+    return plane.place(np.add(center, [[0, 0], [radius, 0]]), lift=0.003)
+
+
+def _high(strip: PictureStrip) -> float:
+    """Return the height in the view's units, where a strip is as wide as the photograph."""
+    return WIDE * strip.image.shape[0] / strip.image.shape[1]
+
+
+def closed(points: Array) -> Array:
+    """Return (K, 2, 3), the strokes of a closed line through points (K, 3)."""
+    return np.stack([points, np.roll(points, -1, 0)], 1)

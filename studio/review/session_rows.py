@@ -1,0 +1,280 @@
+"""The rows of a session: a tab for each step, its warnings, what is run; and a shoot that is under way."""
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from compare.report.facts import read_optional
+from lab.options import Settings
+from scene.output_folder import read_record
+from studio.photograph.outline_rows import outline_rows
+from studio.review.folder import STEPS, Review, Warned, is_kept
+from studio.review.photograph_picture import OVERLAYS
+from studio.review.review_window import ReviewWindow
+from studio.review.shoot_rows import SHOOT
+from studio.review.spatial_view import FACTORS, fitting_factor
+from studio.tabs import WORK_ROWS, tab_rows
+from studio.widgets import Row, button, code, plain, table, text
+
+NONE = "(no method has run)"
+MOST = 60
+"""Warnings that are listed; more would only be scrolled through."""
+HOW = (
+    "Where the pose is refused or wrong: click a point in the photograph, then the same point on the scan. Four pairs "
+    "at least, better six, spread over the object."
+)
+
+
+def _lacks(window: ReviewWindow) -> str:
+    review = window.review
+    lines = [*review.lacks, *([f"- **no session**: {plain(review.why_no_session)}"] if review.why_no_session else [])]
+    return "\n".join(["**Not in this folder**", "", *lines] if lines else [])
+
+
+def _frame(window: ReviewWindow) -> dict[str, Any]:
+    count = len(window.review.material.frames or ())
+    return {"max": max(count, 2), "disabled": count < 2, "value": window.frame + 1}
+
+
+def _frame_facts(window: ReviewWindow) -> str:
+    review, frames = window.review, window.review.material.frames
+    if frames is None:
+        return "" if review.first_look is None else "The session's first photograph, as long as none is decoded here."
+    facts = [f"**{plain(frames.names[window.frame])}**, {frames.width} x {frames.height} px"]
+    if review.clipped_share is not None:
+        facts.append(f"clipped {review.clipped_share[window.frame]:.2%} (red)")
+    if review.lights is not None:
+        facts += [f"**{plain(flag)}**" for flag in review.lights.flags[window.frame]]
+    return ", ".join(facts)
+
+
+def _overlay_note(window: ReviewWindow) -> str:
+    by = "by the registered scan" if read_optional(window.review.store, "pose.json") else "as found in the photographs"
+    return {
+        "nothing": "",
+        "mask": f"The object, {by}.",
+        "scan, shaded": "The registered scan in one colour under this frame's light, without cast shadows. Where it "
+        "lies right, shading and outline stay in place as the opacity changes.",
+        "scan, normals": "Red: right, green: up, blue: toward the viewer.",
+    }[window.how.overlay]
+
+
+def _look(kind: str, name: str, label: str, **start: Any) -> Row:
+    """Return a row for a field of `Look`."""
+    return Row(kind, label, lambda window: getattr(window.how, name),
+               lambda window, value: window.look_at(**{name: value}), start)  # fmt: skip
+
+
+def _ball_facts(window: ReviewWindow) -> str:
+    review, index, balls = window.review, window.ball, window.outlines
+    if index is None:
+        if not balls:
+            return review.missing.get("balls", "There is no ball here.")
+        by_hand = [str(number) for number, ball in enumerate(balls, 1) if not window.is_found(ball)]
+        told = f" Corrected by hand: {', '.join(by_hand)}." if by_hand else ""
+        return f"{len(balls)} balls.{told}"
+    ball = balls[index]
+    lines = ["as found" if window.is_found(ball) else "corrected by hand, not calibrated with yet"]
+    if index < len(review.spheres) and len(balls) == len(review.spheres):
+        sphere = review.spheres[index]
+        lines[0] += f"; fitted: centre ± {sphere.sigma_px:.2f} px, outline seen {sphere.score:.0%}"
+        if sphere.kind == "chrome" and (seen := review.highlights_px) is not None:
+            count = int(np.isfinite(seen[index, :, 0]).sum())
+            lines.append(f"highlight (yellow; of this frame: blue) in {count} of {seen.shape[1]} frames")
+    lines += [f"diameter {ball.diameter_mm:g} mm"] if ball.diameter_mm else []
+    return "\n".join(f"- {line}" for line in lines)
+
+
+def _factor(window: ReviewWindow) -> str:
+    lights = window.review.lights
+    return f"{window.factor or (fitting_factor(lights) if lights is not None else 1)} times"
+
+
+def _light_facts(window: ReviewWindow) -> str:
+    review, index, lights = window.review, window.frame, window.review.lights
+    if lights is None:
+        return f"**No lights**: {review.missing.get('lights', '')}"
+    facts, sigma = lights.facts()["frames"][index], lights.direction_sigma_deg[index]
+    spread = lights.intensity_sigma[index]
+    lines = [
+        f"**{index + 1} {plain(lights.names[index])}**, {lights.model}",
+        f"- {facts['zenith_deg']:.1f}° from the camera's axis, azimuth {facts['azimuth_deg']:.1f}° (0° right, 90° up)",
+        f"- sigma {sigma:.2f}°" if np.isfinite(sigma) else "- sigma: not known, the lights were given",
+        f"- intensity {facts['intensity_mean']:.3f}" + (f" ± {spread:.1%}" if np.isfinite(spread) else ""),
+    ]
+    if lights.positions_mm is not None:
+        covariance = review.position_covariance_mm2
+        told = "; how uncertain its place is, is not in this folder: calibrate again to have its ellipsoid"
+        if covariance is not None and np.isfinite(covariance[index]).all():
+            along = lights.directions[index]
+            told = f" ± {np.sqrt(along @ covariance[index] @ along):.1f} mm"
+        lines.append(f"- {facts['distance_mm']:.0f} mm from the object{told}")
+    return "\n".join([*lines, *(f"- **{plain(flag)}**" for flag in lights.flags[index])])
+
+
+def _pose_facts(window: ReviewWindow) -> str:
+    review = window.review
+    if "scan" in review.missing:
+        return f"**Not registered**: {review.missing['scan']}"
+    pose = read_optional(review.store, "pose.json")
+    if not isinstance(pose, dict):
+        return "The ground truth was given, not registered from a scan."
+    return (
+        f"Registered: outline to {pose['residual_px']:.2f} px rms, place ± {pose['sigma_mm']:.2f} mm, turn ± "
+        f"{pose['sigma_deg']:.2f}°. It lies over the photograph, shaded: **Capture** lays on other things."
+    )
+
+
+def _picks(window: ReviewWindow) -> str:
+    waits = len(window.picks.pixels) > len(window.picks.points)
+    return f"{window.picks.pairs} pairs.{' Now the same point on the scan.' if waits else window.picks_told}"
+
+
+def _errors(window: ReviewWindow) -> str:
+    summary = read_optional(window.review.store, "summary.json")
+    methods = ((summary if isinstance(summary, dict) else {}).get("compare") or {}).get("methods") or {}
+    rows = [
+        (plain(name), f"{value:.2f}")
+        for name in window.review.material.methods
+        if (value := ((methods.get(name) or {}).get("real") or {}).get("median_deg")) is not None
+    ]
+    return table(("method", "median error, °"), rows) or (
+        "How far each method is from the truth is told once **Verdict** has run."
+    )
+
+
+def _methods(window: ReviewWindow) -> dict[str, Any]:
+    return {"options": tuple(window.review.material.methods) or (NONE,), "value": window.method or NONE}
+
+
+def _twin(window: ReviewWindow) -> str:
+    if window.beside is None:
+        return f"**No twin**: {window.review.missing.get('twin', '')}"
+    return f"Right: the {window.beside.caption.removeprefix('twin, the ')}."
+
+
+def _report_link(window: ReviewWindow) -> str:
+    address = escape(window.report)
+    return f'<p><a href="{address}" target="_blank" rel="noopener">Open the report alone</a></p>' if address else ""
+
+
+TABS: dict[str, Any] = {
+    "Capture": (
+        text(_lacks),
+        Row("slider", "frame", _frame, lambda window, value: window.choose(frame=int(value) - 1),
+            {"min": 1, "max": 2, "step": 1, "initial_value": 1, "hint": "Or click one in the strip"}),
+        text(_frame_facts),
+        Row("folder", "Over the photograph", rows=(
+            _look("dropdown", "overlay", "show", options=OVERLAYS),
+            _look("slider", "opacity", "opacity", min=0.0, max=1.0, step=0.05, initial_value=0.5),
+            _look("slider", "brightness", "brightness", min=0.2, max=8.0, step=0.1, initial_value=1.0),
+            _look("checkbox", "marks_clipped", "mark clipped pixels", initial_value=True),
+            text(_overlay_note),
+        )),
+        button("Show all of it", lambda window: window.choose(looks=window.looks + 1, ball=None)),
+    ),
+    "Balls": outline_rows(_ball_facts),
+    "Lights": (
+        text("The flashes around the object, each with the ellipsoid of its sigma. A click chooses one."),
+        Row("dropdown", "sigma drawn", _factor, lambda window, value: window.choose(factor=int(value.split()[0])),
+            {"options": tuple(f"{factor} times" for factor in FACTORS)}),
+        text(_light_facts),
+    ),
+    "Scan": (
+        text(_pose_facts),
+        Row("folder", "Pick points", rows=(
+            text(HOW),
+            button("Start picking", lambda window: window.toggle_picking(),
+                   lambda window: {"label": "Stop picking" if window.is_picking else "Start picking"}),
+            text(_picks),
+            button("Pose from the picks", lambda window: window.pose_from_picks(),
+                   lambda window: {"disabled": not window.picks.pairs}),
+        )),
+    ),
+    "Solve": (
+        Row("dropdown", "normals of", _methods, lambda window, value: window.choose(method=value),
+            {"options": (NONE,)}),
+        text(_errors),
+    ),
+    "Twin": (text(_twin),),
+    "Verdict": (
+        Row("html", show=_report_link),
+        text(lambda window: "" if window.report else "There is no report yet: **Run everything** makes it."),
+        button("Read the folder again", lambda window: window.read_again()),
+        button("Forget what was kept", lambda window: window.forget(),
+               lambda window: {"visible": is_kept(window.review.store)}, kind="danger", visible=False),
+    ),
+}  # fmt: skip
+
+
+def warnings_of(review: Review, tab: str) -> list[Warned]:
+    """Return the warnings that stand on a tab: each on the first one of its step; all of them under Verdict."""
+    first = {step: name for name, step in reversed(STEPS.items())}
+    return [one for one in review.warnings if tab in ("Verdict", first.get(one.step))]
+
+
+def _marks(window: ReviewWindow) -> dict[str, str]:
+    """Return what stands behind the names of the tabs: a tick where the step is done, and how many warnings it has."""
+    counts = {tab: 0 if tab == "Verdict" else len(warnings_of(window.review, tab)) for tab in STEPS}
+    return {
+        tab: f"⚠{counts[tab]}" if counts[tab] else "✓" if step in window.review.done else ""
+        for tab, step in STEPS.items()
+    }
+
+
+def _warnings(window: ReviewWindow) -> dict[str, Any]:
+    count = len(warnings_of(window.review, window.tab))
+    return {"label": f"Warnings ({count})", "visible": bool(count)}
+
+
+def _warning_rows(window: ReviewWindow) -> list[Row]:
+    """Return the warnings; a press goes to the frame or the ball that one is about."""
+    found, names, rows = warnings_of(window.review, window.tab), window.review.names, list[Row]()
+
+    def to_frame(frame: int) -> Row:
+        def show(window: ReviewWindow) -> None:
+            window.frame = frame
+            window.open_tab("Capture")
+
+        return button(f"Show {names[frame]}", show)
+
+    for one in found[:MOST]:
+        rows += [text(f"**{plain(one.step)}**: {plain(one.text)}"), *map(to_frame, one.frames[:4])]
+        if (ball := one.ball) is not None:
+            rows.append(button(f"Show ball {ball + 1}", lambda window, ball=ball: window.choose_ball(ball)))
+    more = [text(f"{len(found) - MOST} more are in report.html.")] if len(found) > MOST else []
+    return rows + more
+
+
+def _run(window: ReviewWindow) -> str:
+    """Say what a run takes, and what other programs it would start: a folder from elsewhere may name any."""
+    session, record = window.review.session, read_record(window.folder)
+    if session is None:
+        return plain(window.review.why_no_session)
+    note = "as its session.toml says"
+    if not window.is_kept_so:
+        note = "with what you corrected, which is kept first"
+    elif is_kept(window.review.store):
+        note = "with the balls and picks that were kept"
+    told = f"**{plain(session.name)}**, {note}. What is done and current is not done again."
+    programs = () if record is None else Settings.of(record).external or ()
+    return told + (f" Other programs, as before: {', '.join(map(code, programs))}." if programs else "")
+
+
+SESSION_ROWS = (
+    *tab_rows(TABS, _marks),
+    SHOOT,
+    Row("folder", "Warnings", _warnings, start={"visible": False}, rows=_warning_rows,
+        key=lambda window: (window.reading, window.tab)),
+    text(_run),
+    button("Keep", lambda window: window.write_kept(), lambda window: {"visible": not window.is_kept_so},
+           visible=False, hint="For a later run"),
+    *WORK_ROWS,
+)  # fmt: skip
+
+
+def session_rows(window: ReviewWindow) -> Sequence[Row]:
+    """Return the rows of a session; of a folder's first shoot nothing else can be shown."""
+    return (SHOOT,) if window.is_alone else SESSION_ROWS
