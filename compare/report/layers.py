@@ -13,7 +13,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from compare.report import page, pictures
-from compare.report.facts import Material, Summary
+from compare.report.facts import Material, Summary, read_optional
 from compare.report.pictures import Exposure, PixelBox
 from scene.errors import SceneError
 from scene.frames import Frames
@@ -181,6 +181,24 @@ def angle_uri(angle_deg: NDArray, end_deg: float) -> str:
     return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"
 
 
+def surface_uri(material: Material, grid: Grid) -> tuple[str, float, float] | None:
+    """Return the scan's depth z as a picture (red and green: 16 bits, blue: known), its least value and range, mm."""
+    path = material.store.path("twin", "truth_z_mm.npy")
+    if not path.exists():
+        return None
+    z = np.load(path, mmap_mode="r")
+    if z.ndim != 2 or (material.mask is not None and z.shape != material.mask.shape):
+        return None
+    z = grid.of(z).astype(np.float64)
+    known = np.isfinite(z) & (z < 0) & (True if material.mask is None else grid.of(material.mask))
+    if not known.any():
+        return None
+    low, span = float(z[known].min()), max(float(np.ptp(z[known])), 1e-6)
+    code = np.where(known, np.round((np.nan_to_num(z) - low) / span * 65535), 0).clip(0, 65535).astype(np.uint16)
+    image = np.stack([code >> 8, code & 255, known * 255], -1).astype(np.uint8)
+    return data_uri(image, photograph=False), low, span
+
+
 def _shape(material: Material) -> NDArray[np.bool_] | None:
     """Return the mask (H, W) of the object: given, or where normals are known, or all of the photographs."""
     frames, mask = material.frames, material.mask
@@ -227,3 +245,8 @@ def _jpeg_error(share: NDArray, exposure: Exposure) -> float:
     decoded = np.asarray(cv2.imdecode(buffer, cv2.IMREAD_COLOR))[..., ::-1] / 255 if done else encoded / 255
     linear = np.where(decoded <= 0.04045, decoded / 12.92, ((decoded + 0.055) / 1.055) ** 2.4).mean(-1)
     return float(np.quantile(np.abs(linear - np.clip(np.nan_to_num(share), 0, 1).mean(-1)), 0.95))
+
+
+def scene_of(material: Material) -> Summary:
+    """Return camera, lights and balls as the viewer takes them; missing parts are None."""
+    return {name: read_optional(material.store, f"{name}.json") for name in ("camera", "lights", "spheres")}

@@ -205,6 +205,7 @@ function startViewer() {
     zenith.value = Math.acos(light.direction[2]) * 180 / Math.PI;
     placeLamp(light);
   });
+  byId("viewer-3d").addEventListener("toggle", () => startScene(byId("viewer-scene")), { once: true });
   placeLamp();
   new ResizeObserver(size).observe(canvas);
   // What a click needs is decoded before the first one, while nothing else is to be done.

@@ -1,10 +1,10 @@
 """What the report's viewer is given: the pictures that a side may show, and what turns their colours into values."""
 
-from compare.report.facts import Material, Summary, read_optional
-from compare.report.layers import ViewerLayers, palette
+from compare.report.facts import Material, Summary
+from compare.report.layers import ViewerLayers, palette, scene_of, surface_uri
 from compare.report.registration_pictures import raking_frame
 
-SCRIPTS = ("report_page.js", "viewer_values.js", "viewer_relight.js", "viewer_pixel.js", "viewer.js")
+SCRIPTS = ("report_page.js", "viewer_values.js", "viewer_relight.js", "viewer_pixel.js", "viewer_scene.js", "viewer.js")
 """The page's program in parts, each reading none that follows it."""
 GROUPS = {
     "photograph": "photographs of one light", "relit": "relit by a lamp", "normals": "normals",
@@ -40,8 +40,7 @@ def viewer_facts(material: Material, layers: ViewerLayers | None, best: str | No
         "width": width, "height": height, "left": grid.box.left, "top": grid.box.top, "step": grid.step,
         "frames": [] if material.frames is None else list(material.frames.names), "scales": layers.scales,
         "frame": 0 if material.directions is None else raking_frame(material.directions),
-        "palette": palette().tolist(), "best": best,
-        **{name: read_optional(material.store, f"{name}.json") for name in ("camera", "lights")},
+        "palette": palette().tolist(), "surface": surface_uri(material, grid), "best": best, **scene_of(material),
     }  # fmt: skip
     return {
         "options": {GROUPS[group]: [*rows.items()] for group, rows in found.items() if rows},

@@ -1,4 +1,4 @@
-// From the still pictures' colours back to values. `info`: what viewer.py states of the pictures.
+// From the still pictures' colours back to values. `info`: what viewer_section.py states of the pictures.
 const byId = (id) => document.getElementById(id);
 const info = JSON.parse(byId("viewer-data")?.textContent ?? "null");
 const images = new Map([...document.querySelectorAll("img[data-kind]")].map((image) =>

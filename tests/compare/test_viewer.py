@@ -222,6 +222,8 @@ def test_without_webgl_the_albedo_is_shown_and_it_is_said(visit):
     page = visit(script=NO_WEBGL)
     page.locator("#viewer-right").select_option("relit:real:ls")
     expect(page.locator("#viewer-note")).to_contain_text("needs WebGL")
+    page.locator("#viewer-3d > summary").click()
+    expect(page.locator("#viewer-3d")).to_contain_text("needs WebGL")
 
 
 def test_without_scripts_still_pictures_remain(chromium, shown):
@@ -232,6 +234,13 @@ def test_without_scripts_still_pictures_remain(chromium, shown):
     page.locator("#errors summary").click()
     assert page.locator("#errors img").first.is_visible()
     page.context.close()
+
+
+def test_the_scene_is_drawn_in_3d(viewer):
+    viewer.locator("#viewer-3d > summary").click()
+    viewer.wait_for_selector("#viewer-scene[data-triangles]")
+    # 12 lights, 3 balls and the camera, 288 triangles each; this folder's twin has no depth.
+    assert float(viewer.locator("#viewer-scene").get_attribute("data-triangles")) == pytest.approx(16 * 288)
 
 
 def test_wheel_and_keys_move_what_is_read(viewer, session, shown):
