@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from align.light_probe.candidates import STARTS, candidates
 from align.light_probe.joint_equations import nearness_of
 from align.light_probe.joint_fit import Joint, begin, settled
-from align.pose.motion import apart_px
 from align.pose.photographed import Photographs
 from align.pose.scan_view import View
-from align.pose.search import APART_PX, SURE, compare_poses
+from align.pose.search import SURE, best_of
 from align.pose.shading import Samples, take_samples
 from scene.errors import AlignError
 from scene.lights import Lights, check_count
@@ -127,11 +126,15 @@ def lights_from_scan(
         first = begin(caster, replace(photographs, lights=lights), one.pose, count=FEW, cells=160)
         found.append(settled(first, sigma_deg, near=True, rounds=EARLY))
         tell(STARTS + len(found), total)
-    best = found[0]
-    for other in found[1:]:
-        if compare_poses(best.evidence, other.evidence).deviations < 0:
-            best = other
-    warnings = _rivals(best, found)
+    number, rivals = best_of([one.evidence for one in found])
+    best, warnings = found[number], []
+    if rivals and rivals[0][1].deviations < SURE:
+        turned = (best.evidence.pose.inverse() @ rivals[0][0]).angle_deg()
+        warnings.append(
+            f"scan: two poses, {turned:.0f} degrees apart, explain the photographs nearly as well, each under lights "
+            f"of its own ({rivals[0][1].deviations:.1f} standard deviations): the object looks nearly symmetric. If "
+            "lights and normals come out mirrored or turned, give picks under [object]."
+        )
     under = replace(photographs, lights=best.evidence.seen.lights)
     best = settled(begin(caster, under, best.evidence.pose, count=MANY, cells=400), sigma_deg, near=True)
     if not best.is_near:
@@ -151,22 +154,6 @@ def _check_curved(view: View, samples: Samples) -> None:
             f"scan: what is seen of it is too flat to tell the lights: its normals spread by {share:.3f} (smallest to "
             f"largest singular value, expected at least {CURVED:g}). Put balls beside the object, or give lights.file."
         )
-
-
-def _rivals(best: Joint, found: list[Joint]) -> list[str]:
-    """Return the warning that another pose explains the photographs as well, under lights of its own."""
-    mesh, pose = best.evidence.seen.caster.mesh, best.evidence.pose
-    for other in found:
-        test = compare_poses(best.evidence, other.evidence)
-        apart = apart_px(mesh, best.evidence.seen.camera, pose, other.evidence.pose)
-        if apart > APART_PX and test.deviations < SURE:
-            turned = (pose.inverse() @ other.evidence.pose).angle_deg()
-            return [
-                f"scan: two poses, {turned:.0f} degrees apart, explain the photographs nearly as well, each under "
-                f"lights of its own ({test.deviations:.1f} standard deviations): the object looks nearly symmetric. "
-                "If lights and normals come out mirrored or turned, give picks under [object]."
-            ]
-    return []
 
 
 def _told(best: Joint, warnings: list[str]) -> ScanLights:

@@ -15,9 +15,7 @@ from scene.frames import Frames
 from scene.lights import Lights
 
 ACROSS = 500
-"""Pixels across the object, at least, at which normals are solved for the search."""
-ROUGH_SIZE = 500
-"""Pixels across the object, at most, by which a scan's first poses are found."""
+"""Pixels across the object: by no more a scan's first poses are found, and for no fewer normals are solved."""
 
 
 @dataclass(frozen=True)

@@ -123,19 +123,11 @@ def search(
         for done, one in enumerate(finalists):
             finalists[done] = FinalEvidence(few, one.pose, reach).refined(rounds=3)
             tell(2 + REFINED + done, STEPS)
-    best = finalists[0]
-    for challenger in finalists[1:]:
-        if compare_poses(best, challenger).deviations < 0:
-            best = challenger
     # Where one pose was left, it and the next are known at low resolution alone.
-    rivals = [
-        (other.pose, compare_poses(best, other))
-        for other in (finalists if len(finalists) > 1 else rough[1:2])
-        if other is not best and apart_px(caster.mesh, camera, best.pose, other.pose) > APART_PX
-    ]
-    rivals.sort(key=lambda rival: rival[1].deviations)
+    found = finalists if len(finalists) > 1 else rough[:2]
+    best, rivals = best_of(found)
     # The mask was where the object was looked for; now the scan tells where its outline is.
-    pose = best.pose
+    pose = found[best].pose
     for _ in range(ROUNDS):
         before, seen = pose, observed(count // 6, 160, pose)
         pose = FinalEvidence(seen, pose, reach).refined(rounds=3).pose
@@ -151,6 +143,21 @@ def unexplained(one: FinalEvidence) -> float:
     """Return the mean cost of the object's pixels and of the silhouette beyond them: 0 explained, 1 not at all."""
     cost = pixel_costs(one, USUAL_SIGMA)
     return float(np.nan_to_num(cost, nan=HIDDEN).mean()) + one.outline.beyond(one.seen.mask)
+
+
+def best_of(found: list[FinalEvidence]) -> tuple[int, list[tuple[Pose, PoseTest]]]:
+    """Return the number of the pose that explains the same photographs best, and the others, hardest to tell first.
+
+    A pose within `APART_PX` of the best is the same.
+    """
+    best = 0
+    for number, challenger in enumerate(found):
+        if compare_poses(found[best], challenger).deviations < 0:
+            best = number
+    mesh, camera, pose = found[best].seen.caster.mesh, found[best].seen.camera, found[best].pose
+    apart = [one for one in found if apart_px(mesh, camera, pose, one.pose) > APART_PX]
+    rivals = [(one.pose, compare_poses(found[best], one)) for one in apart]
+    return best, sorted(rivals, key=lambda rival: rival[1].deviations)
 
 
 def _roughly(one: FinalEvidence) -> Pose:

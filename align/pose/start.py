@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.motion import even_directions, looking_along
-from align.pose.photographed import ROUGH_SIZE, longer_side
+from align.pose.photographed import ACROSS, longer_side
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.pose import Pose
@@ -88,7 +88,7 @@ def find_starts(
     Under perspective the depth is the one at which the scan looks as large as the mask; an orthographic camera does not
     tell it, and the scan is put just behind the plane z = 0.
     """
-    step = -(-longer_side(mask) // ROUGH_SIZE)
+    step = -(-longer_side(mask) // ACROSS)
     camera, mask = camera.every(step), mask[::step, ::step]
     aim = Aim.at(camera, mask)
     views = looking_along(even_directions(VIEWS))

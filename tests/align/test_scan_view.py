@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from align.pose.motion import image_flow, nudge
+from align.pose.scan_outline import sample
 from align.pose.scan_view import View, normal_slopes, probe_rays
+from align.pose.shading import find_shadows
 from scene.camera import Camera
 from scene.mesh import Mesh
 from scene.pose import Pose
@@ -56,3 +58,33 @@ def test_through_a_hole_there_are_points_but_no_normals(world, probed):
     points, normals = inside.surface(origins[0], directions[0])
     assert np.isfinite(points).all(1).mean() > 0.8
     assert np.isnan(normals[np.isfinite(points).all(1)]).mean() > 0.95
+
+
+def test_nothing_is_read_at_no_pixels():
+    """An outline without any edge left the registration with the image library's own message."""
+    image = np.arange(12, dtype=np.float32).reshape(3, 4)
+    assert sample(image, np.zeros((0, 37, 2))).shape == (0, 37)
+    np.testing.assert_allclose(sample(image, np.array([[0.5, 1.0], [3.0, 2.0]])), [4.5, 11.0])
+
+
+def test_only_known_surface_is_asked_for_shadows(world, monkeypatch):
+    """Points without a normal (the inside, through a hole) sent rays of NaN, a thousand times as slow as others."""
+    pixels = np.argwhere(world.mask)[::7, ::-1].astype(float)
+    view = View(RayCaster(world.mesh), world.camera, world.pose)
+    points, normals = view.surface(*view.camera.rays(pixels))
+    whole = find_shadows(view, world.lights, points, normals)
+    assert 0.01 < whole.mean() < 0.5
+    asked, blocked = [], RayCaster.blocked
+
+    def listening(self, start, toward, far):
+        asked.append(len(start))
+        assert np.isfinite(start).all()
+        return blocked(self, start, toward, far)
+
+    monkeypatch.setattr(RayCaster, "blocked", listening)
+    normals[::3] = np.nan
+    points[1::5] = np.nan
+    known = np.isfinite(normals[:, 0]) & np.isfinite(points[:, 0])
+    found = find_shadows(view, world.lights, points, normals)
+    assert set(asked) == {known.sum()}
+    np.testing.assert_array_equal(found, whole & known)
