@@ -55,7 +55,9 @@ FLOOR_PX = 0.01  # what shifts an outline that is fitted by its profiles, beyond
 EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35  # the same by the steepest places alone: for softness 1, of their spread
 SAME_PX = 0.3  # under which two places to start from are the same one
 PROFILE_SHARE = 0.5  # share of what another profile would change of a mirror's outline
-BLUR_DOUBT_PX = 1.3  # over a mirror's radius: the relative error of the blur that its edge shows
+BLUR_DOUBT_PX, BLUR_DOUBT = 1.3, 0.01
+"""Relative error of the blur: read at a mirror's edge of radius r, the first over r; read on a matte ball."""
+BLUR_AGREES = 0.15  # relative, up to which a mirror's blur and the matte balls' are the same
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,20 @@ def table_floor_px(radius_px: float, blur_px: float, steepness: float = 0.0) -> 
     `steepness`: tangent of the angle between the table's normal and the view.
     """
     return TABLE_FLOOR_PX * (1 + steepness**2) * float(np.hypot(1, (TABLE_BLURS * blur_px / radius_px) ** 2))
+
+
+def with_blur(frames: Frames, camera: Camera, fit: OutlineFit, blur_px: float) -> OutlineFit:
+    """Return a chrome ball's fit with the blur that matte balls of the same photographs show, where they agree on it.
+
+    What a mirror squeezes into its last pixels looks like blur; a matte ball tells the two apart.
+    """
+    if fit.sphere.kind != "chrome" or fit.by_table or not abs(fit.blur_px / blur_px - 1) < BLUR_AGREES:
+        return fit
+    read = _reader(frames)
+    model = EdgeModel(MIRROR, fit.sphere.radius_px, blur_px, MIRROR_START)
+    first = fit_cone(read, camera, fit.sphere, model, free_blur=False)
+    again = _fit_mirror(read, camera, fit, first, BLUR_DOUBT) if first else fit
+    return again if _apart(again.sphere, fit.sphere) < 0.5 * blur_px else fit
 
 
 def fit_mask(mask: NDArray[np.bool_], camera: Camera, sphere: Sphere) -> OutlineFit | None:
@@ -241,15 +257,20 @@ def _fit_chrome(
     first = fit_cone(read, camera, sphere, model, free_blur=True)
     if first is None:
         return None
+    fit = _fit_mirror(read, camera, edge, first, BLUR_DOUBT_PX / sphere.radius_px)
+    return fit if _apart(fit.sphere, sphere) < 0.6 * softness + 0.4 else None
+
+
+def _fit_mirror(read: Reader, camera: Camera, edge: OutlineFit, first: ConeFit, blur_doubt: float) -> OutlineFit:
+    """Fit a mirror's profiles where its blur is known to `blur_doubt`, relative."""
     last = fit_cone(read, camera, first.sphere, first.model._replace(terms=MIRROR_CLOSE), free_blur=False) or first
-    sharper = last.model._replace(blur_px=(1 - BLUR_DOUBT_PX / sphere.radius_px) * last.model.blur_px)
+    sharper = last.model._replace(blur_px=(1 - blur_doubt) * last.model.blur_px)
     other = fit_cone(read, camera, last.sphere, sharper, free_blur=False)
     # What the model may err by: other profiles, another blur.
     doubts = [PROFILE_SHARE * difference(first.sphere, last.sphere)]
     doubts += [difference(other.sphere, last.sphere)] if other else []
     covariance = last.covariance + sum(np.outer(d, d) for d in doubts)
-    fit = _finished(edge, last.sphere, covariance, last.model.blur_px)
-    return fit if _apart(fit.sphere, sphere) < 0.6 * softness + 0.4 else None
+    return replace(_finished(edge, last.sphere, covariance, last.model.blur_px), is_open=edge.is_open)
 
 
 def _finished(edge: OutlineFit, sphere: Sphere, covariance: Array, blur_px: float) -> OutlineFit:

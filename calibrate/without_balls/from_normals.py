@@ -133,7 +133,7 @@ def _start(values: Array, good: NDArray[np.bool_], n: Array) -> tuple[Array, Arr
 def _turn(values: Array, n: Array, weight: Array, b: Array, albedo: Array) -> tuple[Array, Array]:
     """Return better light vectors (F, 3) and, with these, albedos (P,), of mean 1."""
     matrix = (weight @ (n[:, :, None] * n[:, None, :]).reshape(-1, 9)).reshape(-1, 3, 3) + 1e-9 * np.eye(3)
-    b = np.linalg.solve(matrix, ((weight * values / albedo) @ n)[..., None])[..., 0]
+    b = np.asarray(np.linalg.solve(matrix, ((weight * values / albedo) @ n)[..., None])[..., 0], np.float64)
     # Relative errors: a bright flash's scatter in proportion.
     share = weight / np.sum(b**2, 1, keepdims=True)
     shading = b @ n.T
