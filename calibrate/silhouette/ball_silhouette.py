@@ -194,17 +194,20 @@ def _agreements(
     spacing = float(np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).mean())
     strips = read(points, normals, offsets)
     out: list[OutlineFit] = []
-    edges = find_edges(strips, offsets, spacing, softness=softness, search_px=search_px + 1)
-    if edges is None:
-        return []
-    for more, first_reach in starts:
-        start = np.array([0.0, 0.0, more])
-        one = agree(edges, jacobian, start=start, reach_px=first_reach, closest_px=0.35 * softness)
-        if one is None or np.abs(one.shift).max() > 1.5 * search_px or one.score < LEAST_SEEN:
+    # Each frame by the mean of all, where there are others: a single one by itself shows edges that it has not.
+    even = [strips / (np.maximum(strips.mean(0), 0) + 0.02 * np.nanmean(strips))] if len(strips) > 1 else []
+    for values in [strips, *even]:
+        edges = find_edges(values, offsets, spacing, softness=softness, search_px=search_px + 1)
+        if edges is None:
             continue
-        floor = (EDGE_FLOOR_PX * softness) ** 2 + (EDGE_FLOOR_SHARE * one.spread) ** 2
-        seen = replace(moved(sphere, one.shift), score=one.score, sigma_px=float(np.sqrt(floor)))
-        out.append(OutlineFit(seen, floor * np.eye(3), one.spread))
+        for more, first_reach in starts:
+            start = np.array([0.0, 0.0, more])
+            one = agree(edges, jacobian, start=start, reach_px=first_reach, closest_px=0.35 * softness)
+            if one is None or np.abs(one.shift).max() > 1.5 * search_px or one.score < LEAST_SEEN:
+                continue
+            floor = (EDGE_FLOOR_PX * softness) ** 2 + (EDGE_FLOOR_SHARE * one.spread) ** 2
+            seen = replace(moved(sphere, one.shift), score=one.score, sigma_px=float(np.sqrt(floor)))
+            out.append(OutlineFit(seen, floor * np.eye(3), one.spread))
     return out
 
 
