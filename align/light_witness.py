@@ -14,7 +14,7 @@ from align.light_probe.joint_equations import SECTORS, JointEquations, changed
 from align.pose.motion import looking_along, robust_sigma
 from align.pose.photographed import Photographs
 from align.pose.scan_view import View
-from align.pose.shading import Samples, choose, find_shadows, take_samples
+from align.pose.shading import ShadedSamples, choose, find_shadows, take_samples
 from scene.lights import Lights
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ def ask_scan(view: View, photographs: Photographs) -> Witness:
     samples = take_samples(photographs.frames, lights, photographs.mask, count=PIXELS)
     points, normals = view.surface(*photographs.camera.rays(samples.pixels))
 
-    def lit(some: Lights) -> tuple[Samples, NDArray[np.bool_]]:
+    def lit(some: Lights) -> tuple[ShadedSamples, NDArray[np.bool_]]:
         read, vectors = samples.under(some), np.nan_to_num(some.toward(points))
         return read, choose(read, normals, vectors, find_shadows(view, some, points, normals))
 

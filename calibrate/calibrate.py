@@ -16,7 +16,7 @@ from calibrate.lights.directions import Shading, no_shading, unknown_view_deg
 from calibrate.lights.from_chrome import lights_from_chrome
 from calibrate.photometry.from_white import APART_DEG, compare_with_chrome, intensities_from_white
 from calibrate.photometry.matte_shading import (
-    Surface,
+    MatteSurface,
     brightness_beside,
     read_surface,
     shading_directions,
@@ -129,7 +129,7 @@ def lights_of_balls(
     return Calibration(spheres, lights, shown, rejected, *said, covariance, adjusted)
 
 
-def _shading(camera: Camera, white: list[tuple[Ball, Sphere]], surfaces: list[Surface], frames: int) -> Shading:
+def _shading(camera: Camera, white: list[tuple[Ball, Sphere]], surfaces: list[MatteSurface], frames: int) -> Shading:
     """Return what the white balls' shading says of the lights."""
     if not white:
         return no_shading(frames)
@@ -166,7 +166,7 @@ def _with_intensities(
     frames: Frames,
     camera: Camera,
     spheres: list[Sphere],
-    surfaces: list[Surface],
+    surfaces: list[MatteSurface],
     shading: Shading,
     lights: Lights,
     covariance: Array | None,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from scene.errors import SceneError, SessionError
 
 if TYPE_CHECKING:
-    from capture.session.session_types import Session
+    from capture.session.session_types import CaptureSession
     from scene.origin import Origin
     from scene.record import Record
 
@@ -54,7 +54,7 @@ def session_and_out(path: Path, out: Path | None = None) -> tuple[Path, Path]:
     return session_of(path), path
 
 
-def origin_of(session: "Session", path: Path) -> "Origin":
+def origin_of(session: "CaptureSession", path: Path) -> "Origin":
     """Return what a session's output folder is made from; `path` as `session_and_out` has it."""
     from scene.origin import Origin
 

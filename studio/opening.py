@@ -14,7 +14,7 @@ from lab.session_place import MANIFEST, SESSION, default_out, is_output, is_sess
 from scene.errors import SceneError, SessionError
 from scene.origin import Origin
 from studio.editor.editor_window import FILE, begun
-from studio.new_session.looking import Look
+from studio.new_session.looking import FolderLook
 from studio.studio_state import StudioState
 from studio.widgets import Row, button, code, text
 from studio.window import Window
@@ -78,10 +78,13 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
         folders = survey(source)
         if out is not None and len(folders) > 1:
             raise SceneError(f"--out {out}: there are {len(folders)} objects, each with a folder of its own: out/NAME.")
-        state.area, state.looks = "New session", {
-            files.folder: Look(files, workspace.path(out.resolve() if out else _out_of(files, workspace.root / "out")))
+        state.area = "New session"
+        state.looks = {
+            files.folder: FolderLook(
+                files, workspace.path(out.resolve() if out else _out_of(files, workspace.root / "out"))
+            )
             for files in folders
-        }  # fmt: skip
+        }
     elif source.is_dir() or source.name == MANIFEST:
         place, session = found_at(source, out)
         if out is None and kind != "results" and not place.is_relative_to(workspace.root):

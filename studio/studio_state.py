@@ -19,7 +19,7 @@ RGBN = "from lab import progress; progress.EVERY_S = 1.0; from rgbn.cli import m
 
 
 @dataclass(frozen=True)
-class Job:
+class RunningJob:
     """What a window's button begins.
 
     folder: That is written. words: Makes those of the command line; it raises SceneError where it cannot be begun.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scene.errors import SceneError
-from studio.studio_state import Area, History, Job, StudioState, Work
+from studio.studio_state import Area, History, RunningJob, StudioState, Work
 from studio.tabs import HEADER
 from studio.widgets import Panel, Row
 from studio.workspace import Workspace
@@ -156,7 +156,7 @@ class Window:
         if self.history is not None:
             self.restore(self.history.redone())
 
-    def job(self) -> Job | None:
+    def job(self) -> RunningJob | None:
         """Return what the window's button begins; None: it has none."""
         return None
 

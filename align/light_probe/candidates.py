@@ -12,7 +12,7 @@ from align.pose.motion import Term, descend, distinct, small_steps
 from align.pose.photographed import Photographs, longer_side
 from align.pose.scan_outline import find_outline, outline_jacobian, sample, signed_distance
 from align.pose.scan_view import View
-from align.pose.shading import Samples
+from align.pose.shading import ShadedSamples
 from align.pose.start import find_starts
 from scene.camera import Camera
 from scene.lights import Lights
@@ -50,7 +50,7 @@ class Candidate(NamedTuple):
 def candidates(
     caster: RayCaster,
     photographs: Photographs,
-    samples: Samples,
+    samples: ShadedSamples,
     *,
     start: Pose | None,
     executor: Executor | None,
@@ -101,7 +101,7 @@ def _by_outline(
     return descend(terms, pose, caster.mesh.center_mm, scales, steps=8)
 
 
-def _rated(view: View, samples: Samples) -> Candidate:
+def _rated(view: View, samples: ShadedSamples) -> Candidate:
     points, normals = view.surface(*view.camera.rays(samples.pixels))
     vectors, cost = rough_lights(samples, normals)
     missed, explained = ~np.isfinite(points[:, 0]), np.isfinite(normals[:, 0])
@@ -111,7 +111,7 @@ def _rated(view: View, samples: Samples) -> Candidate:
     return Candidate(view.pose, vectors, told if explained.mean() > LEAST_SEEN else 1.0)
 
 
-def rough_lights(samples: Samples, normals: Array) -> tuple[Array, float]:
+def rough_lights(samples: ShadedSamples, normals: Array) -> tuple[Array, float]:
     """Return distant lights (N, 3), direction times intensity, that explain samples by normals (P, 3), and the cost.
 
     Lights and albedos in turns, by robust least squares. The cost is the mean of r^2 / (r^2 + LOOSE^2).

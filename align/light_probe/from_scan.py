@@ -14,7 +14,7 @@ from align.light_probe.joint_fit import Joint, begin, settled
 from align.pose.photographed import Photographs
 from align.pose.scan_view import View
 from align.pose.search import SURE, best_of
-from align.pose.shading import Samples, take_samples
+from align.pose.shading import ShadedSamples, take_samples
 from scene.errors import AlignError
 from scene.lights import Lights, check_count
 from scene.pose import Pose
@@ -144,7 +144,7 @@ def lights_from_scan(
     return _told(best, warnings)
 
 
-def _check_curved(view: View, samples: Samples) -> None:
+def _check_curved(view: View, samples: ShadedSamples) -> None:
     normals = view.surface(*view.camera.rays(samples.pixels))[1]
     normals = normals[np.isfinite(normals[:, 0])]
     singular = np.linalg.svd(normals, compute_uv=False) if len(normals) > 2 else np.zeros(3)

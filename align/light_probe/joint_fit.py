@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.light_probe.joint_equations import SECTORS, JointEquations, changed, nearness_of
-from align.pose.full_resolution import NEAREST_PX, SETTLED_PX, UNMODELLED, FinalEvidence, Observed
+from align.pose.full_resolution import NEAREST_PX, SETTLED_PX, UNMODELLED, FinalEvidence, ObservedObject
 from align.pose.motion import apart_px, nudge
 from align.pose.outline_edges import EdgePictures
 from align.pose.photographed import Photographs
@@ -70,7 +70,9 @@ class Joint(NamedTuple):
 
 def begin(caster: RayCaster, photographs: Photographs, pose: Pose, *, count: int, cells: int) -> FinalEvidence:
     """Return the evidence of about `count` pixels at a pose; the outline is searched on `cells` across the scan."""
-    seen = Observed.of(caster, photographs, EdgePictures.of(photographs), count=count, cells=cells, lights_known=False)
+    seen = ObservedObject.of(
+        caster, photographs, EdgePictures.of(photographs), count=count, cells=cells, lights_known=False
+    )
     return FinalEvidence(seen, pose, REACH_PX)
 
 

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from align.pose.appearance import Appearance, Lit
 from align.pose.motion import Term, apart_px, descend, disagreement, robust_sigma, settle, small_steps
-from align.pose.outline_edges import EdgePictures, Edges
+from align.pose.outline_edges import EdgePictures, OutlineEdges
 from align.pose.photographed import Photographs, longer_side
 from align.pose.scan_outline import Outline, find_outline, outline_jacobian, sample, signed_distance
 from align.pose.scan_view import View, normal_slopes, probe_rays
-from align.pose.shading import Samples, choose, explain, find_shadows, take_samples
+from align.pose.shading import ShadedSamples, choose, explain, find_shadows, take_samples
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.pose import Pose
@@ -41,7 +41,7 @@ NEAREST_PX = 2.5
 
 
 @dataclass(frozen=True)
-class Observed:
+class ObservedObject:
     """A scan and its photographs: what of them does not depend on the pose."""
 
     caster: RayCaster
@@ -55,7 +55,7 @@ class Observed:
     """(H, W), to where the outline is: the same, or to the border of the scan's silhouette at a pose that is known."""
     pictures: EdgePictures | None
     """None: the mask's border is the edge."""
-    samples: Samples
+    samples: ShadedSamples
     rays: tuple[Array, Array]
     """The samples' pixels' and their neighbours', see `probe_rays`: undistorted once, cast as the scan moves."""
     cells: int
@@ -74,7 +74,7 @@ class Observed:
         cells: int,
         silhouette: NDArray[np.bool_] | None = None,
         lights_known: bool = True,
-    ) -> "Observed":
+    ) -> "ObservedObject":
         """Read about `count` pixels of the object, or of the scan's `silhouette` (H, W), from all frames."""
         camera, mask, distance = photographs.camera, photographs.mask, photographs.distance
         near = distance if silhouette is None else signed_distance(silhouette)
@@ -124,7 +124,7 @@ class FinalEvidence:
     samples are lit) is fixed at `pose`; `renewed` takes it again elsewhere. Each part is found when it is asked for.
     """
 
-    seen: Observed
+    seen: ObservedObject
     pose: Pose
     reach_px: float
     """How far from the outline its edges are looked for."""
@@ -167,7 +167,7 @@ class FinalEvidence:
         return find_outline(self.view, cells=self.seen.cells)
 
     @cached_property
-    def edges(self) -> Edges:
+    def edges(self) -> OutlineEdges:
         """Where the photographs show the outline."""
         seen, outline = self.seen, self.outline
         if seen.pictures is None:
@@ -179,7 +179,7 @@ class FinalEvidence:
         # An edge far from the mask's border is one inside the object, or of a cast shadow.
         found = np.isfinite(offset) & (np.abs(sample(seen.near, at)) < max(4.0, 0.7 * self.reach_px))
         on_scan = self.pose.inverse().apply(outline.points[found])
-        return Edges.of(on_scan, at[found], outline.outward[found], offset[found])
+        return OutlineEdges.of(on_scan, at[found], outline.outward[found], offset[found])
 
     @cached_property
     def shading_sigma(self) -> float:
@@ -283,7 +283,7 @@ class FinalEvidence:
 
     @cached_property
     def outline_share(self) -> float:
-        """Share of the outline within `Observed.near_px` of an edge in the photographs.
+        """Share of the outline within `ObservedObject.near_px` of an edge in the photographs.
 
         Or, where object and backdrop are alike and there is none, of the mask's border.
         """

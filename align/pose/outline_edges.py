@@ -145,7 +145,7 @@ class EdgePictures:
 
 
 @dataclass(frozen=True)
-class Edges:
+class OutlineEdges:
     """Where the photographs show the outline of a scan at one pose, and how far the scan's lies from it."""
 
     on_scan: Array
@@ -164,7 +164,7 @@ class Edges:
     """Rms of the inliers, after the common offset."""
 
     @classmethod
-    def of(cls, on_scan: Array, pixels: Array, outward: Array, offset: Array) -> "Edges":
+    def of(cls, on_scan: Array, pixels: Array, outward: Array, offset: Array) -> "OutlineEdges":
         """Judge K edges by how far inside them the outline lies, `offset` (K,), px."""
         if not len(offset):
             return cls(on_scan, pixels, outward, 0.0, np.inf, np.inf, np.inf)

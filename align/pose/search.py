@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.full_resolution import NEAREST_PX, FinalEvidence, Observed, patches
+from align.pose.full_resolution import NEAREST_PX, FinalEvidence, ObservedObject, patches
 from align.pose.motion import apart_px, distinct
 from align.pose.outline_edges import EdgePictures
 from align.pose.photographed import Photographs, longer_side
@@ -90,7 +90,7 @@ def search(
     tell = progress or (lambda done, total: None)
     camera, mask = photographs.camera, photographs.mask
     size = longer_side(mask)
-    coarse = Observed.of(caster, photographs, None, count=FEW, cells=40)
+    coarse = ObservedObject.of(caster, photographs, None, count=FEW, cells=40)
     if start is None:
         starts = find_starts(caster, camera, mask, normals, count=STARTS)
         tell(1, STEPS)
@@ -113,9 +113,9 @@ def search(
     reach = max(6.0, 0.01 * (size - 1))
     pictures = EdgePictures.of(photographs)
 
-    def observed(pixels: int, cells: int, pose: Pose | None = None) -> Observed:
+    def observed(pixels: int, cells: int, pose: Pose | None = None) -> ObservedObject:
         seen = None if pose is None else silhouette(View(caster, camera, pose))
-        return Observed.of(caster, photographs, pictures, count=pixels, cells=cells, silhouette=seen)
+        return ObservedObject.of(caster, photographs, pictures, count=pixels, cells=cells, silhouette=seen)
 
     finalists = [one for one in rough if compare_poses(rough[0], one).deviations < CLEAR][:most]
     if len(finalists) > 1:

@@ -24,7 +24,7 @@ FEWEST = 4
 
 
 @dataclass(frozen=True)
-class Samples:
+class ShadedSamples:
     """What N frames show at P pixels of the object."""
 
     pixels: Array
@@ -40,12 +40,12 @@ class Samples:
     colours: NDArray[np.float32]
     """(N, P, 3): linear, as photographed."""
 
-    def under(self, lights: Lights) -> "Samples":
+    def under(self, lights: Lights) -> "ShadedSamples":
         """Return the same samples as they are read under lights of other intensities."""
         return samples_of(self.pixels, self.colours, self.clipped, lights)
 
 
-def take_samples(frames: Frames, lights: Lights, mask: NDArray[np.bool_], *, count: int) -> Samples:
+def take_samples(frames: Frames, lights: Lights, mask: NDArray[np.bool_], *, count: int) -> ShadedSamples:
     """Read about `count` pixels of the mask (H, W), evenly spread, from all frames."""
     inside = np.flatnonzero(mask)
     # Every k-th in scan order lies in slanted rows: even, and without a grid's blind frequencies.
@@ -58,14 +58,16 @@ def take_samples(frames: Frames, lights: Lights, mask: NDArray[np.bool_], *, cou
     return samples_of(np.stack([u, v], -1).astype(np.float64), colours, clipped, lights)
 
 
-def samples_of(pixels: Array, colours: NDArray[np.float32], clipped: NDArray[np.bool_], lights: Lights) -> Samples:
+def samples_of(
+    pixels: Array, colours: NDArray[np.float32], clipped: NDArray[np.bool_], lights: Lights
+) -> ShadedSamples:
     """Return the samples of pixels (P, 2) that show linear `colours` (N, P, 3) under the lights."""
     weight = (1 / lights.intensities / 3).astype(np.float32)
     values = np.einsum("npc,nc->np", colours, weight)
     scale = np.sqrt(np.mean(np.where(clipped, 0, values) ** 2, axis=0)).astype(np.float64)
     floor = 0.05 * np.median(scale)
     usable = ~clipped & (values > 0.1 * scale)
-    return Samples(pixels, values, usable, clipped, np.maximum(scale, floor), colours)
+    return ShadedSamples(pixels, values, usable, clipped, np.maximum(scale, floor), colours)
 
 
 def find_shadows(view: View, lights: Lights, points: NDArray, normals: NDArray) -> NDArray[np.bool_]:
@@ -88,7 +90,7 @@ def find_shadows(view: View, lights: Lights, points: NDArray, normals: NDArray) 
     return out
 
 
-def choose(samples: Samples, normals: NDArray, vectors: Array, shadows: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def choose(samples: ShadedSamples, normals: NDArray, vectors: Array, shadows: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return (N, P): samples that a scan with these normals should explain."""
     b = cosines(vectors, normals)
     used = samples.usable & ~shadows & (b > GRAZING * np.linalg.norm(vectors, axis=-1))
@@ -96,7 +98,7 @@ def choose(samples: Samples, normals: NDArray, vectors: Array, shadows: NDArray[
     return used & (used.sum(0) >= FEWEST)
 
 
-class Explained(NamedTuple):
+class ExplainedShading(NamedTuple):
     """Samples as a scan explains them."""
 
     residuals: Array
@@ -108,13 +110,13 @@ class Explained(NamedTuple):
 
 
 def explain(
-    samples: Samples,
+    samples: ShadedSamples,
     used: NDArray[np.bool_],
     normals: NDArray,
     lit: Lit,
     look: Appearance,
     slopes: Array | None = None,
-) -> Explained:
+) -> ExplainedShading:
     """Explain samples by normals (P, 3), NaN where the scan is missed, with the best albedo for each pixel.
 
     `used` (N, P), of `choose`, is held while the pose moves, so that the cost does not jump, and so is the appearance;
@@ -129,7 +131,7 @@ def explain(
     albedo, weight = albedo_of(values, used, shown, look.loss)
     residuals = np.where(used, values - albedo * shown, 0.0)
     if slopes is None:
-        return Explained(residuals, albedo, None)
+        return ExplainedShading(residuals, albedo, None)
     along = np.matmul(look.slopes(lit, normals).transpose(1, 0, 2), slopes)
     square = np.maximum((weight * shown * shown).sum(0), 1e-12)
     drift = np.einsum("np,pnt->pt", weight * (values - 2 * albedo * shown), along) / square[:, None]
@@ -138,7 +140,7 @@ def explain(
         changes = np.concatenate([residuals[..., None], jacobian], -1)
         changes = freed_of_appearance(changes, weight, albedo, shown, lit, normals)
         residuals, jacobian = np.where(used, changes[..., 0], 0.0), changes[..., 1:]
-    return Explained(residuals, albedo, np.where(used[..., None], jacobian, 0.0))
+    return ExplainedShading(residuals, albedo, np.where(used[..., None], jacobian, 0.0))
 
 
 def cosines(vectors: Array, normals: NDArray) -> Array:

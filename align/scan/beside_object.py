@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from align.scan.scan_surface import Surface
+from align.scan.scan_surface import ScanSurface
 from scene.robust import spread
 
 ROUND = 0.01
@@ -20,7 +20,7 @@ BENEATH = 0.02
 """At most this share of the rest's area lies beneath a table: a plinth has sides, a table seen from above none."""
 
 
-def find_balls(surface: Surface) -> list[tuple[int, float]]:
+def find_balls(surface: ScanSurface) -> list[tuple[int, float]]:
     """Return the number and the radius of each piece that is a ball, at least half of it."""
     from trimesh.nsphere import fit_nsphere
 
@@ -42,7 +42,7 @@ def find_balls(surface: Surface) -> list[tuple[int, float]]:
     return balls
 
 
-def find_table(surface: Surface) -> tuple[NDArray[np.bool_], str]:
+def find_table(surface: ScanSurface) -> tuple[NDArray[np.bool_], str]:
     """Return which faces (T,) are table, and what to say of it ("" where there is nothing to say).
 
     A table is flat; everything else stands on one side of it; it reaches well beyond the rest's outline, most ways
@@ -144,7 +144,7 @@ def _plane(
     return normal, offset, tolerance
 
 
-def _is_open(surface: Surface, across: NDArray, flat: NDArray[np.bool_]) -> bool:
+def _is_open(surface: ScanSurface, across: NDArray, flat: NDArray[np.bool_]) -> bool:
     """Whether most corners of the flat part's hull, in its plane's axes `across` (2, 3), are the mesh's own border."""
     from scipy.spatial import ConvexHull
 

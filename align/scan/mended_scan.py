@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.scan.beside_object import find_balls, find_table
-from align.scan.scan_surface import Surface, connected, orient, weld
+from align.scan.scan_surface import ScanSurface, connected, orient, weld
 from formats.meshes.scan_files import SUFFIXES, read_scan
 from scene.errors import AlignError
 from scene.length_units import UNITS_MM
@@ -52,7 +52,7 @@ def load_scan(path: Path, unit: str, *, ball_diameter_mm: float | None = None) -
     if unit not in UNITS_MM:
         raise AlignError(f"scan_unit: found {unit!r}, expected one of {', '.join(UNITS_MM)}.")
     repairs: list[str] = []
-    surface = weld(Surface(*read_scan(path)), repairs)
+    surface = weld(ScanSurface(*read_scan(path)), repairs)
     _check_left(path, surface)
     _check_manifold(path, surface, repairs)
     table, words = find_table(surface)
@@ -80,12 +80,12 @@ def load_scan(path: Path, unit: str, *, ball_diameter_mm: float | None = None) -
     return Mesh(vertices, surface.faces, tuple(repairs))
 
 
-def _check_left(path: Path, surface: Surface) -> None:
+def _check_left(path: Path, surface: ScanSurface) -> None:
     if len(surface.faces) < 4:
         raise AlignError(f"{path}: only {len(surface.faces)} faces with an area are left of the scan. Export it again.")
 
 
-def _check_manifold(path: Path, surface: Surface, repairs: list[str]) -> None:
+def _check_manifold(path: Path, surface: ScanSurface, repairs: list[str]) -> None:
     edges, vertices = surface.edges, surface.vertices
     if not len(edges.crowded):
         return
@@ -103,7 +103,7 @@ def _check_manifold(path: Path, surface: Surface, repairs: list[str]) -> None:
     repairs.append(f"non-manifold, used as it is: {what}")
 
 
-def _without_ball(path: Path, surface: Surface, repairs: list[str]) -> tuple[NDArray[np.bool_], float]:
+def _without_ball(path: Path, surface: ScanSurface, repairs: list[str]) -> tuple[NDArray[np.bool_], float]:
     """Return which faces (T,) are not the calibration ball, and its radius in the file's unit."""
     balls = find_balls(surface)
     if len(balls) != 1 or (surface.piece == balls[0][0]).all():
@@ -117,7 +117,7 @@ def _without_ball(path: Path, surface: Surface, repairs: list[str]) -> tuple[NDA
     return kept, balls[0][1]
 
 
-def _large(surface: Surface, kept: NDArray[np.bool_], repairs: list[str]) -> NDArray[np.bool_]:
+def _large(surface: ScanSurface, kept: NDArray[np.bool_], repairs: list[str]) -> NDArray[np.bool_]:
     """Return which faces (T,) belong to pieces that are no dust."""
     area = np.bincount(surface.piece, np.where(kept, surface.area, 0))
     large = area >= SMALLEST_PIECE * area.max()
@@ -129,7 +129,7 @@ def _large(surface: Surface, kept: NDArray[np.bool_], repairs: list[str]) -> NDA
     return large[surface.piece]
 
 
-def _report_borders(surface: Surface, scale: float, unit: str, repairs: list[str]) -> None:
+def _report_borders(surface: ScanSurface, scale: float, unit: str, repairs: list[str]) -> None:
     """Say how many holes and outer borders there are, and how large the largest is."""
     ends = surface.ends(surface.edges.border)
     if not len(ends):

@@ -26,7 +26,7 @@ POINTS, DIRECTIONS = 256, 24
 
 
 @dataclass(frozen=True)
-class Edges:
+class MeshEdges:
     """The edges of T faces. A half-edge h is edge h // T of face h % T: from its corner h // T to the next."""
 
     one: Integers
@@ -46,7 +46,7 @@ class Edges:
 
 
 @dataclass(frozen=True)
-class Surface:
+class ScanSurface:
     """Vertices (V, 3) in the file's unit, faces (T, 3), and what follows from them, computed once when asked for."""
 
     vertices: Array
@@ -73,7 +73,7 @@ class Surface:
         return total
 
     @cached_property
-    def edges(self) -> Edges:
+    def edges(self) -> MeshEdges:
         count, faces = len(self.faces), self.faces
         start, end = faces.T.ravel(), faces[:, [1, 2, 0]].T.ravel()
         forward = start < end
@@ -82,7 +82,7 @@ class Surface:
         total = np.diff(first, append=len(keys))
         one, two = order[first[total == 2]], order[first[total == 2] + 1]
         against = forward[one] == forward[two]
-        return Edges(one % count, two % count, against, order[first[total == 1]], order[first[total > 2]])
+        return MeshEdges(one % count, two % count, against, order[first[total == 1]], order[first[total > 2]])
 
     def ends(self, half_edges: Integers) -> Integers:
         """Return the two vertices (N, 2) of half-edges (N,)."""
@@ -94,15 +94,15 @@ class Surface:
         """(T,) the number of the connected piece that each face belongs to."""
         return connected(self.edges.one, self.edges.two, len(self.faces))
 
-    def with_faces(self, kept: NDArray[np.bool_]) -> "Surface":
+    def with_faces(self, kept: NDArray[np.bool_]) -> "ScanSurface":
         """Return the surface of the faces `kept` (T,), all vertices with it."""
-        return self if kept.all() else Surface(self.vertices, self.faces[kept])
+        return self if kept.all() else ScanSurface(self.vertices, self.faces[kept])
 
-    def without_unused(self) -> "Surface":
+    def without_unused(self) -> "ScanSurface":
         """Return the surface without the vertices that no face uses."""
         used = np.zeros(len(self.vertices), bool)
         used[self.faces] = True
-        return self if used.all() else Surface(self.vertices[used], renumber(used)[self.faces])
+        return self if used.all() else ScanSurface(self.vertices[used], renumber(used)[self.faces])
 
 
 def connected(one: Integers, two: Integers, count: int) -> NDArray[np.int32]:
@@ -119,7 +119,7 @@ def renumber(kept: NDArray[np.bool_]) -> Integers:
     return np.cumsum(kept) - 1
 
 
-def weld(surface: Surface, repairs: list[str]) -> Surface:
+def weld(surface: ScanSurface, repairs: list[str]) -> ScanSurface:
     """Merge vertices at one place; drop what then is no face, and vertices that no face uses.
 
     Vertices keep the file's order. What was done is added to `repairs`.
@@ -129,7 +129,7 @@ def weld(surface: Surface, repairs: list[str]) -> Surface:
     alone = becomes == np.arange(len(becomes))
     if not alone.all():
         repairs.append(f"merged {(~alone).sum()} duplicate vertices")
-        surface = Surface(surface.vertices[alone], renumber(alone)[becomes][surface.faces])
+        surface = ScanSurface(surface.vertices[alone], renumber(alone)[becomes][surface.faces])
     surface = _drop_bad_faces(surface, repairs)
     used = surface.without_unused()
     if used is not surface:
@@ -137,7 +137,7 @@ def weld(surface: Surface, repairs: list[str]) -> Surface:
     return used
 
 
-def _drop_bad_faces(surface: Surface, repairs: list[str]) -> Surface:
+def _drop_bad_faces(surface: ScanSurface, repairs: list[str]) -> ScanSurface:
     """Return the surface without faces that have no area, and with one of each set of double faces."""
     a, b, c = (surface.vertices[surface.faces[:, corner]] for corner in range(3))
     longest = np.maximum.reduce([np.einsum("tk,tk->t", edge, edge) for edge in (b - a, c - a, c - b)])
@@ -152,7 +152,7 @@ def _drop_bad_faces(surface: Surface, repairs: list[str]) -> Surface:
     return surface.with_faces(alone)
 
 
-def orient(surface: Surface, repairs: list[str]) -> Surface:
+def orient(surface: ScanSurface, repairs: list[str]) -> ScanSurface:
     """Turn faces so that neighbours agree, and pieces so that they look outward.
 
     The winding that most of a piece's area has is its file's vote. A closed piece is then judged by its volume,
@@ -188,10 +188,14 @@ def orient(surface: Surface, repairs: list[str]) -> Surface:
     if inward.any():
         repairs.append(f"turned {inward.sum()} of {pieces} pieces outward ({inward[piece].sum()} faces)")
     turned ^= inward[piece]
-    return Surface(surface.vertices, np.where(turned[:, None], faces[:, [0, 2, 1]], faces)) if turned.any() else surface
+    return (
+        ScanSurface(surface.vertices, np.where(turned[:, None], faces[:, [0, 2, 1]], faces))
+        if turned.any()
+        else surface
+    )
 
 
-def _disagreeing(surface: Surface, repairs: list[str]) -> NDArray[np.bool_]:
+def _disagreeing(surface: ScanSurface, repairs: list[str]) -> NDArray[np.bool_]:
     """Return which faces (T,) to turn so that neighbours agree; in each piece, one of the two ways to do it."""
     edges, count = surface.edges, len(surface.faces)
     if not edges.against.any():
@@ -206,7 +210,7 @@ def _disagreeing(surface: Surface, repairs: list[str]) -> NDArray[np.bool_]:
     return as_is > turned
 
 
-def _front_sees_more(surface: Surface, cross: NDArray, asked: NDArray) -> NDArray:
+def _front_sees_more(surface: ScanSurface, cross: NDArray, asked: NDArray) -> NDArray:
     """Return (front - back) / (front + back) of what pieces `asked` (N,) see of the sky, in -1..1."""
     generator = np.random.default_rng(0)
     mesh = Mesh(surface.vertices, surface.faces)

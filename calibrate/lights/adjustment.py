@@ -29,7 +29,7 @@ OFF_BALL = 1e3  # sigmas: off the ball there is no mirror; a large constant keep
 
 
 @dataclass(frozen=True)
-class Observed:
+class ObservedSpots:
     """What S chrome balls, and white ones' shading, show of F lights, and how well it is known."""
 
     camera: Camera  # its `focal_sigma` and `center_sigma_px` say how far it may move; 0: not at all
@@ -53,7 +53,7 @@ class Adjustment:
     Minimising it in the picture weights small and slanted mirrors rightly [Ackermann2013].
     """
 
-    def __init__(self, seen: Observed, *, near: bool) -> None:
+    def __init__(self, seen: ObservedSpots, *, near: bool) -> None:
         self.seen, self.near, self.camera = seen, near, seen.camera
         self.reference = np.asarray(seen.reference, np.float64)
         self.sigma, self.scale = seen.sigma_px, 1.0

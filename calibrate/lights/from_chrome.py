@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from calibrate.calibration import Notes, leave_out
 from calibrate.detection.balls import Ball
-from calibrate.lights.adjustment import Observed
+from calibrate.lights.adjustment import ObservedSpots
 from calibrate.lights.directions import Shading, mean_directions, mirrored_rays, ray_meeting
 from calibrate.lights.highlight import Spots, find_spots, measure_spot
 from calibrate.lights.light_model import choose_model
@@ -68,7 +68,7 @@ def lights_from_chrome(
         raise CalibrationError("spheres: no highlight of the flash was found on any chrome ball, in any frame.")
     _name_unseen(names, seen, shading, notes)
     covariances = [ball.covariance + (ROUND * ball.sphere.radius_px) ** 2 * np.eye(3) for ball in balls]
-    fit = choose_model(Observed(camera, spheres, covariances, chosen, sigma, reference, shading=shading), notes)
+    fit = choose_model(ObservedSpots(camera, spheres, covariances, chosen, sigma, reference, shading=shading), notes)
     if len(balls) == 1 and not camera.is_orthographic and not spheres[0].apart and fit.positions_mm is None:
         notes.warnings.append(
             "one chrome ball: the directions hold where it mirrors each flash. An object 100 mm beside it, under "

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.calibration import Notes
-from calibrate.lights.adjustment import Observed
+from calibrate.lights.adjustment import ObservedSpots
 from calibrate.lights.positions import INLIER_SIGMAS, LightFit, fit_lights
 from calibrate.silhouette.outline import difference
 from scene.normals import angular_error_deg, unit
@@ -25,7 +25,7 @@ DOUBT = 0.5  # relative sigma of a diameter that nobody stated
 DISAGREE_DEG = 0.5
 
 
-def choose_model(seen: Observed, notes: Notes) -> LightFit:
+def choose_model(seen: ObservedSpots, notes: Notes) -> LightFit:
     """Return the smallest model that explains the highlights; say why in `notes`.
 
     By BIC: near lights have one unknown more each. Diameters that nobody stated are unknown too, but for the first if
@@ -101,7 +101,7 @@ def _without_ranges(near: LightFit) -> LightFit:
     return replace(near, positions_mm=None, position_covariance_mm2=None, range_sigma=unknown)
 
 
-def _with_diameters(seen: Observed) -> Observed:
+def _with_diameters(seen: ObservedSpots) -> ObservedSpots:
     """Return the same with the diameters' relative sigmas. Where none is known: as if all were equally far."""
     if any(s.diameter_mm for s in seen.spheres):
         return replace(seen, diameter_sigma=np.array([s.diameter_sigma for s in seen.spheres]))
@@ -118,7 +118,7 @@ class _Suspect(NamedTuple):
     text: str
 
 
-def _suspects(seen: Observed) -> Iterator[_Suspect]:
+def _suspects(seen: ObservedSpots) -> Iterator[_Suspect]:
     """Free one ball, its diameter and its outline, or the focal length after the other."""
     assert seen.diameter_sigma is not None
     for i, sphere in enumerate(seen.spheres):
@@ -141,7 +141,7 @@ def _suspects(seen: Observed) -> Iterator[_Suspect]:
         yield _Suspect(one, abs(np.log(one.camera.fx / camera.fx)), text)
 
 
-def _with_culprit(near: LightFit, seen: Observed, notes: Notes) -> LightFit:
+def _with_culprit(near: LightFit, seen: ObservedSpots, notes: Notes) -> LightFit:
     """Return the fit in which one ball or the focal length is free, if that alone explains the rest.
 
     Three balls show which it is; two, only that they contradict each other: the sigmas are then as wide as the

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from calibrate.lights.adjustment import Adjustment, Observed
+from calibrate.lights.adjustment import Adjustment, ObservedSpots
 from calibrate.silhouette.outline import difference
 from scene.camera import Camera
 from scene.lights import Lights
@@ -78,7 +78,7 @@ class LightFit:
         return np.linalg.norm(self.positions_mm - self.reference, axis=1)
 
 
-def fit_lights(seen: Observed, *, near: bool) -> LightFit:
+def fit_lights(seen: ObservedSpots, *, near: bool) -> LightFit:
     """Adjust lights, balls and camera to the highlights; `near`: fit a range per light too, which needs diameters.
 
     The stated sigmas keep their proportions, but not their size: s^2 = (chi^2 + m) / (n + m), n the highlights'

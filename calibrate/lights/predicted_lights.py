@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.lights.adjustment import Adjustment, Observed
+from calibrate.lights.adjustment import Adjustment, ObservedSpots
 from calibrate.lights.directions import mirrored_at
 from calibrate.lights.from_chrome import ROUND
 from calibrate.lights.reflected_disc import FLOOR_PX
@@ -91,7 +91,7 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
         )
     radius = np.array([sphere.radius_px for sphere in chrome])
     sigma = FLOOR_PX * np.hypot(1, (SMALL_PX / radius) ** 2)
-    seen = Observed(
+    seen = ObservedSpots(
         camera,
         chrome,
         [(table_floor_px(r, USUAL_BLUR_PX) ** 2 + (ROUND * r) ** 2) * np.eye(3) for r in radius],

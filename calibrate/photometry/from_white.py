@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.calibration import Notes, leave_out
-from calibrate.photometry.matte_shading import Surface
+from calibrate.photometry.matte_shading import MatteSurface
 from calibrate.photometry.photometer import PARTLY, Photometry, covariance_of, measure
 from scene.camera import Camera
 from scene.errors import CalibrationError
@@ -37,7 +37,7 @@ SPOILT_DEG = 20.0  # how much farther than usual chrome and shading must point a
 
 def intensities_from_white(
     frames: Frames,
-    surfaces: list[Surface],
+    surfaces: list[MatteSurface],
     lights: Lights,
     notes: Notes,
     *,
@@ -94,7 +94,7 @@ def intensities_from_white(
 
 
 def _doubt(
-    surface: Surface, read: Photometry, lights: Lights, covariance: Array, name: str, apart_deg: float
+    surface: MatteSurface, read: Photometry, lights: Lights, covariance: Array, name: str, apart_deg: float
 ) -> tuple[list[str], Photometry]:
     """Say which wrong statement explains a misfit, or only that there is one; return the measurement to take.
 
@@ -132,13 +132,13 @@ def _doubt(
     return [], read
 
 
-def _decoded(surface: Surface, power: float) -> Surface:
+def _decoded(surface: MatteSurface, power: float) -> MatteSurface:
     """Return the surface with its values raised to a power: the room's light was taken off what the files hold."""
     both, room = (np.maximum(v, 0) ** np.float32(power) for v in (surface.values + surface.ambient, surface.ambient))
     return replace(surface, values=both - room)
 
 
-def _scaled(surface: Surface, factor: float) -> Surface:
+def _scaled(surface: MatteSurface, factor: float) -> MatteSurface:
     """Return the surface of a ball whose diameter is so many times as large: at another distance on the same rays."""
     points, center = factor * surface.points, factor * surface.center
     return replace(surface, points=points, center=center, radius=factor * surface.radius)

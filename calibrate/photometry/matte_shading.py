@@ -23,7 +23,7 @@ WHITE = 0.75  # albedo of a white ball, for what its surroundings add to it
 
 
 @dataclass(frozen=True)
-class Surface:
+class MatteSurface:
     """A matte ball's surface and what P of its pixels showed in F frames."""
 
     points: Array  # (P, 3)
@@ -36,7 +36,7 @@ class Surface:
     ambient: NDArray[np.float32]  # (P, 3) the ambient frame's light, which was taken off; zero without
 
 
-def read_surface(frames: Frames, camera: Camera, sphere: Sphere) -> Surface:
+def read_surface(frames: Frames, camera: Camera, sphere: Sphere) -> MatteSurface:
     """Read the pixels of the ball that face the camera, evenly thinned to `MOST_PIXELS`."""
     rows, columns = np.nonzero(sphere.mask(camera))
     pixels = np.stack([columns, rows], -1)
@@ -48,7 +48,7 @@ def read_surface(frames: Frames, camera: Camera, sphere: Sphere) -> Surface:
     count, place = len(frames), (sphere.center_mm(camera), sphere.radius_mm)
     if not len(keep):
         none = np.zeros((count, 0, 3), np.float32)
-        return Surface(points, normals, none, none[..., 0] > 0, np.zeros(0, np.intp), *place, none[0])
+        return MatteSurface(points, normals, none, none[..., 0] > 0, np.zeros(0, np.intp), *place, none[0])
     (left, top), (right, bottom) = pixels.min(0), pixels.max(0) + 1
     band, side = slice(int(top), int(bottom)), slice(int(left), int(right))
     at = (pixels[:, 1] - top, pixels[:, 0] - left)
@@ -59,7 +59,7 @@ def read_surface(frames: Frames, camera: Camera, sphere: Sphere) -> Surface:
     ring = np.minimum(np.hypot(*offset.T) / sphere.radius_px * RINGS, RINGS - 1).astype(np.intp)
     block = (angle / (2 * np.pi) * ANGLES).astype(np.intp) % ANGLES + ring * ANGLES
     ambient = frames.read(band, [0], columns=side, subtract_ambient=False)[0][at] - values[0]
-    return Surface(points, normals, values, clipped, block, *place, ambient)
+    return MatteSurface(points, normals, values, clipped, block, *place, ambient)
 
 
 def brightness_beside(frames: Frames, sphere: Sphere) -> NDArray[np.float32]:
@@ -78,7 +78,7 @@ def brightness_beside(frames: Frames, sphere: Sphere) -> NDArray[np.float32]:
     return out if frames.ambient is not None else out - out.min()
 
 
-def shading_directions(surface: Surface, beside: NDArray | None = None) -> tuple[Array, Array]:
+def shading_directions(surface: MatteSurface, beside: NDArray | None = None) -> tuple[Array, Array]:
     """Return distant directions (F, 3) and their sigma (F,), degrees, from the shading alone; NaN where it is little.
 
     I = max(0, n.b) + a + w L (1 - n_z) / 2, b's direction is the light's. The last is what a table, as bright as the

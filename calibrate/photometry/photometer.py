@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from calibrate.photometry.matte_shading import FEWEST_PIXELS, TERMINATOR, Surface, tukey_weights
+from calibrate.photometry.matte_shading import FEWEST_PIXELS, TERMINATOR, MatteSurface, tukey_weights
 from scene.lights import Lights
 from scene.normals import unit
 
@@ -53,7 +53,7 @@ def covariance_of(lights: Lights) -> Array:
     return np.sum((lights.positions_mm - lights.reference_point_mm) ** 2, 1)[:, None, None] * across
 
 
-def measure(surface: Surface, lights: Lights, covariance: Array | None = None) -> Photometry:
+def measure(surface: MatteSurface, lights: Lights, covariance: Array | None = None) -> Photometry:
     """Read each light's intensity from the ball's shading.
 
     `lights`: where they are; their intensities are not looked at. `covariance` (F, 3, 3): of each position, mm^2, or
@@ -123,7 +123,7 @@ class _Patches:
         return replace(self, **{name: getattr(self, name)[frames] for name in names})
 
 
-def _cut(surface: Surface, lights: Lights) -> _Patches:
+def _cut(surface: MatteSurface, lights: Lights) -> _Patches:
     """Average a ball's pixels over its patches, frame by frame; what its neighbours contradict is left out."""
     blocks = int(surface.block.max(initial=-1)) + 1
     count = len(surface.values)
@@ -151,7 +151,7 @@ def _cut(surface: Surface, lights: Lights) -> _Patches:
     return _Patches(weight, values, shading, bounce, normals, points)
 
 
-def _bounce(normals: Array, surface: Surface, lights: Lights) -> Array:
+def _bounce(normals: Array, surface: MatteSurface, lights: Lights) -> Array:
     """Return (F, B), the light of each flash that parts of a ball get from an even, matte, white, endless table.
 
     The table faces the camera. A part gets sum over the table's patches of E cos cos' dA / (pi d^2). E has the flash's

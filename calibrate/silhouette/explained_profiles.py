@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from calibrate.silhouette.cone_fit import blurred_ramp
-from calibrate.silhouette.mirrored_surroundings import Shown
+from calibrate.silhouette.mirrored_surroundings import MirroredView
 from scene.robust import MAD
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ REFRACTION = 3.0
 """Real part of chromium's refractive index in visible light, within a tenth or two."""
 
 
-class Explained(NamedTuple):
+class ExplainedProfiles(NamedTuple):
     """What the mirrored table explains of profiles (F, BINS, M)."""
 
     share: float  # of the variance
@@ -50,7 +50,9 @@ class Explained(NamedTuple):
         return self.share > HOPELESS and REFLECTS[0] < self.mirror < REFLECTS[1]
 
 
-def explain(profiles: Values, shown: Shown, grazing: Array, offsets: Array, blur_px: float) -> Explained | None:
+def explain(
+    profiles: Values, shown: MirroredView, grazing: Array, offsets: Array, blur_px: float
+) -> ExplainedProfiles | None:
     """Fit d, e of each profile and the common reflectance, robustly; None where too little is seen.
 
     grazing: g of the law at the cosines where the mirror is looked at.
@@ -72,7 +74,7 @@ def explain(profiles: Values, shown: Shown, grazing: Array, offsets: Array, blur
         residual = residual / noise
         weight = known / (1 + (residual / CAUCHY) ** 2)
     left, total = (weight * residual**2).sum(), (weight * (whole / noise) ** 2).sum()
-    return Explained(float(1 - left / max(float(total), 1e-12)), mirror, residual, weight, noise)
+    return ExplainedProfiles(float(1 - left / max(float(total), 1e-12)), mirror, residual, weight, noise)
 
 
 def outside(offsets: Array, blur_px: float) -> Values:

@@ -76,7 +76,7 @@ def mirrored_pixels(camera: Camera, ball: Sphere, plane: Array, points: Array, m
     return camera.project(points + np.where(far > 0, far, np.nan)[..., None] * mirrored)
 
 
-class Shown(NamedTuple):
+class MirroredView(NamedTuple):
     """What a mirror meets (F, BINS, K) between depths (K + 1,) inside its outline, px; NaN where that is unknown."""
 
     depths: Array
@@ -87,7 +87,7 @@ class Shown(NamedTuple):
     def blurred(self, offsets: Array, blur_px: float, reflectance: Array) -> Values:
         """Return (F, BINS, M) at offsets (M,) outward of the outline, NaN where what is unknown reaches.
 
-        reflectance: (K,), at `Samples.middle`.
+        reflectance: (K,), at `MirroredSamples.middle`.
         """
         s = offsets + curvature_shift_px(blur_px, self.radius_px)
         kernel = np.diff(ndtr((s[:, None] + self.depths) / blur_px), axis=1) * reflectance
@@ -98,7 +98,7 @@ class Shown(NamedTuple):
         return out
 
 
-class Samples(NamedTuple):
+class MirroredSamples(NamedTuple):
     """Where a ball is looked at; the same samples throughout a fit, or its sum of squares would jump."""
 
     offsets: Array  # (M,) across its outline, px outward
@@ -111,14 +111,14 @@ class Samples(NamedTuple):
         return 0.5 * (self.facing[1:] + self.facing[:-1])
 
 
-def samples(radius_px: float, blur_px: float) -> Samples:
+def samples(radius_px: float, blur_px: float) -> MirroredSamples:
     """Return samples of an outline: finely near it, where all is squeezed, and by even steps of the normal inside."""
     near = np.arange(-6 * blur_px, 2.6 * blur_px + 2, STEP_PX)
     step = max(STEP_PX, DEEP_STEP * radius_px)
     deep = np.arange(-max(DEPTH * radius_px - 3 * blur_px, 0), near[0] - 0.01, step)
     deepest = np.sqrt(1 - (1 - min(max(DEPTH, 8 * blur_px / radius_px), 1.0)) ** 2)
     facing = np.linspace(0, deepest, int(np.clip(0.6 * radius_px, 24, 60)) + 1)
-    return Samples(np.concatenate([deep, near]), facing, blur_px)
+    return MirroredSamples(np.concatenate([deep, near]), facing, blur_px)
 
 
 class _Looking(NamedTuple):
@@ -170,12 +170,12 @@ class Surroundings:
         slopes = np.stack([along / np.float32(self.shrink[0]), (lower - upper) / np.float32(self.shrink[1])])
         return values, slopes
 
-    def mirrored_by(self, sphere: Sphere, plane: Array, at: Samples) -> Shown:
+    def mirrored_by(self, sphere: Sphere, plane: Array, at: MirroredSamples) -> MirroredView:
         """Return what a chrome ball shows of the table: `plane` as in `TablePlane.values`."""
         values, _ = self._look_up(self._pixels(self._looking(sphere, at), plane, at))
-        return Shown(_depths(sphere, at), _binned(values), sphere.radius_px, 3 * at.blur_px)
+        return MirroredView(_depths(sphere, at), _binned(values), sphere.radius_px, 3 * at.blur_px)
 
-    def slopes(self, sphere: Sphere, plane: Array, at: Samples) -> Values:
+    def slopes(self, sphere: Sphere, plane: Array, at: MirroredSamples) -> Values:
         """Return (6, F, BINS, K), what `mirrored_by` shows more by (u, v, radius) and the plane's three numbers."""
         looking = self._looking(sphere, at)
         here = self._pixels(looking, plane, at)
@@ -185,35 +185,35 @@ class Surroundings:
         by = (np.nan_to_num((pixels - here) / MOVE).astype(np.float32)[..., None] for pixels in elsewhere)
         return np.stack([_binned(move[:, :, 0] * shown[0] + move[:, :, 1] * shown[1]) for move in by])
 
-    def _pixels(self, looking: _Looking, plane: Array, at: Samples) -> Array:
+    def _pixels(self, looking: _Looking, plane: Array, at: MirroredSamples) -> Array:
         """Return the pixels (N, K, 2) that show what a ball mirrors; NaN where its rays miss the plane."""
         pixels = mirrored_pixels(self.camera, looking.ball, plane, looking.points, looking.mirrored)
         # Beside the outline itself the picture is blurred with the ball.
         away = np.sum((pixels - looking.outline[:, None]) * looking.normals[:, None], -1)
         return pixels + np.maximum(2.5 * at.blur_px - away, 0)[..., None] * looking.normals[:, None]
 
-    def _looking(self, sphere: Sphere, at: Samples) -> _Looking:
+    def _looking(self, sphere: Sphere, at: MirroredSamples) -> _Looking:
         """Return the rays, kept for the next plane that is tried under the same ball."""
         key = (*sphere.center_px.tolist(), sphere.radius_px, at.blur_px, float(at.facing[-1]))
         if self.last is None or self.last[0] != key:
             self.last = key, self._looked(sphere, at)
         return self.last[1]
 
-    def _looked(self, sphere: Sphere, at: Samples) -> _Looking:
+    def _looked(self, sphere: Sphere, at: MirroredSamples) -> _Looking:
         outline, normals = outline_with_normals(self.camera, sphere, PER_BIN * BINS)
         depths = sphere.radius_px * (1 - np.sqrt(1 - at.middle**2))
         ball = sized(sphere)
         rays = mirrored_rays(self.camera, ball, outline[:, None] - depths[:, None] * normals[:, None])
         return _Looking(ball, outline, normals, *rays)
 
-    def profiles(self, sphere: Sphere, at: Samples) -> tuple[Values, Array]:
+    def profiles(self, sphere: Sphere, at: MirroredSamples) -> tuple[Values, Array]:
         """Return profiles (F, BINS, M) across an outline, and the Jacobian (BINS, 3)."""
         points, normals, jacobian = binned_outline(self.camera, sphere)
         strips = read_strips(self.frames, points, normals, at.offsets)
         return strips.reshape(len(strips), BINS, -1, len(at.offsets)).mean(2), jacobian
 
 
-def _depths(sphere: Sphere, at: Samples) -> Array:
+def _depths(sphere: Sphere, at: MirroredSamples) -> Array:
     """Return (K + 1,), how far inside the outline a ball is looked at, px."""
     return sphere.radius_px * (1 - np.sqrt(1 - at.facing**2))
 

@@ -23,7 +23,7 @@ from calibrate.silhouette.cone_fit import SHARPEST_PX
 from calibrate.silhouette.explained_profiles import (
     LAWS,
     REFLECTS,
-    Explained,
+    ExplainedProfiles,
     Law,
     coefficients,
     explain,
@@ -32,7 +32,14 @@ from calibrate.silhouette.explained_profiles import (
     schlick,
     without,
 )
-from calibrate.silhouette.mirrored_surroundings import ANY_PLANE, Samples, Shown, Surroundings, TablePlane, samples
+from calibrate.silhouette.mirrored_surroundings import (
+    ANY_PLANE,
+    MirroredSamples,
+    MirroredView,
+    Surroundings,
+    TablePlane,
+    samples,
+)
 from calibrate.silhouette.outline import SECTOR, moved
 from scene.camera import Camera
 from scene.frames import Frames
@@ -146,7 +153,7 @@ def _settle(
     prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / known.sigma**2
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
     normal, gradient, least, is_last = np.eye(8), np.zeros(8), np.inf, False
-    kept: Explained | None = None
+    kept: ExplainedProfiles | None = None
     for turn in range(ROUGH_TURNS if rough else TURNS):
         if abs(np.log(blur / at.blur_px)) > ANEW:
             at = samples(sphere.radius_px, blur)
@@ -195,13 +202,13 @@ class _Seen(NamedTuple):
     """What the photographs show in one turn."""
 
     profiles: Values  # (F, BINS, M)
-    at: Samples
+    at: MirroredSamples
     jacobian: Array  # (BINS, 3)
-    shown: Shown
+    shown: MirroredView
     moves: Values  # (6, F, BINS, K)
 
 
-def _slopes(seen: _Seen, blur: float, law: Law, explained: Explained) -> tuple[Values, Values]:
+def _slopes(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles) -> tuple[Values, Values]:
     """Return (8, F, BINS, M), the model's derivatives, in noises, free of d and e; and how much steeper the profiles
     (F, BINS, M) are than the model, by the offset.
     """

@@ -156,7 +156,7 @@ def _decoded(codes: NDArray, places: NDArray[np.float32]) -> tuple[NDArray[np.fl
     return np.asarray(cv2.transform(decode(found), np.full((1, 3), 1 / 3, np.float32)), np.float32), highest
 
 
-class Edges(NamedTuple):
+class RimEdges(NamedTuple):
     """K edges across an outline, in whichever frame."""
 
     point: NDArray[np.intp]  # (K,) number of the outline's point
@@ -175,7 +175,7 @@ class Agreement(NamedTuple):
 
 def find_edges(
     strips: NDArray[np.float32], offsets: Array, spacing_px: float, *, softness: float, search_px: float
-) -> Edges | None:
+) -> RimEdges | None:
     """Find the edges in strips (F, N, M) across an outline, NaN where unknown; None where there are too few.
 
     `offsets` (M,) are even, px; `spacing_px` lies between neighbouring points of the outline; `softness` is the edges'
@@ -221,10 +221,10 @@ def find_edges(
     # 1 / variance of an edge's place: 0.25 px, and what the noise adds.
     weight = static[point, at + 1] / (0.25**2 + (1.5 / (EDGE_NOISES * middle)) ** 2)
     prominence = middle**2 / (middle**2 + 0.5 * strong[frame] ** 2)
-    return Edges(point, places, weight / weight.max(), prominence)
+    return RimEdges(point, places, weight / weight.max(), prominence)
 
 
-def agree(edges: Edges, jacobian: Array, *, start: Array, reach_px: float, closest_px: float) -> Agreement | None:
+def agree(edges: RimEdges, jacobian: Array, *, start: Array, reach_px: float, closest_px: float) -> Agreement | None:
     """Return the outline near the shift `start` (3,) of (u, v, radius) on which the edges agree, or None.
 
     `jacobian` (N, 3): see `offset_jacobian`. Edges as far as `reach_px` from the outline are believed at first,

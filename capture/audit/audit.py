@@ -13,7 +13,7 @@ from capture.audit.frame_facts import FrameFacts, facts_of, reduced
 from capture.audit.missing_flashes import doubles, misfires
 from capture.audit.movement import movement
 from capture.camera.exif import Exif
-from capture.session.session_types import Session
+from capture.session.session_types import CaptureSession
 from scene.frames import Frames
 from scene.reading import listed
 
@@ -22,7 +22,7 @@ BLOWN = 0.002
 
 
 def audit(
-    session: Session,
+    session: CaptureSession,
     frames: Frames,
     exif: Sequence[Exif],
     *,

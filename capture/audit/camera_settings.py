@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.camera.exif import Exif
-from capture.session.session_types import Session
+from capture.session.session_types import CaptureSession
 from scene.reading import listed
 
 ROOM = 0.01
@@ -79,7 +79,7 @@ def exposure_by_room(
     ]
 
 
-def mixed_settings(session: Session, exif: Sequence[Exif], ambient_exif: Sequence[Exif]) -> list[str]:
+def mixed_settings(session: CaptureSession, exif: Sequence[Exif], ambient_exif: Sequence[Exif]) -> list[str]:
     """Name frames whose settings differ from what most frames have, or which do not tell what others do."""
     names = [*session.names, *(path.stem for path in session.ambient)]
     everyone = list(zip(names, [*exif, *ambient_exif], strict=False))
@@ -120,7 +120,7 @@ def mixed_settings(session: Session, exif: Sequence[Exif], ambient_exif: Sequenc
     return warnings
 
 
-def gaps_in_numbering(session: Session) -> list[str]:
+def gaps_in_numbering(session: CaptureSession) -> list[str]:
     """Name files that a regular numbering lacks. Skipped ones are known to exist."""
     series: dict[tuple[str, str], dict[int, int]] = {}
     for name in (*session.names, *(re.sub(r"\.[A-Za-z]\w*$", "", entry) for entry in session.skip)):

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.session.globs import kind_of
-from capture.session.session_types import Session
+from capture.session.session_types import CaptureSession
 from scene.frames import PEDESTAL, WHITE, Frames, gray
 
 SLOPE = -0.1
@@ -22,7 +22,7 @@ WINDOW_PX = 1024
 """Side of the middle part that is looked at."""
 
 
-def encoding_warnings(session: Session, frames: Frames) -> list[str]:
+def encoding_warnings(session: CaptureSession, frames: Frames) -> list[str]:
     """Name what speaks against values being linear."""
     if session.encoding != "linear" or not _is_of_codes(session, frames):
         return []
@@ -47,7 +47,7 @@ def encoding_warnings(session: Session, frames: Frames) -> list[str]:
     return []
 
 
-def compression_warnings(session: Session) -> list[str]:
+def compression_warnings(session: CaptureSession) -> list[str]:
     """Name JPEG files whose compression bends more than 8 bits do."""
     quality = jpeg_quality(session.flash[0])
     if quality is None or quality >= GOOD_JPEG:
@@ -58,7 +58,7 @@ def compression_warnings(session: Session) -> list[str]:
     ]
 
 
-def black_warnings(session: Session, frames: Frames) -> list[str]:
+def black_warnings(session: CaptureSession, frames: Frames) -> list[str]:
     """Name files in which too much was taken off as black: shadows without noise, and without bounced light."""
     import cv2
 
@@ -84,7 +84,7 @@ def black_warnings(session: Session, frames: Frames) -> list[str]:
     ]
 
 
-def _is_of_codes(session: Session, frames: Frames) -> bool:
+def _is_of_codes(session: CaptureSession, frames: Frames) -> bool:
     """Whether the photographs are integers that some program wrote."""
     return kind_of(session.flash[0]) == "image" and frames.codes.dtype == np.uint16
 

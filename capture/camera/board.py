@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.photographs.develop import DevelopRecipe, read_photograph
-from capture.session.session_types import Board, Session
+from capture.session.session_types import Board, CaptureSession
 from scene.camera import Camera
 from scene.errors import SessionError
 from scene.frames import decode, gray
@@ -20,7 +20,7 @@ SQUARE_PIXELS = 0.05
 """How far fx and fy may differ, relative, beyond three sigmas: cameras' pixels are square."""
 
 
-def calibrate_board(board: Board, session: Session) -> tuple[Camera, str]:
+def calibrate_board(board: Board, session: CaptureSession) -> tuple[Camera, str]:
     """Return the camera, full size, with distortion, by photographs of a board; and a note on its errors.
 
     Zhang's method [Zhang2000] on the corners of a ChArUco board [GarridoJurado2014] or of a chessboard [Duda2018]. The
@@ -124,7 +124,7 @@ def _camera_of_corners(
     return camera, note
 
 
-def _board_picture(file: Any, session: Session) -> NDArray[np.uint8]:
+def _board_picture(file: Any, session: CaptureSession) -> NDArray[np.uint8]:
     """Return a photograph for a detector, full size."""
     return detector_gray(gray(decode(read_photograph(file, DevelopRecipe(session.encoding, False, file)).codes)))
 

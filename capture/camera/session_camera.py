@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from capture.camera.board import calibrate_board
 from capture.camera.exif import Exif
 from capture.camera.focal_length import CENTER_SIGMA, camera_from_lens
-from capture.session.session_types import Board, Lens, Session
+from capture.session.session_types import Board, CaptureSession, Lens
 from scene.camera import Camera
 from scene.errors import SessionError
 
@@ -16,7 +16,7 @@ OFF_MIDDLE = 0.1
 """Share of the picture's side by which a principal point may lie off its middle without a word."""
 
 
-def camera_of(session: Session, exif: Sequence[Exif], width: int, height: int) -> tuple[Camera, tuple[str, ...]]:
+def camera_of(session: CaptureSession, exif: Sequence[Exif], width: int, height: int) -> tuple[Camera, tuple[str, ...]]:
     """Return the camera of frames of the given size.
 
     Parameters
@@ -53,7 +53,7 @@ def camera_of(session: Session, exif: Sequence[Exif], width: int, height: int) -
     return camera, (*warnings, *_off_middle(camera))
 
 
-def _balls_may_tell(session: Session) -> bool:
+def _balls_may_tell(session: CaptureSession) -> bool:
     """Whether there are balls enough, a mirror among them, to tell a focal length."""
     known = [ball for ball in session.spheres if ball.diameter_mm is not None]
     return len(known) > 1 and any(ball.kind == "chrome" for ball in known) and session.lights_file is None
@@ -81,7 +81,7 @@ def _off_middle(camera: Camera) -> tuple[str, ...]:
     )
 
 
-def fitted(camera: Camera, session: Session, width: int, height: int) -> Camera:
+def fitted(camera: Camera, session: CaptureSession, width: int, height: int) -> Camera:
     """Return the camera at the frames' size, as it is or halved with the superpixels; SessionError for another size."""
     if (camera.width, camera.height) == (width, height):
         return camera

@@ -26,7 +26,7 @@ from capture.photographs.develop import (
 )
 from capture.photographs.kept import Kept, kept_folder
 from capture.photographs.photograph import FLOAT16_MAX, SATURATION
-from capture.session.session_types import Session
+from capture.session.session_types import CaptureSession
 from scene.camera import Camera
 from scene.fan_out import fan_out
 from scene.files import create_array, remove, write_npy
@@ -59,7 +59,7 @@ class CaptureReport:
 
 
 def decode(
-    session: Session, store: Store, *, executor: Executor | None = None, progress: Progress | None = None
+    session: CaptureSession, store: Store, *, executor: Executor | None = None, progress: Progress | None = None
 ) -> tuple[Frames, CaptureReport]:
     """Decode a session into `frames/` of its output folder, and audit it.
 
@@ -158,7 +158,7 @@ class _Steps:
 
 
 def _with_corrections(
-    session: Session, recipe: DevelopRecipe, scratch: dict[str, Path], steps: _Steps
+    session: CaptureSession, recipe: DevelopRecipe, scratch: dict[str, Path], steps: _Steps
 ) -> DevelopRecipe:
     """Return the recipe with the dark frame and the flat field, if there are any, as files for every worker."""
     dark = None
@@ -179,7 +179,7 @@ def _mean(
     return mean
 
 
-def _ambient(session: Session, recipe: DevelopRecipe, gain: list[float], steps: _Steps) -> NDArray | None:
+def _ambient(session: CaptureSession, recipe: DevelopRecipe, gain: list[float], steps: _Steps) -> NDArray | None:
     """Return the mean ambient frame as codes at the reference exposure, corrected as the flash frames are."""
     if not session.ambient:
         return None

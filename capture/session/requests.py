@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from capture.photographs.decode import decode
 from capture.photographs.images import read_image
-from capture.session.session_types import Session, SphereSpec
+from capture.session.session_types import CaptureSession, SphereSpec
 from scene.camera import Camera
 from scene.errors import CaptureError, SceneError, SessionError
 from scene.files import write_json
@@ -19,7 +19,7 @@ from scene.store import Store
 
 
 def sphere_requests(
-    session: Session, store: Store, *, executor: Executor | None = None
+    session: CaptureSession, store: Store, *, executor: Executor | None = None
 ) -> tuple[list[SphereRequest], tuple[str, ...]]:
     """Return the session's `[[spheres]]`, with masks read and balls' own photographs decoded, and warnings.
 
@@ -69,21 +69,21 @@ def sphere_requests(
     return requests, tuple(warnings)
 
 
-def hint_scale(session: Session, width: int) -> int:
+def hint_scale(session: CaptureSession, width: int) -> int:
     """Return 2 where hints count full-size pixels of halved frames: they go with [camera], else the photographs."""
     if not session.half:
         return 1
     return 1 if isinstance(session.camera, Camera) and session.camera.width == width else 2
 
 
-def object_box(session: Session, width: int) -> tuple[float, ...] | None:
+def object_box(session: CaptureSession, width: int) -> tuple[float, ...] | None:
     """Return the session's box about the object in pixels of frames that are `width` wide."""
     scale = hint_scale(session, width)
     return None if session.box is None else tuple((place + 0.5) / scale - 0.5 for place in session.box)
 
 
 def _frames_apart(
-    session: Session, spec: SphereSpec, place: int, whole: Store, executor: Executor | None
+    session: CaptureSession, spec: SphereSpec, place: int, whole: Store, executor: Executor | None
 ) -> tuple[Frames, list[str]]:
     """Return the photographs of a ball that was shot apart, decoded as the session's own, and the audit's warnings."""
     # The session's own frames are decoded again whenever a setting changes; these follow. Compared as equal or not:

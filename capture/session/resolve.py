@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from capture.session.globs import expand, frame_names, kind_of, meant, near_name
-from capture.session.session_types import Board, Encoding, Lens, Session, SphereSpec
+from capture.session.session_types import Board, CaptureSession, Encoding, Lens, SphereSpec
 from formats.light_files.light_formats import SUFFIXES as LIGHTS_SUFFIXES
 from formats.meshes.scan_files import SUFFIXES as SCAN_SUFFIXES
 from formats.normal_maps import SUFFIXES as NORMALS_SUFFIXES
@@ -32,7 +32,7 @@ class Resolver:
         self.folder = folder
         self.faults = faults
 
-    def session(self, manifest: "Manifest") -> Session | None:
+    def session(self, manifest: "Manifest") -> CaptureSession | None:
         """Return the session that is meant; None where there are faults."""
         frames, known = manifest.frames, manifest.object
         self._check_name(manifest.name)
@@ -54,7 +54,7 @@ class Resolver:
                 "object.box", f"found {known.box}; expected left, top, right, bottom: left < right, top < bottom."
             )
         lights = manifest.lights and self._file("lights.file", manifest.lights.file, LIGHTS_SUFFIXES)
-        session = Session(
+        session = CaptureSession(
             name=manifest.name or self.folder.name,
             folder=self.folder,
             flash=tuple(flash[i] for i in kept),

@@ -4,7 +4,7 @@ import difflib
 from pathlib import Path
 
 from capture.session.globs import frame_names, kind_of
-from capture.session.session_types import Session
+from capture.session.session_types import CaptureSession
 from formats.diligent_layout import DIRECTIONS, FILENAMES, MASK, read_tables
 from scene.errors import SessionError
 from scene.reading import listed, reading, told
@@ -12,7 +12,7 @@ from scene.reading import listed, reading, told
 MANIFEST = "session.toml"
 
 
-def load_session(path: Path) -> Session:
+def load_session(path: Path) -> CaptureSession:
     """Read a session.
 
     Parameters
@@ -61,7 +61,7 @@ def _names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
 
 
-def _load_toml(path: Path) -> Session:
+def _load_toml(path: Path) -> CaptureSession:
     from capture.session.manifest_file import parse, toml_tables
     from capture.session.resolve import Resolver
 
@@ -74,7 +74,7 @@ def _load_toml(path: Path) -> Session:
     return session
 
 
-def _load_diligent(folder: Path) -> Session:
+def _load_diligent(folder: Path) -> CaptureSession:
     """Return the session of a folder in the DiLiGenT layout: 16-bit linear pictures, lights given."""
     found = read_tables(folder)
     flash = [folder / name for name in found.listed]
@@ -83,7 +83,7 @@ def _load_diligent(folder: Path) -> Session:
     ]
     if faults:
         raise SessionError(told(folder, faults))
-    return Session(
+    return CaptureSession(
         name=folder.name,
         folder=folder,
         flash=tuple(flash),

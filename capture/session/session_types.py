@@ -51,7 +51,7 @@ class Lens:
 
 @dataclass(frozen=True)
 class SphereSpec:
-    """One `[[spheres]]` entry, resolved. `frames`: the ball's own photographs, one for each of `Session.flash`."""
+    """One `[[spheres]]` entry, resolved. `frames`: the ball's own photographs, one for each frame of the session."""
 
     kind: Literal["chrome", "white"]
     diameter_mm: float | None = None
@@ -62,7 +62,7 @@ class SphereSpec:
 
 
 @dataclass(frozen=True)
-class Session:
+class CaptureSession:
     """What a session folder says; every path absolute and there.
 
     Parameters

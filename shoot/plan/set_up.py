@@ -109,20 +109,20 @@ def before_camera(mesh: Mesh, camera: Camera, distance_mm: float | None, seen_fr
     return replace(mesh, vertices=vertices), f"camera {distance_mm:.0f} mm from the object's middle, {told}"
 
 
-class Shown(NamedTuple):
+class ShownObject(NamedTuple):
     """F flashes at P pixels, each sample divided by its flash's intensity."""
 
     vectors: Array  # (F, P, 3) light vectors of intensity 1
     noise: Array  # (F, P) standard deviation, in units of albedo x vector
     seen: NDArray[np.bool_]  # (F, P)
 
-    def only(self, flashes: NDArray) -> "Shown":
+    def only(self, flashes: NDArray) -> "ShownObject":
         """Return some of the flashes."""
-        return Shown(self.vectors[flashes], self.noise[flashes], self.seen[flashes])
+        return ShownObject(self.vectors[flashes], self.noise[flashes], self.seen[flashes])
 
-    def followed_by(self, other: "Shown") -> "Shown":
+    def followed_by(self, other: "ShownObject") -> "ShownObject":
         """Return these flashes and others."""
-        return Shown(
+        return ShownObject(
             np.concatenate([self.vectors, other.vectors]),
             np.concatenate([self.noise, other.noise]),
             np.concatenate([self.seen, other.seen]),
@@ -158,7 +158,7 @@ class ObjectPixels:
         """(P, 3) albedo x normal."""
         return self.albedo[:, None] * self.normals
 
-    def under(self, lights: Lights) -> Shown:
+    def under(self, lights: Lights) -> ShownObject:
         """Return what lights will show.
 
         Notes
@@ -183,7 +183,7 @@ class ObjectPixels:
         variance = np.einsum("c,fpc->fp", GRAY**2 * kept, value[..., None] * neutral / sensor.white_e + read**2)
         noise = np.hypot(np.sqrt(variance) / (white * (GRAY @ neutral)), self.scatter * body)
         seen &= value < 1
-        return Shown(vectors, noise, seen)
+        return ShownObject(vectors, noise, seen)
 
 
 def pixels_of(set_up: SetUp, count: int = PIXELS) -> ObjectPixels:

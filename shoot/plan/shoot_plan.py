@@ -13,7 +13,7 @@ from scene.lights import Lights
 from scene.spheres import Sphere
 from shoot.plan.places import out_of_view, places_in_reach
 from shoot.plan.plan_options import AS_USUAL, PlanOptions
-from shoot.plan.set_up import ObjectPixels, Shown, lights_at
+from shoot.plan.set_up import ObjectPixels, ShownObject, lights_at
 from shoot.plan.under_way import UnderWay
 from solve.design.next_flash import choose_flashes, exchange_flashes, known_before
 from solve.design.normal_information import (
@@ -99,7 +99,7 @@ def joint_covariance(lights: PredictedLights) -> Array:
     return out
 
 
-def predict(pixels: ObjectPixels, shown: Shown, slopes: Array, covariance: Array) -> Predicted:
+def predict(pixels: ObjectPixels, shown: ShownObject, slopes: Array, covariance: Array) -> Predicted:
     """Return the normals' sigma by least squares on the samples that are seen, each with the same weight.
 
     `slopes` (F, P, K), `covariance` (F, K, F, K): see `solve.design.normal_information.lights_covariance`.

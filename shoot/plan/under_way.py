@@ -16,7 +16,7 @@ from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.spheres import Sphere
 from shoot.plan.plan_options import PlanOptions
-from shoot.plan.set_up import PIXELS, ObjectPixels, SetUp, Shown, pixels_of
+from shoot.plan.set_up import PIXELS, ObjectPixels, SetUp, ShownObject, pixels_of
 from solve.samples import GRAY
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ class UnderWay(NamedTuple):
     Parameters
     ----------
     pixels : ObjectPixels
-    shown : Shown
+    shown : ShownObject
         What the flashes so far show of the pixels, as photographed.
     places : (P, 2) int64
         Their (u, v) in the photographs.
@@ -44,7 +44,7 @@ class UnderWay(NamedTuple):
     """
 
     pixels: ObjectPixels
-    shown: Shown
+    shown: ShownObject
     places: NDArray[np.int64]
     lights: Lights
     spheres: list[Sphere]
@@ -155,7 +155,7 @@ def under_way(
 
 def _photographed(
     pixels: ObjectPixels, lights: Lights, samples: Array, clipped: NDArray[np.bool_]
-) -> tuple[ObjectPixels, Shown]:
+) -> tuple[ObjectPixels, ShownObject]:
     """Return the pixels with the scatter that their samples have, and what they show.
 
     Parameters

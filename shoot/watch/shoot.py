@@ -18,7 +18,7 @@ from capture.audit.part_movement import part_warnings, parts_of
 from capture.photographs.kept import KeptStack
 from capture.photographs.photograph import SATURATION
 from capture.session.globs import frame_names
-from capture.session.session_types import Session
+from capture.session.session_types import CaptureSession
 from capture.survey.small_pictures import frames_of
 from scene.errors import CaptureError, SceneError
 from scene.frames import Frames
@@ -104,7 +104,7 @@ class Shoot:
         light = pictures * by_room[:, None, None] - (0 if dim is None else dim)
         paths = tuple(shot.path for shot in self.flash)
         dims = tuple(shot.path for shot in ambient)
-        session = Session(self.folder.name, self.folder, paths, names, tuple(range(len(names))), ambient=dims)
+        session = CaptureSession(self.folder.name, self.folder, paths, names, tuple(range(len(names))), ambient=dims)
         said += [*told, *mixed_settings(session, exif, [shot.exif for shot in ambient]), *gaps_in_numbering(session)]
         if len(names) > 2:
             try:

@@ -10,7 +10,7 @@ from scene.current import file_digest
 from scene.errors import SceneError
 from studio.editor.edits import Place, start_document
 from studio.editor.preview import Drawn, Preview
-from studio.studio_state import History, Job, StudioState
+from studio.studio_state import History, RunningJob, StudioState
 from studio.widgets import code, plain
 from studio.window import Window
 from studio.workspace import MOST_FILES, Listing, Workspace, put_own
@@ -229,14 +229,14 @@ class EditorWindow(Window):
         """Whether there is a dataset to be solved."""
         return self.dataset.is_dir() and not self.is_busy
 
-    def job(self) -> Job:
+    def job(self) -> RunningJob:
         """Render the scene, which is saved first; solving comes first once that is done."""
 
         def words() -> list[str]:
             path = self.save()
             return ["twin", str(path), "--out", str(path.parent / "dataset")]
 
-        return Job("Render dataset", self.dataset, words, is_main=not self.dataset.is_dir())
+        return RunningJob("Render dataset", self.dataset, words, is_main=not self.dataset.is_dir())
 
     def work_ended(self) -> None:
         """Say where the dataset is."""

@@ -123,7 +123,7 @@ def rendered(scene: TwinScene, light: int, stage: str) -> Picture:
     """
     from twin.description.description_check import check_scene
     from twin.engines.engine_choice import choose_engine
-    from twin.engines.layers import Piece, PieceRenderer, standing_light
+    from twin.engines.light_layers import Piece, PieceRenderer, standing_light
 
     if stage == "refined":
         check_scene(scene)

@@ -25,7 +25,7 @@ from shoot.init.prepare import prepare
 from studio.studio_state import History
 
 
-class Look:
+class FolderLook:
     """A folder, and what is found in it once `begin` was called; nobody is asked.
 
     files, out: Of the folder, and its session's output folder.

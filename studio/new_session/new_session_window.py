@@ -14,7 +14,7 @@ from shoot.init.contact_sheet import COLOURS
 from shoot.init.draft import Draft
 from shoot.init.init_session import check_free, write_manifest
 from shoot.init.session_text import session_text
-from studio.new_session.looking import Look
+from studio.new_session.looking import FolderLook
 from studio.photograph.photograph_window import Outlines, PhotographWindow, Shown
 from studio.photograph.plane import Plane
 from studio.studio_state import History
@@ -46,7 +46,7 @@ class NewSessionWindow(PhotographWindow):
         self.open(self.place)
 
     @property
-    def taken(self) -> Look:
+    def taken(self) -> FolderLook:
         """The look at the folder."""
         return self.state.looks[self.place]
 
@@ -155,7 +155,7 @@ class NewSessionWindow(PhotographWindow):
 
     def _let_go(self) -> None:
         """Forget what was found: photographs are hundreds of megabytes."""
-        self.state.looks[self.place] = Look(self.taken.files, self.taken.out)
+        self.state.looks[self.place] = FolderLook(self.taken.files, self.taken.out)
 
     def look_again(self) -> None:
         """Show how far the look is, and once what came of it."""
@@ -194,7 +194,7 @@ class NewSessionWindow(PhotographWindow):
         self.turn()
 
 
-def _strip(look: Look, roles: tuple[str, ...]) -> PictureStrip:
+def _strip(look: FolderLook, roles: tuple[str, ...]) -> PictureStrip:
     """Return the small photographs, each with its use; those that are not used are dim."""
     colours = {"flash": INK, UNUSED: LEFT_OUT}
     labels = [

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from capture.session.manifest import SphereTable
 from capture.session.manifest_file import toml_tables
 from capture.session.requests import hint_scale
-from capture.session.session_types import Session
+from capture.session.session_types import CaptureSession
 from formats.toml_text import toml_text
 from scene.camera import Camera
 from scene.errors import SceneError
@@ -93,7 +93,7 @@ def outlines_of(review: Review) -> Outlines:
     return tuple(found)
 
 
-def tables_of(session: Session, balls: Outlines, camera: Camera) -> list[dict[str, Any]]:
+def tables_of(session: CaptureSession, balls: Outlines, camera: Camera) -> list[dict[str, Any]]:
     """Return `[[spheres]]` tables that say these outlines, in the pixels that the session counts in.
 
     Balls that were shot apart stay as the session has them. Raises SceneError: its balls cannot be said by circles:
@@ -125,7 +125,7 @@ def tables_of(session: Session, balls: Outlines, camera: Camera) -> list[dict[st
     return [one.model_dump(exclude_none=True) for one in tables]
 
 
-def _stated_mm(session: Session | None, sphere: Sphere) -> float | None:
+def _stated_mm(session: CaptureSession | None, sphere: Sphere) -> float | None:
     """Return a found ball's diameter where the session states it; a white ball's may have been guessed."""
     if session is None or sphere.diameter_mm is None:
         return sphere.diameter_mm

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.session.session import load_session
-from capture.session.session_types import Session
+from capture.session.session_types import CaptureSession
 from compare.report.facts import Material, all_warnings, read_optional
 from compare.report.pictures import Exposure, thumbnail
 from lab.session_place import session_of
@@ -188,7 +188,7 @@ def is_kept(store: Store) -> bool:
     return path.is_file() and path.read_text("utf-8-sig", "replace").startswith(HEADLINE)
 
 
-def _session(store: Store, given: Path | None) -> tuple[Session | None, Path | None, str]:
+def _session(store: Store, given: Path | None) -> tuple[CaptureSession | None, Path | None, str]:
     """Return the session, where it lies, and why there is none."""
     try:
         path = given or session_of(store.folder)

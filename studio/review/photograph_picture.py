@@ -30,7 +30,7 @@ CLIPPED, WARNED = (255, 60, 90), (255, 160, 0)
 
 
 @dataclass(frozen=True)
-class Look:
+class PictureLook:
     """How a photograph is shown.
 
     opacity: Of what lies over it; 0 to 1.
@@ -59,7 +59,7 @@ def frame_strip(review: Review) -> PictureStrip | None:
     return PictureStrip.of(pictures, [label(index, name) for index, name in enumerate(frames.names)])
 
 
-def photograph(review: Review, index: int, look: Look) -> Image:
+def photograph(review: Review, index: int, look: PictureLook) -> Image:
     """Return a whole frame with what is laid over it, at most `WIDTH` pixels wide.
 
     While none is decoded it is the session's first one. Raises SceneError: there is none, or what is to lie over it is
@@ -114,7 +114,7 @@ def normals_beside(review: Review, method: str) -> Beside | None:
     return Beside(picture, f"normals of {method}: red right, green up, blue toward you")
 
 
-def twin_beside(review: Review, index: int, look: Look) -> Beside:
+def twin_beside(review: Review, index: int, look: PictureLook) -> Beside:
     """Return the twin's frame in the photograph's tones, and how far the two differ on the object.
 
     The difference is the median over the mask's pixels of abs(photograph - twin), in units of the photograph's median
@@ -227,7 +227,7 @@ def _picture(window: Any) -> Image:
     except SceneError as error:
         # What was to lie over it is not there: the frame as it is.
         window.show_fault(str(error))
-        return photograph(window.review, window.frame, Look(brightness=window.how.brightness))
+        return photograph(window.review, window.frame, PictureLook(brightness=window.how.brightness))
 
 
 def _add(window: Any, name: str, strokes: NDArray[np.float64], colour: Any, width_px: float) -> list[Any]:

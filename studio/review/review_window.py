@@ -17,8 +17,8 @@ from shoot.watch.status import STATUS
 from studio.photograph.photograph_window import PhotographWindow, Shown
 from studio.review.corrections import Corrections, Picks, forget_kept, outlines_of, pose_of, tables_of, write_amended
 from studio.review.folder import STEPS, Review, is_kept
-from studio.review.photograph_picture import Look, normals_beside, shown_of, twin_beside
-from studio.studio_state import Edits, History, Job
+from studio.review.photograph_picture import PictureLook, normals_beside, shown_of, twin_beside
+from studio.studio_state import Edits, History, RunningJob
 from studio.widgets import plain
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ class ReviewWindow(PhotographWindow):
         assert self.state.review is not None
         self.folder, self.session_path = self.state.review
         self._address_of = address_of
-        self.frame, self.how, self.factor, self.method = 0, Look(), 0, ""
+        self.frame, self.how, self.factor, self.method = 0, PictureLook(), 0, ""
         """`factor`: By how much the lights' sigmas are drawn larger; 0: so that they are seen. `method`: Whose normals
         are shown; empty: the first."""
         self.on_scan: Callable[[Array], None] | None = None
@@ -186,7 +186,7 @@ class ReviewWindow(PhotographWindow):
         self.choose(ball=ball)
 
     def look_at(self, **changes: Any) -> None:
-        """Show the photograph in another way; see `Look`."""
+        """Show the photograph in another way; see `PictureLook`."""
         self.choose(how=replace(self.how, **changes))
 
     def read_again(self) -> None:
@@ -261,10 +261,10 @@ class ReviewWindow(PhotographWindow):
         self.state.edits.pop(self.folder, None)
         self.read_again()
 
-    def job(self) -> Job:
+    def job(self) -> RunningJob:
         """Run up to the step of the tab; under Verdict all of them."""
         label = "Run everything" if self.tab == "Verdict" else f"Run up to {self.tab}"
-        return Job(label, self.folder, self._words, is_possible=self.review.session is not None)
+        return RunningJob(label, self.folder, self._words, is_possible=self.review.session is not None)
 
     def _words(self) -> list[str]:
         """Return what runs the steps with what was corrected, which is kept first."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from align.pose.full_resolution import CHECKED, EDGE_BIAS_PX, EDGE_DOUBT_PX, UNMODELLED, FinalEvidence, Observed
+from align.pose.full_resolution import CHECKED, EDGE_BIAS_PX, EDGE_DOUBT_PX, UNMODELLED, FinalEvidence, ObservedObject
 from align.pose.motion import nudge
 from align.pose.outline_edges import EdgePictures
 from scene.rays import RayCaster
@@ -12,7 +12,7 @@ from scene.rays import RayCaster
 @pytest.fixture(scope="module")
 def seen(world):
     pictures = EdgePictures.of(world.photographs)
-    return Observed.of(RayCaster(world.mesh), world.photographs, pictures, count=1500, cells=100)
+    return ObservedObject.of(RayCaster(world.mesh), world.photographs, pictures, count=1500, cells=100)
 
 
 def test_what_can_check_the_shading_bounds_what_it_counts_for(world, seen):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from align.pose.full_resolution import FinalEvidence, Observed
+from align.pose.full_resolution import FinalEvidence, ObservedObject
 from align.pose.motion import nudge
 from align.pose.outline_edges import EdgePictures
 from align.pose.search import compare_poses, pixel_costs
@@ -17,7 +17,7 @@ def evidence_at(world):
     pictures = EdgePictures.of(world.photographs)
 
     def at(pose, mesh=world.mesh):
-        seen = Observed.of(RayCaster(mesh), world.photographs, pictures, count=1500, cells=100)
+        seen = ObservedObject.of(RayCaster(mesh), world.photographs, pictures, count=1500, cells=100)
         return FinalEvidence(seen, pose, 6.0)
 
     return at

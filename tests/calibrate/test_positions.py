@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 
 from calibrate.calibration import Notes
-from calibrate.lights.adjustment import Adjustment, Observed
+from calibrate.lights.adjustment import Adjustment, ObservedSpots
 from calibrate.lights.directions import SURROUNDINGS_DEG, Shading
 from calibrate.lights.light_model import choose_model
 from calibrate.lights.positions import fit_lights
@@ -58,7 +58,7 @@ REFERENCE = CENTERS.mean(0)
 
 
 def _fit(*observed, near):
-    return fit_lights(Observed(*observed), near=near)
+    return fit_lights(ObservedSpots(*observed), near=near)
 
 
 @pytest.mark.full
@@ -145,7 +145,7 @@ def test_one_chrome_ball_and_white_balls_show_where_the_lights_are(scene):
     for sigma_deg in (0.0, *[SURROUNDINGS_DEG * np.sqrt(2)] * 12):
         chrome = (CAMERA, _spheres(1), [0.02**2 * np.eye(3)], highlights[:1], np.full((1, 8), 0.02), REFERENCE)
         notes = Notes()
-        fit = choose_model(Observed(*chrome, shading=_shading(lights, rng, sigma_deg)), notes)
+        fit = choose_model(ObservedSpots(*chrome, shading=_shading(lights, rng, sigma_deg)), notes)
         assert "near lights" in notes.evidence[0]
         off = fit.positions_mm - lights
         if not sigma_deg:
@@ -164,7 +164,7 @@ def test_derivatives(scene, near, exact):
     lights, highlights = scene
     rng = np.random.default_rng(0)
     camera = CAMERA if exact else replace(CAMERA, focal_sigma=0.02, center_sigma_px=10.0)
-    seen = Observed(
+    seen = ObservedSpots(
         camera,
         _spheres(3, rng, 0.1),
         [0.08**2 * np.eye(3)] * 3,
@@ -193,7 +193,7 @@ def _chosen(highlights, spheres, camera=CAMERA, outline_px=0.03):
     noisy = highlights[:count] + 0.02 * rng.normal(size=highlights[:count].shape)
     sigma = np.full(noisy.shape[:2], 0.02)
     outlines = [outline_px**2 * np.eye(3)] * count
-    return choose_model(Observed(camera, spheres, outlines, noisy, sigma, REFERENCE), notes), notes
+    return choose_model(ObservedSpots(camera, spheres, outlines, noisy, sigma, REFERENCE), notes), notes
 
 
 @pytest.mark.full

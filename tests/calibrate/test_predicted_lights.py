@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibrate.lights.adjustment import Observed
+from calibrate.lights.adjustment import ObservedSpots
 from calibrate.lights.directions import mirrored_at
 from calibrate.lights.positions import fit_lights
 from calibrate.lights.predicted_lights import USUAL_BLUR_PX, predict_lights
@@ -63,7 +63,9 @@ def test_the_sigma_is_that_of_the_fit_to_noisy_highlights_and_outlines():
         ]
         noisy = exact + FLOOR_PX * rng.standard_normal(exact.shape)
         covariances = [px**2 * np.eye(3) for px in floor]
-        fit = fit_lights(Observed(CAMERA, drawn, covariances, noisy, np.full((3, 10), FLOOR_PX), REFERENCE), near=True)
+        fit = fit_lights(
+            ObservedSpots(CAMERA, drawn, covariances, noisy, np.full((3, 10), FLOOR_PX), REFERENCE), near=True
+        )
         turns.append(angular_error_deg(fit.directions, unit(POSITIONS - REFERENCE)))
         moves.append(fit.positions_mm - POSITIONS)
     found = np.sqrt(np.mean(np.square(turns)) / 2)

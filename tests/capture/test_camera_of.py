@@ -9,14 +9,14 @@ import pytest
 from capture.camera.board import _camera_of_corners
 from capture.camera.exif import Exif
 from capture.camera.session_camera import camera_of
-from capture.session.session_types import Board, Lens, Session
+from capture.session.session_types import Board, CaptureSession, Lens
 from scene.camera import Camera
 from scene.errors import SessionError
 
 
 @pytest.fixture
 def session(tmp_path):
-    return Session("x", tmp_path, (tmp_path / "a.png",), ("a",), (0,))
+    return CaptureSession("x", tmp_path, (tmp_path / "a.png",), ("a",), (0,))
 
 
 STATED = Camera(1200, 800, 1666.7, 1660.0, 606.8, 394.9, (0.1, 0, 0, 0, 0))

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from capture.session.session_types import Session, SphereSpec
+from capture.session.session_types import CaptureSession, SphereSpec
 from lab.job import Job, Outcome, Step
 from lab.options import Settings
 from lab.plan import STEPS
@@ -85,7 +85,7 @@ def session(folder):
         path.write_text(name)
         return path
 
-    return Session(
+    return CaptureSession(
         "name", folder, (file("f"),), ("f",), (0,), (file("a"),), (file("d"),), (file("t"),), camera=None,
         lights_file=file("light_directions.txt"), mask=file("m"), scan=file("s"), normals=file("n"),
     )  # fmt: skip
@@ -111,7 +111,7 @@ def marks(session, folder):
     return found
 
 
-@pytest.mark.parametrize("name", [field.name for field in fields(Session) if field.name not in NO_INPUT])
+@pytest.mark.parametrize("name", [field.name for field in fields(CaptureSession) if field.name not in NO_INPUT])
 def test_every_word_of_a_session_counts(tmp_path, name):
     """Whatever the user edits in session.toml, some step notices, and with it the last."""
     before = session(tmp_path)

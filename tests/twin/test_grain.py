@@ -16,7 +16,7 @@ from twin.camera.virtual_camera import Sensor, expose, write_dng
 @pytest.mark.parametrize("mosaic", [True, False])
 def test_the_sensors_noise_is_found_again(tmp_path, full_well_e, read_noise_e, mosaic):
     from capture.photographs.decode import decode
-    from capture.session.session_types import Session
+    from capture.session.session_types import CaptureSession
 
     sensor = Sensor(full_well_e=full_well_e, read_noise_e=read_noise_e, blur_px=0.6, neutral=(1.0, 1.0, 1.0))
     rng = np.random.default_rng(10001)
@@ -26,7 +26,7 @@ def test_the_sensors_noise_is_found_again(tmp_path, full_well_e, read_noise_e, m
         path = tmp_path / "a.dng"
         mosaic_ = expose(image, sensor, rng)
         write_dng(path, mosaic_, sensor, exposure_s=0.01, iso=100, aperture=8, focal_mm=50, time=datetime(2000, 1, 1))
-        frames, _ = decode(Session("x", tmp_path, (path,), ("a",), (0,)), Store(tmp_path / "out"))
+        frames, _ = decode(CaptureSession("x", tmp_path, (path,), ("a",), (0,)), Store(tmp_path / "out"))
     else:
         plain = replace(sensor, cfa="none", black_level=0, white_level=65535)
         frames = Frames.from_linear(("a",), expose(image, plain, rng)[None] / np.float32(65535))

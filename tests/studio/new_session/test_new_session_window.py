@@ -11,7 +11,7 @@ from capture.survey.folder_files import survey
 from scene.errors import SceneError
 from shoot.init import init_session
 from shoot.init.draft_notes import notes_of
-from studio.new_session.looking import Look
+from studio.new_session.looking import FolderLook
 from studio.new_session.new_session_rows import NEW_SESSION_ROWS, TABS
 from studio.new_session.new_session_window import NewSessionWindow, role_of, with_role
 from studio.opening import open_path
@@ -41,7 +41,7 @@ def looks(monkeypatch, *answers):
 def window_on(folder, client):
     """Return a window on a folder, or on one that holds several."""
     root = folder.parent
-    looks = {files.folder: Look(files, root / "out" / files.folder.name) for files in survey(folder)}
+    looks = {files.folder: FolderLook(files, root / "out" / files.folder.name) for files in survey(folder)}
     return NewSessionWindow(client, Workspace.at(root), StudioState(looks=looks))
 
 

@@ -21,7 +21,15 @@ from studio.photograph.plane import Plane
 from studio.review import corrections
 from studio.review.corrections import Picks, forget_kept, met, outlines_of, pose_of, tables_of, write_amended
 from studio.review.folder import Review, targets
-from studio.review.photograph_picture import CLIPPED, CLIPPED_COLOUR, WARNED, Look, frame_strip, photograph, twin_beside
+from studio.review.photograph_picture import (
+    CLIPPED,
+    CLIPPED_COLOUR,
+    WARNED,
+    PictureLook,
+    frame_strip,
+    photograph,
+    twin_beside,
+)
 from studio.review.review_window import turned_deg
 from studio.review.spatial_view import covariance_mm2, ellipsoid_of
 from twin.description.light_groups import direction
@@ -71,9 +79,9 @@ def test_each_part_that_is_not_there_is_named_and_no_other(made, file, lacking, 
     if lacking == {"frames"}:
         assert frame_strip(review) is None
         with pytest.raises(SceneError, match="frames"):
-            photograph(review, 0, Look())
+            photograph(review, 0, PictureLook())
     else:
-        assert photograph(review, 0, Look()).shape == (120, 160, 3)
+        assert photograph(review, 0, PictureLook()).shape == (120, 160, 3)
 
 
 def test_the_first_photograph_is_shown_before_any_is_decoded(made, tmp_path):
@@ -81,7 +89,7 @@ def test_the_first_photograph_is_shown_before_any_is_decoded(made, tmp_path):
     picture[:, 40:] = 50_000
     cv2.imwrite(str(made.session / "raw" / "flash_0.png"), picture)
     review = Review(tmp_path / "new", made.session)
-    shown = photograph(review, 0, Look()).astype(int)
+    shown = photograph(review, 0, PictureLook()).astype(int)
     assert shown.shape == (60, 80, 3)
     assert shown[:, 50:].mean() > shown[:, :30].mean() + 20
 
@@ -119,38 +127,38 @@ def test_the_strip_leads_to_the_frame_that_is_seen_there(review, made):
 
 
 def test_clipped_pixels_are_marked_and_no_others(review):
-    marked = (photograph(review, 1, Look()) == CLIPPED_COLOUR).all(-1)
+    marked = (photograph(review, 1, PictureLook()) == CLIPPED_COLOUR).all(-1)
     assert marked[100:110, 60:80].all()
     assert marked.sum() == 200
-    assert not (photograph(review, 1, Look(marks_clipped=False)) == CLIPPED_COLOUR).all(-1).any()
+    assert not (photograph(review, 1, PictureLook(marks_clipped=False)) == CLIPPED_COLOUR).all(-1).any()
 
 
 @pytest.mark.parametrize("overlay", ["mask", "scan, shaded", "scan, normals"])
 def test_what_lies_over_the_photograph_lies_on_the_object_alone(review, made, overlay):
-    plain = photograph(review, 0, Look()).astype(int)
-    opaque = photograph(review, 0, Look(overlay, 1.0)).astype(int)
+    plain = photograph(review, 0, PictureLook()).astype(int)
+    opaque = photograph(review, 0, PictureLook(overlay, 1.0)).astype(int)
     changed = np.abs(opaque - plain).max(-1) > 2
     outline = cv2.dilate(made.mask.astype(np.uint8), np.ones((3, 3))) > 0
     assert not changed[~outline].any()
     if overlay == "scan, shaded":  # It comes out as the photograph itself, as the photograph is its shading.
-        shaded = photograph(review, 0, Look(overlay, 1.0, marks_clipped=False)).astype(float).mean(-1)
+        shaded = photograph(review, 0, PictureLook(overlay, 1.0, marks_clipped=False)).astype(float).mean(-1)
         assert np.corrcoef(plain.mean(-1)[made.mask], shaded[made.mask])[0, 1] > 0.9
     else:
         assert changed[made.mask].mean() > 0.95
     (made.folder / "normals" / "truth.npy").unlink()
     (made.folder / "mask.png").unlink()
     with pytest.raises(SceneError, match="mask: the step" if overlay == "mask" else "scan: the step"):
-        photograph(Review(made.folder, made.session), 0, Look(overlay))
+        photograph(Review(made.folder, made.session), 0, PictureLook(overlay))
 
 
 def test_the_twin_beside_the_photograph(review, made):
     """Made nine tenths as bright: a tenth of each pixel is missing, and that of the median pixel is a tenth of it."""
-    beside = twin_beside(review, 2, Look())
+    beside = twin_beside(review, 2, PictureLook())
     assert beside.image.shape == (120, 160, 3)
     assert float(beside.caption.partition("differs by ")[2].partition("%")[0]) == pytest.approx(10, rel=0.1)
     (made.folder / "twin" / "frames" / "frames.json").unlink()
     with pytest.raises(SceneError, match="twin"):
-        twin_beside(Review(made.folder, made.session), 2, Look())
+        twin_beside(Review(made.folder, made.session), 2, PictureLook())
 
 
 def test_what_changed_is_told_in_degrees(made):
