@@ -23,9 +23,9 @@ SMALLEST_PIECE = 0.01
 def load_scan(path: Path, unit: str, *, ball_diameter_mm: float | None = None) -> Mesh:
     """Read a scan and mend what can be mended; `Mesh.repairs` says what was done.
 
-    Vertices at one place are merged; faces without area, double faces, a table, a calibration ball, pieces below 1 % of
-    the largest one's area and unused vertices are dropped; faces are turned so that neighbours agree, and outward.
-    Holes stay open.
+    Vertices at one place are merged, and those of borders that all but meet; faces without area, double faces, a
+    table, a calibration ball, pieces below 1 % of the largest one's area and unused vertices are dropped; faces are
+    turned so that neighbours agree, and outward. Holes stay open.
 
     Parameters
     ----------

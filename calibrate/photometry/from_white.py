@@ -126,8 +126,9 @@ def _doubt(
     if contradicts if is_near else read.residual > RESIDUAL:
         return [
             f"{name} contradicts the lights: its shading points {apart_deg:.1f} degrees beside them (median), and "
-            f"{misses}. Is it glossy or dirty, another thing that was taken for a ball, or are the frames not linear? "
-            "Then check diameter_mm of every ball, and the camera's focal length."
+            f"{misses}. Does a lamp, or a wall that gives the flash's light back, light it too, is it glossy or dirty, "
+            "another thing that was taken for a ball, or are the frames not linear? Then check diameter_mm of every "
+            "ball, and the camera's focal length."
         ], read
     return [], read
 
@@ -158,7 +159,8 @@ def _much_ambient(light: Photometry, name: str, *, subtracted: bool) -> list[str
         return [
             f"frames.ambient: with the ambient frame taken off, {name} still shows {share:.0%} of the median flash in "
             f"all frames alike (expected under {LEFT_AMBIENT:.0%}): the ambient frame is darker than the room was, at "
-            "another exposure or before a lamp was lit. Shoot it again with the flash frames' settings."
+            "another exposure or before a lamp was lit, or a wall gives the flash's light back. Shoot it again with the "
+            "flash frames' settings, and cover what is near."
         ]
     return []
 

@@ -9,12 +9,43 @@ import numpy as np
 import pytest
 
 from align.pose.picks import misses_px, read_picks
+from scene.camera import Camera
 from scene.errors import AlignError
 from scene.mesh import Mesh
 from solve.solve import solve
 
 REAL = Path(__file__).parents[2] / ".." / "shared" / "real"
 needs_captures = pytest.mark.skipif(not REAL.is_dir(), reason="../shared/real, with captures made by others, is absent")
+
+
+@pytest.mark.parametrize("projection", ["orthographic", "perspective"])
+def test_a_balls_normals_become_a_ball(projection):
+    """Every vertex at one distance from one centre, and that centre seen where the ball was."""
+    from benchmarks.real_surfaces import DISTANCE_MM, integrated
+
+    camera = Camera(80, 70, 1000.0, 1000.0, 38.0, 33.0)
+    middle = np.array([1.0, -2.0, -DISTANCE_MM])
+    if projection == "orthographic":
+        camera = Camera.orthographic(80, 70)
+    radius = 25.0 if camera.is_orthographic else 40.0
+    origins, rays = camera.rays(camera.grid())
+    along = np.sum((middle - origins) * rays, -1)
+    square = radius**2 - np.sum((origins + along[..., None] * rays - middle) ** 2, -1)
+    # Its limb is left out: what is steep there has no depth.
+    mask = square > (0.3 * radius) ** 2
+    points = origins + (along - np.sqrt(np.maximum(square, 0)))[..., None] * rays
+    normals = np.where(mask[..., None], (points - middle) / radius, np.nan)
+    mesh = integrated(normals, mask, camera)
+    system = np.column_stack([2 * mesh.vertices, np.ones(len(mesh.vertices))])
+    fitted = np.linalg.lstsq(system, np.sum(mesh.vertices**2, 1), rcond=None)[0]
+    away = np.linalg.norm(mesh.vertices - fitted[:3], axis=1)
+    # Perspective: normals tell no scale, so centre and radius share one factor.
+    scale = 1.0 if camera.is_orthographic else fitted[2] / middle[2]
+    assert scale == pytest.approx(1, abs=0.05)
+    np.testing.assert_allclose(fitted[:2], scale * middle[:2], atol=0.05)
+    np.testing.assert_allclose(away, scale * radius, rtol=0.01)
+    toward = np.einsum("tk,tk->t", mesh.face_normals, mesh.vertices[mesh.faces[:, 0]] - fitted[:3])
+    assert toward.min() > 0
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +94,18 @@ def table_top():
     from benchmarks.real_surfaces import ycb_objects
 
     return ycb_objects()
+
+
+@needs_captures
+def test_ycb_poses_are_in_this_projects_frame(table_top):
+    """The set's README: scan points fall inside their label to 0.94-0.99, 0.74 where occluded; pixels from its maps."""
+    assert len(table_top) == 3
+    for made, share in zip(table_top, (0.97, 0.72, 0.97), strict=True):
+        assert made.camera.project(made.pose.apply(made.seen))[made.label] == pytest.approx(
+            made.camera.grid()[made.label], abs=0.02
+        )
+        u, v = np.round(made.camera.project(made.pose.apply(made.points))).astype(int).T
+        assert made.label[v, u].mean() > share
 
 
 @needs_captures

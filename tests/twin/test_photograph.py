@@ -164,7 +164,7 @@ polar_deg = 40
     [
         ("", "gain = 3", "camera.sensor.gain: unknown key"),
         ("", "vignetting = [-2, 0, 0]", "leaves no light"),
-        ("", "black_level = 600\nwhite_level = 500", "black level 600"),
+        ("", "black_level = 600\nwhite_level = 500", "black_level 600"),
         ("", "read_noise_e = -1", "read_noise_e: found -1"),
         ("", "neutral = [0, 1, 1]", "neutral\\[0\\]: found 0"),
         ("", 'cfa = "RGBW"', "cfa: found 'RGBW'; expected 'RGGB'"),
