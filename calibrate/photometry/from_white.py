@@ -159,8 +159,8 @@ def _much_ambient(light: Photometry, name: str, *, subtracted: bool) -> list[str
         return [
             f"frames.ambient: with the ambient frame taken off, {name} still shows {share:.0%} of the median flash in "
             f"all frames alike (expected under {LEFT_AMBIENT:.0%}): the ambient frame is darker than the room was, at "
-            "another exposure or before a lamp was lit, or a wall gives the flash's light back. Shoot it again with the "
-            "flash frames' settings, and cover what is near."
+            "another exposure or before a lamp was lit, or a wall gives the flash's light back. Shoot it again with "
+            "the flash frames' settings, and cover what is near."
         ]
     return []
 
