@@ -107,7 +107,7 @@ def measure_spot(
     A clipped plateau has the same centre as the disc that it cuts off; a large one is taken at 0.7, above the lens's
     glow. From there `fit_disc`; where it fails the centroid is taken, with its larger sigma. Scratches throw streaks of
     glare beside a clipped flash, and both are drawn along: where the largest disc that the region holds lies elsewhere,
-    its centre is taken, for a streak is thin. Of a mosaic green is looked at, where it was measured.
+    its centre is taken, for a streak is thin.
     """
     half = int(max(WINDOW_PX, np.ceil(WINDOW_SHARE * sphere.radius_px), 3 * factor))
     u, v = np.round(near).astype(int)
@@ -117,6 +117,7 @@ def measure_spot(
         colours = frames.read(rows, [f], columns=columns)[0]
         if min(colours.shape[:2]) < 5:
             return None
+        # Of a mosaic green is the densest.
         image = colours[..., 1] if frames.is_mosaic else gray(colours)
         white = frames.read(rows, [f], columns=columns, subtract_ambient=False)[0]
         white = white >= frames.saturation * frames.gain[f]
@@ -142,17 +143,22 @@ def measure_spot(
     weight = np.where(region, np.minimum(image, max(peak, level)) - level, 0) + 1e-12 * region
     ys, xs = np.mgrid[top : top + image.shape[0], left : left + image.shape[1]]
     center = np.array([np.sum(weight * xs), np.sum(weight * ys)]) / weight.sum()
+    near_by = np.hypot(xs - center[0], ys - center[1]) < 2 * size + 3
     inner = float(np.sqrt(np.sum(region & (image > floor + INNER * (peak - floor))) / np.pi))
     # Between a disc's radius and a blurred point's deviation.
     extent = float(np.sqrt(size * inner))
     vague = Spot(center, CENTROID_PX + CENTROID_SHARE * size, extent)
     if not fitted:
         return vague
-    use = np.hypot(xs - center[0], ys - center[1]) < 2 * size + 3
-    if frames.is_mosaic:
-        use &= measured_green(image, xs + ys)
-    pixels, values = np.stack([xs[use], ys[use]], -1).astype(float), (image[use].astype(float) - floor) / (peak - floor)
-    fit = fit_disc(camera, sphere, Patch(pixels, values, clipped[use]), center, radius_px=size, skirt_px=size - inner)
+    patch = _patch(colours, white, (xs, ys), (y, x), near_by) if frames.is_mosaic else None
+    if patch is None:
+        patch = Patch(
+            np.stack([xs[near_by], ys[near_by]], -1).astype(float),
+            (image[near_by].astype(float) - floor) / (peak - floor),
+            clipped[near_by],
+            *np.zeros((2, np.count_nonzero(near_by)), bool),
+        )
+    fit = fit_disc(camera, sphere, patch, center, radius_px=size, skirt_px=size - inner)
     spot = vague if fit is None else Spot(*fit, extent)
     if not glows:
         return spot
@@ -162,22 +168,53 @@ def measure_spot(
     return Spot(core, max(spot.sigma_px, CORE_SHARE * size), extent, glare=True)
 
 
-def measured_green(green: NDArray, diagonal: NDArray) -> NDArray[np.bool_]:
-    """Return where (h, w) a mosaic's green was measured: elsewhere it is the mean of its four neighbours.
-
-    `diagonal` (h, w): row + column, whose parity tells. All of it where no mosaic shows.
-    """
-    cross = (green[:-2, 1:-1] + green[2:, 1:-1] + green[1:-1, :-2] + green[1:-1, 2:]) / 4
-    off, odd = np.abs(green[1:-1, 1:-1] - cross), diagonal[1:-1, 1:-1] % 2 > 0
-    even_off, odd_off = float(off[~odd].mean()), float(off[odd].mean())
-    if min(even_off, odd_off) > MOSAIC * max(even_off, odd_off):
-        return np.ones(green.shape, bool)
-    return (diagonal % 2 > 0) == (odd_off > even_off)
-
-
 def _core(region: NDArray[np.bool_]) -> Array:
     """Return the centre (2,) of the largest disc that a region (h, w) holds."""
     depth = cv2.distanceTransform(np.pad(region, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
     y, x = np.nonzero(depth > CORE_DEPTH * depth.max())
     weight = depth[y, x]
     return np.array([np.average(x, weights=weight), np.average(y, weights=weight)])
+
+
+def _patch(
+    colours: NDArray, white: NDArray[np.bool_], grid: tuple[NDArray, NDArray], peak: tuple, near_by: NDArray[np.bool_]
+) -> Patch | None:
+    """Return the samples that a mosaic's sensor took, each colour from 0 around the spot to 1 at its peak."""
+    sites = _sites(colours, *grid)
+    if sites is None:
+        return None
+    border = np.ones(colours.shape[:2], bool)
+    border[1:-1, 1:-1] = False
+    floor = np.median(colours[border], axis=0)
+    height = cv2.GaussianBlur(colours, (0, 0), SMOOTH_PX)[peak] - floor
+    if min(height) <= 0:
+        return None
+    use = near_by & (sites >= 0)
+    own = np.maximum(sites[use], 0)
+    values = (np.take_along_axis(colours[use], own[:, None], 1)[:, 0] - floor[own]) / height[own]
+    clipped = np.take_along_axis(white[use], own[:, None], 1)[:, 0]
+    pixels = np.stack([axis[use] for axis in grid], -1).astype(float)
+    return Patch(pixels, values.astype(float), clipped, own == 0, own == 2)
+
+
+def _sites(colours: NDArray, xs: NDArray, ys: NDArray) -> NDArray[np.intp] | None:
+    """Return which colour (h, w) each pixel's sensor saw, -1 where that is not clear; None if no mosaic shows.
+
+    Told by the pixels themselves: an interpolated green is the mean of its four neighbours, a red one at a blue
+    sample's place the mean of the four at its corners.
+    """
+    inside = (slice(1, -1), slice(1, -1))
+    parity = (xs + ys) % 2
+    green, red = colours[..., 1], colours[..., 0]
+    cross = (green[:-2, 1:-1] + green[2:, 1:-1] + green[1:-1, :-2] + green[1:-1, 2:]) / 4
+    off = [float(np.mean(np.abs(green[inside] - cross)[parity[inside] == p])) for p in (0, 1)]
+    if min(off) > MOSAIC * max(off):
+        return None
+    own = int(np.argmax(off))
+    sites = np.where(parity == own, 1, -1)
+    corners = (red[:-2, :-2] + red[2:, 2:] + red[2:, :-2] + red[:-2, 2:]) / 4
+    other = parity[inside] != own
+    off = [float(np.mean(np.abs(red[inside] - corners)[other & (ys[inside] % 2 == p)])) for p in (0, 1)]
+    if min(off) < MOSAIC * max(off):
+        sites[sites < 0] = np.where(ys[sites < 0] % 2 == int(np.argmax(off)), 0, 2)
+    return sites

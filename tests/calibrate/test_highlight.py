@@ -6,7 +6,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from calibrate.detection.coarse import shrink
-from calibrate.lights.highlight import find_spots, measured_green
+from calibrate.lights.highlight import _sites, find_spots
 from calibrate.lights.reflected_disc import _image
 from scene.camera import Camera
 from scene.frames import PEDESTAL, WHITE, Frames
@@ -83,12 +83,16 @@ def test_a_mosaic_is_read_at_its_own_samples(brightness):
 
 
 @pytest.mark.parametrize("left", [0, 1])
-def test_the_mosaic_shows_in_its_pixels(left):
-    """Whatever the first pixel of a crop is."""
-    frame = _frames(PLACES, 3.0, 0.8, mosaic=True).frame(0)[40:100, 40 + left : 100 + left, 1]
-    row, column = np.mgrid[0:60, left : left + 60]
-    np.testing.assert_array_equal(measured_green(frame, np.sum(np.mgrid[7:67, 4:64], 0)), (row + column) % 2 > 0)
-    assert measured_green(_frames(PLACES, 3.0, 0.8).frame(0)[40:100, 40:100, 1], row + column).all()
+@pytest.mark.parametrize("top", [0, 1])
+def test_the_mosaic_shows_in_its_pixels(left, top):
+    """Whatever the first pixel of a crop is: RGGB, GRBG, GBRG, BGGR."""
+    frame = _frames(PLACES, 3.0, 0.8, mosaic=True).frame(0)[40 + top : 100 + top, 40 + left : 100 + left]
+    ys, xs = np.mgrid[7:67, 4:64]
+    row, column = np.mgrid[top : top + 60, left : left + 60] % 2
+    sites = _sites(frame, xs, ys)
+    assert sites is not None
+    np.testing.assert_array_equal(sites[1:-1, 1:-1], (row + column)[1:-1, 1:-1])
+    assert _sites(_frames(PLACES, 3.0, 0.8).frame(0)[40:100, 40:100], xs, ys) is None
 
 
 def test_a_frame_without_flash_has_no_highlight():
@@ -102,11 +106,14 @@ def test_a_frame_without_flash_has_no_highlight():
 def test_derivatives_of_the_model():
     rng = np.random.default_rng(1)
     offset, bend = rng.uniform(-6, 6, (50, 2)), 0.1 * rng.normal(size=(50, 2))
-    x = np.array([0.3, -0.2, 1.2, 0.9, 0.7, 0.2, 0.3, 0.05, 0.01, -0.02, 0.4])
-    image, slopes = _image(x, offset, bend)
+    x = np.array([0.3, -0.2, 1.2, 0.9, 0.7, 0.2, 0.3, 0.05, 0.01, -0.02, 0.4, -0.3, 0.2])
+    colours = np.eye(3)[:2][:, rng.integers(0, 3, 50)]
+    image, slopes = _image(x, offset, bend, colours)
     assert np.isfinite(image).all()
-    for i, step in enumerate(1e-6 * np.eye(len(x))):
-        difference = (_image(x + step, offset, bend)[0] - _image(x - step, offset, bend)[0]) / 2e-6
+    for i in range(len(x)):
+        step = 1e-6 * np.eye(len(x))[i]
+        ends = [_image(y, offset, bend, colours)[0] for y in (x + step, x - step)]
+        difference = (ends[0] - ends[1]) / 2e-6
         np.testing.assert_allclose(slopes[:, i], difference, atol=2e-7, rtol=1e-5)
 
 
