@@ -141,7 +141,7 @@ def solve(
 
     if mesh:
         check_name(mesh)
-    _run(json, session, "solve", out=out, said=said, scheduler=scheduler)
+    _run(json, session, "solve", out=out, said=said, scheduler=scheduler, written=mesh)
     if mesh:
         write_surface(session, out, mesh)
 

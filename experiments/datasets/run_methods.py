@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments.datasets.shelf import Entry, contents_of, entries, select
 from experiments.tables import DATASETS, Row, Rows, errors_of
-from lab.options import BY_DEFAULT, DEFAULT_PROFILE, Solving
+from lab.options import BY_DEFAULT, DEFAULT_PROFILE, TIMEOUT_S, Solving
 from lab.progress import say
 from lab.run_log import logged
 from scene.current import code_fingerprint, fingerprint
@@ -34,7 +34,11 @@ def run(shelf: Path, patterns: Sequence[str], *, solving: Solving = BY_DEFAULT, 
     and index.html; results/ keeps each result, work/ what programs said. SceneError: no such dataset, method or
     program; a dataset that has changed.
     """
-    solving = replace(solving, profile=solving.profile or DEFAULT_PROFILE)
+    # What an earlier run was told is not kept.
+    solving = replace(
+        solving, profile=solving.profile or DEFAULT_PROFILE, external=solving.external or (),
+        external_timeout_s=solving.external_timeout_s or TIMEOUT_S, trust=None,
+    )  # fmt: skip
     programs = solving.programs()
     names = [*solving.methods(), *programs]
     there, rows, shown, code = _wanted(shelf, patterns), [], {}, code_fingerprint("experiments")

@@ -175,7 +175,10 @@ def plan_shoot(
     errors = [one.error_deg for one in predicted if one]
     reached, rests = enough(errors, options.accuracy_deg, len(order) - len(errors) + 1)
     if reached is not None and n < reached < len(order):
-        return plan_shoot(pixels, spheres, replace(options, flashes=reached), so_far=so_far)
+        # Chosen for that many; the first of more are nearly as good, and known to suffice.
+        fewer = plan_shoot(pixels, spheres, replace(options, flashes=reached), so_far=so_far)
+        if fewer.stop_after is not None:
+            return fewer
     order = order[:reached]
     lights = replace(lights_at(positions[order], middle), direction_sigma_deg=known_lights(order).direction_sigma_deg)
     return ShootPlan(pixels, list(spheres), options, lights, predicted[: len(order)], n, reached, rests)

@@ -190,7 +190,9 @@ def _draft_of(folder: Path, shoot: Shoot, asking: Asking, taken: Taken) -> Draft
     frames = {shot.digest for shot in (*flash, *ambient)}
     left_out = {taken.shots[digest].path: text for digest, text in shoot.left_out.items() if digest not in frames}
     notes = (*(f"{path.name}: {text}" for path, text in left_out.items()), *taken.unreadable)
-    files, counted = sorted_files(files_below(folder), folder), {shot.path for shot in taken.shots.values()}
+    counted = {shot.path for shot in taken.shots.values()}
+    # Files that were never read must have no say in which of two kinds is kept.
+    files = sorted_files([path for path in files_below(folder) if kind_of(path) is None or path in counted], folder)
     counted -= left_out.keys()
     named = {role: [path for path in some if path in counted] for role, some in files.photographs.items()}
     files = replace(files, photographs=named)

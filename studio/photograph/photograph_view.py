@@ -127,7 +127,7 @@ class PhotographView:
 
     def _add_outlines(self, shown: Shown) -> list[Any]:
         window, plane, camera, handles = self._window, shown.plane, shown.camera, []
-        for index, (ball, colour) in enumerate(zip(window.outlines, shown.colours, strict=True)):
+        for index, (ball, colour) in enumerate(zip(window.outlines, shown.colours, strict=False)):
             if colour is None or camera is None:
                 continue
             line = closed(plane.place(sphere_of(ball).outline(camera, 180), lift=0.002))

@@ -230,3 +230,13 @@ def test_a_ball_of_the_other_kind_is_named(small):
         assert told
         assert f"said to be {other}" in told
         assert f"If it is {sphere.kind}" in told
+
+
+@pytest.mark.full
+def test_a_focal_length_a_tenth_wrong_bends_the_lights_no_further_than_stated(shot, frames):
+    world = shot[0]
+    camera = replace(world.camera, fx=1.1 * world.camera.fx, fy=1.1 * world.camera.fy)
+    found = calibrate(frames, camera, _asked(world))
+    angle, off = _errors(world, found, camera)
+    assert (angle < 3 * found.lights.direction_sigma_deg).all()
+    assert off.max() < 0.02

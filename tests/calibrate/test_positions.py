@@ -252,3 +252,16 @@ def test_distant_lights_need_no_ranges(scene):
     assert angular_error_deg(distant.directions, directions).max() < 0.6
     # The smaller model must win by BIC.
     assert distant.chi2_all - near.chi2_all < (near.unknowns - distant.unknowns) * np.log(near.observations) + 10
+
+
+@pytest.mark.parametrize("wrong", EACH_OF_THREE)
+def test_an_outline_that_hides_among_good_highlights_is_named(scene, wrong):
+    """Small balls, whose outlines are known to a hundredth: all misses together are what is expected of so many."""
+    lights, highlights = scene
+    spheres = _spheres(3)
+    spheres[wrong] = replace(spheres[wrong], radius_px=spheres[wrong].radius_px - 6.0)
+    fit, notes = _chosen(highlights, spheres, outline_px=0.5)
+    (warning,) = notes.warnings
+    assert f"chrome ball {wrong + 1}'s outline is" in warning
+    assert float(warning.split("miss by ")[1].split()[0]) > 2.5, "a number that contradicts the words"
+    assert angular_error_deg(fit.directions, unit(lights - fit.reference)).max() < 0.5

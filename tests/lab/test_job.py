@@ -129,3 +129,11 @@ def test_the_scan_is_loaded_with_its_unit_and_its_ball(tmp_path):
     assert np.ptp(Job(known, Record(tmp_path)).load_scan().vertices, axis=0) == pytest.approx([76.2, 50.8, 25.4])
     with pytest.raises(AlignError, match="expects one ball"):
         Job(replace(known, scan_ball_diameter_mm=38.0), Record(tmp_path)).load_scan()
+
+
+@pytest.mark.parametrize("name", ["f", "a", "d", "t", "light_directions.txt", "light_intensities.txt", "m", "s", "n"])
+def test_every_file_of_a_session_counts(tmp_path, name):
+    before = session(tmp_path)
+    plain = marks(before, tmp_path)
+    Path(tmp_path / name).write_text("something else")
+    assert marks(before, tmp_path)["compare"] != plain["compare"]

@@ -15,7 +15,7 @@ from lab.plan import STEPS
 from lab.run import run_session, session_and_out
 from scene.errors import SceneError
 from scene.files import write_text
-from scene.output_folder import open_record
+from scene.output_folder import open_record, read_record
 
 KEPT = {"check": "frames", "calibrate": "lights", "align": "mask", "trust": "trust", "compare": "report"}
 
@@ -205,3 +205,56 @@ def test_links_are_never_written_through(tmp_path):
         with pytest.raises(SceneError, match=r"is a link|rgbn did not make it"), open_record(out):
             pass
         assert (mine / "file" if mine.is_dir() else mine).read_text() == "mine"
+
+
+def test_a_copy_of_a_session_is_another_and_a_moved_one_is_the_same(quick):
+    may = photographed(quick / "may" / "vase", "may")
+    run_session(may, "solve")
+    before = results(Path("out/vase"))
+    copy = Path(shutil.copytree(may, quick / "copy" / "vase"))
+    run_session(copy, "check")
+    assert results(Path("out/vase")) == before
+    assert set(results(Path("out/vase-2"))) == {"frames"}
+    moved = Path(shutil.move(may, quick / "archive"))
+    run_session(moved, "align")
+    assert results(Path("out/vase")) == before
+    # Another one in the place of the first.
+    other = photographed(quick / "may" / "vase", "other")
+    run_session(other, "check")
+    assert results(Path("out/vase")) == before
+    assert results(Path("out/vase-3"))["frames"] == "check of other 0, None"
+    with pytest.raises(SceneError, match="it holds the results of the session"):
+        run_session(other, "check", out=Path("out/vase"))
+
+
+def test_a_setting_that_is_refused_changes_nothing(quick):
+    may, out = photographed(quick / "may", "may"), Path("out/vase")
+    run_session(may, "solve", said=Solving("position"))
+    before = results(out), read_record(out).notes
+    for wrong in (Solving("nothing"), Solving(external=("no command",)), Solving(profile="sead")):
+        with pytest.raises(SceneError):
+            run_session(out, "solve", said=wrong)
+        assert (results(out), read_record(out).notes) == before
+
+
+def test_copies_by_hard_links_do_not_share_their_record(tmp_path):
+    """`cp -al`: each goes on, and what one does is not known to the other."""
+    first, second = tmp_path / "first", tmp_path / "second"
+    with open_record(first) as record, record.making("work", "1"):
+        write_text(first / "a", "made")
+    shutil.copytree(first, second, copy_function=os.link)
+    for folder in (first, second, first):
+        for mark in "23":
+            with open_record(folder) as record, record.making("work", mark):
+                write_text(folder / "a", f"{folder.name} {mark}")
+        with open_record(folder) as record:
+            assert record.is_current("work", "3")
+    assert ((first / "a").read_text(), (second / "a").read_text()) == ("first 3", "second 3")
+    # A copy that is made while a run is at work.
+    with open_record(first) as record, record.making("work", "4"):
+        write_text(first / "a", "begun")
+        shutil.copytree(first, tmp_path / "third", copy_function=os.link)
+        write_text(first / "b", "done")
+    for folder in (first, tmp_path / "third"):
+        with open_record(folder) as record, record.making("work", "5"):
+            write_text(folder / "a", "again")

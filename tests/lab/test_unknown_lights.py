@@ -113,3 +113,11 @@ def test_which_methods_run_under_which_lights(model, asked, expected):
             _ = job.methods
     else:
         assert job.methods == expected
+
+
+def test_lights_that_are_known_in_part_are_a_fault_of_the_file(tmp_path):
+    data = {"frames": [{"name": "a", "direction": [0, 0, 1], "intensity": [1, 1, 1]},
+                       {"name": "b", "direction": None, "intensity": [1, 1, 1]}]}  # fmt: skip
+    (tmp_path / "lights.json").write_text(json.dumps(data))
+    with pytest.raises(SceneError, match="directions"):
+        Store(tmp_path).load_lights()

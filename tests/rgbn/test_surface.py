@@ -1,6 +1,7 @@
 """`rgbn solve --mesh`: whose surface is written, where it lies, and that nothing is solved twice for it."""
 
 import json
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -103,3 +104,33 @@ def test_another_ending_is_refused_before_the_work(near_session, tmp_path, name,
     assert words in run.stderr
     assert "Traceback" not in run.stderr
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.full
+def test_another_program_runs_once_for_its_mesh(near_session, tmp_path):
+    """It counts its own calls, beside what it is told: a second solve would show."""
+    np.save(tmp_path / "normals.npy", np.where(ball()[0][..., None], ball()[1], 0))
+    (tmp_path / "count.py").write_text(
+        "import json, sys\nfrom pathlib import Path\nimport cv2, numpy as np\n"
+        "data, out, here = map(Path, sys.argv[1:])\n"
+        "with open(here / 'calls.txt', 'a') as file:\n    file.write('called\\n')\n"
+        "normals, mask = np.load(here / 'normals.npy'), cv2.imread(str(data / 'mask.png'), 0) > 0\n"
+        "known = np.linalg.norm(normals, axis=-1) > 0.5\n"
+        "whole = np.zeros((*mask.shape, 3))\nwhole[mask] = normals[known]\nnp.save(out / 'normals.npy', whole)\n"
+    )
+    program = f"{shlex.quote(sys.executable)} {tmp_path / 'count.py'} {{data}} {{out}} {tmp_path}"
+    words = ("--method", "ls", "--external", f"Counting={program}")
+    for mesh in ("first.ply", "second.ply"):
+        run = solve(near_session, tmp_path / "out", *words, "--mesh", tmp_path / mesh)
+        assert run.returncode == 0, run.stderr
+        assert (tmp_path / mesh).exists()
+    assert (tmp_path / "calls.txt").read_text().split() == ["called"]
+
+
+def test_a_mesh_of_anothers_is_refused_before_the_work(near_session, tmp_path):
+    (tmp_path / "ball.ply").write_text("mine")
+    run = solve(near_session, tmp_path / "out", "--mesh", tmp_path / "ball.ply")
+    assert run.returncode == 2
+    assert "rgbn did not write it" in run.stderr
+    assert (tmp_path / "ball.ply").read_text() == "mine"
+    assert not (tmp_path / "out" / "lights.json").exists(), "no step ran"

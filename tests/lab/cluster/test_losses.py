@@ -96,3 +96,12 @@ def test_a_unit_that_fails_or_is_cancelled_costs_the_others_nothing_but_a_silent
         with pytest.raises(ClusterError, match="the scheduler was lost"):
             executor.submit(len, "a")
     assert not list(tmp_path.glob(".cluster*"))
+
+
+@pytest.mark.full
+def test_a_worker_that_falls_silent_before_it_is_asked(cluster, monkeypatch, tmp_path):
+    monkeypatch.setattr("lab.cluster.SILENCE_S", 2)
+    cluster.start_scheduler()
+    cluster.start_worker().send_signal(signal.SIGSTOP)
+    with pytest.raises(ClusterError, match="a worker did not answer for 2 s"), executor_of(cluster.address, tmp_path):
+        pass

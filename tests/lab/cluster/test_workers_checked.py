@@ -1,6 +1,7 @@
 """No worker works that would give something else: one of other code, of other libraries, or that sees other files."""
 
 import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,8 @@ from lab.cluster_unit import refuse
 from scene.current import code_fingerprint, libraries
 from scene.errors import ClusterError
 from scene.rooms import ROOMS, ROOT
+
+ALONE = ["unshare", "--map-root-user", "--mount"]
 
 SLOW = """
 def slow(count):
@@ -83,3 +86,33 @@ def test_a_worker_that_would_give_something_else_is_refused(tmp_path, other, tol
     refuse(run | {"id": f"fit {told}"})
     with pytest.raises(ClusterError, match=f"would not do as this computer does: .*{told}.*start it again"):
         refuse(run | other)
+
+
+@pytest.mark.full
+def test_a_worker_whose_code_was_changed_after_it_had_loaded_it_is_refused(
+    session, cluster, other_house, refused, finish, tmp_path
+):
+    """Its files are the expected ones again, but what it has loaded is not."""
+    cluster.start_scheduler()
+    cluster.start_worker(house=other_house)
+    refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "is another")
+    shutil.copy(ROOT / "capture" / "photographs" / "develop.py", other_house / "capture" / "photographs" / "develop.py")
+    refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "is another", "start it again")
+
+
+@pytest.mark.full
+def test_a_worker_that_sees_other_photographs_of_the_same_names_and_sizes_is_refused(
+    session, cluster, refused, tmp_path
+):
+    """A copy of another day on the worker's own disk; RAW files of one camera are all of one size."""
+    if subprocess.run([*ALONE, "true"], capture_output=True).returncode:
+        pytest.skip("no file systems of their own for processes here")
+    other = Path(shutil.copytree(session[0], tmp_path / "of another day"))
+    changed = other / "flash_03.png"
+    content = bytearray(changed.read_bytes())
+    content[len(content) // 2] ^= 1
+    changed.write_bytes(content)
+    cluster.start_scheduler()
+    cluster.start_worker()
+    cluster.start_worker(first=[*ALONE, "sh", "-c", f'mount --bind "{other}" "{session[0]}" && exec "$@"', "sh"])
+    refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "sees another file as", "flash_03.png")

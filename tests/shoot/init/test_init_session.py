@@ -9,13 +9,31 @@ import pytest
 
 from capture.session.session import load_session
 from capture.session.session_types import Lens
+from lab.run import run_session
 from scene.errors import SceneError, SessionError
 from scene.files import write_png
+from scene.normals import angular_error_deg
 from scene.rooms import ROOT
+from scene.store import Store
 from shoot.init.answers import Answers
 from shoot.init.init_session import init_sessions
 
+SIZES = {"chrome": (100.0,), "white": (90.0,)}
+
 FIXTURE = ROOT / "fixtures" / "bumpy"
+
+
+@pytest.fixture
+def shared():
+    """Return a path under the shared captures, or skip where they are absent."""
+
+    def at(name):
+        path = ROOT / ".." / "shared" / name
+        if not path.exists():
+            pytest.skip(f"../shared/{name} is absent")
+        return path
+
+    return at
 
 
 @pytest.fixture
@@ -154,3 +172,54 @@ def test_what_is_refused(tmp_path, names, words):
     with pytest.raises(SessionError, match=words):
         init_sessions(tmp_path, Answers(), silent=True)
     assert lay_out(tmp_path) == before
+
+
+@pytest.mark.full
+@pytest.mark.slow
+def test_lights_without_a_word_about_the_camera(folder, tmp_path, monkeypatch):
+    """EXIF taken away: the balls tell the focal length; that the principal point is 16 px off the middle stays."""
+    monkeypatch.setattr(
+        "capture.camera.exif._exif_of_tags", lambda tags: __import__("capture.camera.exif").camera.exif.Exif()
+    )
+    init_sessions(folder, Answers(**SIZES), silent=True)
+    run_session(folder, "calibrate", out=tmp_path / "unknown")
+    run_session(FIXTURE, "calibrate", out=tmp_path / "known")
+    unknown, known = Store(tmp_path / "unknown"), Store(tmp_path / "known")
+    camera, true = unknown.load_camera(), known.load_camera()
+    assert camera.source == "balls"
+    assert abs(np.log(camera.fx / true.fx)) < 3 * camera.focal_sigma < 0.3
+    lights, right = unknown.load_lights(), known.load_lights()
+    assert lights.model == "near"
+    off = angular_error_deg(lights.directions, right.directions)
+    assert np.median(off) < np.rad2deg(16 / true.fx) + np.median(lights.direction_sigma_deg)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("place", ["psdata_pig/LightProbe-2", "uw_psm/png"])
+def test_photographs_that_others_took(shared, tmp_path, monkeypatch, place):
+    """A room-lit frame among the flashes hid a ball of 487 px and left one of 8; seven objects have a folder each."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(shared(f"real/{place}"), tmp_path / "theirs", ignore=shutil.ignore_patterns("*.txt"))
+    made = init_sessions(tmp_path / "theirs", Answers(), silent=True)
+    if place == "uw_psm/png":
+        assert [one.draft.folder.name for one in made] == ["buddha", "cat", "horse", "owl", "rock"]
+        assert all(len(load_session(one.draft.folder).spheres) == 2 for one in made)
+    else:
+        (ball,) = made[0].draft.found
+        assert (ball.kind, ball.radius_px) == ("chrome", pytest.approx(487, rel=0.03))
+        assert any("ref.JPG is brighter" in note for note in made[0].draft.notes)
+
+
+@pytest.mark.full
+@pytest.mark.slow
+def test_somebody_elses_session_without_its_session_toml(shared, tmp_path, monkeypatch):
+    """What init finds is what the session's own file says."""
+    source = shared("sessions/bunny")
+    monkeypatch.chdir(tmp_path)
+    for part in ("raw", "scan"):
+        shutil.copytree(source / part, tmp_path / "bunny" / part)
+    answers = Answers(chrome=(76.0,), white=(70.0,), focal_mm=50.0, sensor_mm=36.0)
+    init_sessions(tmp_path / "bunny", answers, silent=True)
+    ours = load_session(tmp_path / "bunny")
+    assert balls(ours) == balls(load_session(source))
+    assert (ours.scan_unit, len(ours.flash), len(ours.ambient)) == ("mm", 12, 1)

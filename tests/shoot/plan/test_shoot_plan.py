@@ -97,10 +97,13 @@ def test_a_plan_beats_the_even_dome_and_ends_where_the_accuracy_is_reached(pixel
     assert plan.predicted[-1].sigma_deg.mean() < even.sigma_deg.mean()
     assert len(plan.lights) == 8
     assert plan.stop_after is None
-    wanted = 1.05 * plan.predicted[-1].error_deg
-    short = planned(pixels, spheres, 12, accuracy_deg=wanted)
-    assert len(short.lights) == short.stop_after == len(short.predicted) <= 8
-    assert short.predicted[-1].error_deg <= wanted
+    longer = planned(pixels, spheres, 12)
+    for count in (6, 7, 9):
+        # Just what the first of more reach: flashes that are chosen for so many may be a little worse.
+        wanted = 1.0001 * longer.predicted[count - 1].error_deg
+        short = planned(pixels, spheres, 12, accuracy_deg=wanted)
+        assert len(short.lights) == short.stop_after == len(short.predicted) <= count
+        assert short.predicted[-1].error_deg <= wanted
 
 
 def test_flashes_so_far_count_and_the_next_one_comes_from_elsewhere(pixels, spheres):
