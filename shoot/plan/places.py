@@ -132,7 +132,9 @@ def _border(shape: Array, inset: float) -> Array:
 
 def usual_balls(set_up: SetUp) -> list[tuple[Kind, float]]:
     """Return three chrome balls and a white one, of the least diameter that is sold and surely found."""
-    radii = {mm: -set_up.camera.fx * mm / 2 / (set_up.table_mm + mm / 2) for mm in USUAL_MM}
+    # A ball on the table must stay before the camera.
+    there = [mm for mm in USUAL_MM if set_up.table_mm + mm / 2 < 0]
+    radii = {mm: -set_up.camera.fx * mm / 2 / (set_up.table_mm + mm / 2) for mm in there}
     diameter = next((mm for mm, radius in radii.items() if radius >= GOOD_PX), USUAL_MM[-1])
     kinds: tuple[Kind, ...] = ("chrome", "chrome", "chrome", "white")
     return [(kind, diameter) for kind in kinds]
