@@ -81,7 +81,8 @@ def _calibrated(lights: Lights, draw: np.random.Generator) -> Lights:
 @dataclass(frozen=True)
 class TrustRow:
     """One method on one scene: what it leaves unexplained, how far it is from the recommended one, its true error; and
-    of the scene what the recommended one leaves unexplained, relative, rms, and the processor seconds of the judgement.
+    of the scene what the recommended one leaves unexplained, relative, rms, the share of its pixels whose error lies
+    within two stated sigmas, and the processor seconds of the judgement.
     """
 
     group: str
@@ -93,6 +94,7 @@ class TrustRow:
     median_deg: float
     mean_deg: float
     relative_rmse: float
+    within_sigmas: float
     processor_s: float
 
 
@@ -114,12 +116,14 @@ def _rows(group: str, name: str, shot: Registered, methods: str) -> list[TrustRo
     start = now()
     judged = trust(frames, lights, camera, mask, answers)
     seconds, rows = since(start)["processor_seconds"], []
+    off, sigma = angular_error_deg(answers[judged.recommended], truth)[mask], judged.sigma_deg[mask]
+    within = float(np.mean(off[np.isfinite(off)] <= 2 * sigma[np.isfinite(off)]))
     for method, normals in answers.items():
         error, told = angular_error_deg(normals, truth)[mask], judged.methods[method]
         rows.append(
             TrustRow(
                 group, name, method, method == judged.recommended, told.unexplained or 0.0, told.apart_deg,
-                float(np.nanmedian(error)), float(np.nanmean(error)), judged.relative_rmse, seconds,
+                float(np.nanmedian(error)), float(np.nanmean(error)), judged.relative_rmse, within, seconds,
             )
         )  # fmt: skip
     return rows
@@ -147,7 +151,8 @@ def _verdicts(rows: Sequence[TrustRow]) -> list[dict[str, Any]]:
         verdicts.append({
             "group": group, "scene": scene, "recommended": taken.method, "over_least": taken.mean_deg / least,
             "rank": _rank(every), "rank_calibrated": _rank([row for row in every if row.method not in UNCALIBRATED]),
-            "relative_rmse": taken.relative_rmse, "processor_s": taken.processor_s,
+            "relative_rmse": taken.relative_rmse, "within_sigmas": taken.within_sigmas,
+            "processor_s": taken.processor_s,
         })  # fmt: skip
     return verdicts
 
@@ -172,7 +177,8 @@ def _shown(rows: Sequence[TrustRow]) -> str:
             {
                 group: "{scene}", "rank correlation": "{rank:.2f}", "of the calibrated": "{rank_calibrated:.2f}",
                 "recommended": "{recommended}", "its error over the least": "{over_least:.2f}",
-                "unexplained, rms": "{relative_rmse:.1%}", "processor, s": "{processor_s:.0f}",
+                "within two sigmas": "{within_sigmas:.0%}", "unexplained, rms": "{relative_rmse:.1%}",
+                "processor, s": "{processor_s:.0f}",
             },
             [*every, {"scene": f"all {len(every)}", "recommended": "", **_means(every)}],
         ) + "\n"  # fmt: skip
@@ -183,7 +189,7 @@ def _figures(rows: Sequence[TrustRow]) -> Figures:
     return {
         f"{group}: {key}": _means(list(some))[key]
         for group, some in ((g, list(s)) for g, s in groupby(_verdicts(rows), lambda one: one["group"]))
-        for key in ("rank", "rank_calibrated", "over_least", "relative_rmse")
+        for key in ("rank", "rank_calibrated", "over_least", "relative_rmse", "within_sigmas")
     }
 
 

@@ -217,4 +217,4 @@ class Settings(TwinSettings, SessionSolving):
         record.note(NOTE, plain(self))
 
 
-BY_DEFAULT, AS_GIVEN, AS_BEFORE = Solving(), TwinSettings(), Settings()
+BY_DEFAULT, AS_BEFORE = Solving(), Settings()

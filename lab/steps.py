@@ -183,19 +183,21 @@ def _given_truth(job: Job, mask: Any) -> dict:
 @alive("solve")
 def solve(job: Job) -> Outcome:
     """Recover normals and albedo by every method asked for."""
-    return Outcome(*solve_all(job, job.store, "solve", job.methods))
-
-
-def solve_all(job: Job, store: Store, label: str, methods: Sequence[str]) -> tuple[dict, list[str]]:
-    """Run methods on a store's frames, and save what each finds there."""
-    from solve.frame_intensities import corrected
     from solve.frames_at_odds import at_odds
+
+    result, warnings, lights = solve_all(job, job.store, "solve", job.methods)
+    store = job.store
+    return Outcome(result, at_odds(store.load_frames(), lights, store.load_camera(), store.load_mask()) + warnings)
+
+
+def solve_all(job: Job, store: Store, label: str, methods: Sequence[str]) -> tuple[dict, list[str], Lights]:
+    """Run methods on a store's frames, and save what each finds there; return the lights that they were given, too."""
+    from solve.frame_intensities import corrected
     from solve.given_normals import solve_external
     from solve.solve import solve as run
 
     frames, camera, mask = store.load_frames(), job.store.load_camera(), job.store.load_mask()
     lights, warnings = corrected(frames, job.store.load_lights(), camera, mask)
-    warnings += at_odds(frames, lights, camera, mask)
     table = {}
     megapixels = int(mask.sum()) / 1e6
     for method in methods:
@@ -227,7 +229,7 @@ def solve_all(job: Job, store: Store, label: str, methods: Sequence[str]) -> tup
         warnings += [f"{method}: {text}" for text in estimate.warnings]
         # The next method's maps need its place.
         del estimate
-    return {"methods": table}, warnings
+    return {"methods": table}, warnings, lights
 
 
 @alive("trust")

@@ -4,7 +4,7 @@ A form, "{residual_px:.2f} px", is filled in with a row's values; what has no va
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 
@@ -18,6 +18,12 @@ def filled(form: str, values: Mapping[str, Any]) -> str:
         return "–"
 
 
+def cells_of(columns: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> dict[str, list[str]]:
+    """Return the cells of each column, forms by their heads; columns without any value are left out."""
+    cells = {head: [filled(form, row) for row in rows] for head, form in columns.items()}
+    return {head: column for head, column in cells.items() if not rows or {*column} - {"–", ""}}
+
+
 def number_table(title: str, columns: Mapping[str, str], rows: Iterable[Mapping[str, Any]], caption: str = "") -> Any:
     """Return a table, forms by their heads; columns without any value are left out. Texts stand left, numbers right."""
     from rich.box import SIMPLE_HEAD
@@ -26,9 +32,7 @@ def number_table(title: str, columns: Mapping[str, str], rows: Iterable[Mapping[
 
     table = Table(title=Text(title, style="bold"), title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     table.caption, table.caption_justify = caption or None, "left"
-    rows = list(rows)
-    cells = {head: [filled(form, row) for row in rows] for head, form in columns.items()}
-    cells = {head: column for head, column in cells.items() if not rows or {*column} - {"–", ""}}
+    cells = cells_of(columns, list(rows))
     for head in cells:
         table.add_column(head, justify="right" if ":" in columns[head] else "left")
     for row in zip(*cells.values(), strict=True):

@@ -21,7 +21,7 @@ def twin(job: Job) -> Outcome:
     folder = Store(store.path("twin"))
     # Scene and true normals are gone before the solvers' maps come.
     result, warnings = _render(job, folder)
-    solved, more = solve_all(job, folder, "twin", job.methods)
+    solved, more, _ = solve_all(job, folder, "twin", job.methods)
     result["twin_processor_seconds"] = {method: row["processor_seconds"] for method, row in solved["methods"].items()}
     return Outcome(result, [*warnings, *(f"twin: {text}" for text in more)])
 

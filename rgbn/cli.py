@@ -1,7 +1,6 @@
 """The command line: `rgbn VERB`."""
 
 import sys
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -49,11 +48,19 @@ Json = Annotated[bool, Parameter(help="Print the summary as JSON on standard out
 Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")]
 
 
-def _run(as_json: bool, session: Path, wanted: str, *, whole: bool = False, **how: Any) -> None:
-    """Run a verb on a session, and tell what came out."""
+def _run(
+    as_json: bool, session: Path, wanted: str, *, whole: bool = False, mesh: Path | None = None, **how: Any
+) -> None:
+    """Run a verb on a session, tell what came out, and write the surface where one is asked for."""
     from rgbn.step_tables import tell
+    from rgbn.surface_file import write_surface
 
-    run_session(session, wanted, shown=partial(tell, verb=wanted, as_json=as_json, whole=whole), **how)
+    def shown(job: Any, summary: dict[str, Any]) -> None:
+        tell(job, summary, verb=wanted, as_json=as_json, whole=whole)
+        if mesh:
+            write_surface(job, mesh)
+
+    run_session(session, wanted, shown=shown, written=mesh, **how)
 
 
 @app.meta.default
@@ -137,13 +144,11 @@ def solve(
     json: Json = False,
 ) -> None:
     """Recover normals and albedo by photometric stereo, and the surface as a mesh if asked."""
-    from rgbn.surface_file import check_name, write_surface
+    from rgbn.surface_file import check_name
 
     if mesh:
         check_name(mesh)
-    _run(json, session, "solve", out=out, said=said, scheduler=scheduler, written=mesh)
-    if mesh:
-        write_surface(session, out, mesh)
+    _run(json, session, "solve", out=out, said=said, scheduler=scheduler, mesh=mesh)
 
 
 @app.command(sort_key=7)

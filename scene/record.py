@@ -5,7 +5,6 @@ writes over and removes only files that the record lists with the content that t
 it.
 """
 
-import hashlib
 import json
 import os
 import threading
@@ -16,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from scene.current import TICK_NS, file_digest, is_settled, libraries, look_of
+from scene.current import TICK_NS, file_digest, fingerprint, is_settled, libraries, look_of
 from scene.errors import SceneError
 from scene.reading import reading
 
@@ -271,7 +270,7 @@ class Record:
             data = json.loads(path.read_bytes())
             if data["format"] != FORMAT:
                 raise ValueError(f"format {data['format']}, expected {FORMAT}")
-            if data.pop("digest") != _digest_of(data):
+            if data.pop("digest") != fingerprint(data):
                 raise ValueError("its content is not what rgbn wrote")
             self.notes, self.done, self._files, self._seen = (data[name] for name in ("notes", "done", "files", "seen"))
 
@@ -284,7 +283,8 @@ class Record:
             data = {"format": FORMAT, "made_by": libraries()["rgbn"], "notes": self.notes, "done": self.done}
             data |= {"files": self._files, "seen": seen}
             try:
-                path.with_suffix(".new").write_text(json.dumps({**data, "digest": _digest_of(data)}))
+                text = json.dumps({**data, "digest": fingerprint(data)}, allow_nan=False)
+                path.with_suffix(".new").write_text(text)
                 os.replace(path.with_suffix(".new"), path)
                 self.has_learnt = False
             except OSError as error:
@@ -292,8 +292,3 @@ class Record:
                     f"{path}: cannot be written ({error.strerror}). Free some space or choose another folder with "
                     "--out; what is done is kept."
                 ) from error
-
-
-def _digest_of(data: dict[str, Any]) -> str:
-    """Return what tells a record that rgbn wrote from a damaged one; raise ValueError over a NaN."""
-    return hashlib.sha256(json.dumps(data, allow_nan=False).encode()).hexdigest()

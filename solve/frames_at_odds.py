@@ -1,4 +1,4 @@
-"""Frames that contradict the rest over a large part of the object: a shadow, a lamp, light from a wall. They are named.
+"""Frames that contradict the rest over a large part of the object: a shadow, a second light, a lamp. They are named.
 
 One robust fit a pixel. What single pixels show is a method's to leave out; what half of the object shows has a cause
 outside of it.
@@ -15,10 +15,8 @@ from solve.problem import Problem
 from solve.samples import all_samples
 
 Array = NDArray[np.float64]
-PIXELS = 1_000
-ROUNDS = 10
-FLOOR = 0.01
-"""Of the pixel's albedo: residuals count as no smaller."""
+PIXELS, ROUNDS, FLOOR = 1_000, 10, 0.01
+"""Pixels that are fitted, about; reweighted fits of each; share of the albedo that residuals count as at least."""
 FEWEST, SWITCHED_FEWEST = 6, 10
 """Frames of which something can be said, and of which a lamp that was switched can: it takes three unknowns more."""
 FACING = 0.3

@@ -13,7 +13,7 @@ from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.method_names import METHODS
-from scene.normals import angular_error_deg
+from scene.normals import angular_error_deg, filled
 from solve.problem import Problem
 from solve.samples import row_medians
 from solve.solve import solve
@@ -140,9 +140,11 @@ def trust(
     square = 2 / 3 * sum(angular_error_deg(normals, answer) ** 2 for normals in by_folds[names[best]])
     nearest = [answers[name][::step, ::step][given.mask] for name in order[1 : 1 + NEAREST]]
     if nearest:
-        square += np.median([angular_error_deg(normals, answer) for normals in nearest], axis=0) ** 2
+        aside = np.ma.masked_invalid([angular_error_deg(normals, answer) for normals in nearest])
+        square += np.ma.median(aside, axis=0).filled(0.0) ** 2
     sigma = np.full(given.mask.shape, np.nan, np.float32)
     sigma[given.mask] = np.sqrt(square)
+    sigma = filled(sigma, np.isfinite(sigma))
     every = sigma.repeat(step, 0).repeat(step, 1)[: mask.shape[0], : mask.shape[1]]
     judged = {name: JudgedMethod(told.get(name), apart[name]) for name in order}
     return Trust(judged, level, rmse, np.where(mask, every, np.float32(np.nan)), doubts)

@@ -13,6 +13,7 @@ from capture.survey.folder_files import FolderFiles, survey
 from lab.session_place import MANIFEST, SESSION, default_out, is_output, is_session, origin_of, session_and_out
 from scene.errors import SceneError, SessionError
 from scene.origin import Origin
+from scene.reading import reading
 from studio.editor.editor_window import FILE, begun
 from studio.new_session.looking import FolderLook
 from studio.studio_state import StudioState
@@ -36,7 +37,7 @@ def kind_of(path: Path) -> Kind | None:
 
 def entries(folder: Path) -> Iterator[tuple[Path, Kind]]:
     """Yield what a folder holds that can be opened, folders first; what is hidden, and links, are left out."""
-    with os.scandir(folder) as found:
+    with reading(folder, do="Choose another folder."), os.scandir(folder) as found:
         paths = sorted((Path(one.path) for one in found if not one.name.startswith(".") and not one.is_symlink()),
                        key=lambda path: (path.is_file(), path.name))  # fmt: skip
     for path in paths[:MOST]:
@@ -78,13 +79,13 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
         folders = survey(source)
         if out is not None and len(folders) > 1:
             raise SceneError(f"--out {out}: there are {len(folders)} objects, each with a folder of its own: out/NAME.")
-        state.area = "New session"
         state.looks = {
             files.folder: FolderLook(
                 files, workspace.path(out.resolve() if out else _out_of(files, workspace.root / "out"))
             )
             for files in folders
         }
+        state.area = "New session"
     elif source.is_dir() or source.name == MANIFEST:
         place, session = found_at(source, out)
         if out is None and kind != "results" and not place.is_relative_to(workspace.root):
@@ -93,10 +94,10 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
         state.show_session(workspace.path(place), session)
     elif source.suffix == ".toml":
         path = workspace.path(source.resolve())
-        state.area = "Scene"
         scene = begun(workspace, read_document(path), path.parent if path.name == FILE else None)
         # What was made before can be taken back to.
         state.scene = state.scene.did(f"open {path.stem}", scene.state, 0.0) if state.scene else scene
+        state.area = "Scene"
     else:
         raise SceneError(
             f"{source}: neither a folder nor a scene description, .toml. Give photographs, a session or its output "

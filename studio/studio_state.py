@@ -71,6 +71,9 @@ class Work:
             # From the line that the command line begins with its name.
             start = max((number for number, line in enumerate(lines) if line.startswith("rgbn: ")), default=-12)
             self.fault = "\n".join(lines[start:]).removeprefix("rgbn: ") or f"the process ended with code {code}."
+        elif not self.is_stopped:
+            # What ends sooner than it speaks has not said that all is done.
+            self.share = 1.0
         self.is_over = True
 
     def _hear(self, line: str) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from align.pose.motion import Term, descend, distinct, small_steps
 from align.pose.photographed import Photographs, longer_side
-from align.pose.scan_outline import find_outline, outline_jacobian, sample, signed_distance
+from align.pose.scan_outline import find_outline, outline_jacobian, sample
 from align.pose.scan_view import View
 from align.pose.shading import ShadedSamples
 from align.pose.start import find_starts
@@ -64,7 +64,7 @@ def candidates(
     camera, mask = photographs.camera, photographs.mask
     starts = find_starts(caster, camera, mask, None, count=STARTS) if start is None else [start]
     step_px = longer_side(mask) / CELLS
-    by_outline = partial(_by_outline, caster, camera, mask, signed_distance(mask))
+    by_outline = partial(_by_outline, caster, camera, mask, photographs.distance, step_px)
     found = []
     for done, item in enumerate((executor.map if executor else map)(by_outline, starts)):
         found.append(item)
@@ -79,13 +79,13 @@ def candidates(
 
 
 def _by_outline(
-    caster: RayCaster, camera: Camera, mask: NDArray[np.bool_], distance: NDArray[np.float32], pose: Pose
-) -> tuple[Pose, float]:
+    caster: RayCaster, camera: Camera, mask: NDArray[np.bool_], distance: NDArray[np.float32], step_px: float,
+    pose: Pose,
+) -> tuple[Pose, float]:  # fmt: skip
     """Return where a pose comes to rest by silhouette against mask alone, and the cost: a wide basin, a rough answer.
 
-    `distance` (H, W): see `signed_distance`.
+    `distance` (H, W): `Photographs.distance`; `step_px`: of the raster on which the outline is searched.
     """
-    step_px = longer_side(mask) / CELLS
 
     def terms(pose: Pose) -> list[Term]:
         view = View(caster, camera, pose)

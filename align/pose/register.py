@@ -60,7 +60,7 @@ class Fit(NamedTuple):
     outline_share: float
     """See `FinalEvidence.outline_share`."""
     apart: float
-    """Median distance from the outline to the edges in the photographs, in units of `Observed.near_px`."""
+    """Median distance from the outline to the edges in the photographs, in units of `ObservedObject.near_px`."""
 
     @property
     def misfit(self) -> float:
@@ -99,15 +99,21 @@ class Registration:
     covariance: Array
     """(6, 6): of the twist (rotation vector in radians about the scan's middle, translation in mm), camera axes, see
     `align.pose.motion.nudge`, for the camera as given; without depth, where an orthographic one does not tell it."""
-    focal_shift_mm: float
-    """How much farther away the scan stands with a focal length one sigma longer, which looks the same but for its
-    perspective; 0 where it is known. Fitted with the pose, the focal length was hardly better than from EXIF."""
     evidence: dict[str, float]
     """What `Fit` has, and its misfit; shading (relative residual), rim_points, edge_bias_px,
     disagreement (of outline and shading: the variance is inflated by it); under near lights scale, scale_sigma (see
     `free_scale`); of the best pose and the next, where there is one: cost, second_cost, second_deviations (see
     `compare_poses`), second_angle_deg; where the focal length is not known: focal_shift_mm."""
     warnings: tuple[str, ...] = ()
+
+    @property
+    def focal_shift_mm(self) -> float:
+        """How much farther away the scan stands with a focal length one sigma longer; 0 where that is known.
+
+        It looks the same but for its perspective: fitted with the pose, the focal length was hardly better than from
+        EXIF.
+        """
+        return self.evidence.get("focal_shift_mm", 0.0)
 
     @property
     def sigma_mm(self) -> float:
@@ -214,7 +220,7 @@ def register(
     if focal_shift:
         facts["focal_shift_mm"] = focal_shift
     covariance, residual = evidence.covariance(), evidence.edges.residual_px
-    return Registration(pose, residual, covariance, focal_shift, facts, tuple(warnings))
+    return Registration(pose, residual, covariance, facts, tuple(warnings))
 
 
 def _check_distance(photographs: Photographs, distance: float) -> None:

@@ -40,13 +40,13 @@ class Outline:
         """Return intersection over union with a mask, on the raster."""
         window = self._window(mask)
         # What of the mask the raster does not reach counts as missed.
-        area = max(mask.sum() / self.step**2, window.sum())
+        area = max(np.count_nonzero(mask) / self.step**2, window.sum())
         both = (window & self.raster).sum()
         return float(both / (area + self.raster.sum() - both))
 
     def beyond(self, mask: NDArray[np.bool_]) -> float:
         """Return the silhouette's area outside a mask, in areas of the mask."""
-        return float((self.raster & ~self._window(mask)).sum() * self.step**2 / max(mask.sum(), 1))
+        return float((self.raster & ~self._window(mask)).sum() * self.step**2 / max(np.count_nonzero(mask), 1))
 
     def _window(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return the mask on the raster; False outside the picture."""

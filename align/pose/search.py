@@ -151,8 +151,8 @@ def best_of(found: list[FinalEvidence]) -> tuple[int, list[tuple[Pose, PoseTest]
     A pose within `APART_PX` of the best is the same.
     """
     best = 0
-    for number, challenger in enumerate(found):
-        if compare_poses(found[best], challenger).deviations < 0:
+    for number in range(1, len(found)):
+        if compare_poses(found[best], found[number]).deviations < 0:
             best = number
     mesh, camera, pose = found[best].seen.caster.mesh, found[best].seen.camera, found[best].pose
     apart = [one for one in found if apart_px(mesh, camera, pose, one.pose) > APART_PX]

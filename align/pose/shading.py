@@ -120,7 +120,7 @@ def explain(
     """Explain samples by normals (P, 3), NaN where the scan is missed, with the best albedo for each pixel.
 
     `used` (N, P), of `choose`, is held while the pose moves, so that the cost does not jump, and so is the appearance;
-    `slopes` (P, 3, 6): the normals', see `Probes.slopes`. With them there is a Jacobian; residuals and Jacobian are
+    `slopes` (P, 3, 6): the normals', see `normal_slopes`. With them there is a Jacobian; residuals and Jacobian are
     then freed of what another appearance would make of them: it follows the pose, as the albedo does.
 
     With b = predicted and weights w: albedo = sum w b E / sum w b^2 (variable projection [Golub1973]); w falls off for

@@ -108,7 +108,7 @@ def lambert(values: Array, normals: Array, clipped: Mask) -> tuple[Array, Mask, 
     """Fit values (F, P) by max(0, n.b) + a, frame by frame; return (b, a) (F, 4), which pixels were used, what is left.
 
     By turns: which pixels are lit, then least squares on those, with the brightest residuals (gloss) and clipped
-    samples left out. NaN where too few are.
+    samples left out. 0 where too few are.
     """
     design = np.column_stack([normals, np.ones(len(normals))])
     products = (design[:, :, None] * design[:, None, :]).reshape(len(design), 16)

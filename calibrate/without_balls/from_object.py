@@ -58,7 +58,8 @@ def strengths_from_object(
     probe = varied(probe, toward(1.0))
     # Near flashes: the surface's height is unknown, and what is nearer to them is brighter.
     stretches = (1.0,) if lights.positions_mm is None or depth >= 0 else (1.0, 1 - RELIEF, 1 + RELIEF)
-    read = [intensities_from_object(probe, toward(s), lights.direction_sigma_deg) for s in stretches]
+    # The first one's sigma is taken: what the directions' errors do to the others is not asked.
+    read = [intensities_from_object(probe, toward(s), lights.direction_sigma_deg * (s == 1.0)) for s in stretches]
     good = [one for one in read if one is not None]
     equal = _of_equal_power(lights)
     sigma = np.full(len(lights), np.inf)

@@ -1,6 +1,7 @@
 """Pixels of the object itself, read in every frame: what the fall-backs have instead of balls."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +31,12 @@ class Probe:
         """Return some of the pixels."""
         return Probe(self.pixels[keep], self.values[:, keep], self.clipped[:, keep])
 
-    @property
+    @cached_property
     def bright(self) -> Array:
         """(P,) how bright each is where it is lit."""
         return np.quantile(self.values.mean(-1, dtype=np.float64), 0.9, axis=0) if len(self.pixels) else np.zeros(0)
 
-    @property
+    @cached_property
     def lit(self) -> NDArray[np.bool_]:
         """(F, P): unclipped and in no shadow."""
         return ~self.clipped & (self.values.mean(-1) > LIT * self.bright)

@@ -100,7 +100,7 @@ def read_photograph(file: Path, recipe: DevelopRecipe) -> Photograph:
 
 
 def develop(job: DevelopJob) -> FrameFacts:
-    """Decode a photograph into the store; see `Job`. Doing it twice gives the same file."""
+    """Decode a photograph into the store; see `DevelopJob`. Doing it twice gives the same file."""
     photograph = job.read or read_photograph(job.file, job.recipe)
     codes, recipe = photograph.codes, job.recipe
     # Where the sensor ends shows only before each pixel is divided by a number of its own.

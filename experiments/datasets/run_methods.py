@@ -109,7 +109,7 @@ def _row(name: str, profile: str, job: Any, dataset: str) -> Row:
 
     store = job.store
     try:
-        table, _ = solve_all(job, store, dataset, (name,))
+        table, _, _ = solve_all(job, store, dataset, (name,))
     except SceneError as error:
         return _failed(name, profile, error)
     facts, normals, truth = table["methods"][name], store.load_normals(name), store.load_normals("truth")

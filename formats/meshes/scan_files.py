@@ -40,7 +40,7 @@ class ObjectMesh:
     Parameters
     ----------
     vertices : (V, 3) float64
-        mm.
+        mm; of `read_mesh_file` in the file's unit.
     faces : (T, 3) int64
         Counter-clockwise seen from outside.
     normals : (V, 3) float64 or None

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from draw.light_charts import directions
 from draw.svg import Drawing, circle, line, svg
-from lab.terminal_tables import filled
+from lab.terminal_tables import cells_of
 from scene.files import plain
 from scene.lights import known_median
 from shoot.plan.places import GOOD_PX, LEAST_PX
@@ -182,20 +182,13 @@ def plan_page(facts: dict[str, Any]) -> str:
 
     template = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
     rows = [row for row in facts["flashes"] if not row["there"] or len(facts["flashes"]) <= MOST_ROWS]
-    tables = {
-        "flashes": (FLASHES, rows[:MOST_ROWS]),
-        "balls": (BALLS, facts["balls"]),
-    }
-    cells = {
-        name: (list(columns), [[filled(form, row) for form in columns.values()] for row in some])
-        for name, (columns, some) in tables.items()
-    }
+    tables = {"flashes": cells_of(FLASHES, rows[:MOST_ROWS]), "balls": cells_of(BALLS, facts["balls"])}
     return template.from_string(TEMPLATE.read_text("utf-8")).render(
         facts,
         answer=answer_of(facts),
         dome=directions({"frames": facts["flashes"]}),
         picture=picture_of(facts),
-        tables=cells,
+        tables={name: (list(cells), list(zip(*cells.values(), strict=True))) for name, cells in tables.items()},
         left_out=len(rows) - MOST_ROWS,
         lights_told=lights_of(facts),
     )

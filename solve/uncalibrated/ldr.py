@@ -92,7 +92,7 @@ def fit_whole(problem: Problem, samples: Samples, settings: LdrSettings) -> Whol
 def maxima(images, mask, smooth_px, brightness):
     """Find the maxima of each image, away from the outline.
 
-    `images` are (P, F) float32, those under the mask; for `smooth_px` and `brightness` see `Settings`. Returns, for
+    `images` are (P, F) float32, those under the mask; for `smooth_px` and `brightness` see `LdrSettings`. Returns, for
     each maximum, pixel, frame, height (0 at the image's darkest, 1 at its brightest pixel), and in how many images
     one lies here or beside.
     """

@@ -5,7 +5,7 @@ They raise RenderError where the next would be none: what a key may be, its decl
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from twin.description.description import TwinObject
 from twin.description.description_file import faults_in
 from twin.description.light_groups import AreaLight, DistantLight, GridTable, LightGroup, PointLight, SessionLights
 from twin.description.materials import Diffuse, Material, Measured
-from twin.description.object_mesh import built_in
+from twin.description.object_mesh import ObjectMesh, built_in
 from twin.description.scene_toml import CameraTable, ObjectTable, SceneDocument
 
 Array = NDArray[np.float64]
@@ -69,6 +69,12 @@ class Placement:
         return replace(self, scale=self.scale * factors)
 
 
+@lru_cache(8)
+def _box(mesh: ObjectMesh) -> tuple[Array, Array]:
+    """Return a mesh's least and greatest coordinates (3,)."""
+    return mesh.vertices.min(0), mesh.vertices.max(0)
+
+
 def placement_of(one: TwinObject) -> Placement:
     """Return an object's placement.
 
@@ -76,7 +82,7 @@ def placement_of(one: TwinObject) -> Placement:
     rotation nearest to it (its polar part), and s the lengths.
     """
     linear = one.matrix[:3, :3]
-    low, high = one.mesh.vertices.min(0), one.mesh.vertices.max(0)
+    low, high = _box(one.mesh)
     scale = np.linalg.norm(linear, axis=0)
     if np.linalg.det(linear) < 0:
         scale[0] = -scale[0]
@@ -91,20 +97,15 @@ def placement_of(one: TwinObject) -> Placement:
 
 def matrix_of(one: TwinObject, placement: Placement) -> Array:
     """Return the matrix (4, 4) that gives an object a placement."""
-    matrix, vertices = np.eye(4), one.mesh.vertices
+    matrix, (low, high) = np.eye(4), _box(one.mesh)
     matrix[:3, :3] = placement.rotation * placement.scale
-    matrix[:3, 3] = placement.middle_mm - matrix[:3, :3] @ (vertices.min(0) + vertices.max(0)) / 2
+    matrix[:3, 3] = placement.middle_mm - matrix[:3, :3] @ (low + high) / 2
     return matrix
 
 
 def quaternion(rotation: Array) -> Array:
     """Return (w, x, y, z), unit, w >= 0, of a rotation (3, 3): viser's."""
     return Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True)
-
-
-def rotation_of(wxyz: Array) -> Array:
-    """Return the rotation (3, 3) of a quaternion (w, x, y, z)."""
-    return Rotation.from_quat(np.asarray(wxyz, float), scalar_first=True).as_matrix()
 
 
 @cache
@@ -158,7 +159,7 @@ def added(document: SceneDocument, name: str, **source: Any) -> SceneDocument:
     """
     others = () if document.objects == start_document().objects else document.objects
     size, mesh = (60.0, built_in(source["shape"])) if "shape" in source else (1.0, source["mesh"])
-    low, high = (size * end for end in (mesh.vertices.min(0), mesh.vertices.max(0)))
+    low, high = (size * end for end in _box(mesh))
     place = _before_the_camera(document, high - low) - (low + high) / 2
     one = ObjectTable(
         name=name, material=next(iter(document.materials)),

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from studio.editor import edits
 from studio.editor.editor_window import Edit, EditorWindow
-from studio.editor.edits import placement_of, quaternion, rotation_of
+from studio.editor.edits import placement_of, quaternion
 from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow, display_mesh
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import Diffuse, Material, Principled, RoughPlastic
@@ -132,7 +133,8 @@ class SceneView:
         """Follow a gizmo: `edit_to` makes the edit to a place, mm, and a rotation (3, 3)."""
 
         def placed(event: Any) -> tuple[Any, ...]:
-            return event.phase, np.array(gizmo.position) / UNITS_PER_MM, rotation_of(gizmo.wxyz)
+            turned = Rotation.from_quat(gizmo.wxyz, scalar_first=True)
+            return event.phase, np.array(gizmo.position) / UNITS_PER_MM, turned.as_matrix()
 
         self._window.on(gizmo.on_update, partial(self._drag, name, edit_to), placed)
 

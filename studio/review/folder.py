@@ -50,14 +50,14 @@ class Review:
     spheres: Balls in the session's own photographs; those that were shot apart are not shown.
     truth (H, W, 3): Normals of the registered scan, NaN where unknown.
     twin: The rendered frames.
-    done: The steps that ended.
+    steps, done: What is kept of each step that ended, and their names.
     """
 
     def __init__(self, folder: Path, session_path: Path | None = None) -> None:
         self.store = store = Store(folder)
         record = read_record(folder)
-        self._steps = {} if record is None else record.done
-        self.done = frozenset(self._steps)
+        self.steps = {} if record is None else record.done
+        self.done = frozenset(self.steps)
         self.session, self.session_path, self.why_no_session = _session(store, session_path)
         material = Material.load(store, {})
         if material.frames is not None and material.lights is None:
@@ -94,14 +94,14 @@ class Review:
     def clipped_share(self) -> Array | None:
         """(F,), of each frame's pixels, as the audit counted them."""
         with suppress(KeyError, TypeError):
-            rows = self._steps["check"]["result"]["frames_table"]
+            rows = self.steps["check"]["result"]["frames_table"]
             return _array([row.get("saturated_share") for row in rows], (len(self.names),))
         return None
 
     @cached_property
     def warnings(self) -> "list[Warned]":
         """Of all steps, with what each is about."""
-        told = {step: entry.get("warnings") or () for step, entry in self._steps.items() if isinstance(entry, dict)}
+        told = {step: entry.get("warnings") or () for step, entry in self.steps.items() if isinstance(entry, dict)}
         rows = [{"step": step, "text": str(text)} for step, texts in told.items() for text in texts]
         return targets(all_warnings({"warnings": rows}), self.names, self.spheres)
 

@@ -142,7 +142,8 @@ class ReviewWindow(PhotographWindow):
         if before is not None and (turned := turned_deg(before.lights, self.review.lights)) is not None:
             self.notify("The lights have turned", f"by {np.median(turned):.3f}° (median), {turned.max():.3f}° at most")
         found, edits = Corrections(outlines_of(self.review)), self.edits
-        if edits is None or (self.is_kept_so and found != edits.found):
+        # While the balls are sought anew there are none that corrections could be of.
+        if edits is None or (self.is_kept_so and "calibrate" in self.review.done and found != edits.found):
             self.state.edits[self.folder] = Edits(History(found), found, found)
 
     def look_again(self) -> None:
@@ -152,7 +153,12 @@ class ReviewWindow(PhotographWindow):
         status = read_optional(self.review.store, STATUS)
         if record is not None and self.is_alone and "check" in record.done:
             self.turn()
-        elif record is not None and self.is_busy and record.done.keys() != self.review.done:
+        elif (
+            record is not None
+            and self.is_busy
+            and any(self.review.steps.get(step) != entry for step, entry in record.done.items())
+        ):
+            # A step has ended. One that begins is forgotten first: there is nothing new to see then.
             self.read_again()
         elif status != self.status:
             self.status = status

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lab.options import AS_GIVEN, TwinSettings
+from lab.options import TwinSettings
 from lab.twin_step import twin_scene
 from scene.camera import Camera
 from scene.files import write_npy
@@ -45,7 +45,7 @@ def job(tmp_path):
     mesh = Mesh(square, np.array([[0, 1, 2], [0, 2, 3]]))
     pose = Pose.from_rotation_translation(np.eye(3), np.array([0, 0, -300.0]))
     store.save_pose(pose, residual_px=0.1, sigma_mm=0.1, sigma_deg=0.1)
-    return SimpleNamespace(store=store, twin=AS_GIVEN, methods=("ls",), load_scan=lambda: mesh)
+    return SimpleNamespace(store=store, twin=TwinSettings(), methods=("ls",), load_scan=lambda: mesh)
 
 
 @pytest.mark.parametrize(

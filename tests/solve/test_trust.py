@@ -52,6 +52,7 @@ def test_the_method_that_errs_least_is_recommended_and_the_others_follow(dome, a
     farther = angular_error_deg(answers["hsh"], answers["iterative"])[mask]
     assert np.median(judged.sigma_deg[mask]) < 1.5 * np.median(farther), "not by being large"
     assert np.isnan(judged.sigma_deg[~mask]).all()
+    assert np.isfinite(judged.sigma_deg[mask]).all(), "as the nearest judged pixel has it"
 
 
 @pytest.mark.full

@@ -9,8 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-from studio.editor.edits import rotation_of
+from scipy.spatial.transform import Rotation
 
 PATIENCE_S = 240
 """For what comes in the end, however busy the machine is."""
@@ -266,7 +265,8 @@ class Visitor:
     def on_screen(self, point):
         """Return where on the page a point (3,) of the 3-D view is seen, px."""
         camera, box = self.window.client.camera, self.page.locator("canvas").first.bounding_box()
-        x, y, z = rotation_of(camera.wxyz).T @ (np.asarray(point, float) - camera.position)
+        turned = Rotation.from_quat(camera.wxyz, scalar_first=True)
+        x, y, z = turned.inv().apply(np.asarray(point, float) - camera.position)
         focal = box["height"] / 2 / np.tan(camera.fov / 2)
         return np.array([box["x"] + box["width"] / 2 + focal * x / z, box["y"] + box["height"] / 2 + focal * y / z])
 

@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scene.errors import SceneError
 from studio.editor import edits
 from studio.editor.editor_window import EditorWindow, begun
 from studio.editor.edits import with_value
 from studio.editor.scene_rows import SCENE_ROWS
-from studio.opening import open_path
+from studio.opening import entries, open_path
 from studio.studio_state import StudioState
 from studio.workspace import Workspace, put_own
 from twin.description.description_file import read_document, read_scene, write_document
@@ -269,3 +270,14 @@ def test_what_waits_is_dropped_when_the_window_is_closed(furnished):
     window.post(lambda: done.append("later"))
     window.close()
     assert done == ["ended"]
+
+
+def test_what_cannot_be_opened_changes_no_area(tmp_path):
+    """A scene at fault, and a folder that is gone: the input is at fault, and the studio stays where it was."""
+    (tmp_path / "scene.toml").write_text("name = [")
+    state = StudioState(area="Open")
+    with pytest.raises(SceneError, match=r"scene\.toml"):
+        open_path(state, Workspace.at(tmp_path), tmp_path / "scene.toml")
+    assert state.area == "Open"
+    with pytest.raises(SceneError, match=r"gone: cannot be read"):
+        list(entries(tmp_path / "gone"))

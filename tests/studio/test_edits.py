@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from scene.current import fingerprint
 from scene.errors import RenderError
 from scene.pose import rotation_from_vector
 from studio.editor import edits
-from studio.editor.edits import quaternion, rotation_of, with_value
+from studio.editor.edits import quaternion, with_value
 from studio.studio_state import TOGETHER_S, History
 from twin.description.description_file import read_document, write_document
 from twin.description.light_groups import AreaLight, GridTable, RingTable
@@ -55,7 +56,8 @@ def test_numbers_and_document_say_the_same(place, angles, scale):
     np.testing.assert_allclose(table.rotate_deg, angles, atol=1e-5)
     np.testing.assert_allclose(table.scale, scale, rtol=1e-9)
     np.testing.assert_allclose(found.middle_mm, place, atol=1e-7)
-    np.testing.assert_allclose(rotation_of(quaternion(found.rotation)), found.rotation, atol=1e-12)
+    turned = Rotation.from_quat(quaternion(found.rotation), scalar_first=True)
+    np.testing.assert_allclose(turned.as_matrix(), found.rotation, atol=1e-12)
     centred = (off_centre().vertices - [40, -70, 25]) * scale
     np.testing.assert_allclose(vertices(document), centred @ found.rotation.T + place, atol=1e-6)
 

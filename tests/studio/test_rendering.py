@@ -23,7 +23,7 @@ def small_scene(folder, samples):
     }.items():
         for name, value in change.items():
             document = edits.with_value(document, (key, name), value)
-    return write_document(edits.with_value(document, ("lights",), (RingTable(count=6, polar_deg=40.0),)), folder)
+    return write_document(edits.with_value(document, ("lights",), (RingTable(count=24, polar_deg=40.0),)), folder)
 
 
 def render(scene, out):

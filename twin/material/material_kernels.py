@@ -22,7 +22,7 @@ TILT = 1e-3
 
 
 class _SamplePixels(NamedTuple):
-    """What the kernels read of `Samples`, and the weights (P, F, 3) of its values."""
+    """What the kernels read of `MaterialSamples`, and the weights (P, F, 3) of its values."""
 
     normals: Image
     views: Image

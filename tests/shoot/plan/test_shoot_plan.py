@@ -173,6 +173,7 @@ def test_the_page_says_what_the_plan_says_on_one_sheet(pixels, spheres, chromium
     assert "<script" not in page
     assert f"{facts['error_median_deg']:.2g}°" in page
     assert "shadows left out" in page
+    assert "<th></th>" not in page, "a column without any value is left out"
     assert any("are not reached" in text for text in facts["warnings"])
     facts["flashes"] = [{**facts["flashes"][-1], "number": n} for n in range(1, MOST_ROWS + 20)]
     browser = chromium.new_page()

@@ -183,8 +183,6 @@ def test_a_run_takes_what_was_corrected_and_the_session_as_it_is_now(reviewing, 
         before = window.reading
         with open_record(made.folder) as record, record.making("compare", str(time.monotonic())) as entry:
             entry["warnings"] = []
-        with open_record(made.folder) as record:
-            record.forget(["compare"] if len(runs) % 2 == 0 else [])
         eventually(lambda: window.reading > before)
         before = window.reading
         window.work.is_over = True
@@ -206,6 +204,24 @@ def test_a_run_takes_what_was_corrected_and_the_session_as_it_is_now(reviewing, 
     assert run("Run up to Balls")[0].spheres[0].center_px == (40.0, 30.0), "what was kept stays so"
     window.forget()
     assert run("Run up to Balls")[0].folder == made.session
+
+
+def test_corrections_stay_while_the_balls_are_sought_anew(reviewing, made, runs, settle):
+    """A step that begins is forgotten first: for a while the folder has no balls that were found."""
+    window = reviewing()
+    window.open_tab("Balls")
+    window.correct(moved(window.outlines, 0, (40.0, 30.0), made.camera))
+    window.client.says("Run up to Balls")
+    settle(window)
+    assert window.is_busy
+    with open_record(made.folder) as record:
+        record.forget(["calibrate", "align", "solve", "trust", "twin", "compare"])
+    (made.folder / "spheres.json").unlink(missing_ok=True)
+    window.look_again()
+    window.read_again()
+    assert tuple(window.outlines[0].center_px) == (40.0, 30.0)
+    window.forget()
+    assert tuple(window.outlines[0].center_px) != (40.0, 30.0), "and can be taken back"
 
 
 def test_what_fails_at_each_look_is_told_once(reviewing, runs, monkeypatch, settle):
