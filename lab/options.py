@@ -184,6 +184,13 @@ class SessionSolving(Solving):
     """The same of a session, whose lights may be refined first."""
 
     refine_lights: Annotated[bool | None, SHADED] = None
+    normals: Annotated[
+        Literal["opengl", "directx"] | None,
+        Parameter(
+            help="Pictures of normals in results/: opengl, green is up, or directx, green is down. Default: opengl.",
+            converter=in_any_case,
+        ),
+    ] = None
 
 
 @Parameter(name="*")

@@ -42,6 +42,7 @@ def write_summary(job: Job, arguments: dict[str, Any]) -> dict[str, Any]:
         "align": result("align").get("truth"),
         "solve": {"methods": methods},
         "trust": result("trust") or None,
+        "results": result("results") or None,
         "twin": {key: value for key, value in twin.items() if key != TWIN_TIME} if twin.get("rendered") else None,
         "compare": compared,
     }

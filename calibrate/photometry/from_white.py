@@ -111,7 +111,8 @@ def _doubt(
                 f"{lights.names[first]}: from here on {name} is lit by more than the flash, or by less: it misses n.l "
                 f"by {read.rms:.1%} of the flash, but by {without.rms:.1%} without a light that changed here: a lamp "
                 f"was switched after {lights.names[first - 1]}. The intensities are without it, but it lights the "
-                "object all the same. Darken the room and reshoot, or list the frames before or after under frames.skip."
+                "object all the same. Darken the room and reshoot, or list the frames before or after it under "
+                "frames.skip."
             ], without
     if read.residual > DOUBTFUL:
         coded = {power: measure(_decoded(surface, power), lights) for power in (GAMMA, 1 / GAMMA)}
