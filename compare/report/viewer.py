@@ -4,7 +4,7 @@ from compare.report.facts import Material, Summary
 from compare.report.layers import ViewerLayers, palette, scene_of, surface_uri
 from compare.report.registration_pictures import raking_frame
 
-SCRIPTS = ("report_page.js", "viewer_values.js", "viewer_relight.js", "viewer_pixel.js", "viewer_scene.js", "viewer.js")
+SCRIPTS = ("report_page.js", "viewer_values.js", "viewer_pixel.js", "viewer_scene.js", "viewer.js")
 """The page's program in parts, each reading none that follows it."""
 GROUPS = {
     "photograph": "photographs of one light", "relit": "relit by a lamp", "normals": "normals",

@@ -71,7 +71,15 @@ async function startScene(canvas) {
     ball(corners, row.center_mm, radius, [0.55, 0.57, 0.6]);
   }
   ball(corners, [0, 0, 0], far / 40, [0, 0.45, 0.7]);
-  const made = program(gl, SCENE_VERTEX, SCENE_FRAGMENT), stride = 36;
+  const made = gl.createProgram(), stride = 36;
+  for (const [type, source] of [[gl.VERTEX_SHADER, SCENE_VERTEX], [gl.FRAGMENT_SHADER, SCENE_FRAGMENT]]) {
+    const shader = gl.createShader(type);
+    gl.shaderSource(shader, source);
+    gl.compileShader(shader);
+    gl.attachShader(made, shader);
+  }
+  gl.linkProgram(made);
+  gl.useProgram(made);
   gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
   gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(corners), gl.STATIC_DRAW);
   ["place", "normal", "colour"].forEach((name, i) => {
