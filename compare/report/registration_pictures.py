@@ -97,15 +97,14 @@ def write_pictures(
     box = PixelBox.of_mask(mask, margin=0.12)
     index = raking_frame(lights.directions)
     both = views(frames, exposure, lights, index, box, lambda pixels: shading(index, pixels))
-    sigma = pictures.shrink(box.of(sigma_deg), box.shown_width(WIDTH))
-    end = sigma_scale_end(sigma_deg)
-    coloured = pictures.enlarged(sigma_picture(sigma, box.of(mask), end), growth(sigma.shape[1]))
     images = {
         "photograph": both.photograph,
         "shaded": both.shaded,
-        "outline": outline_picture(both.photograph, box, strokes),
+        "outline": draw_strokes(
+            both.photograph.copy(), strokes, [box.left, box.top], both.photograph.shape[1] / box.width
+        ),
         "outline_zoom": zoom_picture(frames, exposure, lights.directions, strokes),
-        "sigma": pictures.with_colour_scale(coloured, end, "sigma of the ground truth; rose: no normal"),
+        "sigma": sigma_picture(sigma_deg, mask, box),
     }
     for name, image in images.items():
         write_png(store.path(FOLDER, f"{name}.png"), image)
@@ -115,11 +114,6 @@ def read_picture(store: Store, name: str) -> Image | None:
     """Return a picture of align/, None where it is not there."""
     path = store.path(FOLDER, f"{name}.png")
     return read_pixels(path)[0] if path.exists() else None
-
-
-def outline_picture(photograph: Image, box: PixelBox, strokes: NDArray) -> Image:
-    """Return the photograph of the box with the outline drawn on it."""
-    return draw_strokes(photograph.copy(), strokes, [box.left, box.top], photograph.shape[1] / box.width)
 
 
 def zoom_picture(frames: Frames, exposure: Exposure, directions: NDArray, strokes: NDArray) -> Image:
@@ -160,18 +154,16 @@ def draw_strokes(image: Image, strokes: NDArray, corner: list[int], scale: float
     return np.asarray(cv2.polylines(image, list(lines), False, SCAN_COLOUR, 1, cv2.LINE_AA, 6), np.uint8)
 
 
-def sigma_scale_end(sigma_deg: NDArray) -> float:
-    """Return where the colour scale of sigma ends: a round number that all but 2 % stay under."""
-    known = sigma_deg[np.isfinite(sigma_deg)]
-    return pictures.colour_scale_end(float(np.quantile(known, 0.98)) if known.size else 1.0, least=0.1)
-
-
-def sigma_picture(sigma_deg: NDArray, mask: NDArray[np.bool_], end_deg: float) -> Image:
-    """Return sigma (h, w) as colours; rose where the mask, of that size or larger, has a pixel without sigma."""
+def sigma_picture(sigma_deg: NDArray, mask: NDArray[np.bool_], box: PixelBox) -> Image:
+    """Return sigma (H, W) in a box as colours, their scale below; rose where the mask has a pixel without sigma."""
     import cv2
 
-    image = pictures.error_picture(sigma_deg, end_deg)
-    size = (sigma_deg.shape[1], sigma_deg.shape[0])
-    share = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    image[(np.asarray(share) > 0.5) & ~np.isfinite(sigma_deg)] = DOUBT_COLOUR
-    return image
+    known = sigma_deg[np.isfinite(sigma_deg)]
+    # All but 2 % stay under the end.
+    end = pictures.colour_scale_end(float(np.quantile(known, 0.98)) if known.size else 1.0, least=0.1)
+    small = pictures.shrink(box.of(sigma_deg), box.shown_width(WIDTH))
+    image = pictures.error_picture(small, end)
+    share = cv2.resize(box.of(mask).astype(np.float32), small.shape[::-1], interpolation=cv2.INTER_AREA)
+    image[(np.asarray(share) > 0.5) & ~np.isfinite(small)] = DOUBT_COLOUR
+    image = pictures.enlarged(image, growth(image.shape[1]))
+    return pictures.with_colour_scale(image, end, "sigma of the ground truth; rose: no normal")

@@ -7,12 +7,11 @@ from markupsafe import Markup
 
 from compare.report import page
 from compare.report.facts import Material, Summary, all_warnings, by_error, family
-from compare.report.layers import ViewerLayers
+from compare.report.layers import ViewerLayers, viewer_facts
 from compare.report.pictures import legend_ball
 from compare.report.report_figures import ball_figures, glance, placed
 from compare.report.speed import speed_points
 from compare.report.verdict import limits, ranking, trust_sentence, verdict
-from compare.report.viewer import SCRIPTS, viewer_facts
 from compare.statistics.statistics import statistics_rows
 from draw import light_charts
 from draw.line_chart import line_chart
@@ -29,7 +28,8 @@ CHAPTERS = {
     "Known truth": "checked", "Provenance": "provenance", "How to read": "reading",
 }  # fmt: skip
 """The sections of report.html by their names in the row of links; all but the first two are folded."""
-OPEN = ("Verdict", "Viewer")
+SCRIPTS = ("report_page.js", "viewer_values.js", "viewer_pixel.js", "viewer_scene.js", "viewer.js")
+"""The page's program in parts, each reading none that follows it."""
 PARTS = (
     "capture", "calibrate", "align", "solve", "twin", "compare", "trust", "truth_check", "versions", "created",
 )  # fmt: skip

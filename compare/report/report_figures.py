@@ -12,15 +12,7 @@ from compare.report import page, pictures
 from compare.report.facts import Material, Summary, is_seen, read_optional
 from compare.report.layers import ViewerLayers
 from compare.report.pictures import PixelBox
-from compare.report.registration_pictures import (
-    Views,
-    growth,
-    raking_frame,
-    read_picture,
-    sigma_picture,
-    sigma_scale_end,
-    views,
-)
+from compare.report.registration_pictures import Views, raking_frame, read_picture, views
 from scene.errors import SceneError
 from scene.map_pictures import data_uri, known_pixels, normal_picture
 from scene.spheres import Sphere
@@ -89,8 +81,8 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
 def placed(material: Material) -> Summary:
     """Return the pictures that show whether the scan lies where the object is, or under `missing` why there are none.
 
-    registered: there is a pose. As HTML, where they are there: outline, zoom, sigma (its scale ends at
-    sigma_end degrees); wiper: the values of the macro of pieces.html.
+    registered: there is a pose. As HTML, where they are there: outline, and zoom and sigma, as `align` drew them;
+    wiper: the values of the macro of pieces.html.
     """
     frames, mask, truth = material.frames, material.mask, material.map_of("normals", "truth")
     registered = material.store.path("pose.json").exists()
@@ -106,7 +98,9 @@ def placed(material: Material) -> Summary:
         return found | {"missing": page.words("registration")["sizes"]}
     box = PixelBox.of_mask(shape, margin=0.12)
     index = 0 if material.directions is None else raking_frame(material.directions[: len(frames)])
-    drawn, zoom = (read_picture(material.store, name) if registered else None for name in ("outline", "outline_zoom"))
+    drawn, zoom, sigma = (
+        read_picture(material.store, name) if registered else None for name in ("outline", "outline_zoom", "sigma")
+    )
     regions, legend = [(mask, "mask", "the object's mask")], []
     if drawn is None:
         # Where the outline itself is not there to a fraction of a pixel, the truth ends a pixel inside it. The dashed
@@ -130,16 +124,10 @@ def placed(material: Material) -> Summary:
         said = page.say("registration", "wiper" if registered else "wiper without scan", name=frames.names[index])
         shaded = "shaded scan" if registered else "shaded ground truth"
         found["wiper"] = (uris[0], "photograph", uris[1], shaded, said)
-    if zoom is not None:
-        found["zoom"] = Markup(page.picture(zoom, "four stretches of the outline", page.say("registration", "zoom")))
-    sigma = material.map_of("normals", "truth_sigma")
-    if sigma is not None and mask is not None and sigma.shape == mask.shape and np.isfinite(sigma).any():
-        found["sigma_end"] = sigma_scale_end(sigma)
-        small = pictures.shrink(box.of(sigma), box.shown_width(PHOTOGRAPH_WIDTH // 2))
-        image = sigma_picture(small, box.of(mask), found["sigma_end"])
-        image = pictures.enlarged(image, max(1, growth(image.shape[1]) // 2))
-        said = page.say("registration", "sigma")
-        found["sigma"] = Markup(page.picture(image, "map of the ground truth’s sigma", said, kind="map"))
+    images = {"zoom": (zoom, "four stretches of the outline"), "sigma": (sigma, "map of the ground truth’s sigma")}
+    for name, (image, alt) in images.items():
+        if image is not None:
+            found[name] = Markup(page.picture(image, alt, page.say("registration", name), photograph=name == "sigma"))
     return found
 
 
