@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from formats.light_files.light_formats import read_light_file
-from formats.light_files.light_frames import keys_of, places
+from formats.light_files.light_names import keys_of, places
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
@@ -45,7 +45,7 @@ def read_lights(
     skipped : tuple of int
         Places, among all that were photographed, of frames that are left out: a file without names counts them too.
     camera : Camera or None
-        Places what a `.dome` holds in millimetres; see `light_dome.read_dome`.
+        Places what a `.dome` holds in millimetres; see `light_programs.read_dome`.
 
     Returns
     -------
