@@ -103,15 +103,8 @@ def _rows(summary: Summary, material: Material) -> Summary:
     return {
         "methods": methods, "points": points, "statistics_rows": statistics_rows({"methods": methods}),
         "uncharted": {reason: [name for name, why in missing if why == reason] for _, reason in missing},
-        "frame_rows": [
-            {"number": str(index), "name": name, **(listed.get(name) or {})} for index, name in enumerate(names, 1)
-        ],
-        "light_rows": [
-            {**row, "number": str(index), "flags": "; ".join(row.get("flags") or [])}
-            for index, row in enumerate((material.lights or {}).get("frames") or [], 1)
-        ],
-        "both_rows": _named({name: row for name, row in methods.items() if row.get("real") and row.get("twin")}),
-        "trust_rows": _named((summary.get("trust") or {}).get("methods") or {}),
+        "frame_rows": [{"name": name, **(listed.get(name) or {})} for name in names],
+        "both_rows": {name: row for name, row in methods.items() if row.get("real") and row.get("twin")},
         "four_ways": [
             {"name": name, "kind": kind, **ways, "sign": "inside out" if ways.get("mirrored") else "right"}
             for name, row in methods.items()
@@ -128,13 +121,12 @@ def _rows(summary: Summary, material: Material) -> Summary:
             for what, key, text in page.words("tables")["registered"]
             if page.is_number(align.get(key))
         ],
-        "spent_rows": [
-            {"name": str(step), "processor": spent.get(step), "wall": wall}
-            for step, wall in (summary.get("seconds") or {}).items()
-        ],
+        "spent_rows": {
+            step: {"processor": spent.get(step), "wall": wall} for step, wall in (summary.get("seconds") or {}).items()
+        },
         "setting_rows": {
-            part: [{"name": str(name), "value": page.as_text(value)}
-                   for name, value in (summary.get(part) or {}).items() if name not in ELSEWHERE]
+            part: {name: {"value": page.as_text(value)} for name, value in (summary.get(part) or {}).items()
+                   if name not in ELSEWHERE}
             for part in ("versions", "arguments", "camera", "twin")
         },
         "evidence": [
@@ -144,10 +136,6 @@ def _rows(summary: Summary, material: Material) -> Summary:
         ],
         **_square(compared.get("between_methods") or [], list(methods)),
     }  # fmt: skip
-
-
-def _named(rows: Summary) -> list[Summary]:
-    return [{"name": name, **row} for name, row in rows.items()]
 
 
 def _square(pairs: list[Summary], names: list[str]) -> Summary:

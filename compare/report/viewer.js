@@ -166,24 +166,18 @@ function startViewer() {
     const direction = [Math.sin(z) * Math.cos(a), Math.sin(z) * Math.sin(a), Math.cos(z)];
     lamp = light ?? { direction, intensity: [1, 1, 1],
       position_mm: far && direction.map((part, i) => info.lights.reference_point_mm[i] + far * part) };
-    const paint = dome.getContext("2d"), [dx, dy] = lamp.direction;
-    const ball = paint.createRadialGradient(75 + 60 * dx, 75 - 60 * dy, 4, 75, 75, 72);
-    ball.addColorStop(0, "#fff");
-    ball.addColorStop(1, "#33373c");
-    paint.clearRect(0, 0, 150, 150);
-    for (const [x, y, radius, fill] of [[75, 75, 70, ball], [75 + 68 * dx, 75 - 68 * dy, 7, "#E69F00"]]) {
-      paint.beginPath();
-      paint.arc(x, y, radius, 0, 7);
-      paint.fillStyle = fill;
-      paint.fill();
-    }
+    dome.style.setProperty("--x", lamp.direction[0]);
+    dome.style.setProperty("--y", lamp.direction[1]);
     redraw();
+  };
+  const turnTo = (x, y, angle) => {
+    azimuth.value = (Math.atan2(y, x) * 180 / Math.PI + 360) % 360;
+    zenith.value = angle * 180 / Math.PI;
   };
   const drag = (event) => {
     if (!event.buttons) return;
     const box = dome.getBoundingClientRect(), x = (event.clientX - box.left) / box.width * 2 - 1, y = 1 - (event.clientY - box.top) / box.height * 2;
-    azimuth.value = (Math.atan2(y, x) * 180 / Math.PI + 360) % 360;
-    zenith.value = Math.asin(Math.min(1, Math.hypot(x, y) / 0.92)) * 180 / Math.PI;
+    turnTo(x, y, Math.asin(Math.min(1, Math.hypot(x, y) / 0.92)));
     placeLamp();
   };
   for (const kind of ["pointerdown", "pointermove"]) dome.addEventListener(kind, drag);
@@ -192,8 +186,7 @@ function startViewer() {
   byId("viewer-as-light").addEventListener("click", () => {
     const light = info.lights?.frames?.[frame.value];
     if (!light?.direction) return;
-    azimuth.value = (Math.atan2(light.direction[1], light.direction[0]) * 180 / Math.PI + 360) % 360;
-    zenith.value = Math.acos(light.direction[2]) * 180 / Math.PI;
+    turnTo(light.direction[0], light.direction[1], Math.acos(light.direction[2]));
     placeLamp(light);
   });
   byId("viewer-3d").addEventListener("toggle", () => startScene(byId("viewer-scene")), { once: true });
