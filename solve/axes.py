@@ -105,9 +105,8 @@ class _Lit:
     def least_squares(self) -> Array:
         """Return each pixel's own albedo x normal (P, 3), by its lit samples."""
         matrix = np.einsum("pf,pfi,pfj->pij", self.lit, self.toward, self.toward) + 1e-9 * np.eye(3)
-        return np.linalg.solve(matrix, np.einsum("pf,pfi,pf->pi", self.lit, self.toward, self.values)[..., None])[
-            ..., 0
-        ]
+        seen = np.einsum("pf,pfi,pf->pi", self.lit, self.toward, self.values)
+        return np.linalg.solve(matrix, seen[..., None])[..., 0]
 
 
 def find_axes(normals: Array, samples: Samples, *, name: str) -> Axes:
@@ -201,18 +200,17 @@ def relief_cautions(
 
 def _in_inverted_patches(row: NDArray, column: NDArray, given: Array, other: Array) -> NDArray[np.bool_]:
     """Return which pixels (P,) lie in a patch of the picture that the inverted relief explains better."""
-    inside = np.zeros(len(row), bool)
+    from scipy.ndimage import median
+
     if not len(row):
-        return inside
+        return np.zeros(0, bool)
     tall, wide = np.ptp(row) + 1.0, np.ptp(column) + 1.0
     # Of a small object patches are larger: each is to have its pixels.
     side = max(max(tall, wide) / _PATCHES, np.sqrt(1.3 * _FEWEST * tall * wide / len(row))) + 1
     patch = (row - row.min()) // side * (_PATCHES + 1) + (column - column.min()) // side
-    for label in np.unique(patch):
-        here = patch == label
-        own = np.median(given[here])
-        inside[here] = here.sum() >= _FEWEST and own > _CLEAR and np.median(other[here]) < _BETTER * own
-    return inside
+    labels, patch, count = np.unique(patch, return_inverse=True, return_counts=True)
+    own, better = (median(misfit, patch, np.arange(len(labels))) for misfit in (given, other))
+    return ((count >= _FEWEST) & (own > _CLEAR) & (better < _BETTER * own))[patch]
 
 
 def lights_in_other_axes(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]) -> str | None:

@@ -9,7 +9,7 @@ from compare.report import page
 from compare.report.facts import Material, Summary, all_warnings, by_error, family
 from compare.report.layers import ViewerLayers, viewer_facts
 from compare.report.pictures import legend_ball
-from compare.report.report_figures import ball_figures, glance, placed
+from compare.report.report_figures import ball_figures, placed
 from compare.report.speed import speed_points
 from compare.report.verdict import limits, ranking, trust_sentence, verdict
 from compare.statistics.statistics import statistics_rows
@@ -64,8 +64,8 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     best = recommended or next(iter(material.methods), None)
     facts = {name: summary.get(name) or {} for name in PARTS} | _verdict_facts(summary) | _rows(summary, material)
     facts |= viewer_facts(material, layers, best) | ball_figures(material) | DRAWN
-    facts |= {"material": material, "layers": layers, "glance": glance(material, layers, compared, best)}
-    facts |= {"placed": placed(material), "best": best, "terms": _terms(by_error(compared))}
+    facts |= {"material": material, "layers": layers, "placed": placed(material), "best": best}
+    facts |= {"terms": _terms(by_error(compared))}
     module = page.template("report.html").make_module(facts)
     sections = {words: str(getattr(module, name)()).strip() for words, name in CHAPTERS.items()}
     first = dict(list(sections.items())[:2])

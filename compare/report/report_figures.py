@@ -1,4 +1,4 @@
-"""The report's pictures that are composed: balls with their outlines, the scan on the photograph, the first look."""
+"""The report's pictures that are composed: balls with their outlines, the scan on the photograph."""
 
 from contextlib import suppress
 from itertools import zip_longest
@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 
 from compare.report import page, pictures
 from compare.report.facts import Material, Summary, is_seen, read_optional
-from compare.report.layers import ViewerLayers
 from compare.report.pictures import PixelBox
 from compare.report.registration_pictures import Views, raking_frame, read_picture, views
 from scene.errors import SceneError
-from scene.map_pictures import data_uri, known_pixels, normal_picture
+from scene.map_pictures import data_uri, known_pixels
 from scene.spheres import Sphere
 
-BALL_WIDTH, GLANCE_WIDTH, PHOTOGRAPH_WIDTH = 420, 300, 1000
+BALL_WIDTH, PHOTOGRAPH_WIDTH = 420, 1000
 
 
 def ball_figures(material: Material) -> Summary:
@@ -148,24 +147,3 @@ def _views(material: Material, box: PixelBox, index: int, truth: NDArray | None)
         return cosine[np.clip(v - box.top, 0, box.height - 1), np.clip(u - box.left, 0, box.width - 1)]
 
     return views(material.frames, material.exposure, lights, index, box, shading)
-
-
-def glance(
-    material: Material, layers: ViewerLayers | None, compared: Summary, best: str | None
-) -> list[tuple[NDArray, str]]:
-    """Return photograph, normals and error of the best method, as far as they are there, with words for each."""
-    if layers is None:
-        return []
-    box, shown = layers.grid.box, []
-    width = box.shown_width(GLANCE_WIDTH)
-    if material.frames is not None and material.exposure is not None and len(material.frames):
-        index = 0 if material.directions is None else raking_frame(material.directions)
-        shown.append((material.photograph(min(index, len(material.frames) - 1), box, width), "photograph"))
-    normals, end = material.map_of("normals", best) if best else None, compared.get("error_scale_deg")
-    if normals is not None:
-        shown.append((normal_picture(box.of(normals), width), f"normals, {best}"))
-        error = material.map_of("compare", f"error_real_{best}")
-        if error is not None and page.is_number(end):
-            image = pictures.error_picture(pictures.shrink(box.of(error), width), end)
-            shown.append((image, f"its error, 0° to {end:g}°"))
-    return [(np.ascontiguousarray(image), words) for image, words in shown]
