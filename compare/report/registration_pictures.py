@@ -1,7 +1,6 @@
 """Pictures that show whether a scan lies where the object is: outline, wipe, sigma."""
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,13 +26,6 @@ SIDES = {"left": (-1.0, 0.0), "top": (0.0, -1.0), "right": (1.0, 0.0), "bottom":
 """Image axes (u, v)."""
 
 
-class Views(NamedTuple):
-    """A photograph and the shaded scan, pixel by pixel alike."""
-
-    photograph: Image
-    shaded: Image
-
-
 def growth(width: int) -> int:
     """Return by how much a small picture is enlarged."""
     return max(1, WIDTH // width)
@@ -55,8 +47,8 @@ def shown_pixels(box: PixelBox, shape: tuple[int, ...]) -> NDArray[np.float64]:
 
 def views(
     frames: Frames, exposure: Exposure, lights: Lights, index: int, box: PixelBox, shading: Callable[[NDArray], NDArray]
-) -> Views:
-    """Return one photograph, and the scan shaded by its light, through the same tone curve.
+) -> tuple[Image, Image]:
+    """Return one photograph, and the scan shaded by its light, pixel by pixel alike, through the same tone curve.
 
     `shading`: pixels (h, w, 2) -> what a white matte object would show there (h, w), NaN off the scan.
 
@@ -74,7 +66,7 @@ def views(
     lit = np.isfinite(factor[..., 0]) & (factor[..., 0] > 0.2 * np.nanmax(factor[..., 0], initial=1e-6))
     albedo = np.median(linear[lit] / factor[lit], axis=0) if lit.any() else np.zeros(3)
     rendered = np.where(np.isfinite(factor), factor * albedo, linear)
-    return Views(exposure.develop(linear), exposure.develop(rendered))
+    return exposure.develop(linear), exposure.develop(rendered)
 
 
 def write_pictures(
@@ -96,13 +88,11 @@ def write_pictures(
     exposure = Exposure.for_frames(frames, white_value=lights.white_value)
     box = PixelBox.of_mask(mask, margin=0.12)
     index = raking_frame(lights.directions)
-    both = views(frames, exposure, lights, index, box, lambda pixels: shading(index, pixels))
+    photograph, shaded = views(frames, exposure, lights, index, box, lambda pixels: shading(index, pixels))
     images = {
-        "photograph": both.photograph,
-        "shaded": both.shaded,
-        "outline": draw_strokes(
-            both.photograph.copy(), strokes, [box.left, box.top], both.photograph.shape[1] / box.width
-        ),
+        "photograph": photograph,
+        "shaded": shaded,
+        "outline": draw_strokes(photograph.copy(), strokes, [box.left, box.top], photograph.shape[1] / box.width),
         "outline_zoom": zoom_picture(frames, exposure, lights.directions, strokes),
         "sigma": sigma_picture(sigma_deg, mask, box),
     }

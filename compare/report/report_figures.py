@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from compare.report import page, pictures
 from compare.report.facts import Material, Summary, is_seen, read_optional
 from compare.report.pictures import PixelBox
-from compare.report.registration_pictures import Views, raking_frame, read_picture, views
+from compare.report.registration_pictures import raking_frame, read_picture, views
 from scene.errors import SceneError
-from scene.map_pictures import data_uri, known_pixels
+from scene.map_pictures import Image, data_uri, known_pixels
 from scene.spheres import Sphere
 
 BALL_WIDTH, PHOTOGRAPH_WIDTH = 420, 1000
@@ -130,11 +130,11 @@ def placed(material: Material) -> Summary:
     return found
 
 
-def _views(material: Material, box: PixelBox, index: int, truth: NDArray | None) -> Views | None:
+def _views(material: Material, box: PixelBox, index: int, truth: NDArray | None) -> tuple[Image, Image] | None:
     """Return what `align` drew; without it, shading by the truth's normals, which knows no cast shadows."""
     photograph, shaded = (read_picture(material.store, name) for name in ("photograph", "shaded"))
     if photograph is not None and shaded is not None and photograph.shape == shaded.shape:
-        return Views(photograph, shaded)
+        return photograph, shaded
     lights = None
     with suppress(SceneError):
         lights = material.store.load_lights()
