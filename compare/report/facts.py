@@ -97,17 +97,6 @@ def all_warnings(summary: dict[str, Any]) -> list[tuple[str, str]]:
     return list(found)
 
 
-def warned_of(summary: dict[str, Any], step: str) -> list[str]:
-    """Return the warnings of one step: check, calibrate, align, solve, twin or compare."""
-    return [text for named, text in all_warnings(summary) if named == step]
-
-
-def doubts_of(summary: dict[str, Any], method: str) -> list[str]:
-    """Return why a method says that its own result on the photographs should not be believed."""
-    row = ((summary.get("solve") or {}).get("methods") or {}).get(method) or {}
-    return [str(text).removeprefix(f"{method}: ") for text in row.get("warnings") or ()]
-
-
 @dataclass(frozen=True)
 class Material:
     """What the folder holds to be shown; None where it is not there."""
