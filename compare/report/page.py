@@ -173,12 +173,6 @@ def section(anchor: str, title: str, body: str, lead: str = "") -> str:
     return pieces().section(anchor, title, Markup(lead), Markup(body))
 
 
-def folded_section(html: str) -> str:
-    """Return a section with all but its title folded away; a link to it opens it."""
-    html = re.sub(r"(<section[^>]*>)<h2>(.*?)</h2>", r"\1<details><summary><h2>\2</h2></summary>", html, count=1)
-    return html.removesuffix("</section>") + "</details></section>"
-
-
 def whole_page(title: str, kind: str, subtitle: str, chapters: Mapping[str, str], *, script: str = "") -> str:
     """Return the page: `chapters` are sections by their names in the row of links; `subtitle` is HTML already."""
     anchors = {words: re.search(r'<section id="([\w-]+)"', html) for words, html in chapters.items()}

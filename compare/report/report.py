@@ -68,10 +68,7 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     facts |= {"terms": _terms(by_error(compared))}
     module = page.template("report.html").make_module(facts)
     sections = {words: str(getattr(module, name)()).strip() for words, name in CHAPTERS.items()}
-    first = dict(list(sections.items())[:2])
-    chapters = first | {
-        words: page.folded_section(html) for words, html in sections.items() if html and words not in first
-    }
+    chapters = {words: html for words, html in sections.items() if html}
     name = str(summary.get("name") or store.folder.resolve().name)
     script = "\n".join((page.HERE / part).read_text("utf-8") for part in SCRIPTS)
     script = f'"use strict";\n(() => {{\n{script}\n}})();'

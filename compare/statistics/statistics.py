@@ -20,7 +20,7 @@ def angular_statistics(error_deg: NDArray) -> dict[str, float | int]:
     Returns
     -------
     dict
-        min_deg, max_deg, mean_deg, median_deg, std_deg, q1_deg, q3_deg in degrees; under_5_deg and
+        mean_deg, median_deg, std_deg, min_deg, q1_deg, q3_deg, max_deg in degrees; under_5_deg and
         under_10_deg, the share (0 to 1) of the pixels whose error is less than 5 and 10 degrees; pixels, how many
         counted. Without any pixel all but `pixels` are NaN.
 
@@ -34,20 +34,13 @@ def angular_statistics(error_deg: NDArray) -> dict[str, float | int]:
     pixels = int(error.size)
     if pixels == 0:
         error = np.array([np.nan])
-    q1, median, q3 = np.quantile(error, [0.25, 0.5, 0.75])
+    low, q1, median, q3, high = np.quantile(error, [0, 0.25, 0.5, 0.75, 1])
     under_5, under_10 = (np.mean(error < bar) if pixels else np.nan for bar in (5, 10))
-    return {
-        "min_deg": float(error.min()),
-        "max_deg": float(error.max()),
-        "mean_deg": float(error.mean()),
-        "median_deg": float(median),
-        "std_deg": float(error.std()),
-        "q1_deg": float(q1),
-        "q3_deg": float(q3),
-        "under_5_deg": float(under_5),
-        "under_10_deg": float(under_10),
-        "pixels": pixels,
-    }
+    found = {
+        "mean_deg": error.mean(), "median_deg": median, "std_deg": error.std(), "min_deg": low, "q1_deg": q1,
+        "q3_deg": q3, "max_deg": high, "under_5_deg": under_5, "under_10_deg": under_10,
+    }  # fmt: skip
+    return {**{name: float(value) for name, value in found.items()}, "pixels": pixels}
 
 
 def error_correlation(real_error: NDArray, twin_error: NDArray) -> dict[str, float | int]:
@@ -119,14 +112,11 @@ def statistics_rows(compared: dict[str, Any]) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        method; frames: real or twin; mean_deg, median_deg, std_deg, min_deg, q1_deg, q3_deg, max_deg; under_5_deg,
-        under_10_deg: share (0 to 1) of the pixels whose error is less; pixels; coverage: share (0 to 1) of the pixels
-        with a truth that were answered. The methods in their order; none where there is no truth.
+        method; frames: real or twin; what `angular_statistics` says; coverage: share (0 to 1) of the pixels with a
+        truth that were answered. The methods in their order; none where there is no truth.
     """
-    keys = ("mean_deg", "median_deg", "std_deg", "min_deg", "q1_deg", "q3_deg", "max_deg")
-    keys += ("under_5_deg", "under_10_deg", "pixels")
     return [
-        {"method": name, "frames": kind, **{key: found.get(key) for key in keys}, "coverage": row.get(coverage)}
+        {"method": name, "frames": kind, **found, "coverage": row.get(coverage)}
         for name, row in (compared.get("methods") or {}).items()
         for kind, coverage in COVERAGE.items()
         if (found := row.get(kind))
