@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solve.axes import AXES
-from solve.plausible_axes import plausible_axes
+from solve.plausible_axes import AXES, plausible_axes
 
 Array = NDArray[np.float64]
 CLIPPED = 0.98
@@ -125,13 +124,13 @@ def _whose_axes(claim: Claim, normals: Array, way: int, axes: int, wrong: bool) 
     normals: the map as the photographs lie. way, axes: numbers of the best. wrong: they are not those as given.
     """
     relation = AXES[axes]
-    alone = plausible_axes(normals, claim.mask, AXES)
+    alone = plausible_axes(normals, claim.mask)
     # Of a hollow the rim misleads: it counts only where it leaves nothing for the lights to be wrong in.
     by_rim = wrong and (alone.plain or np.array_equal(AXES[alone.by_rim], relation))
     own = alone.by_rim if by_rim else alone.plain
     hollow = bool(not wrong and not own and alone.by_rim)
     as_it_lies = np.isfinite(claim.normals[..., 0])
-    if way and own and not axes and not plausible_axes(claim.normals, as_it_lies, AXES).by_rim:
+    if way and own and not axes and not plausible_axes(claim.normals, as_it_lies).by_rim:
         return {"turned": True, "hollow": hollow}
     mended = AXES[own]
     return {"hollow": hollow, "certain": alone.is_unique, "of_lights": mended @ relation.T, "of_normals": mended}
