@@ -6,11 +6,10 @@ from typing import Any
 from markupsafe import Markup
 
 from compare.report import page
-from compare.report.facts import Material, Summary, all_warnings, by_error, family
+from compare.report.facts import Material, Summary, all_warnings, by_error, family, speed_points
 from compare.report.layers import ViewerLayers, viewer_facts
 from compare.report.pictures import legend_ball
 from compare.report.report_figures import ball_figures, placed
-from compare.report.speed import speed_points
 from compare.report.verdict import limits, ranking, trust_sentence, verdict
 from compare.statistics.statistics import statistics_rows
 from draw import light_charts
