@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from compare.report.facts import method_names, read_optional, sphere_rows, stored_lights
 from compare.report.pictures import colour_scale_end, error_picture, with_colour_scale
 from compare.statistics.ambiguity import four_ways, is_measured_so
-from compare.statistics.block_bootstrap import level_methods, thinned
-from compare.statistics.counterparts import difference
+from compare.statistics.counterparts import difference, level_methods, thinned
 from compare.statistics.frames_alike import frames_alike
 from compare.statistics.statistics import COVERAGE, angular_statistics, common_rotation
 from scene.errors import SceneError
