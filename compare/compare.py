@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from compare.report.facts import method_names, read_optional, sphere_rows, stored_lights
 from compare.report.pictures import colour_scale_end, error_picture, with_colour_scale
-from compare.statistics.ambiguity import four_ways, is_measured_so
 from compare.statistics.counterparts import difference, level_methods, thinned
 from compare.statistics.frames_alike import frames_alike
-from compare.statistics.statistics import COVERAGE, angular_statistics, common_rotation
+from compare.statistics.statistics import COVERAGE, angular_statistics, common_rotation, four_ways, is_measured_so
 from scene.errors import SceneError
 from scene.files import remove, write_npy, write_png
 from scene.map_pictures import known_pixels
