@@ -60,9 +60,9 @@ def read_lights(
 
     Notes
     -----
-    `light_frames.places` says which names are the same. A file whose names are none of the frames' is taken in its own
+    `light_names.places` says which names are the same. A file whose names are none of the frames' is taken in its own
     order, and each light is flagged so; it is refused where the numbers in its names tell another order.
-    `light_frames` states each format's axes, origin and unit.
+    `light_programs` states each format's axes, origin and unit.
     """
     if not path.is_file():
         raise CalibrationError(f"{path}: no such file. Correct lights.file in session.toml.")
