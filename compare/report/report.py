@@ -1,5 +1,6 @@
 """One self-contained page: what the cameras saw, what was computed of it, and how far it can be trusted."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +22,12 @@ from scene.files import write_text
 from scene.store import Store
 
 CHAPTERS = {
-    "Verdict": "verdict", "Viewer": "viewer", "Why": "why", "Warnings": "warned", "Photographs": "frames",
-    "Balls": "balls", "Lights": "lights", "Registration": "registration", "Normals": "normals",
-    "Which normals": "trusted", "Twin": "twinned", "Errors": "errors", "Statistics": "statistics", "Speed": "time",
-    "Known truth": "checked", "Provenance": "provenance", "How to read": "reading",
+    "verdict": "Verdict", "viewer": "Viewer", "why": "Why", "warnings": "Warnings", "frames": "Photographs",
+    "balls": "Balls", "lights": "Lights", "registration": "Registration", "normals": "Normals",
+    "trust": "Which normals", "twin": "Twin", "errors": "Errors", "statistics": "Statistics", "time": "Speed",
+    "truth-check": "Known truth", "provenance": "Provenance", "how-to-read": "How to read",
 }  # fmt: skip
-"""The sections of report.html by their names in the row of links; all but the first two are folded."""
+"""The sections of report.html, and their names in the row of links."""
 SCRIPTS = ("report_page.js", "viewer_values.js", "viewer_pixel.js", "viewer_scene.js", "viewer.js")
 """The page's program in parts, each reading none that follows it."""
 PARTS = (
@@ -66,8 +67,8 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     facts |= {"material": material, "layers": layers, "placed": placed(material), "best": best}
     facts |= {"terms": _terms(by_error(compared))}
     module = page.template("report.html").make_module(facts)
-    sections = {words: str(getattr(module, name)()).strip() for words, name in CHAPTERS.items()}
-    chapters = {words: html for words, html in sections.items() if html}
+    sections = re.finditer(r'<section id="([\w-]+)">.*?</section>', str(module), re.DOTALL)
+    chapters = {CHAPTERS[found[1]]: found[0] for found in sections}
     name = str(summary.get("name") or store.folder.resolve().name)
     script = "\n".join((page.HERE / part).read_text("utf-8") for part in SCRIPTS)
     script = f'"use strict";\n(() => {{\n{script}\n}})();'
