@@ -36,7 +36,6 @@ PARTS = (
 """Of the summary, that the templates read."""
 ELSEWHERE = ("warnings", "material", "held_out")
 """Parts of the summary that other sections tell."""
-TILES_TELL = ("Lights", "Ground truth", "Twin")
 
 
 def write_report(store: Store, summary: dict[str, Any]) -> Path:
@@ -62,7 +61,10 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     # The methods are ranked by the truth; without one the photographs may have recommended a method.
     recommended = None if compared.get("has_truth") else (summary.get("trust") or {}).get("recommended")
     best = recommended or next(iter(material.methods), None)
-    facts = {name: summary.get(name) or {} for name in PARTS} | _verdict_facts(summary) | _rows(summary, material)
+    statements, warnings = verdict(summary), all_warnings(summary)
+    facts = {name: summary.get(name) or {} for name in PARTS} | _rows(summary, material)
+    facts |= {"statements": statements, "warnings": warnings, "limits": limits(summary, statements[1:], warnings)}
+    facts |= {"topics": {one.topic: one.level for one in statements}, "ranking": ranking(summary)}
     facts |= viewer_facts(material, layers, best) | ball_figures(material) | DRAWN
     facts |= {"material": material, "layers": layers, "placed": placed(material), "best": best}
     facts |= {"terms": _terms(by_error(compared))}
@@ -76,15 +78,6 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     html = page.whole_page(name, "Photometric stereo report", subtitle, chapters, script=script)
     write_text(store.path("report.html"), html)
     return store.path("report.html")
-
-
-def _verdict_facts(summary: Summary) -> Summary:
-    statements, warnings = verdict(summary), all_warnings(summary)
-    marked = [one for one in statements[1:] if one.level in ("care", "bad") and one.topic not in TILES_TELL]
-    return {
-        "statements": statements, "warnings": warnings, "marked": marked, "ranking": ranking(summary),
-        "limits": limits(summary, statements[1:], warnings), "topics": {one.topic: one.level for one in statements},
-    }  # fmt: skip
 
 
 def _rows(summary: Summary, material: Material) -> Summary:
@@ -126,11 +119,6 @@ def _rows(summary: Summary, material: Material) -> Summary:
                    if name not in ELSEWHERE}
             for part in ("versions", "arguments", "camera", "twin")
         },
-        "evidence": [
-            (step, str(text))
-            for step in ("calibrate", "align")
-            for text in (summary.get(step) or {}).get("evidence") or ()
-        ],
         **_square(compared.get("between_methods") or [], list(methods)),
     }  # fmt: skip
 
