@@ -25,18 +25,8 @@ def ball_figures(material: Material) -> Summary:
     with suppress(SceneError):
         spheres = material.store.load_spheres()
     rows = zip_longest(range(len(material.spheres)), spheres, calibration.get("highlights_px") or [])
-    refused = (
-        "At column {:.0f}, row {:.0f}, radius {:.0f} px: {}.".format(
-            *item["center_px"], item["radius_px"], item["reason"]
-        )
-        if isinstance(item, dict) and "reason" in item
-        else str(item)
-        for item in calibration.get("rejected") or ()
-    )
-    return {
-        "ball_figures": [Markup(_ball(material, *row)) for row in rows if row[0] is not None],
-        "refused": list(refused),
-    }
+    found = [Markup(_ball(material, *row)) for row in rows if row[0] is not None]
+    return {"ball_figures": found, "refused": calibration.get("rejected")}
 
 
 def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | None) -> str:
