@@ -285,16 +285,7 @@ def viewer_facts(material: Material, layers: ViewerLayers | None, best: str | No
         "frame": 0 if material.directions is None else raking_frame(material.directions),
         "palette": palette().tolist(), "surface": _surface_uri(material, grid), "best": best, **parts,
     }  # fmt: skip
-    told = ["normals 0.4° at most, 0.2° usually"]
-    for kind in ("error", "sigma"):
-        if scale := layers.scales.get(kind):
-            end = scale["end_deg"]
-            told.append(f"{kind} {end / 254:.2g}° up to {end:g}°, which also stands for more")
-    if scale := layers.scales.get("photograph-real"):
-        told.append(f"photographs {100 * scale['error_share']:.1g} % of white for 95 % of samples")
-    every = "every pixel" if grid.step == 1 else f"one pixel of {grid.step} × {grid.step}"
     return {
         "options": {GROUPS[group]: [*rows.items()] for group, rows in found.items() if rows},
         "chosen": (left, next(key for key in wanted if key in keys)), "viewer_data": data,
-        "accuracy": f"{every} is shown; values are rounded: {'; '.join(told)}.",
     }  # fmt: skip
