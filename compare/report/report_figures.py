@@ -25,22 +25,16 @@ def ball_figures(material: Material) -> Summary:
     with suppress(SceneError):
         spheres = material.store.load_spheres()
     rows = zip_longest(range(len(material.spheres)), spheres, calibration.get("highlights_px") or [])
-    found = [Markup(_ball(material, *row)) for row in rows if row[0] is not None]
+    found = [_ball(material, *row) for row in rows if row[0] is not None]
     return {"ball_figures": found, "refused": calibration.get("rejected")}
 
 
-def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | None) -> str:
-    row, camera = material.spheres[index], material.camera
+def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | None) -> Summary:
+    """Return what is told of a ball, its outline as a drawing, and its crop; the latter two where they are there."""
+    row, camera = {"kind": "", **material.spheres[index], "number": str(index + 1)}, material.camera
     frames, exposure = material.photographs_of_ball(index)
-    caption = page.say("balls", "fit", **{"kind": "", **row, "number": str(index + 1)})
-    caption += page.say("balls", "diameter", **row) if row.get("diameter_mm") else ""
-    caption += page.say("balls", "distance", **row) if row.get("distance_mm") else ""
-    if row.get("kind") == "chrome" and page.is_number(row.get("highlights_seen")):
-        caption += page.say("balls", "highlights", **row)
-    caption += ". Photographed apart." if row.get("apart") else "."
     if camera is None or sphere is None:
-        reason = '<p class="absent">Its camera or its place is not in this folder.</p>'
-        return f"<figure>{reason}<figcaption>{caption}</figcaption></figure>"
+        return {"row": row}
     outline = sphere.outline(camera)
     box = pictures.ball_box(sphere, outline, width=camera.width, height=camera.height)
     corner = np.array([box.left - 0.5, box.top - 0.5])
@@ -54,17 +48,18 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
         cross = f"M{u - arm:.2f},{v:.2f}H{u + arm:.2f}M{u:.2f},{v - arm:.2f}V{v + arm:.2f}"
         title = f"<title>{escape(f'{frame + 1}: {name}')}</title>"
         shapes += f'<g>{title}<path class="highlight-halo" d="{cross}"/><path class="highlight" d="{cross}"/></g>'
-    overlay = page.drawing(box.width, box.height, shapes, label="fitted outline and highlights")
+    found = {
+        "row": row,
+        "overlay": Markup(page.drawing(box.width, box.height, shapes, label="fitted outline and highlights")),
+    }
     if frames is None or exposure is None or (frames.width, frames.height) != (camera.width, camera.height):
-        below = f"<figcaption>{caption} Its pictures are not kept here, so only the fit is drawn.</figcaption>"
-        return f'<figure class="ball"><div class="stack blank">{overlay}</div>{below}</figure>'
+        return found
     mean = pictures.shrink(pictures.ball_picture(frames, box, brightest=False), BALL_WIDTH)
     image = exposure.develop(mean)
-    if row.get("kind") == "chrome":
+    if row["kind"] == "chrome":
         brightest = pictures.ball_picture(frames, box, brightest=True)
         image = pictures.mirror_picture(mean / exposure.balance, pictures.shrink(brightest, BALL_WIDTH))
-    words = f"{row.get('kind')} ball {index + 1} with its fitted outline"
-    return page.picture(image, words, caption, photograph=True, overlay=overlay, kind="ball")
+    return found | {"image": image}
 
 
 def placed(material: Material) -> Summary:
