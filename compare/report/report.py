@@ -10,7 +10,7 @@ from compare.report import page
 from compare.report.facts import Material, Summary, all_warnings, by_error, family, speed_points
 from compare.report.layers import ViewerLayers, viewer_facts
 from compare.report.pictures import legend_ball
-from compare.report.report_figures import ball_figures, placed
+from compare.report.registration_pictures import ball_figures, placed
 from compare.report.verdict import limits, ranking, trust_sentence, verdict
 from compare.statistics.statistics import statistics_rows
 from draw import light_charts
