@@ -5,11 +5,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, Group, Parameter
+from cyclopts.validators import Number
 
 from experiments.commands import dataset, sweep
 from lab.options import AS_BEFORE, SHADED, SessionSolving, Settings
 from lab.progress import say
 from lab.run import is_description, run_session
+from lab.session_place import is_output
 from lab.streams import check_words, is_quiet, keep_quiet, log_to, open_streams
 from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
@@ -78,15 +80,21 @@ def _start(
 
 @app.command(sort_key=1)
 def process(
-    session: Session,
+    session: Annotated[Path, Parameter(help=f"{SESSION} Or a folder with many sessions below it.")],
     /,
     *,
     out: Out = None,
     said: Settings = AS_BEFORE,
     scheduler: Scheduler = None,
+    jobs: Annotated[int, Parameter(help="Of many sessions, so many at a time.", validator=Number(gte=1))] = 1,
     json: Json = False,
 ) -> None:
-    """Go the whole way: decode, lights, scan, normals, twin, report."""
+    """Go the whole way: decode, lights, scan, normals, twin, report; of one session, or of all below a folder."""
+    from rgbn.many_sessions import process_all, sessions_below
+
+    if not is_output(session) and (sessions := sessions_below(session)):
+        process_all(session, sessions, out, said, jobs=jobs, scheduler=scheduler, as_json=json)
+        return
     _run(json, session, "compare", whole=True, out=out, said=said, scheduler=scheduler)
 
 
