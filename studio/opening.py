@@ -15,7 +15,7 @@ from scene.errors import SceneError, SessionError
 from scene.origin import Origin
 from scene.reading import reading
 from studio.editor.editor_window import FILE, begun
-from studio.new_session.looking import FolderLook
+from studio.session.looking import FolderLook
 from studio.studio_state import StudioState
 from studio.widgets import Row, button, code, text
 from studio.window import Window
@@ -79,13 +79,12 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
         folders = survey(source)
         if out is not None and len(folders) > 1:
             raise SceneError(f"--out {out}: there are {len(folders)} objects, each with a folder of its own: out/NAME.")
-        state.looks = {
-            files.folder: FolderLook(
-                files, workspace.path(out.resolve() if out else _out_of(files, workspace.root / "out"))
-            )
-            for files in folders
-        }
-        state.area = "New session"
+        places = [workspace.path(out.resolve() if out else _out_of(files, workspace.root / "out")) for files in folders]
+        state.looks = {files.folder: FolderLook(files, place) for files, place in zip(folders, places, strict=True)}
+        for place in state.looks:
+            state.edits.pop(place, None)
+        place = next((place for place in state.looks if not (place / MANIFEST).exists()), folders[0].folder)
+        state.show_session(state.looks[place].out, place)
     elif source.is_dir() or source.name == MANIFEST:
         place, session = found_at(source, out)
         if out is None and kind != "results" and not place.is_relative_to(workspace.root):

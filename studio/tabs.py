@@ -16,17 +16,17 @@ Rows = Sequence[Row] | Callable[[Any], Sequence[Row]]
 
 
 def tab_rows(
-    tabs: Mapping[str, Rows], marks: Callable[[Any], Mapping[str, str]] = lambda window: {},
+    tabs: Mapping[str, Rows], mark: Callable[[Any, str], str] = lambda window, name: "",
     when: Callable[[Any], bool] = lambda window: True,
 ) -> tuple[Row, ...]:  # fmt: skip
     """Return a row of tabs, and the folder of each, of which one is shown.
 
-    marks: Returns signs to be put behind the names. when: Returns whether there is anything to be shown.
+    mark: Returns a sign to be put behind a name. when: Returns whether there is anything to be shown.
     """
 
     def tab(name: str) -> Row:
         def show(window: Any) -> dict[str, Any]:
-            label, kind = f"{name} {marks(window).get(name, '')}".strip(), _kind(window.tab == name)
+            label, kind = f"{name} {mark(window, name)}".strip(), _kind(window.tab == name)
             return {"label": label, "kind": kind, "visible": when(window)}
 
         return button(name, lambda window: window.open_tab(name), show, kind="tab", visible=False)

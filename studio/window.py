@@ -31,7 +31,8 @@ class Window:
     """
 
     area: Area = "Open"
-    first_tab = ""
+    page, first_tab = "", ""
+    """What the state calls the open tab, if not as the area; and the tab that is open first."""
     is_flat = False
     """Whether a photograph is shown, which is moved and not turned."""
     report = ""
@@ -105,27 +106,31 @@ class Window:
             self._is_ticking = False
 
     def look_again(self) -> None:
-        """Show how far the work is, and once how it ended."""
+        """Show what goes on in the background: how far the work is, and once how it ended; and what else is new."""
         work = self.work
-        if work is None or work.is_told:
-            return
-        if work.is_over:
+        is_new = work is not None and not work.is_told
+        if work is not None and is_new and work.is_over:
             work.is_told = True
             if work.fault:
                 self.show_fault(work.fault)
             elif not work.is_stopped:
                 self.state.work = None
                 self.work_ended()
-        self.refresh()
+        if self.follow() or is_new:
+            self.refresh()
+
+    def follow(self) -> bool:
+        """Look at what goes on beside the work; return whether there is anything new to be shown."""
+        return False
 
     @property
     def tab(self) -> str:
         """The tab that is open."""
-        return self.state.tabs.get(self.area, self.first_tab)
+        return self.state.tabs.get(self.page or self.area, self.first_tab)
 
     @tab.setter
     def tab(self, name: str) -> None:
-        self.state.tabs[self.area] = name
+        self.state.tabs[self.page or self.area] = name
 
     def open_tab(self, name: str) -> None:
         """Turn to a tab."""

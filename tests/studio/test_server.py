@@ -11,8 +11,8 @@ from websockets.asyncio import server as served
 
 from scene.errors import SceneError
 from studio.editor import edits
-from studio.review.folder import Review
 from studio.server import ELSEWHERE, Studio
+from studio.session.folder import Review
 from studio.studio_state import StudioState
 from studio.workspace import Workspace
 
@@ -156,7 +156,7 @@ def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(t
         raise OSError("the disk is gone")
 
     monkeypatch.setattr(Review, "__init__", read)
-    running = Studio(Workspace.at(tmp_path), port=0, state=StudioState(area="Session", review=(tmp_path, None)))
+    running = Studio(Workspace.at(tmp_path), port=0, state=StudioState(area="Session", session=(tmp_path, None)))
     try:
         client = nobody(8)
         monkeypatch.setattr(running._server, "get_clients", lambda: {8: client})

@@ -11,8 +11,9 @@ from capture.session.manifest import SphereTable
 from compare.report import pictures
 from compare.report.picture_strip import PictureStrip
 from scene.map_pictures import Image, shrink
-from studio.photograph.photograph_window import PhotographWindow, Shown, circle_of, moved, resized, sphere_of
-from studio.photograph.plane import ROOT, WIDE, Plane, add_lines, add_picture
+from scene.spheres import Sphere
+from studio.session.photograph_window import PhotographWindow, Shown, circle_of, moved, resized
+from studio.session.plane import ROOT, WIDE, Plane, add_lines, add_picture
 from studio.widgets import NO_SHADOW, Layers
 
 Array = NDArray[np.float64]
@@ -130,11 +131,11 @@ class PhotographView:
         for index, (ball, colour) in enumerate(zip(window.outlines, shown.colours, strict=False)):
             if colour is None or camera is None:
                 continue
-            line = closed(plane.place(sphere_of(ball).outline(camera, 180), lift=0.002))
-            handles.append(
-                add_lines(self._view, f"outline_{index}", line, colour, 3.0 if window.ball == index else 2.0)
-            )
             center, radius = circle_of(ball)
+            outline = Sphere(ball.kind, np.array(center), radius, ball.diameter_mm).outline(camera, 180)
+            points = plane.place(outline, lift=0.002)
+            strokes, width_px = np.stack([points, np.roll(points, -1, 0)], 1), 3.0 if window.ball == index else 2.0
+            handles.append(add_lines(self._view, f"outline_{index}", strokes, colour, width_px))
             corner = tuple(plane.place(np.add(center, [0, -1.15 * radius]), lift=0.002))
             name = f"{ball.kind} ball {index + 1}"
             handles.append(self._view.add_label(f"{ROOT}/name_{index}", name, position=corner))
@@ -185,8 +186,3 @@ def _knob_places(plane: Plane, ball: SphereTable) -> Array:
 def _high(strip: PictureStrip) -> float:
     """Return the height in the view's units, where a strip is as wide as the photograph."""
     return WIDE * strip.image.shape[0] / strip.image.shape[1]
-
-
-def closed(points: Array) -> Array:
-    """Return (K, 2, 3), the strokes of a closed line through points (K, 3)."""
-    return np.stack([points, np.roll(points, -1, 0)], 1)

@@ -16,12 +16,10 @@ from scene.errors import SceneError
 from scene.lights import Lights
 from scene.rays import RayCaster
 from studio.opening import found_at
-from studio.photograph.photograph_window import added, moved, outline, resized
-from studio.photograph.plane import Plane
-from studio.review import corrections
-from studio.review.corrections import Picks, forget_kept, met, outlines_of, pose_of, tables_of, write_amended
-from studio.review.folder import Review, targets
-from studio.review.photograph_picture import (
+from studio.session import corrections
+from studio.session.corrections import Picks, balls_of, forget_kept, met, pose_of, tables_of, write_amended
+from studio.session.folder import Review, targets
+from studio.session.photograph_picture import (
     CLIPPED,
     CLIPPED_COLOUR,
     WARNED,
@@ -30,8 +28,10 @@ from studio.review.photograph_picture import (
     photograph,
     twin_beside,
 )
-from studio.review.review_window import turned_deg
-from studio.review.spatial_view import covariance_mm2, ellipsoid_of
+from studio.session.photograph_window import added, moved, outline, resized
+from studio.session.plane import Plane
+from studio.session.session_window import turned_deg
+from studio.session.spatial_view import covariance_mm2, ellipsoid_of
 from twin.description.light_groups import direction
 
 
@@ -213,7 +213,7 @@ def test_a_ray_meets_the_pixel_that_stands_there():
 
 
 def test_balls_are_moved_one_at_a_time_and_stay_in_the_picture(review, made):
-    balls = outlines_of(review)
+    balls = balls_of(review)
     assert [ball.diameter_mm for ball in balls] == [100.0, 100.0, 90.0]
     there = moved(balls, 1, (200.0, 50.0), made.camera)
     assert there[1].center_px == [159.0, 50.0]
@@ -222,7 +222,7 @@ def test_balls_are_moved_one_at_a_time_and_stay_in_the_picture(review, made):
     more = added(balls, "white", (20.5, 400.0), made.camera)
     assert more == (*balls, outline("white", (20.5, 119.0), 13.0)), "as large as most"
     (made.folder / "spheres.json").unlink()
-    waiting = outlines_of(Review(made.folder, made.session))
+    waiting = balls_of(Review(made.folder, made.session))
     assert [ball.kind for ball in waiting] == ["chrome", "chrome", "white"], "they wait to be put in place"
     assert len({tuple(ball.center_px) for ball in waiting}) == 3
 
@@ -236,7 +236,7 @@ def test_the_command_line_reads_the_balls_that_were_kept(made, half):
         text = text.replace("width = 160\nheight = 120", "width = 320\nheight = 240")
         (made.session / "session.toml").write_text(text)
     review = Review(made.folder, made.session)
-    balls = moved(resized(outlines_of(review), 0, 17.5, made.camera), 0, (33.25, 25.5), made.camera)
+    balls = moved(resized(balls_of(review), 0, 17.5, made.camera), 0, (33.25, 25.5), made.camera)
     folder = write_amended(review, spheres=tables_of(review.session, balls, made.camera))
     assert (made.session / "session.toml").read_text() == text, "the user's own file is as it was"
     kept, before = load_session(folder), review.session
@@ -271,7 +271,7 @@ def test_a_ball_that_was_shot_apart_stays_as_the_session_has_it(review, made):
     own = tuple(made.session / "raw" / f"{name}.png" for name in made.lights.names)
     session = replace(review.session, spheres=(*review.session.spheres, replace(review.session.spheres[0], frames=own)))
     review.session = session
-    tables = tables_of(session, outlines_of(review), made.camera)
+    tables = tables_of(session, balls_of(review), made.camera)
     kept = load_session(write_amended(review, spheres=tables)).spheres
     assert (len(kept), kept[-1]) == (4, session.spheres[-1])
 
@@ -279,7 +279,7 @@ def test_a_ball_that_was_shot_apart_stays_as_the_session_has_it(review, made):
 def test_what_was_kept_follows_the_sessions_own_file_and_can_be_forgotten(review, made):
     """Changes of session.toml after the correction count; by OUT/review, too, the user's own session is found again."""
     text = (made.session / "session.toml").read_text()
-    balls = moved(outlines_of(review), 0, (33.0, 29.0), made.camera)
+    balls = moved(balls_of(review), 0, (33.0, 29.0), made.camera)
     folder = write_amended(review, spheres=tables_of(review.session, balls, made.camera))
     (made.session / "session.toml").write_text(text.replace('"cone.ply"', '"cone.ply"\nscan_unit = "cm"'))
     # As after a run of what was kept, which session.json names then.
@@ -314,7 +314,7 @@ def test_a_file_that_is_not_the_studios_is_neither_written_over_nor_forgotten(re
 
 
 def test_corrections_that_cannot_be_said_are_refused(review, made):
-    balls, session = outlines_of(review), review.session
+    balls, session = balls_of(review), review.session
     masked = replace(session, spheres=(replace(session.spheres[0], mask=Path("a.png")),))
     for one, outlines, told in (
         (replace(session, lights_file=Path("lights.lp")), balls, r"lights\.file"),

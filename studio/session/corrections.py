@@ -23,8 +23,8 @@ from scene.files import write_text
 from scene.length_units import UNITS_MM
 from scene.mesh import Mesh
 from scene.spheres import Sphere
-from studio.photograph.photograph_window import Outlines, circle_of, outline
-from studio.review.folder import HEADLINE, KEPT, OWN, Review
+from studio.session.folder import HEADLINE, KEPT, OWN, Review
+from studio.session.photograph_window import Balls, circle_of, outline
 from studio.workspace import put_own, remove_own
 
 if TYPE_CHECKING:
@@ -66,13 +66,27 @@ class Picks:
 
 @dataclass(frozen=True)
 class Corrections:
-    """What a hand has put right."""
+    """What a hand has put right; `found`: the balls as they were found."""
 
-    outlines: Outlines = ()
+    found: Balls = ()
+    balls: Balls = ()
     picks: Picks = field(default_factory=Picks)
 
+    @classmethod
+    def of(cls, found: Balls) -> "Corrections":
+        """Return those in which nothing is put right."""
+        return cls(found, found)
 
-def outlines_of(review: Review) -> Outlines:
+    def with_balls(self, balls: Balls) -> "Corrections":
+        """Return them with other balls."""
+        return replace(self, balls=balls)
+
+    def is_found(self, ball: SphereTable) -> bool:
+        """Whether a ball is as it was found."""
+        return ball in self.found
+
+
+def balls_of(review: Review) -> Balls:
     """Return the balls as they were found; where none were, as the session gives them."""
     camera, session = review.material.camera, review.session
     if review.spheres:
@@ -93,7 +107,7 @@ def outlines_of(review: Review) -> Outlines:
     return tuple(found)
 
 
-def tables_of(session: CaptureSession, balls: Outlines, camera: Camera) -> list[dict[str, Any]]:
+def tables_of(session: CaptureSession, balls: Balls, camera: Camera) -> list[dict[str, Any]]:
     """Return `[[spheres]]` tables that say these outlines, in the pixels that the session counts in.
 
     Balls that were shot apart stay as the session has them. Raises SceneError: its balls cannot be said by circles:

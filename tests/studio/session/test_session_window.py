@@ -16,16 +16,16 @@ from scene.files import write_png
 from scene.output_folder import open_record
 from shoot.watch.status import MAP, STATUS
 from studio import window as windows
-from studio.photograph import photograph_view, photograph_window
-from studio.photograph.photograph_view import PhotographView
-from studio.photograph.photograph_window import moved
-from studio.photograph.plane import ROOT
-from studio.review.review_window import ReviewWindow
-from studio.review.session_rows import TABS, session_rows
-from studio.review.spatial_view import SpatialView
+from studio.session import photograph_view, photograph_window
+from studio.session.photograph_view import PhotographView
+from studio.session.photograph_window import moved
+from studio.session.plane import ROOT
+from studio.session.session_rows import TABS, session_rows
+from studio.session.session_window import SessionWindow
+from studio.session.spatial_view import SpatialView
 from studio.studio_state import StudioState
 from studio.workspace import Workspace
-from tests.studio.review.conftest import note_steps
+from tests.studio.session.conftest import note_steps
 
 
 @pytest.fixture
@@ -33,8 +33,8 @@ def reviewing(made, nobody, furnish):
     """Return what makes the window of a review of the folder that was made."""
 
     def furnished(*views, state=None, number=1):
-        state = state or StudioState(area="Session", review=(made.folder, made.session))
-        return furnish(ReviewWindow(nobody(number), Workspace.at(made.folder.parent), state), session_rows, *views)
+        state = state or StudioState(area="Session", session=(made.folder, made.session))
+        return furnish(SessionWindow(nobody(number), Workspace.at(made.folder.parent), state), session_rows, *views)
 
     return furnished
 
@@ -232,7 +232,7 @@ def test_what_fails_at_each_look_is_told_once(reviewing, runs, monkeypatch, sett
         looks.append(1)
         raise SceneError("the disk is gone")
 
-    monkeypatch.setattr(ReviewWindow, "shown", fail)
+    monkeypatch.setattr(SessionWindow, "shown", fail)
     window.client.says("Run up to Capture")
     eventually(lambda: len(looks) > 5)
     assert window.client.told == ["That cannot be done: the disk is gone"]
@@ -273,7 +273,7 @@ def test_a_first_shoot_stands_alone_until_its_session_is_decoded(nobody, tmp_pat
     folder, turned = tmp_path / "out", []
     with open_record(folder) as record:
         (folder / STATUS).write_text(json.dumps(STATE))
-        window = ReviewWindow(nobody(), Workspace.at(tmp_path), StudioState(area="Session", review=(folder, None)))
+        window = SessionWindow(nobody(), Workspace.at(tmp_path), StudioState(area="Session", session=(folder, None)))
         window.turn = lambda: turned.append("turned")
         furnish(window, session_rows, PhotographView)
         assert window.is_alone

@@ -14,9 +14,9 @@ from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.map_pictures import Image, normal_picture
-from studio.photograph.photograph_window import Beside, Shown
-from studio.photograph.plane import ROOT, Plane, add_lines, add_numbered
-from studio.review.folder import Review
+from studio.session.folder import Review
+from studio.session.photograph_window import Beside, Shown
+from studio.session.plane import ROOT, Plane, add_lines, add_numbered
 
 Overlay = Literal["nothing", "mask", "scan, shaded", "scan, normals"]
 OVERLAYS: tuple[Overlay, ...] = get_args(Overlay)
@@ -94,12 +94,9 @@ def shading(truth: NDArray, camera: Camera, lights: Lights, index: int, pixels: 
     truth (H, W, 3): unit normals, NaN where unknown; pixels (h, w, 2); a near light is taken at the depth of the
     reference point. The shading (h, w) is max(0, vector . normal), NaN off the scan.
     """
-    normals = _sampled(truth, pixels)
-    if lights.positions_mm is None:
-        vectors = lights.directions[index]
-    else:
-        points = camera.points_at_depth(pixels.reshape(-1, 2), float(lights.reference_point_mm[2]))
-        vectors = lights.only([index]).toward(points)[0].reshape(normals.shape)
+    normals, depth = _sampled(truth, pixels), float(lights.reference_point_mm[2])
+    points = camera.points_at_depth(pixels.reshape(-1, 2), depth)
+    vectors = lights.only([index]).toward(points)[0].reshape(normals.shape)
     return np.maximum(np.sum(normals * vectors, -1), 0).astype(np.float32)
 
 

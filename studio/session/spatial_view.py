@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from studio.editor.edits import quaternion
-from studio.photograph.plane import add_numbered
-from studio.review.corrections import met
-from studio.review.review_window import ReviewWindow
+from studio.session.corrections import met
+from studio.session.plane import add_numbered
+from studio.session.session_window import SessionWindow
 from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow, display_mesh
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ SCAN_SIZE = 6.0
 class SpatialView:
     """The two views that are not of the photograph: the lights in 3-D, and the scan."""
 
-    def __init__(self, window: ReviewWindow) -> None:
+    def __init__(self, window: SessionWindow) -> None:
         self._window, self._view, self._layers = window, window.client.scene, Layers()
         self._roots = {
             "Lights in 3-D": self._view.add_frame(LIGHTS, show_axes=False, visible=False),
