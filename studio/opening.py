@@ -11,7 +11,7 @@ from typing import Literal
 from capture.session.session import load_session
 from capture.survey.folder_files import FolderFiles, survey
 from lab.session_place import MANIFEST, SESSION, default_out, is_output, is_session, origin_of, session_and_out
-from scene.errors import SceneError, SessionError
+from scene.errors import SceneError
 from scene.origin import Origin
 from scene.reading import reading
 from studio.editor.editor_window import FILE, begun
@@ -55,12 +55,9 @@ def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
             f"{source}: neither a session (session.toml) nor an output folder of rgbn ({SESSION}). Give one of these, "
             "or a scene description, .toml."
         )
-    try:
-        session, folder = session_and_out(source, out)
-    except SessionError:
-        if not is_output(source):
-            raise
-        session, folder = None, source
+    if is_output(source) and (out is None or out.resolve() == source.resolve()):
+        return source.resolve(), None
+    session, folder = session_and_out(source, out)
     return folder.resolve(), session
 
 

@@ -15,8 +15,7 @@ from studio.editor.scene_rows import SCENE_ROWS
 from studio.editor.scene_view import SceneView
 from studio.opening import OPEN_ROWS, OpenWindow
 from studio.served_page import LOOPBACK, ServedPage
-from studio.session.draft_rows import DRAFT_ROWS
-from studio.session.draft_window import DraftWindow
+from studio.session.draft_window import DRAFT_ROWS, DraftWindow
 from studio.session.photograph_view import PhotographView
 from studio.session.session_rows import session_rows
 from studio.session.session_window import SessionWindow

@@ -6,14 +6,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from lab.session_place import MANIFEST
 from scene.spheres import KINDS, Kind
-from studio.session.draft_window import DraftWindow
 from studio.session.photograph_window import Balls, PhotographWindow, added, changed, circle_of, moved, resized
 from studio.session.plane import Plane
-from studio.session.session_window import SessionWindow
 from studio.widgets import Row, button, text
 
 ALL = "(all)"
@@ -109,48 +105,10 @@ def _measure_one(window: PhotographWindow, diameter_mm: float) -> None:
         window.measure(window.ball, diameter_mm)
 
 
-def _facts(window: PhotographWindow) -> str:
-    told = _facts_of_draft if isinstance(window, DraftWindow) else _facts_of_session
-    return told(window)  # type: ignore[arg-type]
-
-
-def _facts_of_draft(window: DraftWindow) -> str:
-    if window.draft is None:
-        return ""
-    if window.ball is None:
-        apart = [f" The {ball.kind} ball has photographs of its own." for ball in window.balls if ball.frames]
-        return f"Is every ball circled, and nothing else? {len(window.outlines)} circles.{''.join(apart)}"
-    ball = window.outlines[window.ball]
-    number = next(number for number, one in enumerate(window.balls) if one is ball)
-    given = window.draft.written.spheres[number].center_px
-    return (
-        f"{'As found' if window.is_found(ball) else 'Placed by hand'}. session.toml gives "
-        f"{'its circle' if given else 'no circle: the ball is looked for again'}."
-    )
-
-
-def _facts_of_session(window: SessionWindow) -> str:
-    review, index, balls = window.review, window.ball, window.outlines
-    if index is None:
-        if not balls:
-            return review.missing.get("balls", "There is no ball here.")
-        by_hand = [str(number) for number, ball in enumerate(balls, 1) if not window.is_found(ball)]
-        told = f" Corrected by hand: {', '.join(by_hand)}." if by_hand else ""
-        return f"{len(balls)} balls.{told}"
-    lines = ["as found" if window.is_found(balls[index]) else "corrected by hand, not calibrated with yet"]
-    if index < len(review.spheres) and len(balls) == len(review.spheres):
-        sphere = review.spheres[index]
-        lines[0] += f"; fitted: centre ± {sphere.sigma_px:.2f} px, outline seen {sphere.score:.0%}"
-        if sphere.kind == "chrome" and (seen := review.highlights_px) is not None:
-            count = int(np.isfinite(seen[index, :, 0]).sum())
-            lines.append(f"highlight (yellow; of this frame: blue) in {count} of {seen.shape[1]} frames")
-    return "\n".join(f"- {line}" for line in lines)
-
-
 BALL_ROWS = (
     *map(_diameter, KINDS),
     Row("dropdown", "ball", _names, _choose, {"options": (ALL,), "hint": "Or click one in the photograph"}),
-    text(_facts),
+    text(lambda window: window.ball_facts),
     Row("folder", "Correct the outline", rows=(
         text(_how),
         Row("vector2", "centre, px", _of_ball(lambda ball: tuple(round(value, 2) for value in ball.center_px)),

@@ -130,6 +130,8 @@ class PhotographWindow(Window):
 
     area = "Session"
     is_flat = True
+    ball_facts = ""
+    """What is known of the chosen ball, or of all, as Markdown."""
 
     def __init__(self, *window: Any) -> None:
         super().__init__(*window)

@@ -67,6 +67,25 @@ class SessionWindow(PhotographWindow):
         return self.history.state.picks if self.history else Picks()
 
     @property
+    def ball_facts(self) -> str:
+        """What is known of the chosen ball, or of all, as Markdown."""
+        review, index, balls = self.review, self.ball, self.outlines
+        if index is None:
+            if not balls:
+                return review.missing.get("balls", "There is no ball here.")
+            by_hand = [str(number) for number, ball in enumerate(balls, 1) if not self.is_found(ball)]
+            told = f" Corrected by hand: {', '.join(by_hand)}." if by_hand else ""
+            return f"{len(balls)} balls.{told}"
+        lines = ["as found" if self.is_found(balls[index]) else "corrected by hand, not calibrated with yet"]
+        if index < len(review.spheres) and len(balls) == len(review.spheres):
+            sphere = review.spheres[index]
+            lines[0] += f"; fitted: centre ± {sphere.sigma_px:.2f} px, outline seen {sphere.score:.0%}"
+            if sphere.kind == "chrome" and (seen := review.highlights_px) is not None:
+                count = int(np.isfinite(seen[index, :, 0]).sum())
+                lines.append(f"highlight (yellow; of this frame: blue) in {count} of {seen.shape[1]} frames")
+        return "\n".join(f"- {line}" for line in lines)
+
+    @property
     def view(self) -> View:
         """What is looked at: it follows the tab."""
         if self.tab == "Lights" and self.review.lights is not None:

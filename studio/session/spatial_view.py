@@ -10,11 +10,13 @@ from studio.editor.edits import quaternion
 from studio.session.corrections import met
 from studio.session.plane import add_numbered
 from studio.session.session_window import SessionWindow
-from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow, display_mesh
+from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light, display_mesh, light_places
 
 Array = NDArray[np.float64]
 LIGHTS, SCAN = "/lights", "/scan"
 CHOSEN, PLAIN, CLAY, STEEL, CHALK = (26, 115, 232), (250, 210, 60), (205, 190, 170), (150, 155, 165), (240, 240, 240)
+FAR_MM = 1000.0
+"""So far toward distant lights they are drawn."""
 FACTORS = (1, 3, 10, 30, 100)
 """By which a sigma may be drawn larger."""
 SHOWN_DEG = 4.0
@@ -53,7 +55,7 @@ class SpatialView:
         if window.view == "Scan":
             window.look(np.zeros(3), [0.0, 0.0, 1.9 * SCAN_SIZE])
         elif window.view == "Lights in 3-D" and lights is not None:
-            places, middle = light_places(lights), lights.reference_point_mm
+            places, middle = light_places(lights, FAR_MM), lights.reference_point_mm
             reach = float(np.linalg.norm(places - middle, axis=1).max()) * UNITS_PER_MM
             window.look(middle * UNITS_PER_MM, reach * np.array([1.3, 0.75, 1.5]))
 
@@ -82,7 +84,7 @@ class SpatialView:
         window, lights, view, handles = self._window, self._window.review.lights, self._view, []
         if lights is None:
             return handles
-        places, reference = light_places(lights), lights.reference_point_mm
+        places, reference = light_places(lights, FAR_MM), lights.reference_point_mm
         reach = float(np.median(np.linalg.norm(places - reference, axis=1)))
         known = window.review.position_covariance_mm2
         factor = window.factor or fitting_factor(lights)
@@ -90,14 +92,19 @@ class SpatialView:
         is_told = lights.positions_mm is None or known is not None
         for index, (place, spread) in enumerate(zip(places, covariance_mm2(lights, known), strict=True)):
             colour, at = CHOSEN if index == window.frame else PLAIN, tuple(place * UNITS_PER_MM)
-            look = {"subdivisions": 2, "color": colour, "position": at, **NO_SHADOW}
-            handles.append(add_light_arrow(view, f"{LIGHTS}/arrow_{index}", (place, reference), reach, colour))
-            bodies = [view.add_icosphere(f"{LIGHTS}/light_{index}", radius=0.012 * reach * UNITS_PER_MM, **look)]
-            handles.append(view.add_label(f"{LIGHTS}/number_{index}", str(index + 1), position=at))
+            ball, arrow = add_light(view, f"{LIGHTS}/light_{index}", (place, reference), reach, colour, 0.012)
+            handles += [arrow, view.add_label(f"{LIGHTS}/number_{index}", str(index + 1), position=at)]
+            bodies = [ball]
             if is_told and (ellipsoid := ellipsoid_of(spread)) is not None:
                 axes = tuple(np.maximum(factor * ellipsoid[0] * UNITS_PER_MM, 1e-4))
-                look |= {"radius": 1.0, "opacity": 0.35, "scale": axes, "wxyz": quaternion(ellipsoid[1])}
-                bodies.append(view.add_icosphere(f"{LIGHTS}/sigma_{index}", **look))
+                look = {
+                    "radius": 1.0,
+                    "opacity": 0.35,
+                    "scale": axes,
+                    "wxyz": quaternion(ellipsoid[1]),
+                    "color": colour,
+                }
+                bodies.append(view.add_icosphere(f"{LIGHTS}/sigma_{index}", position=at, **look, **NO_SHADOW))
             for body in bodies:
                 window.on(body.on_click, lambda frame=index: window.choose(frame=frame))
             handles += bodies
@@ -128,21 +135,14 @@ class SpatialView:
         return add_numbered(self._view, f"{SCAN}/mark", places, 0.05, CHOSEN)
 
 
-def light_places(lights: Lights) -> Array:
-    """Return (N, 3), mm, where lights are drawn: near ones where they are, distant ones a metre toward them."""
-    if lights.positions_mm is not None:
-        return lights.positions_mm
-    return lights.reference_point_mm + 1000.0 * lights.directions
-
-
 def covariance_mm2(lights: Lights, position_covariance_mm2: Array | None) -> Array:
-    """Return (N, 3, 3), how well each of `light_places` is known; NaN where nothing is.
+    """Return (N, 3, 3), how well each light's place is known; NaN where nothing is.
 
     Where the positions' covariance is not known, the stated sigma holds all round, across the direction.
     """
     if position_covariance_mm2 is not None and lights.positions_mm is not None:
         return position_covariance_mm2
-    away = np.linalg.norm(light_places(lights) - lights.reference_point_mm, axis=1)
+    away = np.linalg.norm(light_places(lights, FAR_MM) - lights.reference_point_mm, axis=1)
     wide = away * np.tan(np.radians(lights.direction_sigma_deg))
     across = np.eye(3) - lights.directions[:, :, None] * lights.directions[:, None]
     return wide[:, None, None] ** 2 * across

@@ -12,8 +12,7 @@ from scene.errors import SceneError
 from shoot.init import init_session
 from shoot.init.draft_notes import notes_of
 from studio.opening import open_path
-from studio.session.draft_rows import DRAFT_ROWS, TABS
-from studio.session.draft_window import DraftWindow
+from studio.session.draft_window import DRAFT_ROWS, TABS, DraftWindow
 from studio.session.looking import role_of, with_role
 from studio.session.photograph_view import PhotographView
 from studio.session.plane import Plane
