@@ -42,10 +42,6 @@ def _kind(is_open: bool) -> str:
     return "open tab" if is_open else "tab"
 
 
-def _area(name: str) -> Row:
-    return button(name, lambda window: window.go(name), lambda window: {"kind": _kind(window.area == name)}, kind="tab")
-
-
 def _past(label: str, use: Callable[[Any], Any], part: str) -> Row:
     def show(window: Any) -> dict[str, Any]:
         changes = getattr(window.history, part) if window.history else ()
@@ -61,7 +57,15 @@ def _view(window: Any) -> str:
 
 
 HEADER = (
-    *map(_area, AREAS),
+    *(
+        button(
+            area,
+            lambda window, area=area: window.go(area),
+            lambda window, area=area: {"kind": _kind(window.area == area)},
+            kind="tab",
+        )
+        for area in AREAS
+    ),
     _past("Undo", lambda window: window.undo(), "past"),
     _past("Redo", lambda window: window.redo(), "future"),
     Row("html", show=_view),

@@ -101,6 +101,11 @@ class EditorWindow(Window):
             self._scene = self.document, self.document.scene()
         return self._scene[1]
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The objects' names, which begin with their numbers: two objects of a file may have one name."""
+        return tuple(f"{index + 1} {one.name}" for index, one in enumerate(self.scene.objects))
+
     def change(self, label: str, edit: Edit) -> None:
         """Make the document another one, where it can be. A fault is told, and the document stays."""
         self.attempt(lambda: self._do(label, replace(self.history.state, document=edit(self.document))))

@@ -172,6 +172,11 @@ def without(document: SceneDocument, key: str, index: int) -> SceneDocument:
     return document.model_copy(update={key: (*tables[:index], *tables[index + 1 :])})
 
 
+def without_lights(document: SceneDocument, index: int) -> SceneDocument:
+    """Return the document without the group of a light."""
+    return without(document, "lights", group_of(document, index))
+
+
 def placement(document: SceneDocument, index: int) -> Placement:
     """Return where an object stands."""
     table = document.objects[index]

@@ -9,7 +9,6 @@ from typing import Any
 from lab.session_place import MANIFEST
 from scene.spheres import KINDS, Kind
 from studio.session.photograph_window import Balls, PhotographWindow, added, changed, circle_of, moved, resized
-from studio.session.plane import Plane
 from studio.widgets import Row, button, text
 
 ALL = "(all)"
@@ -69,10 +68,6 @@ def _correct(edit: Callable[..., Balls], window: PhotographWindow, value: Any) -
         window.correct(edit(window.outlines, window.ball, value, window.plane), f"ball {window.ball + 1}")
 
 
-def _of_kind(balls: Balls, index: int, kind: Kind, plane: Plane) -> Balls:
-    return changed(balls, index, kind=kind)
-
-
 def _begin_adding(window: PhotographWindow, kind: Kind) -> None:
     window.on_photograph = partial(_add, window, kind=kind)
     window.choose_ball(None)
@@ -100,11 +95,6 @@ def _diameter(kind: str) -> Row:
                MILLIMETRES | {"hint": "Diameter; 0: not known"})  # fmt: skip
 
 
-def _measure_one(window: PhotographWindow, diameter_mm: float) -> None:
-    if window.ball is not None:
-        window.measure(window.ball, diameter_mm)
-
-
 BALL_ROWS = (
     *map(_diameter, KINDS),
     Row("dropdown", "ball", _names, _choose, {"options": (ALL,), "hint": "Or click one in the photograph"}),
@@ -115,9 +105,11 @@ BALL_ROWS = (
             partial(_correct, moved), {"initial_value": (0.0, 0.0), "step": 0.1}),
         Row("number", "radius, px", _of_ball(lambda ball: round(circle_of(ball)[1], 2)), partial(_correct, resized),
             {"initial_value": 1.0, "min": 0.1, "step": 0.1}),
-        Row("dropdown", "kind", _of_ball(lambda ball: ball.kind), partial(_correct, _of_kind),
+        Row("dropdown", "kind", _of_ball(lambda ball: ball.kind), partial(
+            _correct, lambda balls, index, kind, plane: changed(balls, index, kind=kind)),
             {"options": KINDS, "hint": "chrome: a mirror; white: any matte ball"}),
-        Row("number", "diameter, mm", _of_ball(lambda ball: ball.diameter_mm or 0.0), _measure_one,
+        Row("number", "diameter, mm", _of_ball(lambda ball: ball.diameter_mm or 0.0),
+            lambda window, value: None if window.ball is None else window.measure(window.ball, value),
             MILLIMETRES | {"hint": "Where it is not that of the others of its kind; 0: not known"}),
         button("Remove this ball", _remove, lambda window: {"disabled": window.ball is None}, kind="danger"),
         *(button(f"Add a {kind} ball", partial(_begin_adding, kind=kind)) for kind in KINDS),

@@ -4,6 +4,7 @@ What is written lies in the output folder; the user's own session.toml is read a
 """
 
 import glob
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from capture.session.manifest import SphereTable
 from capture.session.manifest_file import toml_tables
 from capture.session.requests import hint_scale
+from capture.session.session import load_session
 from capture.session.session_types import CaptureSession
 from formats.toml_text import toml_text
 from scene.camera import Camera
@@ -23,7 +25,7 @@ from scene.files import write_text
 from scene.length_units import UNITS_MM
 from scene.mesh import Mesh
 from scene.spheres import Sphere
-from studio.session.folder import HEADLINE, KEPT, OWN, Review
+from studio.session.folder import HEADLINE, KEPT, OWN, Review, is_kept
 from studio.session.photograph_window import Balls, circle_of, outline
 from studio.workspace import put_own, remove_own
 
@@ -91,7 +93,7 @@ def balls_of(review: Review) -> Balls:
     camera, session = review.material.camera, review.session
     if review.spheres:
         return tuple(
-            outline(one.kind, (one.center_px[0], one.center_px[1]), one.radius_px, _stated_mm(session, one))
+            outline(one.kind, (one.center_px[0], one.center_px[1]), one.radius_px, _stated_mm(review, one))
             for one in review.spheres
         )
     if camera is None or session is None:
@@ -139,12 +141,16 @@ def tables_of(session: CaptureSession, balls: Balls, camera: Camera) -> list[dic
     return [one.model_dump(exclude_none=True) for one in tables]
 
 
-def _stated_mm(session: CaptureSession | None, sphere: Sphere) -> float | None:
-    """Return a found ball's diameter where the session states it; a white ball's may have been guessed."""
-    if session is None or sphere.diameter_mm is None:
+def _stated_mm(review: Review, sphere: Sphere) -> float | None:
+    """Return a found ball's diameter where the session, or what was kept, states it; a white ball's may be guessed."""
+    if review.session is None or sphere.diameter_mm is None:
         return sphere.diameter_mm
-    stated = [spec.diameter_mm for spec in session.spheres if spec.kind == sphere.kind and spec.diameter_mm]
+    specs = list(review.session.spheres)
+    if is_kept(review.store):
+        with suppress(SceneError):
+            specs += load_session(review.store.path(KEPT)).spheres
     # Calibration leaves a stated diameter as it is.
+    stated = [spec.diameter_mm for spec in specs if spec.kind == sphere.kind and spec.diameter_mm]
     return sphere.diameter_mm if any(abs(one - sphere.diameter_mm) < 1e-6 * one for one in stated) else None
 
 

@@ -152,18 +152,8 @@ def _found(window: DraftWindow) -> str:
     return "\n".join([*lines, "", notes])
 
 
-def _progress(window: DraftWindow) -> dict[str, Any]:
-    look = window.taken
-    return {"visible": bool(look.begun_s) and not look.is_over, "value": 100 * look.done / look.total}
-
-
 def _photographs(window: DraftWindow) -> tuple[str, ...]:
     return MEAN, *(name_of(path, window.place) for path in window.taken.small)
-
-
-def _photograph(window: DraftWindow) -> dict[str, Any]:
-    names = _photographs(window)
-    return {"options": names, "value": names[window.frame + 1]}
 
 
 def _role(window: DraftWindow) -> dict[str, Any]:
@@ -219,11 +209,6 @@ def _key(path: str) -> Row:
     return Row(widget, key, show, use, start)
 
 
-def _text(window: DraftWindow) -> str:
-    # The columns of comments would be cut off here.
-    return fenced(re.sub(r"(?<=\S) {2,}#", "  #", window.text), "toml") if window.draft else ""
-
-
 def _where(window: DraftWindow) -> str:
     if window.draft is None:
         return ""
@@ -232,17 +217,15 @@ def _where(window: DraftWindow) -> str:
     )
 
 
-def _is_found(window: DraftWindow) -> bool:
-    return window.draft is not None
-
-
 TABS = {
     "Balls": BALL_ROWS,
     "Photographs": (
         text("Click a photograph in the strip below the large one; a second click shows the mean again. One that is "
              "not to be used, because somebody walked by or the flash failed: choose *not used*."),
-        Row("dropdown", "photograph", _photograph, lambda window, name: window.choose(
-            frame=_photographs(window).index(name) - 1, ball=None), {"options": (MEAN,)}),
+        Row("dropdown", "photograph",
+            lambda window: {"options": _photographs(window), "value": _photographs(window)[window.frame + 1]},
+            lambda window, name: window.choose(frame=_photographs(window).index(name) - 1, ball=None),
+            {"options": (MEAN,)}),
         Row("dropdown", "used for", _role, _use, {"options": (*ROLES, BOARD, UNUSED), "disabled": True}),
     ),
     "Camera": (
@@ -251,14 +234,17 @@ TABS = {
     ),
     "Object": tuple(map(_key, ("object.scan", "object.scan_unit", "object.mask", "object.normals", "lights.file",
                                "frames.linear"))),
-    "session.toml": (text(_text),),
+    # The columns of comments would be cut off here.
+    "session.toml": (text(lambda window: fenced(
+        re.sub(r"(?<=\S) {2,}#", "  #", window.text), "toml") if window.draft else ""),),
 }  # fmt: skip
 DRAFT_ROWS = (
     OBJECT,
     text(_found),
-    Row("progress_bar", show=_progress, start={"value": 0, "visible": False, "animated": True}),
-    *tab_rows(TABS, when=_is_found),
-    button("Write session", lambda window: window.write(), lambda window: {"visible": _is_found(window)}, kind="main",
-           visible=False),
+    Row("progress_bar", start={"value": 0, "visible": False, "animated": True}, show=lambda window: {
+        "visible": not window.taken.is_over, "value": 100 * window.taken.done / window.taken.total}),
+    *tab_rows(TABS, when=lambda window: window.draft is not None),
+    button("Write session", lambda window: window.write(), lambda window: {"visible": window.draft is not None},
+           kind="main", visible=False),
     text(_where),
 )  # fmt: skip

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report.picture_strip import CELL_PX, INK, Label, PictureStrip
-from compare.report.pictures import PixelBox, contours, thumbnail
+from compare.report.pictures import PixelBox, thumbnail
 from compare.report.registration_pictures import WIDTH, shown_pixels, views
 from scene.camera import Camera
 from scene.errors import SceneError
@@ -75,7 +75,7 @@ def photograph(review: Review, index: int, look: PictureLook) -> Image:
         picture = np.where(_clipped(frames, index, picture.shape)[..., None], CLIPPED_COLOUR, picture).astype(np.uint8)
     box = PixelBox(0, 0, frames.width, frames.height)
     if look.overlay == "mask":
-        return _with_mask(review, picture, box, look.opacity)
+        return _with_mask(review, picture, look.opacity)
     if look.overlay == "nothing":
         return picture
     truth, lights, camera = review.need("scan", "lights", "camera")
@@ -158,17 +158,15 @@ def _clipped(frames: Frames, index: int, shape: tuple[int, ...]) -> NDArray[np.b
     return np.asarray(cv2.resize(clipped, (shape[1], shape[0]), interpolation=cv2.INTER_AREA)) > 0
 
 
-def _with_mask(review: Review, picture: Image, box: PixelBox, opacity: float) -> Image:
+def _with_mask(review: Review, picture: Image, opacity: float) -> Image:
+    """Tint the object, and draw the outermost pixels of it."""
     import cv2
 
     (mask,) = review.need("mask")
-    inside = _fitted(mask.astype(np.uint8), picture.shape) > 0
-    tinted = _blend(picture, np.full_like(picture, MASK_COLOUR), inside, 0.6 * opacity)
-    scale = picture.shape[1] / box.width
-    for line in contours(mask, box):
-        points = np.round((line * scale - 0.5) * 16).astype(np.int32)
-        tinted = cv2.polylines(tinted, [points], True, MASK_COLOUR, max(1, picture.shape[1] // 600), cv2.LINE_AA, 4)
-    return np.asarray(tinted, np.uint8)
+    inside = _fitted(mask.astype(np.uint8), picture.shape)
+    tinted = _blend(picture, np.full_like(picture, MASK_COLOUR), inside > 0, 0.6 * opacity)
+    edge = inside > cv2.erode(inside, np.ones((3, 3)), borderValue=0)
+    return np.where(edge[..., None], MASK_COLOUR, tinted).astype(np.uint8)
 
 
 def _blend(under: Image, over: NDArray, where: NDArray[np.bool_], opacity: float) -> Image:

@@ -38,11 +38,6 @@ def _lacks(window: SessionWindow) -> str:
     return "\n".join(["**Not in this folder**", "", *lines] if lines else [])
 
 
-def _frame(window: SessionWindow) -> dict[str, Any]:
-    count = len(window.review.material.frames or ())
-    return {"max": max(count, 2), "disabled": count < 2, "value": window.frame + 1}
-
-
 def _frame_facts(window: SessionWindow) -> str:
     review, frames = window.review, window.review.material.frames
     if frames is None:
@@ -128,25 +123,18 @@ def _errors(window: SessionWindow) -> str:
     )
 
 
-def _methods(window: SessionWindow) -> dict[str, Any]:
-    return {"options": tuple(window.review.material.methods) or (NONE,), "value": window.method or NONE}
-
-
 def _twin(window: SessionWindow) -> str:
     if window.beside is None:
         return f"**No twin**: {window.review.missing.get('twin', '')}"
     return f"Right: the {window.beside.caption.removeprefix('twin, the ')}."
 
 
-def _report_link(window: SessionWindow) -> str:
-    address = escape(window.report)
-    return f'<p><a href="{address}" target="_blank" rel="noopener">Open the report alone</a></p>' if address else ""
-
-
 TABS: dict[str, Any] = {
     "Capture": (
         text(_lacks),
-        Row("slider", "frame", _frame, lambda window, value: window.choose(frame=int(value) - 1),
+        Row("slider", "frame", lambda window: {
+            "max": max(len(window.review.names), 2), "disabled": len(window.review.names) < 2,
+            "value": window.frame + 1}, lambda window, value: window.choose(frame=int(value) - 1),
             {"min": 1, "max": 2, "step": 1, "initial_value": 1, "hint": "Or click one in the strip"}),
         text(_frame_facts),
         Row("folder", "Over the photograph", rows=(
@@ -177,13 +165,15 @@ TABS: dict[str, Any] = {
         )),
     ),
     "Solve": (
-        Row("dropdown", "normals of", _methods, lambda window, value: window.choose(method=value),
-            {"options": (NONE,)}),
+        Row("dropdown", "normals of", lambda window: {
+            "options": tuple(window.review.material.methods) or (NONE,), "value": window.method or NONE},
+            lambda window, value: window.choose(method=value), {"options": (NONE,)}),
         text(_errors),
     ),
     "Twin": (text(_twin),),
     "Verdict": (
-        Row("html", show=_report_link),
+        Row("html", show=lambda window: window.report and (
+            f'<p><a href="{escape(window.report)}" target="_blank" rel="noopener">Open the report alone</a></p>')),
         text(lambda window: "" if window.report else "There is no report yet: **Run everything** makes it."),
         button("Read the folder again", lambda window: window.read_again()),
         button("Forget what was kept", lambda window: window.forget(),

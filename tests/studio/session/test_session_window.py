@@ -154,6 +154,20 @@ def test_a_drag_is_undone_as_one_however_slow_it_is(reviewing, settle, monkeypat
     assert window.outlines[0] == found
 
 
+def test_a_diameter_that_was_kept_stays_when_the_balls_are_found_with_it(reviewing, made, settle):
+    """The session itself states none: what was typed is known from what was kept."""
+    path = made.session / "session.toml"
+    path.write_text(path.read_text().replace("diameter_mm = 90.0\n", ""))
+    window = reviewing()
+    window.open_tab("Balls")
+    for label, value in (("white balls, mm", 90.0), ("Keep", True)):
+        window.client.says(label, value)
+        settle(window)
+    window.read_again()
+    assert [ball.diameter_mm for ball in window.history.state.found] == [100.0, 100.0, 90.0]
+    assert not window.client.told[1:]
+
+
 @pytest.fixture
 def runs(made, monkeypatch):
     """The runs that were begun: session and step. Each says a line and ends at once."""
