@@ -47,6 +47,7 @@ class DraftWindow(PhotographWindow):
     def begin(self) -> None:
         """Look at the folder."""
         self.taken.begin()
+        self.follow()
 
     def follow(self) -> bool:
         """Take what came of the look, once; until then it is shown how far it is."""
@@ -135,7 +136,8 @@ class DraftWindow(PhotographWindow):
         write_manifest(draft, self.text)
         # Photographs are hundreds of megabytes.
         self.state.looks[self.place] = FolderLook(self.taken.files, self.taken.out)
-        del self.state.edits[self.place]
+        for place in (self.place, self.folder):
+            self.state.edits.pop(place, None)
         self.state.show_session(out, self.place, tab="Verdict")
         self.turn()
 

@@ -51,7 +51,6 @@ class Review:
     spheres: Balls in the session's own photographs; those that were shot apart are not shown.
     truth (H, W, 3): Normals of the registered scan, NaN where unknown.
     twin: The rendered frames.
-    programs: Other ones that a run would start, as before: a folder from elsewhere may name any.
     summary, pose: What those files hold; empty where they are not there.
     steps, done: What is kept of each step that ended, and their names.
     """
@@ -59,8 +58,7 @@ class Review:
     def __init__(self, folder: Path, session_path: Path | None = None) -> None:
         self.store = store = Store(folder)
         record = read_record(folder)
-        self.programs = () if record is None else Settings.of(record).external or ()
-        self.steps = {} if record is None else record.done
+        self._record, self.steps = record, {} if record is None else record.done
         self.done = frozenset(self.steps)
         self.session, self.session_path, self.why_no_session = _session(store, session_path)
         material = Material.load(store, {})
@@ -80,6 +78,11 @@ class Review:
             found if isinstance(found := read_optional(store, f"{name}.json"), dict) else {}
             for name in ("calibration", "summary", "pose")
         )
+
+    @cached_property
+    def programs(self) -> tuple[str, ...]:
+        """Other ones that a run would start, as before: a folder from elsewhere may name any."""
+        return () if self._record is None else Settings.of(self._record).external or ()
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from capture.session.session import load_session
+from capture.survey.folder_files import FolderFiles
 from lab.options import Settings
 from scene.errors import SceneError
 from scene.files import write_png
@@ -17,6 +18,7 @@ from scene.output_folder import open_record
 from shoot.watch.status import MAP, STATUS
 from studio import window as windows
 from studio.session import photograph_view, photograph_window
+from studio.session.looking import FolderLook
 from studio.session.photograph_view import PhotographView
 from studio.session.photograph_window import moved
 from studio.session.plane import ROOT
@@ -166,6 +168,26 @@ def test_a_diameter_that_was_kept_stays_when_the_balls_are_found_with_it(reviewi
     window.read_again()
     assert [ball.diameter_mm for ball in window.history.state.found] == [100.0, 100.0, 90.0]
     assert not window.client.told[1:]
+
+
+def test_another_folder_is_gone_back_to(reviewing, made, settle):
+    """In which a session is begun: what is opened meanwhile takes nothing of it away."""
+    look = FolderLook(FolderFiles(made.session.parent / "jug"), made.folder.parent / "jug_out")
+    state = StudioState(area="Session", session=(made.folder, made.session), looks={look.files.folder: look})
+    window = reviewing(state=state)
+    choice = window.client.input("object")
+    assert (choice.visible, choice.options, choice.value) == (
+        True,
+        ("jug", "session (has a session.toml)"),
+        choice.options[1],
+    )
+    for name, place in (
+        ("session (has a session.toml)", (made.folder, made.session)),
+        ("jug", (look.out, look.files.folder)),
+    ):
+        window.client.says("object", name)
+        settle(window)
+        assert state.session == place
 
 
 @pytest.fixture
