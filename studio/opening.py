@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from capture.session.session import load_session
-from capture.survey.folder_files import FolderFiles, survey
+from capture.survey.folder_files import survey
 from lab.session_place import MANIFEST, SESSION, default_out, is_output, is_session, origin_of, session_and_out
 from scene.errors import SceneError
 from scene.origin import Origin
@@ -76,8 +76,12 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
         folders = survey(source)
         if out is not None and len(folders) > 1:
             raise SceneError(f"--out {out}: there are {len(folders)} objects, each with a folder of its own: out/NAME.")
-        places = [workspace.path(out.resolve() if out else _out_of(files, workspace.root / "out")) for files in folders]
-        state.looks = {files.folder: FolderLook(files, place) for files, place in zip(folders, places, strict=True)}
+        looks = {}
+        for files in folders:
+            origin = Origin("session", files.folder, tuple(files.photographs.get("flash", ())))
+            place = out or default_out(origin, files.folder.name, workspace.root / "out")
+            looks[files.folder] = FolderLook(files, workspace.path(place.resolve()))
+        state.looks = looks
         for place in state.looks:
             state.edits.pop(place, None)
         place = next((place for place in state.looks if not (place / MANIFEST).exists()), folders[0].folder)
@@ -99,11 +103,6 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
             f"{source}: neither a folder nor a scene description, .toml. Give photographs, a session or its output "
             "folder."
         )
-
-
-def _out_of(files: FolderFiles, parent: Path) -> Path:
-    origin = Origin("session", files.folder, tuple(files.photographs.get("flash", ())))
-    return default_out(origin, files.folder.name, parent).resolve()
 
 
 class OpenWindow(Window):

@@ -92,15 +92,12 @@ def _start(window: Any) -> dict[str, Any]:
     return {"label": job.label, "kind": "main" if job.is_main else "other", "disabled": not is_free}
 
 
-def _bar(window: Any) -> dict[str, Any]:
-    return {"visible": window.is_busy, "value": 100 * window.work.share if window.is_busy else 0.0}
-
-
 WORK_ROWS = (
     button("Run", lambda window: window.begin_work(), _start, kind="main"),
     button("Stop", lambda window: window.work.stop(), lambda window: {"visible": window.is_busy},
            kind="danger", visible=False),
-    Row("progress_bar", show=_bar, start={"value": 0, "visible": False, "animated": True}),
+    Row("progress_bar", start={"value": 0, "visible": False, "animated": True}, show=lambda window: {
+        "visible": window.is_busy, "value": 100 * window.work.share if window.is_busy else 0.0}),
     text(_work),
 )  # fmt: skip
 """The button that begins the window's work on a folder, the one that stops it, and how far it is."""

@@ -96,15 +96,13 @@ class Panel:
             name, value = ("color", KINDS[value]) if name == "kind" else (name, value)
             if getattr(handle, name) != value:
                 setattr(handle, name, value)
-        if row.kind == "folder" and (found.get("visible", True) or number in self._inside):
-            self._refresh_inside(number, row, handle)
-
-    def _refresh_inside(self, number: int, row: Row, folder: Any) -> None:
+        if row.kind != "folder" or not (found.get("visible", True) or number in self._inside):
+            return
         key, made = row.key(self._window), self._inside.get(number)
         if made is None or made[0] != key:
             if made is not None:
                 made[1].remove()
-            with folder:
+            with handle:
                 rows = row.rows(self._window) if callable(row.rows) else row.rows
                 made = self._inside[number] = key, Panel(self._window, rows)
         made[1].refresh()

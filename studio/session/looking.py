@@ -74,17 +74,13 @@ class FolderLook:
 
     def _run(self) -> None:
         try:
-            draft = prepare(self.files, Asking(Answers(), silent=True), nullcontext(self._read), seen=self._see)
+            tell = nullcontext(lambda done, total: vars(self).update(done=done, total=total))
+            seen = lambda draft: vars(self).update(draft=draft)  # noqa: E731
+            draft = prepare(self.files, Asking(Answers(), silent=True), tell, seen=seen)
             self.small = self._read_small(draft)
             self.draft, self.is_done = draft, True
         except Exception as fault:
             self.fault = fault
-
-    def _read(self, done: int, total: int) -> None:
-        self.done, self.total = done, total
-
-    def _see(self, draft: Draft) -> None:
-        self.draft = draft
 
     def _read_small(self, draft: Draft) -> dict[Path, Small]:
         flash, frames = draft.photographs["flash"], draft.small

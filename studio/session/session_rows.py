@@ -123,12 +123,6 @@ def _errors(window: SessionWindow) -> str:
     )
 
 
-def _twin(window: SessionWindow) -> str:
-    if window.beside is None:
-        return f"**No twin**: {window.review.missing.get('twin', '')}"
-    return f"Right: the {window.beside.caption.removeprefix('twin, the ')}."
-
-
 TABS: dict[str, Any] = {
     "Capture": (
         text(_lacks),
@@ -170,7 +164,8 @@ TABS: dict[str, Any] = {
             lambda window, value: window.choose(method=value), {"options": (NONE,)}),
         text(_errors),
     ),
-    "Twin": (text(_twin),),
+    "Twin": (text(lambda window: f"**No twin**: {window.review.missing.get('twin', '')}" if window.beside is None
+                  else f"Right: the {window.beside.caption.removeprefix('twin, the ')}."),),
     "Verdict": (
         Row("html", show=lambda window: window.report and (
             f'<p><a href="{escape(window.report)}" target="_blank" rel="noopener">Open the report alone</a></p>')),
@@ -192,11 +187,6 @@ def _mark(window: SessionWindow, tab: str) -> str:
     """Return what stands behind the name of a tab: how many warnings it has, or a tick where the step is done."""
     count = 0 if tab == "Verdict" else len(warnings_of(window.review, tab))
     return f"⚠{count}" if count else "✓" if STEPS[tab] in window.review.done else ""
-
-
-def _warnings(window: SessionWindow) -> dict[str, Any]:
-    count = len(warnings_of(window.review, window.tab))
-    return {"label": f"Warnings ({count})", "visible": bool(count)}
 
 
 def _warning_rows(window: SessionWindow) -> list[Row]:
@@ -272,7 +262,9 @@ SESSION_ROWS = (
     OBJECT,
     *tab_rows(TABS, _mark),
     SHOOT,
-    Row("folder", "Warnings", _warnings, start={"visible": False}, rows=_warning_rows,
+    Row("folder", "Warnings", lambda window: {
+        "label": f"Warnings ({len(warnings_of(window.review, window.tab))})",
+        "visible": bool(warnings_of(window.review, window.tab))}, start={"visible": False}, rows=_warning_rows,
         key=lambda window: (window.reading, window.tab)),
     text(_run),
     button("Keep", lambda window: window.write_kept(), lambda window: {"visible": not window.is_kept_so},
