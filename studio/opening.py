@@ -16,7 +16,7 @@ from scene.origin import Origin
 from scene.reading import reading
 from studio.editor.editor_window import FILE, begun
 from studio.session.looking import FolderLook
-from studio.studio_state import StudioState
+from studio.studio_state import SCENE, StudioState
 from studio.widgets import Row, button, code, text
 from studio.window import Window
 from studio.workspace import Workspace
@@ -96,7 +96,9 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
         path = workspace.path(source.resolve())
         scene = begun(workspace, read_document(path), path.parent if path.name == FILE else None)
         # What was made before can be taken back to.
-        state.scene = state.scene.did(f"open {path.stem}", scene.state, 0.0) if state.scene else scene
+        if known := state.edits.get(SCENE):
+            known.history = known.history.did(f"open {path.stem}", scene.history.state, 0.0)
+        state.edits.setdefault(SCENE, scene)
         state.area = "Scene"
     else:
         raise SceneError(

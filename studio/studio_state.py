@@ -136,12 +136,15 @@ Area = Literal["Open", "Session", "Scene"]
 AREAS: tuple[Area, ...] = get_args(Area)
 
 
+SCENE = "Scene"
+
+
 @dataclass(eq=False)
 class Edits:
-    """What is put right in a session; kept: What of it is in the folder's files."""
+    """What is put right in a session, or made as a scene; kept: What of it is in a session's files."""
 
     history: History[Any]
-    kept: Any
+    kept: Any = None
 
 
 @dataclass(eq=False)
@@ -151,11 +154,10 @@ class StudioState:
     area: The one that is shown.
     tabs: The open tab of each page.
     folder: That is looked into to open something; None: the workspace.
-    scene: Of the scene that is made; None: a new one.
     looks: The folders in which sessions are begun, with what is found there and was put right.
     session: Output folder and session that is looked at, or begun where the session is among the `looks`; None for the
         second: the one that the folder names.
-    edits: By output folder, or the folder in which a session is begun, what was put right there.
+    edits: By output folder, or the folder in which a session is begun, what was put right there; and the `SCENE`.
     to_run: The step up to which a session that is opened next is run at once; empty: it is not.
     work: What is at work in the background, or was last.
     """
@@ -163,10 +165,9 @@ class StudioState:
     area: Area = "Open"
     tabs: dict[str, str] = field(default_factory=dict)
     folder: Path | None = None
-    scene: History[Any] | None = None
     looks: dict[Path, Any] = field(default_factory=dict)
     session: tuple[Path, Path | None] | None = None
-    edits: dict[Path, Edits] = field(default_factory=dict)
+    edits: dict[Path | str, Edits] = field(default_factory=dict)
     to_run: str = ""
     work: Work | None = None
 

@@ -1,18 +1,20 @@
 """What each area's window has: a thread that does what the browser says in order, panels, and words for faults."""
 
 import threading
+import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scene.errors import SceneError
-from studio.studio_state import Area, History, RunningJob, StudioState, Work
+from studio.studio_state import Area, Edits, History, RunningJob, StudioState, Work
 from studio.tabs import HEADER
 from studio.widgets import Panel, Row
 from studio.workspace import Workspace
@@ -33,6 +35,8 @@ class Window:
     area: Area = "Open"
     page, first_tab = "", ""
     """What the state calls the open tab, if not as the area; and the tab that is open first."""
+    edited: Path | str = ""
+    """Where the state has what is put right or made here."""
     is_flat = False
     """Whether a photograph is shown, which is moved and not turned."""
     report = ""
@@ -143,13 +147,26 @@ class Window:
         self.turn()
 
     @property
+    def edits(self) -> Edits | None:
+        """What is put right or made here, and what is kept of it; it outlives the window."""
+        return self.state.edits.get(self.edited)
+
+    @property
     def history(self) -> History[Any] | None:
         """What can be undone; None: nothing can be changed here."""
-        return None
+        return self.edits.history if self.edits else None
+
+    def did(self, label: str, state: Any, held_s: float | None = None) -> None:
+        """Take another state. held_s: When the hand took what it drags; all of a drag is undone together."""
+        if self.edits is not None:
+            now_s = time.monotonic() if held_s is None else held_s
+            self.edits.history = self.edits.history.did(label, state, now_s, self._input or held_s)
 
     def restore(self, history: History[Any]) -> None:
         """Take a state of the past, or of the future, and show it."""
-        raise NotImplementedError
+        if self.edits is not None:
+            self.edits.history = history
+            self.refresh()
 
     def undo(self) -> None:
         """Take the last change back."""

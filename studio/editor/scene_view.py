@@ -38,7 +38,7 @@ class SceneView:
         # At the objects, from beside the camera.
         away = 1.6 * spread * UNITS_PER_MM * np.array([0.75, 0.5, 0.95])
         look = partial(window.look, (scene.points.min(0) + scene.points.max(0)) / 2 * UNITS_PER_MM, away)
-        layers.draw("look", (window.history.state.saved, scene.objects[0].mesh), look)
+        layers.draw("look", (window.saved, scene.objects[0].mesh), look)
         objects = {f"object {index}": one for index, one in enumerate(scene.objects)}
         places = {f"light {index}": place for index, place in enumerate(light_places(lights, spread))}
         layers.keep_only({*objects, *places, "camera", "look"})

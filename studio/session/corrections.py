@@ -74,11 +74,6 @@ class Corrections:
     balls: Balls = ()
     picks: Picks = field(default_factory=Picks)
 
-    @classmethod
-    def of(cls, found: Balls) -> "Corrections":
-        """Return those in which nothing is put right."""
-        return cls(found, found)
-
     def with_balls(self, balls: Balls) -> "Corrections":
         """Return them with other balls."""
         return replace(self, balls=balls)

@@ -165,7 +165,7 @@ def _with_mask(review: Review, picture: Image, opacity: float) -> Image:
     (mask,) = review.need("mask")
     inside = _fitted(mask.astype(np.uint8), picture.shape)
     tinted = _blend(picture, np.full_like(picture, MASK_COLOUR), inside > 0, 0.6 * opacity)
-    edge = inside > cv2.erode(inside, np.ones((3, 3)), borderValue=0)
+    edge = inside > cv2.erode(inside, np.ones((3, 3)), iterations=max(1, picture.shape[1] // 600), borderValue=0)
     return np.where(edge[..., None], MASK_COLOUR, tinted).astype(np.uint8)
 
 
@@ -191,15 +191,14 @@ OUTLINE = (255, 0, 190)
 def shown_of(window: Any) -> Shown | None:
     """Return what a session's window shows; None: no photograph can be shown, or a shoot is."""
     review, material, first = window.review, window.review.material, window.review.first_look
-    frames, exposure = material.frames, material.exposure
+    frames, exposure, view = material.frames, material.exposure, window.client.scene
     if window.is_alone or (frames is None and first is None):
         return None
     size = (frames.width, frames.height) if frames is not None else first.shape[1::-1] if first is not None else (1, 1)
     plane = Plane(*size)
     found = FITTED if review.spheres else WAITING if window.tab == "Balls" else None
-    is_scan = window.tab == "Scan"
-    pixels, strokes = (window.picks.pixels, window.strokes) if is_scan else ((), window.strokes[:0])
-    places = [tuple(plane.place(pixel, lift=0.003)) for pixel in pixels]
+    pixels, strokes = (window.picks.pixels, window.strokes) if window.tab == "Scan" else ((), window.strokes[:0])
+    places, outline = [tuple(plane.place(pixel, lift=0.003)) for pixel in pixels], plane.place(strokes, lift=0.002)
     return Shown(
         plane,
         None if frames is None else material.camera,
@@ -210,8 +209,8 @@ def shown_of(window: Any) -> Shown | None:
         tuple(found if window.is_found(ball) else MOVED for ball in window.outlines),
         {
             "highlights": (window.frame, lambda: _add_highlights(window, plane)),
-            "picks": (pixels, lambda: add_numbered(window.client.scene, f"{ROOT}/pick", places, 0.04, NOW)),
-            "picked": (strokes.tobytes(), lambda: _add(window, "picked", plane.place(strokes, lift=0.002), OUTLINE, 2)),
+            "picks": (pixels, lambda: add_numbered(view, f"{ROOT}/pick", places, 0.04, NOW)),
+            "picked": (outline.tobytes(), lambda: add_lines(view, "picked", outline, OUTLINE, 2)),
         },
     )
 
@@ -225,10 +224,6 @@ def _picture(window: Any) -> Image:
         return photograph(window.review, window.frame, PictureLook(brightness=window.how.brightness))
 
 
-def _add(window: Any, name: str, strokes: NDArray[np.float64], colour: Any, width_px: float) -> list[Any]:
-    return [add_lines(window.client.scene, name, strokes, colour, width_px)] if len(strokes) else []
-
-
 def _add_highlights(window: Any, plane: Plane) -> list[Any]:
     """Mark the chosen ball's highlights by crosses."""
     seen, index = window.review.highlights_px, window.ball
@@ -239,5 +234,5 @@ def _add_highlights(window: Any, plane: Plane) -> list[Any]:
     crosses = plane.place(seen[index], lift=0.0024)[:, None, None] + crosses
     known = np.isfinite(seen[index]).all(-1)
     is_now = known & (np.arange(len(known)) == window.frame)
-    handles = _add(window, "seen", crosses[known].reshape(-1, 2, 3), SEEN, 2)
-    return handles + _add(window, "this_frame", crosses[is_now].reshape(-1, 2, 3), NOW, 4)
+    handles = add_lines(window.client.scene, "seen", crosses[known].reshape(-1, 2, 3), SEEN, 2)
+    return handles + add_lines(window.client.scene, "this_frame", crosses[is_now].reshape(-1, 2, 3), NOW, 4)

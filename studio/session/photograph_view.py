@@ -127,7 +127,7 @@ class PhotographView:
             outline = Sphere(ball.kind, np.array(center), radius, ball.diameter_mm).outline(camera, 180)
             points = plane.place(outline, lift=0.002)
             strokes, width_px = np.stack([points, np.roll(points, -1, 0)], 1), 3.0 if window.ball == index else 2.0
-            handles.append(add_lines(self._view, f"outline_{index}", strokes, colour, width_px))
+            handles += add_lines(self._view, f"outline_{index}", strokes, colour, width_px)
             corner = tuple(plane.place(np.add(center, [0, -1.15 * radius]), lift=0.002))
             name = f"{ball.kind} ball {index + 1}"
             handles.append(self._view.add_label(f"{ROOT}/name_{index}", name, position=corner))

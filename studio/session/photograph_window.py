@@ -1,6 +1,5 @@
 """A window on a photograph with balls outlined on it, each a table of session.toml with its circle."""
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +16,6 @@ from scene.frames import Frames
 from scene.map_pictures import Image
 from scene.spheres import Kind
 from studio.session.plane import Plane
-from studio.studio_state import Edits, History
 from studio.window import Window
 
 SMALLEST_PX = 4.0
@@ -121,7 +119,6 @@ class PhotographWindow(Window):
     What is put right is a state with a past, which outlives the window: it has `balls`, and those that were `found`.
 
     folder, place: The session's output folder, and where the session lies, if that was given.
-    edited: Where the state has what is put right: one of the two.
     reading: How often what is shown was read again: whatever is drawn of it is older than that, or as old.
     looks: How often the whole was asked for again.
     frame: The photograph that is shown.
@@ -163,16 +160,6 @@ class PhotographWindow(Window):
         self.choose(frame=index)
 
     @property
-    def edits(self) -> Edits | None:
-        """What is put right here."""
-        return self.state.edits.get(self.edited)
-
-    @property
-    def history(self) -> History[Any] | None:
-        """It with its past."""
-        return self.edits.history if self.edits else None
-
-    @property
     def balls(self) -> Balls:
         """The balls that are known so far, in the photograph and shot apart."""
         return self.history.state.balls if self.history else ()
@@ -196,14 +183,12 @@ class PhotographWindow(Window):
         self.choose(ball=ball)
 
     def alter(self, label: str, state: Any, held_s: float | None = None) -> None:
-        """Take another state. held_s: When the hand took what it drags; all of a drag is undone together."""
-        if self.edits is not None:
-            now_s = time.monotonic() if held_s is None else held_s
-            self.edits.history = self.edits.history.did(label, state, now_s, self._input or held_s)
+        """Take another state, and show it; held_s: as of `did`."""
+        self.did(label, state, held_s)
         self.refresh()
 
     def correct(self, outlines: Balls, label: str = "correct a ball", held_s: float | None = None) -> None:
-        """Take other balls in the photograph; held_s: as of `alter`."""
+        """Take other balls in the photograph; held_s: as of `did`."""
         if self.history is not None:
             apart = tuple(ball for ball in self.balls if not ball.center_px)
             balls = with_usual_diameters((*apart, *outlines), (*apart, *self.outlines))
@@ -222,12 +207,6 @@ class PhotographWindow(Window):
         """Take the balls as they were found, with the diameters that are known of their kinds."""
         if self.history is not None:
             self.correct(tuple(ball for ball in self.history.state.found if ball.center_px), "balls as found")
-
-    def restore(self, history: History[Any]) -> None:
-        """Take a state of the past or of the future."""
-        assert self.edits is not None
-        self.edits.history = history
-        self.refresh()
 
     def click(self, pixel: tuple[float, float]) -> None:
         """Give a clicked pixel to who wants it; else choose the ball that it lies on."""

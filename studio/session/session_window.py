@@ -126,11 +126,12 @@ class SessionWindow(PhotographWindow):
         self.status = read_optional(self.review.store, STATUS)
         if before is not None and (turned := turned_deg(before.lights, self.review.lights)) is not None:
             self.notify("The lights have turned", f"by {np.median(turned):.3f}° (median), {turned.max():.3f}° at most")
-        found, history = Corrections.of(balls_of(self.review)), self.history
+        found, history = balls_of(self.review), self.history
         # While the balls are sought anew there are none that corrections could be of.
         is_new = self.is_kept_so and "calibrate" in self.review.done
-        if history is None or (is_new and found.found != history.state.found):
-            self.state.edits[self.folder] = Edits(History(found), found)
+        if history is None or (is_new and found != history.state.found):
+            now = Corrections(found, found)
+            self.state.edits[self.folder] = Edits(History(now), now)
 
     def follow(self) -> bool:
         """Take what the steps have made, as each ends; and a shoot as it goes on."""

@@ -97,14 +97,9 @@ class SpatialView:
             bodies = [ball]
             if is_told and (ellipsoid := ellipsoid_of(spread)) is not None:
                 axes = tuple(np.maximum(factor * ellipsoid[0] * UNITS_PER_MM, 1e-4))
-                look = {
-                    "radius": 1.0,
-                    "opacity": 0.35,
-                    "scale": axes,
-                    "wxyz": quaternion(ellipsoid[1]),
-                    "color": colour,
-                }
-                bodies.append(view.add_icosphere(f"{LIGHTS}/sigma_{index}", position=at, **look, **NO_SHADOW))
+                look = {"position": at, "color": colour, "opacity": 0.35, "subdivisions": 2, **NO_SHADOW}
+                look |= {"radius": 1.0, "scale": axes, "wxyz": quaternion(ellipsoid[1])}
+                bodies.append(view.add_icosphere(f"{LIGHTS}/sigma_{index}", **look))
             for body in bodies:
                 window.on(body.on_click, lambda frame=index: window.choose(frame=frame))
             handles += bodies

@@ -17,7 +17,7 @@ from scene.files import write_png
 from scene.output_folder import open_record
 from shoot.watch.status import MAP, STATUS
 from studio import window as windows
-from studio.session import photograph_view, photograph_window
+from studio.session import photograph_view
 from studio.session.looking import FolderLook
 from studio.session.photograph_view import PhotographView
 from studio.session.photograph_window import moved
@@ -138,7 +138,7 @@ def test_a_drag_is_undone_as_one_however_slow_it_is(reviewing, settle, monkeypat
     """A machine that is busy, or a hand that rests, sends the next place seconds later."""
     clock = SimpleNamespace(monotonic=count(0, 10).__next__)
     monkeypatch.setattr(photograph_view, "time", clock)
-    monkeypatch.setattr(photograph_window, "time", clock)
+    monkeypatch.setattr(windows, "time", clock)
     window = reviewing(PhotographView)
     plane = window.plane
     window.choose_ball(0)
