@@ -118,11 +118,6 @@ PANEL_PX = 380
 """Width."""
 
 
-def _light(window: Any) -> dict[str, object]:
-    count = len(window.scene.lights)
-    return {"max": max(count, 2), "disabled": count == 1, "value": window.light + 1}
-
-
 def _status(window: Any) -> str:
     drawn = window.drawn
     if drawn is None:
@@ -134,7 +129,9 @@ def _status(window: Any) -> str:
 
 ROWS = (
     text(_status),
-    Row("slider", "light", _light, lambda window, value: window.select("light", int(value) - 1),
+    Row("slider", "light", lambda window: {
+        "max": max(len(window.scene.lights), 2), "disabled": len(window.scene.lights) == 1, "value": window.light + 1},
+        lambda window, value: window.select("light", int(value) - 1),
         {"min": 1, "max": 2, "step": 1, "initial_value": 1, "hint": "Which light shines"}),
     Row("slider", "brightness", lambda window: window.gain, lambda window, value: window.choose(gain=value),
         {"min": 0.1, "max": 8.0, "step": 0.1, "initial_value": 1.0}),

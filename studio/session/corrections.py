@@ -5,7 +5,7 @@ What is written lies in the output folder; the user's own session.toml is read a
 
 import glob
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -41,13 +41,16 @@ FILES = {"mask", "scan", "normals", "picks", "file"}
 
 
 @dataclass(frozen=True)
-class Picks:
-    """Pixels and points as they were clicked; the first pixel belongs to the first point.
+class Corrections:
+    """What a hand has put right: balls, and pixels and points of the scan as they were clicked, which belong in pairs.
 
+    found: The balls as they were found.
     pixels: Of the frames.
     points: Of the scan, in millimetres, or in its own unit where that is unknown.
     """
 
+    found: Balls = ()
+    balls: Balls = ()
     pixels: tuple[tuple[float, float], ...] = ()
     points: tuple[tuple[float, float, float], ...] = ()
 
@@ -56,23 +59,14 @@ class Picks:
         """How many are whole."""
         return min(len(self.pixels), len(self.points))
 
-    def with_pixel(self, pixel: tuple[float, float]) -> "Picks":
+    def with_pixel(self, pixel: tuple[float, float]) -> "Corrections":
         """Return them with one more pixel; it replaces a last one that has no point yet."""
         return replace(self, pixels=(*self.pixels[: len(self.points)], pixel))
 
-    def with_point(self, point: Array) -> "Picks":
+    def with_point(self, point: Array) -> "Corrections":
         """Return them with one more point; it replaces a last one that has no pixel yet."""
         x, y, z = (float(value) for value in point)
         return replace(self, points=(*self.points[: len(self.pixels)], (x, y, z)))
-
-
-@dataclass(frozen=True)
-class Corrections:
-    """What a hand has put right; `found`: the balls as they were found."""
-
-    found: Balls = ()
-    balls: Balls = ()
-    picks: Picks = field(default_factory=Picks)
 
     def with_balls(self, balls: Balls) -> "Corrections":
         """Return them with other balls."""
@@ -149,7 +143,9 @@ def _stated_mm(review: Review, sphere: Sphere) -> float | None:
     return sphere.diameter_mm if any(abs(one - sphere.diameter_mm) < 1e-6 * one for one in stated) else None
 
 
-def write_amended(review: Review, *, spheres: list[dict[str, Any]] | None = None, picks: Picks | None = None) -> Path:
+def write_amended(
+    review: Review, *, spheres: list[dict[str, Any]] | None = None, picks: Corrections | None = None
+) -> Path:
     """Write OUT/review/session.toml, and return its folder: a session for `rgbn process OUT/review --out OUT`.
 
     spheres: Instead of the session's `[[spheres]]`; picks: for `object.picks`, beside it. None: those of an earlier
@@ -216,7 +212,7 @@ def _in_full(value: Any, folder: Path, key: str = "") -> Any:
     return [_in_full(part, folder) for part in value] if isinstance(value, list) else value
 
 
-def _table(review: Review, picks: Picks) -> str:
+def _table(review: Review, picks: Corrections) -> str:
     """Return picks as `object.picks` is read."""
     session, camera = review.need("session", "camera")
     scale, unit = hint_scale(session, camera.width), UNITS_MM[session.scan_unit]
@@ -227,7 +223,7 @@ def _table(review: Review, picks: Picks) -> str:
     return "\n".join(rows) + "\n"
 
 
-def pose_of(review: Review, picks: Picks, mesh: Mesh) -> Any:
+def pose_of(review: Review, picks: Corrections, mesh: Mesh) -> Any:
     """Return `align.pose.picks.Picked`, the pose that the picks give. What was kept stays as it is.
 
     Raises SceneError: too few picks, on one line, or contradicting each other.

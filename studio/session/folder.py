@@ -26,6 +26,7 @@ from scene.output_folder import read_record
 from scene.spheres import Sphere
 from scene.store import Store
 from studio.session.looking import first_look
+from studio.widgets import plain
 
 if TYPE_CHECKING:
     from scene.rays import RayCaster
@@ -143,8 +144,8 @@ class Review:
         }
 
     @property
-    def lacks(self) -> list[str]:
-        """What a folder lacks and why, as lines of Markdown."""
+    def lacks(self) -> str:
+        """What a folder lacks and why, the session too, as Markdown; empty: nothing."""
         waits = {name: self._parts[name][1] for name in self.missing if self._parts[name][1] not in self.done}
         lines = [f"- **no {name}**: {why}" for name, why in self.missing.items() if name not in waits]
         if waits:
@@ -152,7 +153,9 @@ class Review:
             lines.append(
                 f"- **{', '.join(waits)}**: not made yet ({steps}). **Run** makes them, or says what stops it."
             )
-        return lines
+        if self.why_no_session:
+            lines.append(f"- **no session**: {plain(self.why_no_session)}")
+        return "\n".join(["**Not in this folder**", "", *lines]) if lines else ""
 
     def need(self, *names: str) -> list[Any]:
         """Return parts by their names in `missing`, or the `session`. Raises SceneError: why one is not there."""

@@ -32,12 +32,6 @@ HOW = (
 )
 
 
-def _lacks(window: SessionWindow) -> str:
-    review = window.review
-    lines = [*review.lacks, *([f"- **no session**: {plain(review.why_no_session)}"] if review.why_no_session else [])]
-    return "\n".join(["**Not in this folder**", "", *lines] if lines else [])
-
-
 def _frame_facts(window: SessionWindow) -> str:
     review, frames = window.review, window.review.material.frames
     if frames is None:
@@ -65,11 +59,6 @@ def _look(kind: str, name: str, label: str, **start: Any) -> Row:
     """Return a row for a field of `Look`."""
     return Row(kind, label, lambda window: getattr(window.how, name),
                lambda window, value: window.look_at(**{name: value}), start)  # fmt: skip
-
-
-def _factor(window: SessionWindow) -> str:
-    lights = window.review.lights
-    return f"{window.factor or (fitting_factor(lights) if lights is not None else 1)} times"
 
 
 def _light_facts(window: SessionWindow) -> str:
@@ -125,7 +114,7 @@ def _errors(window: SessionWindow) -> str:
 
 TABS: dict[str, Any] = {
     "Capture": (
-        text(_lacks),
+        text(lambda window: window.review.lacks),
         Row("slider", "frame", lambda window: {
             "max": max(len(window.review.names), 2), "disabled": len(window.review.names) < 2,
             "value": window.frame + 1}, lambda window, value: window.choose(frame=int(value) - 1),
@@ -143,7 +132,8 @@ TABS: dict[str, Any] = {
     "Balls": BALL_ROWS,
     "Lights": (
         text("The flashes around the object, each with the ellipsoid of its sigma. A click chooses one."),
-        Row("dropdown", "sigma drawn", _factor, lambda window, value: window.choose(factor=int(value.split()[0])),
+        Row("dropdown", "sigma drawn", lambda window: f"{window.factor or fitting_factor(window.review.lights)} times",
+            lambda window, value: window.choose(factor=int(value.split()[0])),
             {"options": tuple(f"{factor} times" for factor in FACTORS)}),
         text(_light_facts),
     ),
@@ -223,11 +213,6 @@ def _run(window: SessionWindow) -> str:
     return told + (f" Other programs, as before: {programs}." if programs else "")
 
 
-def _shoot(window: SessionWindow) -> dict[str, Any]:
-    status = window.status
-    return {"visible": isinstance(status, dict) and (window.is_alone or not status.get("is_over"))}
-
-
 def shoot_text(window: SessionWindow) -> str:
     """Return how far a shoot is, as Markdown."""
     status = window.status
@@ -254,7 +239,9 @@ def _shoot_rows(window: SessionWindow) -> Sequence[Row]:
     return text(shoot_text), *picture
 
 
-SHOOT = Row("folder", "Shoot under way", _shoot, start={"visible": False}, rows=_shoot_rows,
+SHOOT = Row("folder", "Shoot under way", lambda window: {
+    "visible": isinstance(window.status, dict) and (window.is_alone or not window.status.get("is_over"))},
+            start={"visible": False}, rows=_shoot_rows,
             key=lambda window: window.status)  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.output_folder import read_record
 from shoot.watch.status import STATUS
-from studio.session.corrections import Corrections, Picks, balls_of, forget_kept, pose_of, tables_of, write_amended
+from studio.session.corrections import Corrections, balls_of, forget_kept, pose_of, tables_of, write_amended
 from studio.session.folder import STEPS, Review, is_kept
 from studio.session.photograph_picture import PictureLook, normals_beside, shown_of, twin_beside
 from studio.session.photograph_window import PhotographWindow, Shown
@@ -62,9 +62,9 @@ class SessionWindow(PhotographWindow):
             self.post(lambda: None if self.is_busy else self.begin_work())
 
     @property
-    def picks(self) -> Picks:
-        """Pairs of a pixel and a point of the scan."""
-        return self.history.state.picks if self.history else Picks()
+    def picks(self) -> Corrections:
+        """What is put right, with the pairs of a pixel and a point of the scan."""
+        return self.history.state if self.history else Corrections()
 
     @property
     def ball_facts(self) -> str:
@@ -205,10 +205,9 @@ class SessionWindow(PhotographWindow):
     def _take_point(self, point: Array) -> None:
         self._pick("a point of the scan", self.picks.with_point(point), False)
 
-    def _pick(self, label: str, picks: Picks, is_scan_asked: bool) -> None:
+    def _pick(self, label: str, picks: Corrections, is_scan_asked: bool) -> None:
         self.is_scan_asked, self.picks_told = is_scan_asked, ""
-        assert self.history is not None
-        self.alter(label, replace(self.history.state, picks=picks))
+        self.alter(label, picks)
 
     def pose_from_picks(self) -> None:
         """Draw the scan's outline at the pose that the picks give."""
@@ -234,10 +233,10 @@ class SessionWindow(PhotographWindow):
         edits, review = self.edits, self.review
         assert edits is not None
         state, spheres = edits.history.state, None
-        if state.balls != edits.kept.balls or not state.picks.pairs:
+        if state.balls != edits.kept.balls or not state.pairs:
             session, camera = review.need("session", "camera")
             spheres = tables_of(session, state.balls, camera)
-        folder = write_amended(review, spheres=spheres, picks=state.picks if state.picks.pairs else None)
+        folder = write_amended(review, spheres=spheres, picks=state if state.pairs else None)
         edits.kept = state
         self.notify("Kept", f"{self.workspace.name(folder)}/session.toml; your own session.toml is as it was.")
         self.refresh()

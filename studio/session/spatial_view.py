@@ -143,8 +143,10 @@ def covariance_mm2(lights: Lights, position_covariance_mm2: Array | None) -> Arr
     return wide[:, None, None] ** 2 * across
 
 
-def fitting_factor(lights: Lights) -> int:
+def fitting_factor(lights: Lights | None) -> int:
     """Return by how much sigmas are drawn larger so that they are seen."""
+    if lights is None:
+        return 1
     sigma = lights.direction_sigma_deg
     typical = float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else SHOWN_DEG
     return min(FACTORS, key=lambda factor: abs(np.log(factor * max(typical, 1e-6) / SHOWN_DEG)))

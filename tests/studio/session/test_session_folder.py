@@ -17,7 +17,7 @@ from scene.lights import Lights
 from scene.rays import RayCaster
 from studio.opening import found_at
 from studio.session import corrections
-from studio.session.corrections import Picks, balls_of, forget_kept, met, pose_of, tables_of, write_amended
+from studio.session.corrections import Corrections, balls_of, forget_kept, met, pose_of, tables_of, write_amended
 from studio.session.folder import Review, targets
 from studio.session.photograph_picture import (
     CLIPPED,
@@ -41,7 +41,7 @@ def review(made):
 
 
 def test_a_whole_folder_lacks_nothing(review, made):
-    assert (review.missing, review.lacks, review.why_no_session) == ({}, [], "")
+    assert (review.missing, review.lacks, review.why_no_session) == ({}, "", "")
     assert review.lights.names == made.lights.names
     np.testing.assert_allclose(review.position_covariance_mm2, made.covariance)
     assert review.highlights_px.shape == (3, 5, 2)
@@ -247,7 +247,7 @@ def test_the_command_line_reads_the_balls_that_were_kept(made, half):
         np.testing.assert_allclose(request.center_px, ball.center_px, atol=1e-9)
         assert request.radius_px == pytest.approx(ball.radius_px)
     # Picks that are kept later leave the balls, and balls the picks.
-    both = load_session(write_amended(review, picks=Picks(((1.0, 2.0),), ((0.0, 0.0, 1.0),))))
+    both = load_session(write_amended(review, picks=Corrections(pixels=((1.0, 2.0),), points=((0.0, 0.0, 1.0),))))
     assert (both.spheres, both.picks) == (kept.spheres, made.folder / "review" / "picks.csv")
     assert (
         load_session(write_amended(review, spheres=tables_of(review.session, balls, made.camera))).picks == both.picks
@@ -286,7 +286,7 @@ def test_what_was_kept_follows_the_sessions_own_file_and_can_be_forgotten(review
     (made.folder / "session.json").write_text(json.dumps({"session": str(folder), "relative": "review"}))
     again = Review(made.folder)
     assert again.session_path == made.session
-    kept = load_session(write_amended(again, picks=Picks(((1.0, 2.0),), ((0.0, 0.0, 1.0),))))
+    kept = load_session(write_amended(again, picks=Corrections(pixels=((1.0, 2.0),), points=((0.0, 0.0, 1.0),))))
     assert (kept.scan_unit, kept.spheres[0].center_px) == ("cm", pytest.approx((33.0, 29.0)))
     forget_kept(again)
     assert not folder.exists()
@@ -306,7 +306,7 @@ def test_a_file_that_is_not_the_studios_is_neither_written_over_nor_forgotten(re
     theirs.parent.mkdir()
     theirs.write_text("# mine\n")
     with pytest.raises(SceneError, match="rgbn did not write it"):
-        write_amended(review, picks=Picks(((1.0, 2.0),), ((1.0, 2.0, 3.0),)))
+        write_amended(review, picks=Corrections(pixels=((1.0, 2.0),), points=((1.0, 2.0, 3.0),)))
     with pytest.raises(SceneError, match="rgbn did not write it"):
         forget_kept(review)
     assert theirs.read_text() == "# mine\n"
@@ -327,7 +327,7 @@ def test_corrections_that_cannot_be_said_are_refused(review, made):
 
 def test_picks_give_the_pose_at_which_they_were_made(review, made):
     """Rays from aside meet the scan; the points are seen where the true pose puts them: that pose is found."""
-    mesh, generator, picks = review.scan_mesh, np.random.default_rng(10_007), Picks()
+    mesh, generator, picks = review.scan_mesh, np.random.default_rng(10_007), Corrections()
     caster = RayCaster(mesh)
     while picks.pairs < 7:
         origin = mesh.center_mm + 300 * generator.normal(size=3)
@@ -347,5 +347,5 @@ def test_picks_give_the_pose_at_which_they_were_made(review, made):
     kept = write_amended(review, picks=picks) / "picks.csv"
     text = kept.read_text()
     with pytest.raises(SceneError, match=r"^The picks: 3 picks are too few"):
-        pose_of(review, Picks(picks.pixels[:3], picks.points[:3]), mesh)
+        pose_of(review, replace(picks, pixels=picks.pixels[:3], points=picks.points[:3]), mesh)
     assert kept.read_text() == text, "a trial leaves what was kept as it is"
