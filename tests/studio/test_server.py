@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 from websockets.asyncio import server as served
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
 
 from scene.errors import SceneError
 from studio.editor import edits
@@ -58,15 +60,8 @@ def test_only_its_own_page_may_speak_to_it(studio):
         assert asked(studio, Host=host)[0] == 403, host
     for path in ("/../../etc/passwd", "/%2e%2e/x", "/no/such/page", "//x"):
         assert asked(studio, path)[0] == 404, path
-
-
-def test_a_strangers_socket_is_turned_away(studio):
-    from websockets.exceptions import InvalidStatus
-    from websockets.sync.client import connect
-
-    address = studio.address.replace("http", "ws")
     with pytest.raises(InvalidStatus, match="403"):
-        connect(address, origin="http://example.org", proxy=None)
+        connect(studio.address.replace("http", "ws"), origin="http://example.org", proxy=None)
 
 
 def test_it_listens_on_the_loopback_address_alone_and_a_taken_port_is_told(studio, tmp_path):

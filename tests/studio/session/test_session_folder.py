@@ -267,15 +267,6 @@ def test_every_key_that_names_files_is_written_in_full():
     assert (globs, files) == (corrections.GLOBS, corrections.FILES)
 
 
-def test_a_ball_that_was_shot_apart_stays_as_the_session_has_it(review, made):
-    own = tuple(made.session / "raw" / f"{name}.png" for name in made.lights.names)
-    session = replace(review.session, spheres=(*review.session.spheres, replace(review.session.spheres[0], frames=own)))
-    review.session = session
-    tables = tables_of(session, balls_of(review), made.camera)
-    kept = load_session(write_amended(review, spheres=tables)).spheres
-    assert (len(kept), kept[-1]) == (4, session.spheres[-1])
-
-
 def test_what_was_kept_follows_the_sessions_own_file_and_can_be_forgotten(review, made):
     """Changes of session.toml after the correction count; by OUT/review, too, the user's own session is found again."""
     text = (made.session / "session.toml").read_text()
@@ -313,12 +304,15 @@ def test_a_file_that_is_not_the_studios_is_neither_written_over_nor_forgotten(re
     assert [path.name for path in theirs.parent.iterdir()] == [name]
 
 
-def test_corrections_that_cannot_be_said_are_refused(review, made):
-    balls, session = balls_of(review), review.session
-    masked = replace(session, spheres=(replace(session.spheres[0], mask=Path("a.png")),))
+def test_balls_that_were_shot_apart_stay_and_what_cannot_be_said_is_refused(review, made):
+    own = tuple(made.session / "raw" / f"{name}.png" for name in made.lights.names)
+    balls, session, (first, *_) = balls_of(review), review.session, review.session.spheres
+    review.session = apart = replace(session, spheres=(*session.spheres, replace(first, frames=own)))
+    kept = load_session(write_amended(review, spheres=tables_of(apart, balls, made.camera))).spheres
+    assert (len(kept), kept[-1]) == (4, apart.spheres[-1])
     for one, outlines, told in (
         (replace(session, lights_file=Path("lights.lp")), balls, r"lights\.file"),
-        (masked, balls, "by masks"),
+        (replace(session, spheres=(replace(first, mask=Path("a.png")),)), balls, "by masks"),
         (session, (), "no ball"),
     ):
         with pytest.raises(SceneError, match=told):
