@@ -251,6 +251,10 @@ class Window:
         self._input = self._inputs.popleft()
         try:
             use(value)
+        except SceneError:
+            # What could not be done is taken out of the input that asked for it.
+            self._is_behind = True
+            raise
         finally:
             self._input = None
             if self._is_behind:

@@ -29,7 +29,7 @@ BY_SIZE = "(by the object's size)"
 class DraftWindow(PhotographWindow):
     """What a browser begins sessions in: what is put right is a `Draft`. A frame of -1 is the mean of the flash frames.
 
-    place: The folder that is looked at, among the state's `looks`.
+    place, taken: The folder that is looked at, among the state's `looks`, and the look.
     """
 
     page, first_tab = "Draft", "Balls"
@@ -38,11 +38,7 @@ class DraftWindow(PhotographWindow):
     def __init__(self, *window: Any) -> None:
         super().__init__(*window)
         self.frame, self.edited, self._is_shown = -1, self.place, False
-
-    @property
-    def taken(self) -> FolderLook:
-        """The look at the folder."""
-        return self.state.looks[self.place]
+        self.taken: FolderLook = self.state.looks[self.place]
 
     def begin(self) -> None:
         """Look at the folder."""
@@ -167,10 +163,7 @@ def _role(window: DraftWindow) -> dict[str, Any]:
 
 def _use(window: DraftWindow, role: str) -> None:
     if window.photograph is not None:
-        try:
-            window.alter("use", with_role(window.need(), window.taken.small, window.photograph, role))
-        finally:
-            window.refresh()
+        window.alter("use", with_role(window.need(), window.taken.small, window.photograph, role))
 
 
 def _files(window: DraftWindow, path: str) -> list[Path]:

@@ -95,11 +95,6 @@ def _pose_facts(window: SessionWindow) -> str:
     )
 
 
-def _picks(window: SessionWindow) -> str:
-    waits = len(window.picks.pixels) > len(window.picks.points)
-    return f"{window.picks.pairs} pairs.{' Now the same point on the scan.' if waits else window.picks_told}"
-
-
 def _errors(window: SessionWindow) -> str:
     methods = (window.review.summary.get("compare") or {}).get("methods") or {}
     rows = [
@@ -143,7 +138,9 @@ TABS: dict[str, Any] = {
             text(HOW),
             button("Start picking", lambda window: window.toggle_picking(),
                    lambda window: {"label": "Stop picking" if window.is_picking else "Start picking"}),
-            text(_picks),
+            text(lambda window: f"{window.picks.pairs} pairs." + (
+                " Now the same point on the scan." if len(window.picks.pixels) > len(window.picks.points)
+                else window.picks_told)),
             button("Pose from the picks", lambda window: window.pose_from_picks(),
                    lambda window: {"disabled": not window.picks.pairs}),
         )),

@@ -93,6 +93,7 @@ def test_the_panels_write_what_they_show(window, folder, settle):
 
     say("chrome balls, mm", 0.05)
     assert "expected 0.1 to 10000" in client.told[-1]
+    assert client.input("chrome balls, mm").value == 0.0, "what could not be done is taken out of the input"
     say("chrome balls, mm", 40.0)
     say("white balls, mm", 38.5)
     assert not client.input("white balls, mm").disabled
