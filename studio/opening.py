@@ -128,17 +128,13 @@ class OpenWindow(Window):
         self.turn()
 
 
-def _entries(window: OpenWindow) -> tuple[tuple[Path, Kind], ...]:
-    return tuple(entries(window.folder))
-
-
 def _entry_rows(window: OpenWindow) -> list[Row]:
     def row(path: Path, kind: Kind) -> Row:
         if kind == "folder":
             return button(f"{path.name}/", lambda window: window.look_into(path))
         return button(f"{path.name}: {kind}", lambda window: window.open(path))
 
-    return [row(*one) for one in _entries(window)] or [text("Nothing that can be opened.")]
+    return [row(*one) for one in entries(window.folder)] or [text("Nothing that can be opened.")]
 
 
 OPEN_ROWS = (
@@ -149,6 +145,6 @@ OPEN_ROWS = (
     button(HERE["folder"], lambda window: window.open(window.folder),
            lambda window: {"label": HERE[kind_of(window.folder) or "folder"]}, kind="main"),
     button("New scene", lambda window: window.go("Scene")),
-    Row("folder", "In this folder", rows=_entry_rows, key=_entries),
+    Row("folder", "In this folder", rows=_entry_rows, key=lambda window: tuple(entries(window.folder))),
 )  # fmt: skip
 """What is to be done with the folder itself, and the folders and scenes in it."""

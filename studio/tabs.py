@@ -57,19 +57,12 @@ def _view(window: Any) -> str:
 
 
 HEADER = (
-    *(
-        button(
-            area,
-            lambda window, area=area: window.go(area),
-            lambda window, area=area: {"kind": _kind(window.area == area)},
-            kind="tab",
-        )
-        for area in AREAS
-    ),
+    *(button(area, lambda window, area=area: window.go(area),
+             lambda window, area=area: {"kind": _kind(window.area == area)}, kind="tab") for area in AREAS),
     _past("Undo", lambda window: window.undo(), "past"),
     _past("Redo", lambda window: window.redo(), "future"),
     Row("html", show=_view),
-)
+)  # fmt: skip
 """The areas; undo and redo; what the page's own script is to know of the view."""
 
 
@@ -86,14 +79,10 @@ def _work(window: Any) -> str:
     return f"**Stopped by a fault.** {plain(work.fault)}" if work.fault else ""
 
 
-def _start(window: Any) -> dict[str, Any]:
-    job = window.job()
-    is_free = job.is_possible and not window.is_busy
-    return {"label": job.label, "kind": "main" if job.is_main else "other", "disabled": not is_free}
-
-
 WORK_ROWS = (
-    button("Run", lambda window: window.begin_work(), _start, kind="main"),
+    button("Run", lambda window: window.begin_work(), lambda window: {
+        "label": window.job().label, "kind": "main" if window.job().is_main else "other",
+        "disabled": window.is_busy or not window.job().is_possible}, kind="main"),
     button("Stop", lambda window: window.work.stop(), lambda window: {"visible": window.is_busy},
            kind="danger", visible=False),
     Row("progress_bar", start={"value": 0, "visible": False, "animated": True}, show=lambda window: {

@@ -15,7 +15,6 @@ from studio.editor.edits import placement_of, quaternion
 from studio.widgets import UNITS_PER_MM, Layers, add_light, display_mesh, light_places
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import Diffuse, Material, Principled, RoughPlastic
-from twin.description.object_mesh import ObjectMesh
 from twin.description.scene_toml import SceneDocument
 
 Array = NDArray[np.float64]
@@ -29,7 +28,7 @@ class SceneView:
 
     def __init__(self, window: EditorWindow) -> None:
         self._window, self._view = window, window.client.scene
-        self._layers = Layers()
+        self._layers, self._displayed = Layers(), lru_cache(KEPT)(lambda mesh: display_mesh(mesh.vertices, mesh.faces))
 
     def refresh(self) -> None:
         """Show the window's scene; only what changed is sent."""
@@ -76,7 +75,7 @@ class SceneView:
 
     def _own(self, one: TwinObject, rotation: Array, middle: Array) -> tuple[Any, Any, float]:
         """Return the display mesh in the gizmo's frame, and half its longest side, in the view's units."""
-        vertices, faces = _displayed(one.mesh)
+        vertices, faces = self._displayed(one.mesh)
         linear = one.matrix[:3, :3]
         placed = vertices @ linear.T + one.matrix[:3, 3]
         own = ((placed - middle) @ rotation * UNITS_PER_MM).astype(np.float32)
@@ -140,11 +139,6 @@ class SceneView:
             self._window.drag(edit)
         elif phase == "end":
             self._window.change(f"drag {name}", edit)
-
-
-@lru_cache(KEPT)
-def _displayed(mesh: ObjectMesh) -> tuple[Any, Any]:
-    return display_mesh(mesh.vertices, mesh.faces)
 
 
 def _spread(scene: TwinScene) -> float:

@@ -24,6 +24,8 @@ from studio.widgets import Row, button, code, fenced, plain, text
 MEAN = "(mean of the flash frames)"
 NONE = "(none)"
 BY_SIZE = "(by the object's size)"
+FILES = {"object.scan": "scans", "object.mask": "masks", "object.normals": "normals", "lights.file": "lights"}
+"""Keys that name files, and which of the folder's."""
 
 
 class DraftWindow(PhotographWindow):
@@ -154,23 +156,9 @@ def _photographs(window: DraftWindow) -> tuple[str, ...]:
     return MEAN, *(name_of(path, window.place) for path in window.taken.small)
 
 
-def _role(window: DraftWindow) -> dict[str, Any]:
-    draft, photograph = window.draft, window.photograph
-    if draft is None or photograph is None:
-        return {"disabled": True}
-    return {"disabled": False, "value": role_of(draft, photograph)}
-
-
 def _use(window: DraftWindow, role: str) -> None:
     if window.photograph is not None:
         window.alter("use", with_role(window.need(), window.taken.small, window.photograph, role))
-
-
-def _files(window: DraftWindow, path: str) -> list[Path]:
-    """Return the files that a key may name."""
-    files = window.taken.files
-    return {"object.scan": files.scans, "object.mask": files.masks, "object.normals": files.normals,
-            "lights.file": files.lights}.get(path, [])  # fmt: skip
 
 
 def _key(path: str) -> Row:
@@ -192,7 +180,8 @@ def _key(path: str) -> Row:
         value = getattr(said, key) if said is not None and key in said.model_fields_set else None
         shown: dict[str, Any] = {"value": nothing if value is None else value}
         if widget == "dropdown":
-            names = (name_of(one, window.place) for one in _files(window, path))
+            paths = getattr(window.taken.files, FILES[path]) if path in FILES else ()
+            names = (name_of(one, window.place) for one in paths)
             shown = {"options": (nothing, *declared.get("enum", names))} | shown
         # How values are coded is a question of some kinds of files only.
         return shown | ({"visible": value is not None} if widget == "checkbox" else {})
@@ -221,7 +210,9 @@ TABS = {
             lambda window: {"options": _photographs(window), "value": _photographs(window)[window.frame + 1]},
             lambda window, name: window.choose(frame=_photographs(window).index(name) - 1, ball=None),
             {"options": (MEAN,)}),
-        Row("dropdown", "used for", _role, _use, {"options": (*ROLES, BOARD, UNUSED), "disabled": True}),
+        Row("dropdown", "used for", lambda window: {"disabled": True} if window.photograph is None else {
+            "disabled": False, "value": role_of(window.need(), window.photograph)}, _use,
+            {"options": (*ROLES, BOARD, UNUSED), "disabled": True}),
     ),
     "Camera": (
         *(_key(f"camera.{key}") for key in ("focal_mm", "sensor_mm", "pixel_um", "crop_factor")),

@@ -46,7 +46,8 @@ class SpatialView:
             draw("lights", (reading, window.frame, window.factor), self._add_lights)
         elif window.view == "Scan":
             draw("scan", reading, self._add_scan)
-            draw("marks", window.picks.points, self._add_marks)
+            places = [tuple(self._on_scan(np.array(point))) for point in window.picks.points]
+            draw("marks", window.picks.points, lambda: add_numbered(self._view, f"{SCAN}/mark", places, 0.05, CHOSEN))
         draw("look", (window.view, window.looks), self._look)
 
     def _look(self) -> None:
@@ -123,11 +124,6 @@ class SpatialView:
 
         window.on_ray(handle, clicked)
         return [handle]
-
-    def _add_marks(self) -> list[Any]:
-        """Show the points of the scan that were picked, numbered."""
-        places = [tuple(self._on_scan(np.array(point))) for point in self._window.picks.points]
-        return add_numbered(self._view, f"{SCAN}/mark", places, 0.05, CHOSEN)
 
 
 def covariance_mm2(lights: Lights, position_covariance_mm2: Array | None) -> Array:
