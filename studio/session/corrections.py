@@ -17,7 +17,7 @@ from capture.session.manifest import SphereTable
 from capture.session.manifest_file import toml_tables
 from capture.session.requests import hint_scale
 from capture.session.session import load_session
-from capture.session.session_types import CaptureSession
+from capture.session.session_types import CaptureSession, SphereSpec
 from formats.toml_text import toml_text
 from scene.camera import Camera
 from scene.errors import SceneError
@@ -81,9 +81,11 @@ def balls_of(review: Review) -> Balls:
     """Return the balls as they were found; where none were, as the session gives them."""
     camera, session = review.material.camera, review.session
     if review.spheres:
+        specs = _specs(review)
+        diameters = [one.diameter_mm if session is None else _stated_mm(specs, one) for one in review.spheres]
         return tuple(
-            outline(one.kind, (one.center_px[0], one.center_px[1]), one.radius_px, _stated_mm(review, one))
-            for one in review.spheres
+            outline(one.kind, (one.center_px[0], one.center_px[1]), one.radius_px, diameter)
+            for one, diameter in zip(review.spheres, diameters, strict=True)
         )
     if camera is None or session is None:
         return ()
@@ -130,17 +132,21 @@ def tables_of(session: CaptureSession, balls: Balls, camera: Camera) -> list[dic
     return [one.model_dump(exclude_none=True) for one in tables]
 
 
-def _stated_mm(review: Review, sphere: Sphere) -> float | None:
-    """Return a found ball's diameter where the session, or what was kept, states it; a white ball's may be guessed."""
-    if review.session is None or sphere.diameter_mm is None:
-        return sphere.diameter_mm
-    specs = list(review.session.spheres)
+def _specs(review: Review) -> list[SphereSpec]:
+    """Return the balls as the session states them, and as they were kept."""
+    specs = list(review.session.spheres) if review.session else []
     if is_kept(review.store):
         with suppress(SceneError):
             specs += load_session(review.store.path(KEPT)).spheres
+    return specs
+
+
+def _stated_mm(specs: list[SphereSpec], sphere: Sphere) -> float | None:
+    """Return a found ball's diameter where it is stated; a white ball's may have been guessed."""
     # Calibration leaves a stated diameter as it is.
     stated = [spec.diameter_mm for spec in specs if spec.kind == sphere.kind and spec.diameter_mm]
-    return sphere.diameter_mm if any(abs(one - sphere.diameter_mm) < 1e-6 * one for one in stated) else None
+    found = sphere.diameter_mm
+    return found if found and any(abs(one - found) < 1e-6 * one for one in stated) else None
 
 
 def write_amended(
