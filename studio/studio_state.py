@@ -137,6 +137,7 @@ AREAS: tuple[Area, ...] = get_args(Area)
 
 
 SCENE = "Scene"
+"""Names the scene among the edits."""
 
 
 @dataclass(eq=False)
