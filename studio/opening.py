@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Literal
 
 from capture.session.session import load_session
-from capture.survey.folder_files import FolderFiles, survey
+from capture.survey.folder_files import survey
 from lab.session_place import MANIFEST, SESSION, default_out, is_output, is_session, origin_of, session_and_out
-from scene.errors import SceneError, SessionError
+from scene.errors import SceneError
 from scene.origin import Origin
 from scene.reading import reading
 from studio.editor.editor_window import FILE, begun
-from studio.new_session.looking import FolderLook
-from studio.studio_state import StudioState
+from studio.session.looking import FolderLook
+from studio.studio_state import SCENE, StudioState
 from studio.widgets import Row, button, code, text
 from studio.window import Window
 from studio.workspace import Workspace
@@ -55,12 +55,9 @@ def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
             f"{source}: neither a session (session.toml) nor an output folder of rgbn ({SESSION}). Give one of these, "
             "or a scene description, .toml."
         )
-    try:
-        session, folder = session_and_out(source, out)
-    except SessionError:
-        if not is_output(source):
-            raise
-        session, folder = None, source
+    if is_output(source) and (out is None or out.resolve() == source.resolve()):
+        return source.resolve(), None
+    session, folder = session_and_out(source, out)
     return folder.resolve(), session
 
 
@@ -79,13 +76,16 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
         folders = survey(source)
         if out is not None and len(folders) > 1:
             raise SceneError(f"--out {out}: there are {len(folders)} objects, each with a folder of its own: out/NAME.")
-        state.looks = {
-            files.folder: FolderLook(
-                files, workspace.path(out.resolve() if out else _out_of(files, workspace.root / "out"))
-            )
-            for files in folders
-        }
-        state.area = "New session"
+        looks = {}
+        for files in folders:
+            origin = Origin("session", files.folder, tuple(files.photographs.get("flash", ())))
+            place = out or default_out(origin, files.folder.name, workspace.root / "out")
+            looks[files.folder] = FolderLook(files, workspace.path(place.resolve()))
+        state.looks = looks
+        for place in state.looks:
+            state.edits.pop(place, None)
+        place = next((place for place in state.looks if not (place / MANIFEST).exists()), folders[0].folder)
+        state.show_session(state.looks[place].out, place)
     elif source.is_dir() or source.name == MANIFEST:
         place, session = found_at(source, out)
         if out is None and kind != "results" and not place.is_relative_to(workspace.root):
@@ -96,18 +96,15 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
         path = workspace.path(source.resolve())
         scene = begun(workspace, read_document(path), path.parent if path.name == FILE else None)
         # What was made before can be taken back to.
-        state.scene = state.scene.did(f"open {path.stem}", scene.state, 0.0) if state.scene else scene
+        if known := state.edits.get(SCENE):
+            known.history = known.history.did(f"open {path.stem}", scene.history.state, 0.0)
+        state.edits.setdefault(SCENE, scene)
         state.area = "Scene"
     else:
         raise SceneError(
             f"{source}: neither a folder nor a scene description, .toml. Give photographs, a session or its output "
             "folder."
         )
-
-
-def _out_of(files: FolderFiles, parent: Path) -> Path:
-    origin = Origin("session", files.folder, tuple(files.photographs.get("flash", ())))
-    return default_out(origin, files.folder.name, parent).resolve()
 
 
 class OpenWindow(Window):
@@ -131,17 +128,13 @@ class OpenWindow(Window):
         self.turn()
 
 
-def _entries(window: OpenWindow) -> tuple[tuple[Path, Kind], ...]:
-    return tuple(entries(window.folder))
-
-
 def _entry_rows(window: OpenWindow) -> list[Row]:
     def row(path: Path, kind: Kind) -> Row:
         if kind == "folder":
             return button(f"{path.name}/", lambda window: window.look_into(path))
         return button(f"{path.name}: {kind}", lambda window: window.open(path))
 
-    return [row(*one) for one in _entries(window)] or [text("Nothing that can be opened.")]
+    return [row(*one) for one in entries(window.folder)] or [text("Nothing that can be opened.")]
 
 
 OPEN_ROWS = (
@@ -152,6 +145,6 @@ OPEN_ROWS = (
     button(HERE["folder"], lambda window: window.open(window.folder),
            lambda window: {"label": HERE[kind_of(window.folder) or "folder"]}, kind="main"),
     button("New scene", lambda window: window.go("Scene")),
-    Row("folder", "In this folder", rows=_entry_rows, key=_entries),
+    Row("folder", "In this folder", rows=_entry_rows, key=lambda window: tuple(entries(window.folder))),
 )  # fmt: skip
 """What is to be done with the folder itself, and the folders and scenes in it."""

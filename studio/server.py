@@ -7,30 +7,30 @@ import threading
 from functools import partial
 from typing import Any
 
+from lab.session_place import MANIFEST
 from scene.errors import SceneError
 from studio.editor.editor_window import EditorWindow
 from studio.editor.preview import Preview, PreviewPanel
 from studio.editor.scene_rows import SCENE_ROWS
 from studio.editor.scene_view import SceneView
-from studio.new_session.new_session_rows import NEW_SESSION_ROWS
-from studio.new_session.new_session_window import NewSessionWindow
 from studio.opening import OPEN_ROWS, OpenWindow
-from studio.photograph.photograph_view import PhotographView
-from studio.review.review_window import ReviewWindow
-from studio.review.session_rows import session_rows
-from studio.review.spatial_view import SpatialView
 from studio.served_page import LOOPBACK, ServedPage
+from studio.session.draft_window import DRAFT_ROWS, DraftWindow
+from studio.session.photograph_view import PhotographView
+from studio.session.session_rows import session_rows
+from studio.session.session_window import SessionWindow
+from studio.session.spatial_view import SpatialView
 from studio.studio_state import StudioState
 from studio.window import Window
 from studio.workspace import Workspace
 
 PAGES: dict[type[Window], tuple[Any, ...]] = {
     OpenWindow: (OPEN_ROWS,),
-    NewSessionWindow: (NEW_SESSION_ROWS, [PhotographView]),
-    ReviewWindow: (session_rows, [PhotographView, SpatialView]),
+    DraftWindow: (DRAFT_ROWS, [PhotographView]),
+    SessionWindow: (session_rows, [PhotographView, SpatialView]),
     EditorWindow: (SCENE_ROWS, [PreviewPanel, SceneView]),
 }
-"""What each area shows: its rows of widgets, and its views."""
+"""What each window shows: its rows of widgets, and its views."""
 ELSEWHERE = "The studio is open in another window, and it has one at a time."
 
 
@@ -135,10 +135,11 @@ class Studio:
 
     def _make_window(self, client: Any) -> Window:
         state, place = self.state, (client, self._workspace, self.state)
-        if state.area == "Session" and state.review is not None:
-            return ReviewWindow(*place, address_of=self.page.address_of)
-        if state.area == "New session" and state.looks:
-            return NewSessionWindow(*place)
+        if state.area == "Session" and state.session is not None:
+            session = state.session[1]
+            if session in state.looks and not (session / MANIFEST).exists():
+                return DraftWindow(*place)
+            return SessionWindow(*place, address_of=self.page.address_of)
         return EditorWindow(*place, self.preview) if state.area == "Scene" else OpenWindow(*place)
 
 

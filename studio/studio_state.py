@@ -132,20 +132,20 @@ class History(Generic[State]):
         return History(state, (*self.past, (label, self.state)), tuple(future))
 
 
-Area = Literal["Open", "New session", "Session", "Scene"]
+Area = Literal["Open", "Session", "Scene"]
 AREAS: tuple[Area, ...] = get_args(Area)
+
+
+SCENE = "Scene"
+"""Names the scene among the edits."""
 
 
 @dataclass(eq=False)
 class Edits:
-    """What is corrected in a session.
-
-    found: As it was found when the folder was read. kept: What of it is in the folder's files.
-    """
+    """What is put right in a session, or made as a scene; kept: What of it is in a session's files."""
 
     history: History[Any]
-    found: Any
-    kept: Any
+    kept: Any = None
 
 
 @dataclass(eq=False)
@@ -153,27 +153,26 @@ class StudioState:
     """What is worked on; there is one for a studio.
 
     area: The one that is shown.
-    tabs: The open tab of each area.
+    tabs: The open tab of each page.
     folder: That is looked into to open something; None: the workspace.
-    scene: Of the scene that is made; None: a new one.
     looks: The folders in which sessions are begun, with what is found there and was put right.
-    review: Output folder and session that is looked at; None for the second: the one that the folder names.
-    edits: By output folder, what was corrected there.
+    session: Output folder and session that is looked at, or begun where the session is among the `looks`; None for the
+        second: the one that the folder names.
+    edits: By output folder, or the folder in which a session is begun, what was put right there; and the `SCENE`.
     to_run: The step up to which a session that is opened next is run at once; empty: it is not.
     work: What is at work in the background, or was last.
     """
 
     area: Area = "Open"
-    tabs: dict[Area, str] = field(default_factory=dict)
+    tabs: dict[str, str] = field(default_factory=dict)
     folder: Path | None = None
-    scene: History[Any] | None = None
     looks: dict[Path, Any] = field(default_factory=dict)
-    review: tuple[Path, Path | None] | None = None
-    edits: dict[Path, Edits] = field(default_factory=dict)
+    session: tuple[Path, Path | None] | None = None
+    edits: dict[Path | str, Edits] = field(default_factory=dict)
     to_run: str = ""
     work: Work | None = None
 
     def show_session(self, out: Path, session: Path | None, *, tab: str = "Capture", run: str = "") -> None:
         """Go to a session."""
-        self.area, self.review, self.to_run = "Session", (out, session), run
+        self.area, self.session, self.to_run = "Session", (out, session), run
         self.tabs["Session"] = tab

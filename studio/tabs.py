@@ -16,17 +16,17 @@ Rows = Sequence[Row] | Callable[[Any], Sequence[Row]]
 
 
 def tab_rows(
-    tabs: Mapping[str, Rows], marks: Callable[[Any], Mapping[str, str]] = lambda window: {},
+    tabs: Mapping[str, Rows], mark: Callable[[Any, str], str] = lambda window, name: "",
     when: Callable[[Any], bool] = lambda window: True,
 ) -> tuple[Row, ...]:  # fmt: skip
     """Return a row of tabs, and the folder of each, of which one is shown.
 
-    marks: Returns signs to be put behind the names. when: Returns whether there is anything to be shown.
+    mark: Returns a sign to be put behind a name. when: Returns whether there is anything to be shown.
     """
 
     def tab(name: str) -> Row:
         def show(window: Any) -> dict[str, Any]:
-            label, kind = f"{name} {marks(window).get(name, '')}".strip(), _kind(window.tab == name)
+            label, kind = f"{name} {mark(window, name)}".strip(), _kind(window.tab == name)
             return {"label": label, "kind": kind, "visible": when(window)}
 
         return button(name, lambda window: window.open_tab(name), show, kind="tab", visible=False)
@@ -40,10 +40,6 @@ def tab_rows(
 
 def _kind(is_open: bool) -> str:
     return "open tab" if is_open else "tab"
-
-
-def _area(name: str) -> Row:
-    return button(name, lambda window: window.go(name), lambda window: {"kind": _kind(window.area == name)}, kind="tab")
 
 
 def _past(label: str, use: Callable[[Any], Any], part: str) -> Row:
@@ -61,11 +57,12 @@ def _view(window: Any) -> str:
 
 
 HEADER = (
-    *map(_area, AREAS),
+    *(button(area, lambda window, area=area: window.go(area),
+             lambda window, area=area: {"kind": _kind(window.area == area)}, kind="tab") for area in AREAS),
     _past("Undo", lambda window: window.undo(), "past"),
     _past("Redo", lambda window: window.redo(), "future"),
     Row("html", show=_view),
-)
+)  # fmt: skip
 """The areas; undo and redo; what the page's own script is to know of the view."""
 
 
@@ -82,21 +79,14 @@ def _work(window: Any) -> str:
     return f"**Stopped by a fault.** {plain(work.fault)}" if work.fault else ""
 
 
-def _start(window: Any) -> dict[str, Any]:
-    job = window.job()
-    is_free = job.is_possible and not window.is_busy
-    return {"label": job.label, "kind": "main" if job.is_main else "other", "disabled": not is_free}
-
-
-def _bar(window: Any) -> dict[str, Any]:
-    return {"visible": window.is_busy, "value": 100 * window.work.share if window.is_busy else 0.0}
-
-
 WORK_ROWS = (
-    button("Run", lambda window: window.begin_work(), _start, kind="main"),
+    button("Run", lambda window: window.begin_work(), lambda window: {
+        "label": window.job().label, "kind": "main" if window.job().is_main else "other",
+        "disabled": window.is_busy or not window.job().is_possible}, kind="main"),
     button("Stop", lambda window: window.work.stop(), lambda window: {"visible": window.is_busy},
            kind="danger", visible=False),
-    Row("progress_bar", show=_bar, start={"value": 0, "visible": False, "animated": True}),
+    Row("progress_bar", start={"value": 0, "visible": False, "animated": True}, show=lambda window: {
+        "visible": window.is_busy, "value": 100 * window.work.share if window.is_busy else 0.0}),
     text(_work),
 )  # fmt: skip
 """The button that begins the window's work on a folder, the one that stops it, and how far it is."""

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from scene.lights import Lights
+
 UNITS_PER_MM = 0.01
 """The browser's view has clipping planes and gizmos for things a few units large."""
 NO_SHADOW = {"cast_shadow": False, "receive_shadow": False}
@@ -94,15 +96,13 @@ class Panel:
             name, value = ("color", KINDS[value]) if name == "kind" else (name, value)
             if getattr(handle, name) != value:
                 setattr(handle, name, value)
-        if row.kind == "folder" and (found.get("visible", True) or number in self._inside):
-            self._refresh_inside(number, row, handle)
-
-    def _refresh_inside(self, number: int, row: Row, folder: Any) -> None:
+        if row.kind != "folder" or not (found.get("visible", True) or number in self._inside):
+            return
         key, made = row.key(self._window), self._inside.get(number)
         if made is None or made[0] != key:
             if made is not None:
                 made[1].remove()
-            with folder:
+            with handle:
                 rows = row.rows(self._window) if callable(row.rows) else row.rows
                 made = self._inside[number] = key, Panel(self._window, rows)
         made[1].refresh()
@@ -140,14 +140,25 @@ class Layers:
             self._remove(name)
 
 
-def add_light_arrow(view: Any, name: str, ends_mm: ArrayLike, spread_mm: float, colour: tuple[int, int, int]) -> Any:
-    """Add an arrow from a light toward the reference point, `ends_mm` (2, 3), as long as 0.22 of `spread_mm`."""
+def light_places(lights: Lights, away_mm: float) -> NDArray[np.float64]:
+    """Return (N, 3), mm, where lights are drawn: near ones where they are, distant ones so far toward them."""
+    places = lights.positions_mm
+    return lights.reference_point_mm + away_mm * lights.directions if places is None else places
+
+
+def add_light(view: Any, name: str, ends_mm: ArrayLike, spread_mm: float, colour: Any, radius: float) -> list[Any]:
+    """Add a light, a ball of a radius in `spread_mm`, with an arrow of 0.22 of that toward the reference point.
+
+    ends_mm (2, 3): The light's place and that point. Returns the handles: the ball, the arrow.
+    """
     place, reference = np.asarray(ends_mm, np.float64)
     toward = (reference - place) / max(float(np.linalg.norm(reference - place)), 1e-9)
     line = np.stack([place, place + toward * 0.22 * spread_mm])[None] * UNITS_PER_MM
     size = spread_mm * UNITS_PER_MM
     look = {"shaft_radius": 0.006 * size, "head_radius": 0.018 * size, "head_length": 0.05 * size}
-    return view.add_arrows(name, line.astype(np.float32), colour, **look)
+    arrow = view.add_arrows(f"{name}_arrow", line.astype(np.float32), colour, **look)
+    at = tuple(place * UNITS_PER_MM)
+    return [view.add_icosphere(name, radius=radius * size, color=colour, position=at, **NO_SHADOW), arrow]
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

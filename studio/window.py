@@ -1,18 +1,20 @@
 """What each area's window has: a thread that does what the browser says in order, panels, and words for faults."""
 
 import threading
+import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scene.errors import SceneError
-from studio.studio_state import Area, History, RunningJob, StudioState, Work
+from studio.studio_state import Area, Edits, History, RunningJob, StudioState, Work
 from studio.tabs import HEADER
 from studio.widgets import Panel, Row
 from studio.workspace import Workspace
@@ -31,7 +33,10 @@ class Window:
     """
 
     area: Area = "Open"
-    first_tab = ""
+    page, first_tab = "", ""
+    """What the state calls the open tab, if not as the area; and the tab that is open first."""
+    edited: Path | str = ""
+    """Where the state has what is put right or made here."""
     is_flat = False
     """Whether a photograph is shown, which is moved and not turned."""
     report = ""
@@ -105,27 +110,31 @@ class Window:
             self._is_ticking = False
 
     def look_again(self) -> None:
-        """Show how far the work is, and once how it ended."""
+        """Show what goes on in the background: how far the work is, and once how it ended; and what else is new."""
         work = self.work
-        if work is None or work.is_told:
-            return
-        if work.is_over:
+        is_new = work is not None and not work.is_told
+        if work is not None and is_new and work.is_over:
             work.is_told = True
             if work.fault:
                 self.show_fault(work.fault)
             elif not work.is_stopped:
                 self.state.work = None
                 self.work_ended()
-        self.refresh()
+        if self.follow() or is_new:
+            self.refresh()
+
+    def follow(self) -> bool:
+        """Look at what goes on beside the work; return whether there is anything new to be shown."""
+        return False
 
     @property
     def tab(self) -> str:
         """The tab that is open."""
-        return self.state.tabs.get(self.area, self.first_tab)
+        return self.state.tabs.get(self.page or self.area, self.first_tab)
 
     @tab.setter
     def tab(self, name: str) -> None:
-        self.state.tabs[self.area] = name
+        self.state.tabs[self.page or self.area] = name
 
     def open_tab(self, name: str) -> None:
         """Turn to a tab."""
@@ -138,13 +147,26 @@ class Window:
         self.turn()
 
     @property
+    def edits(self) -> Edits | None:
+        """What is put right or made here, and what is kept of it; it outlives the window."""
+        return self.state.edits.get(self.edited)
+
+    @property
     def history(self) -> History[Any] | None:
         """What can be undone; None: nothing can be changed here."""
-        return None
+        return self.edits.history if self.edits else None
+
+    def did(self, label: str, state: Any, held_s: float | None = None) -> None:
+        """Take another state. held_s: When the hand took what it drags; all of a drag is undone together."""
+        if self.edits is not None:
+            now_s = time.monotonic() if held_s is None else held_s
+            self.edits.history = self.edits.history.did(label, state, now_s, self._input or held_s)
 
     def restore(self, history: History[Any]) -> None:
         """Take a state of the past, or of the future, and show it."""
-        raise NotImplementedError
+        if self.edits is not None:
+            self.edits.history = history
+            self.refresh()
 
     def undo(self) -> None:
         """Take the last change back."""
@@ -229,6 +251,10 @@ class Window:
         self._input = self._inputs.popleft()
         try:
             use(value)
+        except SceneError:
+            # What could not be done is taken out of the input that asked for it.
+            self._is_behind = True
+            raise
         finally:
             self._input = None
             if self._is_behind:

@@ -74,6 +74,11 @@ class Draft:
         new = table_of(table, data) if data or table in ("frames", "object") else None
         return replace(self, manifest=self.manifest.model_copy(update={table: new}))
 
+    @property
+    def balls(self) -> tuple[SphereTable, ...]:
+        """The balls that are known, in the frames and shot apart."""
+        return tuple(self.manifest.spheres)
+
     def with_balls(self, balls: "tuple[SphereTable, ...] | list[SphereTable]") -> "Draft":
         """Return the draft with other balls."""
         return replace(self, manifest=self.manifest.model_copy(update={"spheres": list(balls)}))

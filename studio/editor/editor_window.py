@@ -1,6 +1,5 @@
 """The window of a scene: the scene with its past, to be undone, what is selected, and its files in the workspace."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from scene.current import file_digest
 from scene.errors import SceneError
 from studio.editor.edits import Place, start_document
 from studio.editor.preview import Drawn, Preview
-from studio.studio_state import History, RunningJob, StudioState
+from studio.studio_state import SCENE, Edits, History, RunningJob, StudioState
 from studio.widgets import code, plain
 from studio.window import Window
 from studio.workspace import MOST_FILES, Listing, Workspace, put_own
@@ -43,22 +42,22 @@ class Edited:
     saved: Saved
 
 
-def begun(workspace: Workspace, document: SceneDocument | None, folder: Path | None) -> History[Edited]:
+def begun(workspace: Workspace, document: SceneDocument | None, folder: Path | None) -> Edits:
     """Return the history of a document, None: a new one, without a past; `folder` is where it was opened from."""
     document, digest = document or start_document(), None if folder is None else file_digest(folder / FILE)
     name = workspace.name(folder) if folder else document.name or "scene"
-    return History(Edited(document, Saved(name, folder, digest)))
+    return Edits(History(Edited(document, Saved(name, folder, digest))))
 
 
 class EditorWindow(Window):
     """What a browser makes a scene on. Its panels call `change`; whatever changed, all panels are refreshed."""
 
-    area = "Scene"
+    area, edited = "Scene", SCENE
     first_tab = "Objects"
 
     def __init__(self, client: Any, workspace: Workspace, state: StudioState, preview: Preview) -> None:
         super().__init__(client, workspace, state)
-        state.scene = state.scene or begun(workspace, None, None)
+        state.edits.setdefault(SCENE, begun(workspace, None, None))
         self._preview, self._asked = preview, None
         self.object, self.light = 0, 0
         self.listing = Listing()
@@ -79,20 +78,18 @@ class EditorWindow(Window):
         self.list_files()
 
     @property
-    def history(self) -> History[Edited]:
-        """The document, and what was done to it."""
-        assert self.state.scene is not None
-        return self.state.scene
+    def _made(self) -> Edited:
+        return self.state.edits[SCENE].history.state
 
     @property
     def document(self) -> SceneDocument:
         """What is edited."""
-        return self.history.state.document
+        return self._made.document
 
     @property
     def saved(self) -> Saved:
         """What it is saved as."""
-        return self.history.state.saved
+        return self._made.saved
 
     @property
     def scene(self) -> TwinScene:
@@ -101,20 +98,20 @@ class EditorWindow(Window):
             self._scene = self.document, self.document.scene()
         return self._scene[1]
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The objects' names, which begin with their numbers: two objects of a file may have one name."""
+        return tuple(f"{index + 1} {one.name}" for index, one in enumerate(self.scene.objects))
+
     def change(self, label: str, edit: Edit) -> None:
         """Make the document another one, where it can be. A fault is told, and the document stays."""
-        self.attempt(lambda: self._do(label, replace(self.history.state, document=edit(self.document))))
+        self.attempt(lambda: self._do(label, replace(self._made, document=edit(self.document))))
         # What could not be done is taken out of the input that asked for it.
         self.refresh()
 
     def drag(self, edit: Edit) -> None:
         """Show in the preview what the scene would be; nothing is kept of it."""
         self.attempt(lambda: self._request(edit(self.document).scene()))
-
-    def restore(self, history: History[Any]) -> None:
-        """Take a document of the past or of the future."""
-        self._keep(history)
-        self.refresh()
 
     def start_again(self) -> None:
         """Work on a new document. It can be taken back as any change can."""
@@ -125,12 +122,11 @@ class EditorWindow(Window):
     def _do(self, label: str, state: Edited) -> None:
         # Raises where the document says no scene.
         self._scene = state.document, state.document.scene()
-        self._keep(self.history.did(label, state, time.monotonic(), self._input))
+        self.did(label, state)
 
     def select(self, what: str, index: int) -> None:
         """Look at another one: `what` is "object", which has the gizmo then, or "light"."""
         setattr(self, what, index)
-        self._keep(self.history)
         self.refresh()
 
     def on_upload(self, handle: Any, use: Callable[[str], Any]) -> Any:
@@ -165,14 +161,11 @@ class EditorWindow(Window):
             )
 
     def _refresh_panels(self) -> None:
+        self.object = min(self.object, len(self.document.objects) - 1)
+        self.light = min(self.light, len(self.scene.lights) - 1)
         with self.client.atomic():
             super()._refresh_panels()
         self._request(self.scene)
-
-    def _keep(self, history: History[Edited]) -> None:
-        self.state.scene = history
-        self.object = min(self.object, len(self.document.objects) - 1)
-        self.light = min(self.light, len(self.scene.lights) - 1)
 
     def _request(self, scene: TwinScene) -> None:
         """Have a scene drawn, unless it is the one that was asked for last."""

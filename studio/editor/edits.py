@@ -14,7 +14,6 @@ from pydantic import TypeAdapter, ValidationError
 from scipy.spatial.transform import Rotation
 
 from scene.errors import RenderError
-from twin.description.description import TwinObject
 from twin.description.description_file import faults_in
 from twin.description.light_groups import AreaLight, DistantLight, GridTable, LightGroup, PointLight, SessionLights
 from twin.description.materials import Diffuse, Material, Measured
@@ -75,32 +74,20 @@ def _box(mesh: ObjectMesh) -> tuple[Array, Array]:
     return mesh.vertices.min(0), mesh.vertices.max(0)
 
 
-def placement_of(one: TwinObject) -> Placement:
-    """Return an object's placement.
+def placement_of(mesh: ObjectMesh, matrix: Array) -> Placement:
+    """Return the placement that a matrix (4, 4) gives a mesh.
 
     The matrix' linear part is R diag(s) if its columns are at right angles: s their lengths, R the rest. Else R is the
-    rotation nearest to it (its polar part), and s the lengths.
+    rotation nearest to it, which SciPy takes, and s the lengths.
     """
-    linear = one.matrix[:3, :3]
-    low, high = _box(one.mesh)
-    scale = np.linalg.norm(linear, axis=0)
-    if np.linalg.det(linear) < 0:
-        scale[0] = -scale[0]
+    linear, (low, high) = matrix[:3, :3], _box(mesh)
+    scale = np.linalg.norm(linear, axis=0) * [np.sign(np.linalg.det(linear)), 1, 1]
     turned = linear / scale
-    is_exact = bool(np.allclose(turned.T @ turned, np.eye(3), atol=1e-6))
-    u, _, v = np.linalg.svd(turned)
-    rotation = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
+    rotation = Rotation.from_matrix(turned)
+    is_exact = bool(np.allclose(rotation.as_matrix(), turned, atol=1e-6))
     # Where y is +-90 degrees, x and z turn about one axis, and z is taken as 0.
-    angles = Rotation.from_matrix(rotation).as_euler("xyz", degrees=True, suppress_warnings=True)
-    return Placement(linear @ ((low + high) / 2) + one.matrix[:3, 3], angles, scale, high - low, is_exact)
-
-
-def matrix_of(one: TwinObject, placement: Placement) -> Array:
-    """Return the matrix (4, 4) that gives an object a placement."""
-    matrix, (low, high) = np.eye(4), _box(one.mesh)
-    matrix[:3, :3] = placement.rotation * placement.scale
-    matrix[:3, 3] = placement.middle_mm - matrix[:3, :3] @ (low + high) / 2
-    return matrix
+    angles = rotation.as_euler("xyz", degrees=True, suppress_warnings=True)
+    return Placement(linear @ ((low + high) / 2) + matrix[:3, 3], angles, scale, high - low, is_exact)
 
 
 def quaternion(rotation: Array) -> Array:
@@ -185,34 +172,39 @@ def without(document: SceneDocument, key: str, index: int) -> SceneDocument:
     return document.model_copy(update={key: (*tables[:index], *tables[index + 1 :])})
 
 
-def _as_object(table: ObjectTable, matrix: Array) -> TwinObject:
-    return TwinObject(table.name or "", table.own_mesh(), table.material, matrix)
+def without_lights(document: SceneDocument, index: int) -> SceneDocument:
+    """Return the document without the group of a light."""
+    return without(document, "lights", group_of(document, index))
 
 
 def placement(document: SceneDocument, index: int) -> Placement:
     """Return where an object stands."""
     table = document.objects[index]
-    return placement_of(_as_object(table, table.camera_from_object()))
+    return placement_of(table.own_mesh(), table.camera_from_object())
 
 
 def placed(document: SceneDocument, index: int, where: Placement) -> SceneDocument:
     """Return the document with an object where numbers say; of a matrix that shears they drop that."""
-    return _put(document, index, where, matrix_of(_as_object(document.objects[index], np.eye(4)), where), None)
+    low, high = _box(document.objects[index].own_mesh())
+    move = where.middle_mm - (where.rotation * where.scale) @ (low + high) / 2
+    said = {"scale": where.scale, "rotate_deg": where.rotate_deg, "translate_mm": move}
+    return _put(document, index, {name: tuple(values.tolist()) for name, values in said.items()})
 
 
 def with_matrix(document: SceneDocument, index: int, matrix: Array) -> SceneDocument:
     """Return the document with an object where a matrix (4, 4) puts it: as scale, turns and move, unless it shears."""
-    where = placement_of(_as_object(document.objects[index], matrix))
-    return _put(document, index, where, matrix, None if where.is_exact else tuple(map(tuple, matrix.tolist())))
+    where = placement_of(document.objects[index].own_mesh(), matrix)
+    if where.is_exact:
+        return placed(document, index, where)
+    return _put(document, index, {"matrix": tuple(map(tuple, matrix.tolist()))})
 
 
-def _put(document: SceneDocument, index: int, where: Placement, whole: Array, matrix: Any) -> SceneDocument:
-    said = {"scale": where.scale, "rotate_deg": where.rotate_deg, "translate_mm": whole[:3, 3]}
-    new: dict[str, Any] = {"matrix": matrix, "pose": None}
-    for name, values in said.items():
-        new[name] = tuple(values.tolist()) if matrix is None else ObjectTable.model_fields[name].default
+def _put(document: SceneDocument, index: int, keys: Mapping[str, Any]) -> SceneDocument:
+    """Return the document with an object where these keys alone put it."""
+    others = ("matrix", "pose", "scale", "rotate_deg", "translate_mm")
+    table = {name: value for name, value in dict(document.objects[index]).items() if name not in others}
     try:
-        one = ObjectTable.model_validate(dict(document.objects[index]) | new)
+        one = ObjectTable.model_validate(table | dict(keys))
     except ValidationError as error:
         raise RenderError(f"objects[{index}]: {'; '.join(faults_in(error))}") from None
     return with_value(document, ("objects", index), one)

@@ -115,10 +115,8 @@ class _Key:
                 label, lambda document: with_value(document, place, make(window, said, value_at(document, place)))
             )
 
-        return Row(kind, label, lambda window: show(window, self._value(window)), use, start)
-
-    def _value(self, window: EditorWindow) -> Any:
-        return vars(value_at(window.document, self._at(window)))[self._name]
+        value = lambda window: vars(value_at(window.document, self._at(window)))[self._name]  # noqa: E731
+        return Row(kind, label, lambda window: show(window, value(window)), use, start)
 
     def _channels(self, high: float) -> Iterator[Row]:
         """Three channels have one number, unless they are asked for one by one: one that is typed gives no colour."""

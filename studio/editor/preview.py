@@ -1,9 +1,9 @@
 """The preview of a scene, drawn in a thread of its own: small and rough at once, then refined; and its panel."""
 
-import threading
 import time
 import traceback
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -41,61 +41,39 @@ class Drawn:
         return self.stage == "refined"
 
 
-@dataclass(frozen=True, eq=False)
-class _Request:
-    scene: TwinScene
-    light: int
-    show: Callable[[Drawn], Any]
-    at: float
-
-
 class Preview:
     """Draws in one thread until it is closed; only the newest request counts."""
 
     def __init__(self) -> None:
-        self._request: _Request | None = None
-        self._change, self._open = threading.Condition(), True
-        self._thread = threading.Thread(target=self._run, name="preview", daemon=True)
-        self._thread.start()
+        self._newest: object = None
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="preview")
 
     def request(self, scene: TwinScene, light: int, show: Callable[[Drawn], Any]) -> None:
         """Ask for a picture; `show` is called in the preview's thread with each `Drawn`: the rough one, the refined."""
-        with self._change:
-            self._request = _Request(scene, light, show, time.monotonic())
-            self._change.notify()
+        self._newest = asked = object()
+        self._thread.submit(self._draw, asked, time.monotonic(), scene, light, show)
 
     def close(self) -> None:
         """Stop the thread, after the picture that it is at."""
-        with self._change:
-            self._open, self._request = False, None
-            self._change.notify()
-        self._thread.join()
+        self._newest = None
+        self._thread.shutdown(cancel_futures=True)
 
-    def _run(self) -> None:
-        done: _Request | None = None
-        while True:
-            with self._change:
-                self._change.wait_for(lambda: not self._open or self._request not in (None, done))  # noqa: B023
-                if not self._open:
-                    return
-                done = request = self._request
-            assert request is not None
-            for stage in PATHS:
-                drawn = _drawn(request, stage)
-                newest = self._request
-                # While something is dragged there is always a newer request: an older first picture is better than
-                # none. And one that failed says nothing yet: the refined one tells all that is at fault.
-                if newest is request if drawn.is_refined else newest is not None and drawn.picture is not None:
-                    try:
-                        request.show(drawn)
-                    except Exception:
-                        traceback.print_exc()
-                if newest is not request:
-                    break
+    def _draw(self, asked: object, at_s: float, scene: TwinScene, light: int, show: Callable[[Drawn], Any]) -> None:
+        for stage in PATHS if self._newest is asked else ():
+            drawn, newest = _drawn(scene, light, stage, at_s), self._newest
+            # While something is dragged there is always a newer request: an older first picture is better than none.
+            # And one that failed says nothing yet: the refined one tells all that is at fault.
+            if newest is asked if drawn.is_refined else newest is not None and drawn.picture is not None:
+                try:
+                    show(drawn)
+                except Exception:
+                    traceback.print_exc()
+            if newest is not asked:
+                break
 
 
-def _drawn(request: _Request, stage: str) -> Drawn:
-    scene, light, fault, picture = request.scene, request.light, "", None
+def _drawn(scene: TwinScene, light: int, stage: str, at_s: float) -> Drawn:
+    fault, picture = "", None
     try:
         picture = rendered(scene, light, stage)
     except SceneError as error:
@@ -104,7 +82,7 @@ def _drawn(request: _Request, stage: str) -> Drawn:
         # Whatever a strange mesh does to a renderer, the studio lives on.
         traceback.print_exc()
         fault = f"the preview failed ({type(error).__name__}: {error})."
-    return Drawn(picture, stage, time.monotonic() - request.at, scene.lights.names[light], fault)
+    return Drawn(picture, stage, time.monotonic() - at_s, scene.lights.names[light], fault)
 
 
 def fitted(scene: TwinScene, light: int, width: int, height: int) -> TwinScene:
@@ -140,11 +118,6 @@ PANEL_PX = 380
 """Width."""
 
 
-def _light(window: Any) -> dict[str, object]:
-    count = len(window.scene.lights)
-    return {"max": max(count, 2), "disabled": count == 1, "value": window.light + 1}
-
-
 def _status(window: Any) -> str:
     drawn = window.drawn
     if drawn is None:
@@ -156,7 +129,9 @@ def _status(window: Any) -> str:
 
 ROWS = (
     text(_status),
-    Row("slider", "light", _light, lambda window, value: window.select("light", int(value) - 1),
+    Row("slider", "light", lambda window: {
+        "max": max(len(window.scene.lights), 2), "disabled": len(window.scene.lights) == 1, "value": window.light + 1},
+        lambda window, value: window.select("light", int(value) - 1),
         {"min": 1, "max": 2, "step": 1, "initial_value": 1, "hint": "Which light shines"}),
     Row("slider", "brightness", lambda window: window.gain, lambda window, value: window.choose(gain=value),
         {"min": 0.1, "max": 8.0, "step": 0.1, "initial_value": 1.0}),

@@ -63,11 +63,6 @@ def _object(window: EditorWindow) -> Place:
     return ("objects", window.object)
 
 
-def _names(window: EditorWindow) -> tuple[str, ...]:
-    # Two objects of a file may have one name.
-    return tuple(f"{index + 1} {one.name}" for index, one in enumerate(window.scene.objects))
-
-
 def _load(window: EditorWindow) -> None:
     if not window.listing.models:
         window.list_files()
@@ -112,17 +107,6 @@ def _placement(label: str, field: str, hint: str, **start: Any) -> Row:
     return Row("vector3", label, show, use, {"value": (0.0,) * 3, "step": 0.1, "hint": hint, **start})
 
 
-def _object_text(window: EditorWindow) -> str:
-    is_exact = edits.placement(window.document, window.object).is_exact
-    sheared = "" if is_exact else " Its matrix shears: numbers typed here drop that."
-    return f"{len(window.scene.objects[window.object].mesh.faces):,} triangles.{sheared}"
-
-
-def _change_material(window: EditorWindow, name: str) -> None:
-    place = (*_object(window), "material")
-    window.change("material of object", lambda document: with_value(document, place, name))
-
-
 def _material(window: EditorWindow) -> Place:
     return ("materials", window.document.objects[window.object].material)
 
@@ -158,12 +142,6 @@ def _light(window: EditorWindow) -> Place:
     return ("lights", edits.group_of(window.document, window.light))
 
 
-def _light_text(window: EditorWindow) -> str:
-    lights, index, place = window.scene.lights, window.light, _light(window)
-    kind = value_at(window.document, place).kind
-    return f"**{plain(lights.names[index])}**, {index + 1} of {len(lights)}, {lights.model}; {kind} {place[1]}"
-
-
 def _is_group(window: EditorWindow) -> dict[str, bool]:
     return {"visible": value_at(window.document, _light(window)).kind in ("ring", "hemisphere", "session")}
 
@@ -196,19 +174,6 @@ def _new_lights(window: EditorWindow, kind: str, *, like: bool) -> LightGroup:
     return LIGHTS[kind](**first)  # type: ignore[return-value]
 
 
-def _less(document: SceneDocument, index: int) -> SceneDocument:
-    return edits.without(document, "lights", edits.group_of(document, index))
-
-
-def _name(window: EditorWindow, value: str) -> None:
-    window.saved.name = value
-
-
-def _look(window: EditorWindow) -> None:
-    window.list_files()
-    window.refresh()
-
-
 SCENE_ROWS = tab_rows({
     "Objects": (
         Row("folder", "Add an object", rows=(
@@ -220,12 +185,13 @@ SCENE_ROWS = tab_rows({
         )),
         Row("folder", "Object", rows=(
             Row("dropdown", "object",
-                lambda window: {"options": _names(window), "value": _names(window)[window.object]},
-                lambda window, name: window.select("object", _names(window).index(name)),
+                lambda window: {"options": window.names, "value": window.names[window.object]},
+                lambda window, name: window.select("object", window.names.index(name)),
                 {"options": ("sphere",), "hint": "Or click it in the view"}),
             Row("dropdown", "material",
                 lambda window: {"options": tuple(window.document.materials), "value": _material(window)[1]},
-                _change_material, {"options": ("matte",)}),
+                lambda window, name: window.change("material of object", lambda document: with_value(
+                    document, (*_object(window), "material"), name)), {"options": ("matte",)}),
             _placement("place, mm", "middle_mm", "Of its middle; camera frame"),
             _placement("turn, deg", "rotate_deg", "About x, then y, then z"),
             _placement("size, mm", "size_mm", "Its own axes", min=(0.0, 0.0, 0.0)),
@@ -233,7 +199,9 @@ SCENE_ROWS = tab_rows({
                 lambda window, value: window.choose(size_in_proportion=value),
                 {"value": True, "hint": "One side changes the others too"}),
             fields(_object, skip=("scale", "rotate_deg", "translate_mm")),
-            text(_object_text),
+            text(lambda window: f"{len(window.scene.objects[window.object].mesh.faces):,} triangles." + (
+                "" if edits.placement(window.document, window.object).is_exact
+                else " Its matrix shears: numbers typed here drop that.")),
             button("Remove object",
                    _edit("remove object", lambda document, index: edits.without(document, "objects", index), "object"),
                    kind="danger"),
@@ -256,12 +224,14 @@ SCENE_ROWS = tab_rows({
             button("Add to the lights", lambda window: _make_lights(window, keep=True)),
         )),
         Row("folder", "Light", rows=(
-            text(_light_text),
+            text(lambda window: f"**{plain(window.scene.lights.names[window.light])}**, {window.light + 1} of "
+                 f"{len(window.scene.lights)}, {window.scene.lights.model}; "
+                 f"{value_at(window.document, _light(window)).kind} {_light(window)[1]}"),
             fields(_light),
             button("Single out", _edit("single out", edits.singled_out, "light"), _is_group),
-            button("Remove light", _edit("remove light", lambda document, index: _less(
+            button("Remove light", _edit("remove light", lambda document, index: edits.without_lights(
                 edits.singled_out(document, index), index), "light"), kind="danger"),
-            button("Remove its group", _edit("remove lights", _less, "light"), _is_group, kind="danger"),
+            button("Remove its group", _edit("remove lights", edits.without_lights, "light"), _is_group, kind="danger"),
         )),
         Row("folder", "Environment", rows=(fields(lambda window: ("environment",)),)),
     ),
@@ -271,11 +241,12 @@ SCENE_ROWS = tab_rows({
     ),
     "Dataset": (
         Row("folder", "Scene", rows=(
-            Row("text", "name", lambda window: window.saved.name, _name,
+            Row("text", "name", lambda window: window.saved.name,
+                lambda window, value: setattr(window.saved, "name", value),
                 {"value": "scene", "hint": "Folder in the workspace"}),
             button("Save scene", lambda window: window.notify("Saved", window.workspace.name(window.save()))),
             button("New scene", lambda window: window.start_again()),
-            button("Look for files again", _look),
+            button("Look for files again", lambda window: (window.list_files(), window.refresh())),
         )),
         Row("folder", "Dataset", rows=(
             button("Export for Mitsuba", lambda window: window.export()),

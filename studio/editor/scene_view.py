@@ -12,10 +12,9 @@ from scipy.spatial.transform import Rotation
 from studio.editor import edits
 from studio.editor.editor_window import Edit, EditorWindow
 from studio.editor.edits import placement_of, quaternion
-from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow, display_mesh
+from studio.widgets import UNITS_PER_MM, Layers, add_light, display_mesh, light_places
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import Diffuse, Material, Principled, RoughPlastic
-from twin.description.object_mesh import ObjectMesh
 from twin.description.scene_toml import SceneDocument
 
 Array = NDArray[np.float64]
@@ -29,7 +28,7 @@ class SceneView:
 
     def __init__(self, window: EditorWindow) -> None:
         self._window, self._view = window, window.client.scene
-        self._layers = Layers()
+        self._layers, self._displayed = Layers(), lru_cache(KEPT)(lambda mesh: display_mesh(mesh.vertices, mesh.faces))
 
     def refresh(self) -> None:
         """Show the window's scene; only what changed is sent."""
@@ -38,9 +37,9 @@ class SceneView:
         # At the objects, from beside the camera.
         away = 1.6 * spread * UNITS_PER_MM * np.array([0.75, 0.5, 0.95])
         look = partial(window.look, (scene.points.min(0) + scene.points.max(0)) / 2 * UNITS_PER_MM, away)
-        layers.draw("look", (window.history.state.saved, scene.objects[0].mesh), look)
+        layers.draw("look", (window.saved, scene.objects[0].mesh), look)
         objects = {f"object {index}": one for index, one in enumerate(scene.objects)}
-        places = {f"light {index}": _place(scene, index, spread) for index in range(len(lights))}
+        places = {f"light {index}": place for index, place in enumerate(light_places(lights, spread))}
         layers.keep_only({*objects, *places, "camera", "look"})
         for index, (name, one) in enumerate(objects.items()):
             is_picked = window.object == index
@@ -50,12 +49,12 @@ class SceneView:
         for index, (name, place) in enumerate(places.items()):
             is_lit = window.light == index
             key = (place.tobytes(), lights.reference_point_mm.tobytes(), is_lit, spread)
-            layers.draw(name, key, lambda i=index, lit=is_lit: self._add_light(i, lit, spread))
+            layers.draw(name, key, lambda i=index, at=place, lit=is_lit: self._add_light(i, at, lit, spread))
         layers.draw("camera", scene.camera, self._add_camera)
 
     def _add_object(self, index: int, is_picked: bool, colour: tuple[int, int, int]) -> list[Any]:
         one = self._window.scene.objects[index]
-        placement = placement_of(one)
+        placement = placement_of(one.mesh, one.matrix)
         place = {"wxyz": quaternion(placement.rotation), "position": placement.middle_mm * UNITS_PER_MM}
         vertices, faces, size = self._own(one, placement.rotation, placement.middle_mm)
         root = f"/object_{index}"
@@ -76,7 +75,7 @@ class SceneView:
 
     def _own(self, one: TwinObject, rotation: Array, middle: Array) -> tuple[Any, Any, float]:
         """Return the display mesh in the gizmo's frame, and half its longest side, in the view's units."""
-        vertices, faces = _displayed(one.mesh)
+        vertices, faces = self._displayed(one.mesh)
         linear = one.matrix[:3, :3]
         placed = vertices @ linear.T + one.matrix[:3, 3]
         own = ((placed - middle) @ rotation * UNITS_PER_MM).astype(np.float32)
@@ -99,21 +98,16 @@ class SceneView:
 
         self._on_drag(knob, "scale", scaled)
 
-    def _add_light(self, index: int, is_lit: bool, spread: float) -> list[Any]:
-        scene = self._window.scene
-        place, colour = _place(scene, index, spread), PICKED if is_lit else PLAIN
-        root, at = f"/light_{index}", place * UNITS_PER_MM
-        ends = (place, scene.lights.reference_point_mm)
-        arrow = add_light_arrow(self._view, f"{root}_arrow", ends, spread, colour)
-        radius = 0.028 * spread * UNITS_PER_MM
-        knob = self._view.add_icosphere(root, radius=radius, color=colour, position=at, **NO_SHADOW)
-        self._window.on(knob.on_click, lambda: self._window.select("light", index))
+    def _add_light(self, index: int, place: Array, is_lit: bool, spread: float) -> list[Any]:
+        ends, colour = (place, self._window.scene.lights.reference_point_mm), PICKED if is_lit else PLAIN
+        handles = add_light(self._view, f"/light_{index}", ends, spread, colour, 0.028)
+        self._window.on(handles[0].on_click, lambda: self._window.select("light", index))
 
         def to_place(start: Array, end: Array) -> Edit:
             return lambda document: edits.moved_light(document, index, end / UNITS_PER_MM)
 
-        self._on_drag(knob, f"light {index}", to_place)
-        return [arrow, knob]
+        self._on_drag(handles[0], f"light {index}", to_place)
+        return handles
 
     def _add_camera(self) -> list[Any]:
         camera = self._window.scene.camera
@@ -147,23 +141,10 @@ class SceneView:
             self._window.change(f"drag {name}", edit)
 
 
-@lru_cache(KEPT)
-def _displayed(mesh: ObjectMesh) -> tuple[Any, Any]:
-    return display_mesh(mesh.vertices, mesh.faces)
-
-
 def _spread(scene: TwinScene) -> float:
     """Return how far from the reference point arrows of distant lights stand, mm."""
     size = float(np.linalg.norm(np.ptp(scene.points, axis=0))) or 1.0
     return float(f"{1.1 * size:.2g}")
-
-
-def _place(scene: TwinScene, index: int, spread: float) -> Array:
-    """Return where a light's arrow starts: a near light's place, or `spread` toward a distant one."""
-    lights = scene.lights
-    if lights.positions_mm is not None:
-        return lights.positions_mm[index]
-    return lights.reference_point_mm + spread * lights.directions[index]
 
 
 def _colour(material: Material) -> tuple[int, int, int]:

@@ -39,7 +39,7 @@ def studio(tmp_path):
         for name, value in change.items():
             quick = edits.with_value(quick, (key, name), value)
     workspace = Workspace.at(root)
-    running = Studio(workspace, port=0, state=StudioState(area="Scene", scene=begun(workspace, quick, None)))
+    running = Studio(workspace, port=0, state=StudioState(area="Scene", edits={"Scene": begun(workspace, quick, None)}))
     yield running
     running.close()
 

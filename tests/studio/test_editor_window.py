@@ -27,7 +27,7 @@ def furnished(nobody, no_preview, tmp_path, furnish, settle):
 
     def made(*views, document=None, folder=None):
         workspace = Workspace.at(tmp_path)
-        state = StudioState(scene=begun(workspace, document, folder))
+        state = StudioState(edits={"Scene": begun(workspace, document, folder)})
         window = furnish(EditorWindow(nobody(), workspace, state, no_preview), SCENE_ROWS, *views)
         for tab in ("Material", "Lights", "Camera", "Dataset", "Objects"):
             window.open_tab(tab)

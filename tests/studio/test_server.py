@@ -8,11 +8,13 @@ from pathlib import Path
 
 import pytest
 from websockets.asyncio import server as served
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
 
 from scene.errors import SceneError
 from studio.editor import edits
-from studio.review.folder import Review
 from studio.server import ELSEWHERE, Studio
+from studio.session.folder import Review
 from studio.studio_state import StudioState
 from studio.workspace import Workspace
 
@@ -58,15 +60,8 @@ def test_only_its_own_page_may_speak_to_it(studio):
         assert asked(studio, Host=host)[0] == 403, host
     for path in ("/../../etc/passwd", "/%2e%2e/x", "/no/such/page", "//x"):
         assert asked(studio, path)[0] == 404, path
-
-
-def test_a_strangers_socket_is_turned_away(studio):
-    from websockets.exceptions import InvalidStatus
-    from websockets.sync.client import connect
-
-    address = studio.address.replace("http", "ws")
     with pytest.raises(InvalidStatus, match="403"):
-        connect(address, origin="http://example.org", proxy=None)
+        connect(studio.address.replace("http", "ws"), origin="http://example.org", proxy=None)
 
 
 def test_it_listens_on_the_loopback_address_alone_and_a_taken_port_is_told(studio, tmp_path):
@@ -156,7 +151,7 @@ def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(t
         raise OSError("the disk is gone")
 
     monkeypatch.setattr(Review, "__init__", read)
-    running = Studio(Workspace.at(tmp_path), port=0, state=StudioState(area="Session", review=(tmp_path, None)))
+    running = Studio(Workspace.at(tmp_path), port=0, state=StudioState(area="Session", session=(tmp_path, None)))
     try:
         client = nobody(8)
         monkeypatch.setattr(running._server, "get_clients", lambda: {8: client})

@@ -6,39 +6,33 @@ from typing import Any
 
 import numpy as np
 
-from compare.report.facts import read_optional
-from lab.options import Settings
-from scene.output_folder import read_record
-from studio.photograph.outline_rows import outline_rows
-from studio.review.folder import STEPS, Review, Warned, is_kept
-from studio.review.photograph_picture import OVERLAYS
-from studio.review.review_window import ReviewWindow
-from studio.review.shoot_rows import SHOOT
-from studio.review.spatial_view import FACTORS, fitting_factor
+from scene.image_files import read_pixels
+from scene.reading import reading
+from shoot.watch.status import MAP, STATUS
+from studio.session.ball_rows import BALL_ROWS, OBJECT
+from studio.session.folder import STEPS, Review, Warned, is_kept
+from studio.session.photograph_picture import OVERLAYS
+from studio.session.session_window import SessionWindow
+from studio.session.spatial_view import FACTORS, fitting_factor
 from studio.tabs import WORK_ROWS, tab_rows
 from studio.widgets import Row, button, code, plain, table, text
 
 NONE = "(no method has run)"
 MOST = 60
 """Warnings that are listed; more would only be scrolled through."""
+SHOWN = 6
+"""Of a shoot's warnings, the newest."""
+OVER = (
+    "**The shoot is over.** Its photographs are decoded; then the session is shown here. If it does not come: the "
+    "terminal of `rgbn watch` says why."
+)
 HOW = (
     "Where the pose is refused or wrong: click a point in the photograph, then the same point on the scan. Four pairs "
     "at least, better six, spread over the object."
 )
 
 
-def _lacks(window: ReviewWindow) -> str:
-    review = window.review
-    lines = [*review.lacks, *([f"- **no session**: {plain(review.why_no_session)}"] if review.why_no_session else [])]
-    return "\n".join(["**Not in this folder**", "", *lines] if lines else [])
-
-
-def _frame(window: ReviewWindow) -> dict[str, Any]:
-    count = len(window.review.material.frames or ())
-    return {"max": max(count, 2), "disabled": count < 2, "value": window.frame + 1}
-
-
-def _frame_facts(window: ReviewWindow) -> str:
+def _frame_facts(window: SessionWindow) -> str:
     review, frames = window.review, window.review.material.frames
     if frames is None:
         return "" if review.first_look is None else "The session's first photograph, as long as none is decoded here."
@@ -50,8 +44,8 @@ def _frame_facts(window: ReviewWindow) -> str:
     return ", ".join(facts)
 
 
-def _overlay_note(window: ReviewWindow) -> str:
-    by = "by the registered scan" if read_optional(window.review.store, "pose.json") else "as found in the photographs"
+def _overlay_note(window: SessionWindow) -> str:
+    by = "by the registered scan" if window.review.pose else "as found in the photographs"
     return {
         "nothing": "",
         "mask": f"The object, {by}.",
@@ -67,32 +61,7 @@ def _look(kind: str, name: str, label: str, **start: Any) -> Row:
                lambda window, value: window.look_at(**{name: value}), start)  # fmt: skip
 
 
-def _ball_facts(window: ReviewWindow) -> str:
-    review, index, balls = window.review, window.ball, window.outlines
-    if index is None:
-        if not balls:
-            return review.missing.get("balls", "There is no ball here.")
-        by_hand = [str(number) for number, ball in enumerate(balls, 1) if not window.is_found(ball)]
-        told = f" Corrected by hand: {', '.join(by_hand)}." if by_hand else ""
-        return f"{len(balls)} balls.{told}"
-    ball = balls[index]
-    lines = ["as found" if window.is_found(ball) else "corrected by hand, not calibrated with yet"]
-    if index < len(review.spheres) and len(balls) == len(review.spheres):
-        sphere = review.spheres[index]
-        lines[0] += f"; fitted: centre ± {sphere.sigma_px:.2f} px, outline seen {sphere.score:.0%}"
-        if sphere.kind == "chrome" and (seen := review.highlights_px) is not None:
-            count = int(np.isfinite(seen[index, :, 0]).sum())
-            lines.append(f"highlight (yellow; of this frame: blue) in {count} of {seen.shape[1]} frames")
-    lines += [f"diameter {ball.diameter_mm:g} mm"] if ball.diameter_mm else []
-    return "\n".join(f"- {line}" for line in lines)
-
-
-def _factor(window: ReviewWindow) -> str:
-    lights = window.review.lights
-    return f"{window.factor or (fitting_factor(lights) if lights is not None else 1)} times"
-
-
-def _light_facts(window: ReviewWindow) -> str:
+def _light_facts(window: SessionWindow) -> str:
     review, index, lights = window.review, window.frame, window.review.lights
     if lights is None:
         return f"**No lights**: {review.missing.get('lights', '')}"
@@ -114,12 +83,11 @@ def _light_facts(window: ReviewWindow) -> str:
     return "\n".join([*lines, *(f"- **{plain(flag)}**" for flag in lights.flags[index])])
 
 
-def _pose_facts(window: ReviewWindow) -> str:
+def _pose_facts(window: SessionWindow) -> str:
     review = window.review
     if "scan" in review.missing:
         return f"**Not registered**: {review.missing['scan']}"
-    pose = read_optional(review.store, "pose.json")
-    if not isinstance(pose, dict):
+    if not (pose := review.pose):
         return "The ground truth was given, not registered from a scan."
     return (
         f"Registered: outline to {pose['residual_px']:.2f} px rms, place ± {pose['sigma_mm']:.2f} mm, turn ± "
@@ -127,14 +95,8 @@ def _pose_facts(window: ReviewWindow) -> str:
     )
 
 
-def _picks(window: ReviewWindow) -> str:
-    waits = len(window.picks.pixels) > len(window.picks.points)
-    return f"{window.picks.pairs} pairs.{' Now the same point on the scan.' if waits else window.picks_told}"
-
-
-def _errors(window: ReviewWindow) -> str:
-    summary = read_optional(window.review.store, "summary.json")
-    methods = ((summary if isinstance(summary, dict) else {}).get("compare") or {}).get("methods") or {}
+def _errors(window: SessionWindow) -> str:
+    methods = (window.review.summary.get("compare") or {}).get("methods") or {}
     rows = [
         (plain(name), f"{value:.2f}")
         for name in window.review.material.methods
@@ -145,25 +107,12 @@ def _errors(window: ReviewWindow) -> str:
     )
 
 
-def _methods(window: ReviewWindow) -> dict[str, Any]:
-    return {"options": tuple(window.review.material.methods) or (NONE,), "value": window.method or NONE}
-
-
-def _twin(window: ReviewWindow) -> str:
-    if window.beside is None:
-        return f"**No twin**: {window.review.missing.get('twin', '')}"
-    return f"Right: the {window.beside.caption.removeprefix('twin, the ')}."
-
-
-def _report_link(window: ReviewWindow) -> str:
-    address = escape(window.report)
-    return f'<p><a href="{address}" target="_blank" rel="noopener">Open the report alone</a></p>' if address else ""
-
-
 TABS: dict[str, Any] = {
     "Capture": (
-        text(_lacks),
-        Row("slider", "frame", _frame, lambda window, value: window.choose(frame=int(value) - 1),
+        text(lambda window: window.review.lacks),
+        Row("slider", "frame", lambda window: {
+            "max": max(len(window.review.names), 2), "disabled": len(window.review.names) < 2,
+            "value": window.frame + 1}, lambda window, value: window.choose(frame=int(value) - 1),
             {"min": 1, "max": 2, "step": 1, "initial_value": 1, "hint": "Or click one in the strip"}),
         text(_frame_facts),
         Row("folder", "Over the photograph", rows=(
@@ -175,10 +124,11 @@ TABS: dict[str, Any] = {
         )),
         button("Show all of it", lambda window: window.choose(looks=window.looks + 1, ball=None)),
     ),
-    "Balls": outline_rows(_ball_facts),
+    "Balls": BALL_ROWS,
     "Lights": (
         text("The flashes around the object, each with the ellipsoid of its sigma. A click chooses one."),
-        Row("dropdown", "sigma drawn", _factor, lambda window, value: window.choose(factor=int(value.split()[0])),
+        Row("dropdown", "sigma drawn", lambda window: f"{window.factor or fitting_factor(window.review.lights)} times",
+            lambda window, value: window.choose(factor=int(value.split()[0])),
             {"options": tuple(f"{factor} times" for factor in FACTORS)}),
         text(_light_facts),
     ),
@@ -188,19 +138,24 @@ TABS: dict[str, Any] = {
             text(HOW),
             button("Start picking", lambda window: window.toggle_picking(),
                    lambda window: {"label": "Stop picking" if window.is_picking else "Start picking"}),
-            text(_picks),
+            text(lambda window: f"{window.picks.pairs} pairs." + (
+                " Now the same point on the scan." if len(window.picks.pixels) > len(window.picks.points)
+                else window.picks_told)),
             button("Pose from the picks", lambda window: window.pose_from_picks(),
                    lambda window: {"disabled": not window.picks.pairs}),
         )),
     ),
     "Solve": (
-        Row("dropdown", "normals of", _methods, lambda window, value: window.choose(method=value),
-            {"options": (NONE,)}),
+        Row("dropdown", "normals of", lambda window: {
+            "options": tuple(window.review.material.methods) or (NONE,), "value": window.method or NONE},
+            lambda window, value: window.choose(method=value), {"options": (NONE,)}),
         text(_errors),
     ),
-    "Twin": (text(_twin),),
+    "Twin": (text(lambda window: f"**No twin**: {window.review.missing.get('twin', '')}" if window.beside is None
+                  else f"Right: the {window.beside.caption.removeprefix('twin, the ')}."),),
     "Verdict": (
-        Row("html", show=_report_link),
+        Row("html", show=lambda window: window.report and (
+            f'<p><a href="{escape(window.report)}" target="_blank" rel="noopener">Open the report alone</a></p>')),
         text(lambda window: "" if window.report else "There is no report yet: **Run everything** makes it."),
         button("Read the folder again", lambda window: window.read_again()),
         button("Forget what was kept", lambda window: window.forget(),
@@ -215,26 +170,18 @@ def warnings_of(review: Review, tab: str) -> list[Warned]:
     return [one for one in review.warnings if tab in ("Verdict", first.get(one.step))]
 
 
-def _marks(window: ReviewWindow) -> dict[str, str]:
-    """Return what stands behind the names of the tabs: a tick where the step is done, and how many warnings it has."""
-    counts = {tab: 0 if tab == "Verdict" else len(warnings_of(window.review, tab)) for tab in STEPS}
-    return {
-        tab: f"⚠{counts[tab]}" if counts[tab] else "✓" if step in window.review.done else ""
-        for tab, step in STEPS.items()
-    }
+def _mark(window: SessionWindow, tab: str) -> str:
+    """Return what stands behind the name of a tab: how many warnings it has, or a tick where the step is done."""
+    count = 0 if tab == "Verdict" else len(warnings_of(window.review, tab))
+    return f"⚠{count}" if count else "✓" if STEPS[tab] in window.review.done else ""
 
 
-def _warnings(window: ReviewWindow) -> dict[str, Any]:
-    count = len(warnings_of(window.review, window.tab))
-    return {"label": f"Warnings ({count})", "visible": bool(count)}
-
-
-def _warning_rows(window: ReviewWindow) -> list[Row]:
+def _warning_rows(window: SessionWindow) -> list[Row]:
     """Return the warnings; a press goes to the frame or the ball that one is about."""
     found, names, rows = warnings_of(window.review, window.tab), window.review.names, list[Row]()
 
     def to_frame(frame: int) -> Row:
-        def show(window: ReviewWindow) -> None:
+        def show(window: SessionWindow) -> None:
             window.frame = frame
             window.open_tab("Capture")
 
@@ -248,25 +195,60 @@ def _warning_rows(window: ReviewWindow) -> list[Row]:
     return rows + more
 
 
-def _run(window: ReviewWindow) -> str:
+def _run(window: SessionWindow) -> str:
     """Say what a run takes, and what other programs it would start: a folder from elsewhere may name any."""
-    session, record = window.review.session, read_record(window.folder)
-    if session is None:
-        return plain(window.review.why_no_session)
+    review = window.review
+    if review.session is None:
+        return plain(review.why_no_session)
     note = "as its session.toml says"
     if not window.is_kept_so:
         note = "with what you corrected, which is kept first"
-    elif is_kept(window.review.store):
+    elif is_kept(review.store):
         note = "with the balls and picks that were kept"
-    told = f"**{plain(session.name)}**, {note}. What is done and current is not done again."
-    programs = () if record is None else Settings.of(record).external or ()
-    return told + (f" Other programs, as before: {', '.join(map(code, programs))}." if programs else "")
+    programs = ", ".join(map(code, review.programs))
+    told = f"**{plain(review.session.name)}**, {note}. What is done and current is not done again."
+    return told + (f" Other programs, as before: {programs}." if programs else "")
+
+
+def shoot_text(window: SessionWindow) -> str:
+    """Return how far a shoot is, as Markdown."""
+    status = window.status
+    with reading(window.folder / STATUS, "is no state of a shoot", do="It is written anew by rgbn watch."):
+        if status["is_over"]:
+            return OVER
+        lines = [f"**{int(status['flash'])} flash frames**, {int(status['ambient'])} ambient"]
+        if normals := status["normals"]:
+            following = normals["next_flash"]
+            lines += [
+                f"- sigma of the normals {float(normals['sigma_deg_median']):.2g}° (median), "
+                f"{float(normals['share_under_wanted']):.0%} of the object under {float(normals['wanted_deg']):g}° "
+                "(green)",
+                f"- next flash: {float(following['zenith_deg']):.0f}° from the axis, azimuth "
+                f"{float(following['azimuth_deg']):.0f}° (0° right, 90° up): sigma to "
+                f"{float(following['sigma_deg']):.2g}°",
+            ]
+        return "\n".join([*lines, *(f"- **{plain(str(one))}**" for one in reversed(list(status["warnings"])[-SHOWN:]))])
+
+
+def _shoot_rows(window: SessionWindow) -> Sequence[Row]:
+    path = window.folder / MAP
+    picture = [Row("image", start={"image": read_pixels(path)[0], "format": "png"})] if path.is_file() else []
+    return text(shoot_text), *picture
+
+
+SHOOT = Row("folder", "Shoot under way", lambda window: {
+    "visible": isinstance(window.status, dict) and (window.is_alone or not window.status.get("is_over"))},
+            start={"visible": False}, rows=_shoot_rows,
+            key=lambda window: window.status)  # fmt: skip
 
 
 SESSION_ROWS = (
-    *tab_rows(TABS, _marks),
+    OBJECT,
+    *tab_rows(TABS, _mark),
     SHOOT,
-    Row("folder", "Warnings", _warnings, start={"visible": False}, rows=_warning_rows,
+    Row("folder", "Warnings", lambda window: {
+        "label": f"Warnings ({len(warnings_of(window.review, window.tab))})",
+        "visible": bool(warnings_of(window.review, window.tab))}, start={"visible": False}, rows=_warning_rows,
         key=lambda window: (window.reading, window.tab)),
     text(_run),
     button("Keep", lambda window: window.write_kept(), lambda window: {"visible": not window.is_kept_so},
@@ -275,6 +257,6 @@ SESSION_ROWS = (
 )  # fmt: skip
 
 
-def session_rows(window: ReviewWindow) -> Sequence[Row]:
+def session_rows(window: SessionWindow) -> Sequence[Row]:
     """Return the rows of a session; of a folder's first shoot nothing else can be shown."""
     return (SHOOT,) if window.is_alone else SESSION_ROWS

@@ -5,10 +5,10 @@ import pytest
 
 from capture.session.session import load_session
 from scene.rays import RayCaster
-from studio.photograph.plane import Plane
-from studio.review.corrections import met
-from studio.review.spatial_view import SCAN_SIZE
 from studio.server import Studio
+from studio.session.corrections import met
+from studio.session.plane import Plane
+from studio.session.spatial_view import SCAN_SIZE
 from studio.studio_state import StudioState
 from studio.workspace import Workspace
 
@@ -22,7 +22,7 @@ def at_session():
     running = []
 
     def made(root, folder, session):
-        running.append(Studio(Workspace.at(root), port=0, state=StudioState(area="Session", review=(folder, session))))
+        running.append(Studio(Workspace.at(root), port=0, state=StudioState(area="Session", session=(folder, session))))
         return running[-1]
 
     yield made

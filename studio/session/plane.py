@@ -85,10 +85,10 @@ def add_picture(
     return handle
 
 
-def add_lines(view: Any, name: str, strokes: Array, colour: tuple[int, int, int], width_px: float) -> Any:
-    """Add strokes (K, 2, 3) of one colour; return their handle."""
-    look = {"thickness": width_px, "thickness_units": "screen"}
-    return view.add_line_segments(f"{ROOT}/{name}", strokes.astype(np.float32), np.array(colour, np.uint8), **look)
+def add_lines(view: Any, name: str, strokes: Array, colour: tuple[int, int, int], width_px: float) -> list[Any]:
+    """Add strokes (K, 2, 3) of one colour, if there are any; return their handle."""
+    look = {"colors": np.array(colour, np.uint8), "thickness": width_px, "thickness_units": "screen"}
+    return [view.add_line_segments(f"{ROOT}/{name}", strokes.astype(np.float32), **look)] if len(strokes) else []
 
 
 def add_numbered(view: Any, root: str, places: list[tuple[float, ...]], radius: float, colour: Any) -> list[Any]:

@@ -4,7 +4,8 @@ What is written lies in the output folder; the user's own session.toml is read a
 """
 
 import glob
-from dataclasses import dataclass, field, replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 from capture.session.manifest import SphereTable
 from capture.session.manifest_file import toml_tables
 from capture.session.requests import hint_scale
-from capture.session.session_types import CaptureSession
+from capture.session.session import load_session
+from capture.session.session_types import CaptureSession, SphereSpec
 from formats.toml_documents import toml_text
 from scene.camera import Camera
 from scene.errors import SceneError
@@ -23,8 +25,8 @@ from scene.files import write_text
 from scene.length_units import UNITS_MM
 from scene.mesh import Mesh
 from scene.spheres import Sphere
-from studio.photograph.photograph_window import Outlines, circle_of, outline
-from studio.review.folder import HEADLINE, KEPT, OWN, Review
+from studio.session.folder import HEADLINE, KEPT, OWN, Review, is_kept
+from studio.session.photograph_window import Balls, circle_of, outline
 from studio.workspace import put_own, remove_own
 
 if TYPE_CHECKING:
@@ -39,13 +41,16 @@ FILES = {"mask", "scan", "normals", "picks", "file"}
 
 
 @dataclass(frozen=True)
-class Picks:
-    """Pixels and points as they were clicked; the first pixel belongs to the first point.
+class Corrections:
+    """What a hand has put right: balls, and pixels and points of the scan as they were clicked, which belong in pairs.
 
+    found: The balls as they were found.
     pixels: Of the frames.
     points: Of the scan, in millimetres, or in its own unit where that is unknown.
     """
 
+    found: Balls = ()
+    balls: Balls = ()
     pixels: tuple[tuple[float, float], ...] = ()
     points: tuple[tuple[float, float, float], ...] = ()
 
@@ -54,31 +59,33 @@ class Picks:
         """How many are whole."""
         return min(len(self.pixels), len(self.points))
 
-    def with_pixel(self, pixel: tuple[float, float]) -> "Picks":
+    def with_pixel(self, pixel: tuple[float, float]) -> "Corrections":
         """Return them with one more pixel; it replaces a last one that has no point yet."""
         return replace(self, pixels=(*self.pixels[: len(self.points)], pixel))
 
-    def with_point(self, point: Array) -> "Picks":
+    def with_point(self, point: Array) -> "Corrections":
         """Return them with one more point; it replaces a last one that has no pixel yet."""
         x, y, z = (float(value) for value in point)
         return replace(self, points=(*self.points[: len(self.pixels)], (x, y, z)))
 
+    def with_balls(self, balls: Balls) -> "Corrections":
+        """Return them with other balls."""
+        return replace(self, balls=balls)
 
-@dataclass(frozen=True)
-class Corrections:
-    """What a hand has put right."""
-
-    outlines: Outlines = ()
-    picks: Picks = field(default_factory=Picks)
+    def is_found(self, ball: SphereTable) -> bool:
+        """Whether a ball is as it was found."""
+        return ball in self.found
 
 
-def outlines_of(review: Review) -> Outlines:
+def balls_of(review: Review) -> Balls:
     """Return the balls as they were found; where none were, as the session gives them."""
     camera, session = review.material.camera, review.session
     if review.spheres:
+        specs = _specs(review)
+        diameters = [one.diameter_mm if session is None else _stated_mm(specs, one) for one in review.spheres]
         return tuple(
-            outline(one.kind, (one.center_px[0], one.center_px[1]), one.radius_px, _stated_mm(session, one))
-            for one in review.spheres
+            outline(one.kind, (one.center_px[0], one.center_px[1]), one.radius_px, diameter)
+            for one, diameter in zip(review.spheres, diameters, strict=True)
         )
     if camera is None or session is None:
         return ()
@@ -93,7 +100,7 @@ def outlines_of(review: Review) -> Outlines:
     return tuple(found)
 
 
-def tables_of(session: CaptureSession, balls: Outlines, camera: Camera) -> list[dict[str, Any]]:
+def tables_of(session: CaptureSession, balls: Balls, camera: Camera) -> list[dict[str, Any]]:
     """Return `[[spheres]]` tables that say these outlines, in the pixels that the session counts in.
 
     Balls that were shot apart stay as the session has them. Raises SceneError: its balls cannot be said by circles:
@@ -125,16 +132,26 @@ def tables_of(session: CaptureSession, balls: Outlines, camera: Camera) -> list[
     return [one.model_dump(exclude_none=True) for one in tables]
 
 
-def _stated_mm(session: CaptureSession | None, sphere: Sphere) -> float | None:
-    """Return a found ball's diameter where the session states it; a white ball's may have been guessed."""
-    if session is None or sphere.diameter_mm is None:
-        return sphere.diameter_mm
-    stated = [spec.diameter_mm for spec in session.spheres if spec.kind == sphere.kind and spec.diameter_mm]
+def _specs(review: Review) -> list[SphereSpec]:
+    """Return the balls as the session states them, and as they were kept."""
+    specs = list(review.session.spheres) if review.session else []
+    if is_kept(review.store):
+        with suppress(SceneError):
+            specs += load_session(review.store.path(KEPT)).spheres
+    return specs
+
+
+def _stated_mm(specs: list[SphereSpec], sphere: Sphere) -> float | None:
+    """Return a found ball's diameter where it is stated; a white ball's may have been guessed."""
     # Calibration leaves a stated diameter as it is.
-    return sphere.diameter_mm if any(abs(one - sphere.diameter_mm) < 1e-6 * one for one in stated) else None
+    stated = [spec.diameter_mm for spec in specs if spec.kind == sphere.kind and spec.diameter_mm]
+    found = sphere.diameter_mm
+    return found if found and any(abs(one - found) < 1e-6 * one for one in stated) else None
 
 
-def write_amended(review: Review, *, spheres: list[dict[str, Any]] | None = None, picks: Picks | None = None) -> Path:
+def write_amended(
+    review: Review, *, spheres: list[dict[str, Any]] | None = None, picks: Corrections | None = None
+) -> Path:
     """Write OUT/review/session.toml, and return its folder: a session for `rgbn process OUT/review --out OUT`.
 
     spheres: Instead of the session's `[[spheres]]`; picks: for `object.picks`, beside it. None: those of an earlier
@@ -201,7 +218,7 @@ def _in_full(value: Any, folder: Path, key: str = "") -> Any:
     return [_in_full(part, folder) for part in value] if isinstance(value, list) else value
 
 
-def _table(review: Review, picks: Picks) -> str:
+def _table(review: Review, picks: Corrections) -> str:
     """Return picks as `object.picks` is read."""
     session, camera = review.need("session", "camera")
     scale, unit = hint_scale(session, camera.width), UNITS_MM[session.scan_unit]
@@ -212,7 +229,7 @@ def _table(review: Review, picks: Picks) -> str:
     return "\n".join(rows) + "\n"
 
 
-def pose_of(review: Review, picks: Picks, mesh: Mesh) -> Any:
+def pose_of(review: Review, picks: Corrections, mesh: Mesh) -> Any:
     """Return `align.pose.picks.Picked`, the pose that the picks give. What was kept stays as it is.
 
     Raises SceneError: too few picks, on one line, or contradicting each other.

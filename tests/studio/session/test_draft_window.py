@@ -1,5 +1,6 @@
-"""The window of a new session without a browser: what is typed, clicked and chosen, and what is written."""
+"""The window of a session that is begun, without a browser: what is typed, clicked and chosen, and what is written."""
 
+from threading import Event
 from types import SimpleNamespace
 
 import pytest
@@ -7,16 +8,14 @@ import pytest
 from capture.session.manifest import SphereTable
 from capture.session.session import load_session
 from capture.session.session_types import Lens
-from capture.survey.folder_files import survey
 from scene.errors import SceneError
 from shoot.init import init_session
 from shoot.init.draft_notes import notes_of
-from studio.new_session.looking import FolderLook
-from studio.new_session.new_session_rows import NEW_SESSION_ROWS, TABS
-from studio.new_session.new_session_window import NewSessionWindow, role_of, with_role
 from studio.opening import open_path
-from studio.photograph.photograph_view import PhotographView
-from studio.photograph.plane import Plane
+from studio.session.draft_window import DRAFT_ROWS, TABS, DraftWindow
+from studio.session.looking import role_of, with_role
+from studio.session.photograph_view import PhotographView
+from studio.session.plane import Plane
 from studio.studio_command import studio
 from studio.studio_state import StudioState
 from studio.widgets import fenced
@@ -25,74 +24,82 @@ from studio.workspace import Workspace
 SIZE = Plane(80, 60)
 
 
-def looks(monkeypatch, *answers):
-    """Have looks at folders come to these ends, in this order; the last one again and again."""
-    ends = list(answers)
+@pytest.fixture
+def looks(found, monkeypatch):
+    """What looks at folders come to, in this order; the last one again and again."""
+    ends = [found.draft]
 
     def prepare(files, asking, progress, seen):
         end = ends.pop(0) if len(ends) > 1 else ends[0]
         if isinstance(end, Exception):
             raise end
-        return end.draft
+        return end(seen) if callable(end) else end
 
-    monkeypatch.setattr("studio.new_session.looking.prepare", prepare)
-
-
-def window_on(folder, client):
-    """Return a window on a folder, or on one that holds several."""
-    root = folder.parent
-    looks = {files.folder: FolderLook(files, root / "out" / files.folder.name) for files in survey(folder)}
-    return NewSessionWindow(client, Workspace.at(root), StudioState(looks=looks))
+    monkeypatch.setattr("studio.session.looking.prepare", prepare)
+    return ends
 
 
 @pytest.fixture
-def looked(settle):
+def settled(settle):
     """Return what waits until a look has ended, and a window shows what came of it."""
 
     def wait(window):
         window.taken.wait()
         window.post(window.look_again)
         settle(window)
+        return window
 
     return wait
 
 
 @pytest.fixture
-def begun(folder, found, nobody, furnish, settle, looked, monkeypatch):
-    """Return what makes a window on the folder, as soon as it was looked at, and what says things in it."""
-    looks(monkeypatch, found)
+def begin(nobody, furnish):
+    """Return what opens a folder below its workspace, or goes on with a state, in a window."""
 
-    def furnished():
-        window = furnish(window_on(folder, nobody()), NEW_SESSION_ROWS, PhotographView)
+    def begun(folder=None, state=None):
+        place = Workspace.at(folder.parent if folder else state.session[0].parents[1])
+        if state is None:
+            state = StudioState()
+            open_path(state, place, folder)
+        return furnish(DraftWindow(nobody(), place, state), DRAFT_ROWS, PhotographView)
 
-        def say(label, value=True):
-            window.client.says(label, value)
-            settle(window)
-
-        looked(window)
-        for tab in reversed(TABS):
-            window.open_tab(tab)
-        assert window.capture is not None
-        return window, say
-
-    return furnished
+    return begun
 
 
-def test_the_panels_write_what_they_show(begun, folder, settle):
+@pytest.fixture
+def window(folder, looks, begin, settled):
+    """A window on the folder, with all its tabs, as soon as that was looked at."""
+    made = settled(begin(folder))
+    for tab in reversed(TABS):
+        made.open_tab(tab)
+    assert made.draft is not None
+    return made
+
+
+def files_in(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file() and path.name != "session.toml"}
+
+
+def test_the_panels_write_what_they_show(window, folder, settle):
     """Typed, clicked and chosen in the panels; the file holds it, and nothing else in the folder is touched."""
-    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    window, say = begun()
-    client = window.client
+    before, client = files_in(folder), window.client
+
+    def say(label, value=True):
+        client.says(label, value)
+        settle(window)
 
     def diameters():
         return [ball.diameter_mm for ball in window.outlines]
 
+    say("chrome balls, mm", 0.05)
+    assert "expected 0.1 to 10000" in client.told[-1]
+    assert client.input("chrome balls, mm").value == 0.0, "what could not be done is taken out of the input"
     say("chrome balls, mm", 40.0)
     say("white balls, mm", 38.5)
     assert not client.input("white balls, mm").disabled
-    assert window.capture.scan_told.endswith("unit mm: the object looks 80 mm large"), "the balls tell the scan's unit"
+    assert window.draft.scan_told.endswith("unit mm: the object looks 80 mm large"), "the balls tell the scan's unit"
     say("scan_unit", "cm")
-    assert any("as with unit mm" in note for note in notes_of(window.capture))
+    assert any("as with unit mm" in note for note in notes_of(window.draft))
     say("scan_unit", "(by the object's size)")
     say("focal_mm", 50.0)
     say("Write session")
@@ -121,8 +128,7 @@ def test_the_panels_write_what_they_show(begun, folder, settle):
     shown = window.text
     say("Write session")
     assert (folder / "session.toml").read_text() == shown
-    after = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file() and path.name != "session.toml"}
-    assert after == before
+    assert files_in(folder) == before
     session = load_session(folder)
     assert [path.name for path in session.flash] == ["flash_0.png", "flash_1.png", "flash_3.png", "flash_4.png"]
     rows = [(one.kind, one.diameter_mm, one.center_px, one.radius_px) for one in session.spheres]
@@ -130,19 +136,18 @@ def test_the_panels_write_what_they_show(begun, folder, settle):
     assert session.mask == folder / "mask.png"
     assert (session.scan_unit, session.camera) == ("mm", Lens(focal_mm=50.0, sensor_mm=36.0))
     state = window.state
-    assert (state.area, state.review) == ("Session", (folder.parent / "out" / "jug", folder)), "it goes on there"
-    assert window.capture is None, "nothing here changes it any more"
+    assert (state.area, state.session) == ("Session", (folder.parent / "out" / "jug", folder)), "it goes on there"
+    assert window.draft is None, "nothing here changes it any more"
 
 
-def test_what_cannot_be_written_is_not(begun, folder, monkeypatch):
+def test_what_cannot_be_written_is_not(window, folder, monkeypatch):
     """Before the folder was looked at, over a file that is there, outside of the workspace, or not to be read again."""
-    window, _ = begun()
-    history, window.taken.history = window.taken.history, None
+    edits = window.state.edits.pop(folder)
     window.refresh()
     assert not window.client.input("Write session").visible
     with pytest.raises(SceneError, match="still being looked at"):
         window.write()
-    window.taken.history = history
+    window.state.edits[folder] = edits
     (folder / "session.toml").write_text("# mine")
     with pytest.raises(SceneError, match="is there already"):
         window.write()
@@ -160,7 +165,7 @@ def test_what_cannot_be_written_is_not(begun, folder, monkeypatch):
     with pytest.raises(SceneError, match="not a session"):
         window.write()
     assert not (folder / "session.toml").exists()
-    assert window.state.area == "Open"
+    assert window.draft is not None
 
 
 def test_a_photograph_gets_another_use_where_it_can_have_it(found, folder):
@@ -182,54 +187,45 @@ def test_a_photograph_gets_another_use_where_it_can_have_it(found, folder):
             with_role(one, small, folder / path, role)
 
 
-def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, furnish, settle, looked, monkeypatch):
-    """Two objects in a folder: one is looked at when it is chosen, and the other is as it was left."""
+def test_each_object_keeps_what_was_put_right(tmp_path, found, looks, begin, settle, settled):
+    """Two objects in a folder, one with a session: each is shown when it is chosen, and the other is as it was left."""
     top = tmp_path / "shelf"
     for name in ("cup", "jug"):
         (top / name).mkdir(parents=True)
         for path in found.draft.photographs["flash"]:
             (top / name / path.name).write_bytes(path.read_bytes())
     (top / "cup" / "session.toml").write_text("")
-    looks(monkeypatch, found)
-    window = furnish(window_on(top, nobody()), NEW_SESSION_ROWS)
+    window = settled(begin(top))
     assert tuple(window.client.input("object").options) == ("cup (has a session.toml)", "jug")
-
-    def turn(name):
-        window.post(lambda: window.open(top / name))
-        settle(window)
-        looked(window)
-        return window.outlines and window.outlines[2].diameter_mm, window.client.input("Open its session").visible
-
-    assert turn("jug") == (None, False)
+    assert window.place == top / "jug"
     window.post(lambda: window.measure("white", 5.0))
-    assert turn("cup") == ((), True)
+    window.client.says("object", "cup (has a session.toml)")
+    settle(window)
+    assert window.state.session == (tmp_path / "out" / "cup", top / "cup")
     (top / "cup" / "session.toml").unlink()
-    assert turn("cup") == (None, False)
-    assert turn("jug") == (5.0, False)
+    cup = settled(begin(state=window.state))
+    assert [ball.diameter_mm for ball in cup.outlines] == [None] * 3
+    cup.client.says("object", "jug")
+    settle(cup)
+    assert begin(state=window.state).outlines[2].diameter_mm == 5.0
     with pytest.raises(SceneError, match="2 objects"):
-        open_path(StudioState(), window.workspace, top, tmp_path / "out")
+        open_path(StudioState(), Workspace.at(tmp_path), top, tmp_path / "out")
 
 
-def test_what_is_known_so_far_is_shown(folder, found, nobody, furnish, settle, looked, monkeypatch):
+def test_what_is_known_so_far_is_shown(folder, found, looks, begin, settle, settled):
     """The first photograph, then the mean, then the balls in it; nothing of it can be changed yet."""
-    from threading import Event
-
     steps, waits = [Event() for _ in range(3)], [Event() for _ in range(3)]
 
-    def prepare(files, asking, progress, seen):
-        def pause(number):
+    def prepare(seen):
+        for number, draft in enumerate((None, found.draft.with_balls([]), found.draft)):
+            if draft is not None:
+                seen(draft)
             steps[number].set()
             assert waits[number].wait(60)
-
-        pause(0)
-        seen(found.draft.with_balls([]))
-        pause(1)
-        seen(found.draft)
-        pause(2)
         return found.draft
 
-    monkeypatch.setattr("studio.new_session.looking.prepare", prepare)
-    window = furnish(window_on(folder, nobody()), NEW_SESSION_ROWS, PhotographView)
+    looks[:] = [prepare]
+    window = begin(folder)
     for number, (balls, told) in enumerate(((0, "Reading"), (0, "Looking for balls"), (3, "Looking at the scan"))):
         assert steps[number].wait(60)
         window.post(window.look_again)
@@ -237,39 +233,21 @@ def test_what_is_known_so_far_is_shown(folder, found, nobody, furnish, settle, l
         assert len(window.outlines) == balls
         assert told in window.taken.told
         assert window.client.seen("/photograph/picture") is not None
-        assert window.capture is None
+        assert window.draft is None
         waits[number].set()
-    looked(window)
-    assert window.capture is not None
+    settled(window)
+    assert window.draft is not None
     assert not window.client.told
 
 
-def test_what_fails_is_told_and_can_be_asked_again(begun, found, settle, looked, monkeypatch):
-    window, _ = begun()
-    again = SimpleNamespace(draft=found.draft.noting("y."))
-    looks(monkeypatch, SceneError("jug: 2 of 5 photographs can be read."), found, again)
-
-    def look_again():
-        window.post(lambda: window.open(window.place))
-        settle(window)
-        looked(window)
-
-    window._let_go()
-    look_again()
+def test_what_fails_is_told_and_can_be_asked_again(folder, found, looks, begin, settled):
+    """A folder that was looked at is not looked at again, unless it is opened again."""
+    looks[:] = [SceneError("jug: 2 of 5 photographs can be read."), found.draft, found.draft.noting("y.")]
+    window = settled(begin(folder))
     assert any("2 of 5 photographs" in told for told in window.client.told)
-    look_again()
-    assert window.capture is found.draft
-    look_again()
-    assert window.capture is found.draft, "each once"
-    window._let_go()
-    look_again()
-    assert window.capture.notes[-1] == "y.", "it is looked at again"
-
-
-def test_no_name_breaks_out_of_the_shown_file():
-    shown = fenced('flash = "a```b.png"', "toml")
-    assert shown.startswith("````toml\n")
-    assert shown.endswith("\n````")
+    for _ in range(2):
+        assert settled(begin(state=window.state)).draft is found.draft, "once"
+    assert settled(begin(folder)).draft.notes[-1] == "y."
 
 
 def test_the_command_opens_what_a_path_is(folder, monkeypatch):
@@ -298,12 +276,18 @@ def test_the_command_opens_what_a_path_is(folder, monkeypatch):
     state = opens(folder)
     assert opened == ["http://127.0.0.1:1"], "the system's browser"
     out = folder.parent / "out" / "jug"
-    assert (state.area, state.looks[folder].out) == ("New session", out)
+    assert (state.area, state.session, set(state.looks)) == ("Session", (out, folder), {folder})
     with pytest.raises(SceneError, match="lies outside of the workspace"):
         studio(folder, out=folder.parent / "out", workspace=folder)
     (folder / "session.toml").write_text('[frames]\nflash = "flash_*.png"')
     state = opens(folder)
-    assert (state.area, state.review) == ("Session", (out, folder))
+    assert (state.area, state.session, state.looks) == ("Session", (out, folder), {})
     (folder.parent / "empty").mkdir()
     with pytest.raises(SceneError, match="photometric stereo needs 3"):
         studio(folder.parent / "empty")
+
+
+def test_no_name_breaks_out_of_the_shown_file():
+    shown = fenced('flash = "a```b.png"', "toml")
+    assert shown.startswith("````toml\n")
+    assert shown.endswith("\n````")

@@ -15,6 +15,7 @@ from capture.session.session import load_session
 from capture.session.session_types import CaptureSession
 from compare.report.facts import Material, all_warnings, read_optional
 from compare.report.pictures import Exposure, thumbnail
+from lab.options import Settings
 from lab.session_place import session_of
 from scene.errors import SceneError
 from scene.frames import Frames
@@ -24,7 +25,8 @@ from scene.mesh import Mesh
 from scene.output_folder import read_record
 from scene.spheres import Sphere
 from scene.store import Store
-from studio.new_session.looking import first_look
+from studio.session.looking import first_look
+from studio.widgets import plain
 
 if TYPE_CHECKING:
     from scene.rays import RayCaster
@@ -50,13 +52,14 @@ class Review:
     spheres: Balls in the session's own photographs; those that were shot apart are not shown.
     truth (H, W, 3): Normals of the registered scan, NaN where unknown.
     twin: The rendered frames.
+    summary, pose: What those files hold; empty where they are not there.
     steps, done: What is kept of each step that ended, and their names.
     """
 
     def __init__(self, folder: Path, session_path: Path | None = None) -> None:
         self.store = store = Store(folder)
         record = read_record(folder)
-        self.steps = {} if record is None else record.done
+        self._record, self.steps = record, {} if record is None else record.done
         self.done = frozenset(self.steps)
         self.session, self.session_path, self.why_no_session = _session(store, session_path)
         material = Material.load(store, {})
@@ -72,7 +75,15 @@ class Review:
         self.lights = None if lights is None or lights.is_unknown else lights
         self.truth = _readable(lambda: np.load(store.path("normals", "truth.npy"), mmap_mode="r"))
         self.twin: Frames | None = _readable(Store(store.path("twin")).load_frames)
-        self._calibration = read_optional(store, "calibration.json") or {}
+        self._calibration, self.summary, self.pose = (
+            found if isinstance(found := read_optional(store, f"{name}.json"), dict) else {}
+            for name in ("calibration", "summary", "pose")
+        )
+
+    @cached_property
+    def programs(self) -> tuple[str, ...]:
+        """Other ones that a run would start, as before: a folder from elsewhere may name any."""
+        return () if self._record is None else Settings.of(self._record).external or ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -133,8 +144,8 @@ class Review:
         }
 
     @property
-    def lacks(self) -> list[str]:
-        """What a folder lacks and why, as lines of Markdown."""
+    def lacks(self) -> str:
+        """What a folder lacks and why, the session too, as Markdown; empty: nothing."""
         waits = {name: self._parts[name][1] for name in self.missing if self._parts[name][1] not in self.done}
         lines = [f"- **no {name}**: {why}" for name, why in self.missing.items() if name not in waits]
         if waits:
@@ -142,7 +153,9 @@ class Review:
             lines.append(
                 f"- **{', '.join(waits)}**: not made yet ({steps}). **Run** makes them, or says what stops it."
             )
-        return lines
+        if self.why_no_session:
+            lines.append(f"- **no session**: {plain(self.why_no_session)}")
+        return "\n".join(["**Not in this folder**", "", *lines]) if lines else ""
 
     def need(self, *names: str) -> list[Any]:
         """Return parts by their names in `missing`, or the `session`. Raises SceneError: why one is not there."""

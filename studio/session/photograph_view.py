@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from capture.session.manifest import SphereTable
 from compare.report import pictures
 from compare.report.picture_strip import PictureStrip
-from scene.map_pictures import Image, shrink
-from studio.photograph.photograph_window import PhotographWindow, Shown, circle_of, moved, resized, sphere_of
-from studio.photograph.plane import ROOT, WIDE, Plane, add_lines, add_picture
+from scene.map_pictures import shrink
+from scene.spheres import Sphere
+from studio.session.photograph_window import Balls, PhotographWindow, Shown, circle_of, moved, resized
+from studio.session.plane import ROOT, WIDE, Plane, add_lines, add_picture
 from studio.widgets import NO_SHADOW, Layers
 
 Array = NDArray[np.float64]
@@ -41,8 +42,10 @@ class PhotographView:
             return
         plane, camera, balls = shown.plane, shown.camera, window.outlines
         # The photograph comes first: the small pictures are made of all of them.
-        draw("picture", (plane, shown.picture[0]), lambda: self._add_picture(plane, shown.picture[1]()))
-        draw("small pictures", shown.strip[0], lambda: self._make_strip(shown))
+        draw("picture", (plane, shown.picture[0]), lambda: [add_picture(
+            window, f"{ROOT}/picture", shown.picture[1](), (WIDE, plane.high), (0.0, 0.0, 0.0),
+            lambda across, down: window.click((across * plane.width - 0.5, down * plane.height - 0.5)))])  # fmt: skip
+        draw("small pictures", shown.strip[0], lambda: setattr(self, "_strip", shown.strip[1]()))
         draw("strip", (shown.strip[0], shown.chosen), lambda: self._add_strip(plane, shown.chosen))
         # A reading anew while the steps run leaves the look as it is.
         key = (window.is_flat, window.ball, plane, self._strip is None, window.beside is None, window.looks)
@@ -74,23 +77,13 @@ class PhotographView:
         aside = 0.0 if window.beside is None else WIDE + GAP
         window.look_straight([aside / 2, -below / 2, 0.0], WIDE + aside, plane.high + below)
 
-    def _add_picture(self, plane: Plane, image: Image) -> list[Any]:
-        def clicked(across: float, down: float) -> None:
-            self._window.click((across * plane.width - 0.5, down * plane.height - 0.5))
-
-        return [add_picture(self._window, f"{ROOT}/picture", image, (WIDE, plane.high), (0.0, 0.0, 0.0), clicked)]
-
-    def _make_strip(self, shown: Shown) -> None:
-        self._strip = shown.strip[1]()
-
     def _add_strip(self, plane: Plane, chosen: int | None) -> list[Any]:
         window, strip = self._window, self._strip
         if strip is None:
             return []
 
         def clicked(across: float, down: float) -> None:
-            index = strip.frame_at(across, down)
-            if index is not None:
+            if (index := strip.frame_at(across, down)) is not None:
                 window.choose_small(index)
 
         middle = (0.0, -plane.high / 2 - GAP - _high(strip) / 2, 0.0)
@@ -130,50 +123,46 @@ class PhotographView:
         for index, (ball, colour) in enumerate(zip(window.outlines, shown.colours, strict=False)):
             if colour is None or camera is None:
                 continue
-            line = closed(plane.place(sphere_of(ball).outline(camera, 180), lift=0.002))
-            handles.append(
-                add_lines(self._view, f"outline_{index}", line, colour, 3.0 if window.ball == index else 2.0)
-            )
             center, radius = circle_of(ball)
+            outline = Sphere(ball.kind, np.array(center), radius, ball.diameter_mm).outline(camera, 180)
+            points = plane.place(outline, lift=0.002)
+            strokes, width_px = np.stack([points, np.roll(points, -1, 0)], 1), 3.0 if window.ball == index else 2.0
+            handles += add_lines(self._view, f"outline_{index}", strokes, colour, width_px)
             corner = tuple(plane.place(np.add(center, [0, -1.15 * radius]), lift=0.002))
             name = f"{ball.kind} ball {index + 1}"
             handles.append(self._view.add_label(f"{ROOT}/name_{index}", name, position=corner))
         return handles
 
     def _add_knobs(self, plane: Plane, are_drawn: bool) -> list[Any]:
-        window, index = self._window, self._window.ball
-        self._knobs = []
+        index, self._knobs = self._window.ball, []
         if index is None or not are_drawn:
             return []
-
-        def to_center(pixel: tuple[float, float], held_s: float) -> None:
-            window.correct(moved(window.outlines, index, pixel, plane), f"move ball {index + 1}", held_s)
-
-        def to_rim(pixel: tuple[float, float], held_s: float) -> None:
-            reach = float(np.hypot(*np.subtract(pixel, circle_of(window.outlines[index])[0])))
-            window.correct(resized(window.outlines, index, reach, plane), f"resize ball {index + 1}", held_s)
-
-        ball = window.outlines[index]
+        ball = self._window.outlines[index]
         look = {"radius": 0.05 * circle_of(ball)[1] * plane.per_px, "color": KNOB, **NO_SHADOW}
-        for name, at, use in zip(("center", "rim"), _knob_places(plane, ball), (to_center, to_rim), strict=True):
+        edits = (("move", moved), ("resize", _to_rim))
+        for name, at, edit in zip(("center", "rim"), _knob_places(plane, ball), edits, strict=True):
             self._knobs.append(self._view.add_icosphere(f"{ROOT}/{name}", position=tuple(at), **look))
-            self._on_drag(self._knobs[-1], plane, use)
+            self._on_drag(self._knobs[-1], plane, index, *edit)
         return list(self._knobs)
 
-    def _on_drag(self, knob: Any, plane: Plane, use: Callable[[tuple[float, float], float], None]) -> None:
-        held_s = time.monotonic()
+    def _on_drag(self, knob: Any, plane: Plane, index: int, verb: str, edit: Callable[..., Balls]) -> None:
+        window, held_s = self._window, time.monotonic()
 
         def dragged(phase: str, eye: Array, end: Array) -> None:
             nonlocal held_s
             if phase == "start":
                 held_s = time.monotonic()
             elif (pixel := plane.pixel(eye, end - eye)) is not None:
-                use(pixel, held_s)
+                window.correct(edit(window.outlines, index, pixel, plane), f"{verb} ball {index + 1}", held_s)
 
-        def said(event: Any) -> tuple[Any, ...]:
-            return event.phase, np.array(event.client.camera.position), np.array(event.end_position)
+        window.on(knob.on_drag("left"), dragged, lambda event: (
+            event.phase, np.array(event.client.camera.position), np.array(event.end_position)))  # fmt: skip
 
-        self._window.on(knob.on_drag("left"), dragged, said)
+
+def _to_rim(balls: Balls, index: int, pixel: tuple[float, float], plane: Plane) -> Balls:
+    """Return the balls, one of them so large that its rim runs through a pixel."""
+    reach = float(np.hypot(*np.subtract(pixel, circle_of(balls[index])[0])))
+    return resized(balls, index, reach, plane)
 
 
 def _knob_places(plane: Plane, ball: SphereTable) -> Array:
@@ -185,8 +174,3 @@ def _knob_places(plane: Plane, ball: SphereTable) -> Array:
 def _high(strip: PictureStrip) -> float:
     """Return the height in the view's units, where a strip is as wide as the photograph."""
     return WIDE * strip.image.shape[0] / strip.image.shape[1]
-
-
-def closed(points: Array) -> Array:
-    """Return (K, 2, 3), the strokes of a closed line through points (K, 3)."""
-    return np.stack([points, np.roll(points, -1, 0)], 1)

@@ -16,12 +16,10 @@ from scene.errors import SceneError
 from scene.lights import Lights
 from scene.rays import RayCaster
 from studio.opening import found_at
-from studio.photograph.photograph_window import added, moved, outline, resized
-from studio.photograph.plane import Plane
-from studio.review import corrections
-from studio.review.corrections import Picks, forget_kept, met, outlines_of, pose_of, tables_of, write_amended
-from studio.review.folder import Review, targets
-from studio.review.photograph_picture import (
+from studio.session import corrections
+from studio.session.corrections import Corrections, balls_of, forget_kept, met, pose_of, tables_of, write_amended
+from studio.session.folder import Review, targets
+from studio.session.photograph_picture import (
     CLIPPED,
     CLIPPED_COLOUR,
     WARNED,
@@ -30,8 +28,10 @@ from studio.review.photograph_picture import (
     photograph,
     twin_beside,
 )
-from studio.review.review_window import turned_deg
-from studio.review.spatial_view import covariance_mm2, ellipsoid_of
+from studio.session.photograph_window import added, moved, outline, resized
+from studio.session.plane import Plane
+from studio.session.session_window import turned_deg
+from studio.session.spatial_view import covariance_mm2, ellipsoid_of
 from twin.description.light_groups import direction
 
 
@@ -41,7 +41,7 @@ def review(made):
 
 
 def test_a_whole_folder_lacks_nothing(review, made):
-    assert (review.missing, review.lacks, review.why_no_session) == ({}, [], "")
+    assert (review.missing, review.lacks, review.why_no_session) == ({}, "", "")
     assert review.lights.names == made.lights.names
     np.testing.assert_allclose(review.position_covariance_mm2, made.covariance)
     assert review.highlights_px.shape == (3, 5, 2)
@@ -213,7 +213,7 @@ def test_a_ray_meets_the_pixel_that_stands_there():
 
 
 def test_balls_are_moved_one_at_a_time_and_stay_in_the_picture(review, made):
-    balls = outlines_of(review)
+    balls = balls_of(review)
     assert [ball.diameter_mm for ball in balls] == [100.0, 100.0, 90.0]
     there = moved(balls, 1, (200.0, 50.0), made.camera)
     assert there[1].center_px == [159.0, 50.0]
@@ -222,7 +222,7 @@ def test_balls_are_moved_one_at_a_time_and_stay_in_the_picture(review, made):
     more = added(balls, "white", (20.5, 400.0), made.camera)
     assert more == (*balls, outline("white", (20.5, 119.0), 13.0)), "as large as most"
     (made.folder / "spheres.json").unlink()
-    waiting = outlines_of(Review(made.folder, made.session))
+    waiting = balls_of(Review(made.folder, made.session))
     assert [ball.kind for ball in waiting] == ["chrome", "chrome", "white"], "they wait to be put in place"
     assert len({tuple(ball.center_px) for ball in waiting}) == 3
 
@@ -236,7 +236,7 @@ def test_the_command_line_reads_the_balls_that_were_kept(made, half):
         text = text.replace("width = 160\nheight = 120", "width = 320\nheight = 240")
         (made.session / "session.toml").write_text(text)
     review = Review(made.folder, made.session)
-    balls = moved(resized(outlines_of(review), 0, 17.5, made.camera), 0, (33.25, 25.5), made.camera)
+    balls = moved(resized(balls_of(review), 0, 17.5, made.camera), 0, (33.25, 25.5), made.camera)
     folder = write_amended(review, spheres=tables_of(review.session, balls, made.camera))
     assert (made.session / "session.toml").read_text() == text, "the user's own file is as it was"
     kept, before = load_session(folder), review.session
@@ -247,7 +247,7 @@ def test_the_command_line_reads_the_balls_that_were_kept(made, half):
         np.testing.assert_allclose(request.center_px, ball.center_px, atol=1e-9)
         assert request.radius_px == pytest.approx(ball.radius_px)
     # Picks that are kept later leave the balls, and balls the picks.
-    both = load_session(write_amended(review, picks=Picks(((1.0, 2.0),), ((0.0, 0.0, 1.0),))))
+    both = load_session(write_amended(review, picks=Corrections(pixels=((1.0, 2.0),), points=((0.0, 0.0, 1.0),))))
     assert (both.spheres, both.picks) == (kept.spheres, made.folder / "review" / "picks.csv")
     assert (
         load_session(write_amended(review, spheres=tables_of(review.session, balls, made.camera))).picks == both.picks
@@ -267,26 +267,17 @@ def test_every_key_that_names_files_is_written_in_full():
     assert (globs, files) == (corrections.GLOBS, corrections.FILES)
 
 
-def test_a_ball_that_was_shot_apart_stays_as_the_session_has_it(review, made):
-    own = tuple(made.session / "raw" / f"{name}.png" for name in made.lights.names)
-    session = replace(review.session, spheres=(*review.session.spheres, replace(review.session.spheres[0], frames=own)))
-    review.session = session
-    tables = tables_of(session, outlines_of(review), made.camera)
-    kept = load_session(write_amended(review, spheres=tables)).spheres
-    assert (len(kept), kept[-1]) == (4, session.spheres[-1])
-
-
 def test_what_was_kept_follows_the_sessions_own_file_and_can_be_forgotten(review, made):
     """Changes of session.toml after the correction count; by OUT/review, too, the user's own session is found again."""
     text = (made.session / "session.toml").read_text()
-    balls = moved(outlines_of(review), 0, (33.0, 29.0), made.camera)
+    balls = moved(balls_of(review), 0, (33.0, 29.0), made.camera)
     folder = write_amended(review, spheres=tables_of(review.session, balls, made.camera))
     (made.session / "session.toml").write_text(text.replace('"cone.ply"', '"cone.ply"\nscan_unit = "cm"'))
     # As after a run of what was kept, which session.json names then.
     (made.folder / "session.json").write_text(json.dumps({"session": str(folder), "relative": "review"}))
     again = Review(made.folder)
     assert again.session_path == made.session
-    kept = load_session(write_amended(again, picks=Picks(((1.0, 2.0),), ((0.0, 0.0, 1.0),))))
+    kept = load_session(write_amended(again, picks=Corrections(pixels=((1.0, 2.0),), points=((0.0, 0.0, 1.0),))))
     assert (kept.scan_unit, kept.spheres[0].center_px) == ("cm", pytest.approx((33.0, 29.0)))
     forget_kept(again)
     assert not folder.exists()
@@ -306,19 +297,22 @@ def test_a_file_that_is_not_the_studios_is_neither_written_over_nor_forgotten(re
     theirs.parent.mkdir()
     theirs.write_text("# mine\n")
     with pytest.raises(SceneError, match="rgbn did not write it"):
-        write_amended(review, picks=Picks(((1.0, 2.0),), ((1.0, 2.0, 3.0),)))
+        write_amended(review, picks=Corrections(pixels=((1.0, 2.0),), points=((1.0, 2.0, 3.0),)))
     with pytest.raises(SceneError, match="rgbn did not write it"):
         forget_kept(review)
     assert theirs.read_text() == "# mine\n"
     assert [path.name for path in theirs.parent.iterdir()] == [name]
 
 
-def test_corrections_that_cannot_be_said_are_refused(review, made):
-    balls, session = outlines_of(review), review.session
-    masked = replace(session, spheres=(replace(session.spheres[0], mask=Path("a.png")),))
+def test_balls_that_were_shot_apart_stay_and_what_cannot_be_said_is_refused(review, made):
+    own = tuple(made.session / "raw" / f"{name}.png" for name in made.lights.names)
+    balls, session, (first, *_) = balls_of(review), review.session, review.session.spheres
+    review.session = apart = replace(session, spheres=(*session.spheres, replace(first, frames=own)))
+    kept = load_session(write_amended(review, spheres=tables_of(apart, balls, made.camera))).spheres
+    assert (len(kept), kept[-1]) == (4, apart.spheres[-1])
     for one, outlines, told in (
         (replace(session, lights_file=Path("lights.lp")), balls, r"lights\.file"),
-        (masked, balls, "by masks"),
+        (replace(session, spheres=(replace(first, mask=Path("a.png")),)), balls, "by masks"),
         (session, (), "no ball"),
     ):
         with pytest.raises(SceneError, match=told):
@@ -327,7 +321,7 @@ def test_corrections_that_cannot_be_said_are_refused(review, made):
 
 def test_picks_give_the_pose_at_which_they_were_made(review, made):
     """Rays from aside meet the scan; the points are seen where the true pose puts them: that pose is found."""
-    mesh, generator, picks = review.scan_mesh, np.random.default_rng(10_007), Picks()
+    mesh, generator, picks = review.scan_mesh, np.random.default_rng(10_007), Corrections()
     caster = RayCaster(mesh)
     while picks.pairs < 7:
         origin = mesh.center_mm + 300 * generator.normal(size=3)
@@ -347,5 +341,5 @@ def test_picks_give_the_pose_at_which_they_were_made(review, made):
     kept = write_amended(review, picks=picks) / "picks.csv"
     text = kept.read_text()
     with pytest.raises(SceneError, match=r"^The picks: 3 picks are too few"):
-        pose_of(review, Picks(picks.pixels[:3], picks.points[:3]), mesh)
+        pose_of(review, replace(picks, pixels=picks.pixels[:3], points=picks.points[:3]), mesh)
     assert kept.read_text() == text, "a trial leaves what was kept as it is"

@@ -9,8 +9,8 @@ import pytest
 from capture.session.session import load_session
 from scene.normals import angular_error_deg
 from scene.rooms import ROOT
-from studio.new_session.new_session_window import NewSessionWindow
 from studio.server import Studio
+from studio.session.draft_window import DraftWindow
 from studio.workspace import Workspace
 
 pytestmark = [pytest.mark.slow]
@@ -81,7 +81,7 @@ def test_what_was_found_is_put_right_by_hand(visit, studio, tmp_path):
     visitor = visit(studio, "New session here")
     begin(visitor)
     window = visitor.window
-    assert isinstance(window, NewSessionWindow)
+    assert isinstance(window, DraftWindow)
     truth = json.loads((FIXTURE / "truth.json").read_text())
     centers = np.array([one["centre_px"] for one in truth["spheres"]])
     assert [ball.kind for ball in window.outlines] == ["chrome", "chrome", "white"]
@@ -118,7 +118,7 @@ def test_what_was_found_is_put_right_by_hand(visit, studio, tmp_path):
     window = visitor.window
     assert [ball.diameter_mm for ball in window.outlines] == [100, None]
     visitor.fill("white balls, mm", 90)
-    assert window.capture.unit == "mm", "the balls' diameters tell the scan's unit"
+    assert window.draft.unit == "mm", "the balls' diameters tell the scan's unit"
     visitor.tab("Object")
     visitor.settle()
     visitor.keep("new_session_object")

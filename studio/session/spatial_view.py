@@ -7,14 +7,16 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from studio.editor.edits import quaternion
-from studio.photograph.plane import add_numbered
-from studio.review.corrections import met
-from studio.review.review_window import ReviewWindow
-from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow, display_mesh
+from studio.session.corrections import met
+from studio.session.plane import add_numbered
+from studio.session.session_window import SessionWindow
+from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light, display_mesh, light_places
 
 Array = NDArray[np.float64]
 LIGHTS, SCAN = "/lights", "/scan"
 CHOSEN, PLAIN, CLAY, STEEL, CHALK = (26, 115, 232), (250, 210, 60), (205, 190, 170), (150, 155, 165), (240, 240, 240)
+FAR_MM = 1000.0
+"""So far toward distant lights they are drawn."""
 FACTORS = (1, 3, 10, 30, 100)
 """By which a sigma may be drawn larger."""
 SHOWN_DEG = 4.0
@@ -26,7 +28,7 @@ SCAN_SIZE = 6.0
 class SpatialView:
     """The two views that are not of the photograph: the lights in 3-D, and the scan."""
 
-    def __init__(self, window: ReviewWindow) -> None:
+    def __init__(self, window: SessionWindow) -> None:
         self._window, self._view, self._layers = window, window.client.scene, Layers()
         self._roots = {
             "Lights in 3-D": self._view.add_frame(LIGHTS, show_axes=False, visible=False),
@@ -44,7 +46,8 @@ class SpatialView:
             draw("lights", (reading, window.frame, window.factor), self._add_lights)
         elif window.view == "Scan":
             draw("scan", reading, self._add_scan)
-            draw("marks", window.picks.points, self._add_marks)
+            places = [tuple(self._on_scan(np.array(point))) for point in window.picks.points]
+            draw("marks", window.picks.points, lambda: add_numbered(self._view, f"{SCAN}/mark", places, 0.05, CHOSEN))
         draw("look", (window.view, window.looks), self._look)
 
     def _look(self) -> None:
@@ -53,7 +56,7 @@ class SpatialView:
         if window.view == "Scan":
             window.look(np.zeros(3), [0.0, 0.0, 1.9 * SCAN_SIZE])
         elif window.view == "Lights in 3-D" and lights is not None:
-            places, middle = light_places(lights), lights.reference_point_mm
+            places, middle = light_places(lights, FAR_MM), lights.reference_point_mm
             reach = float(np.linalg.norm(places - middle, axis=1).max()) * UNITS_PER_MM
             window.look(middle * UNITS_PER_MM, reach * np.array([1.3, 0.75, 1.5]))
 
@@ -82,7 +85,7 @@ class SpatialView:
         window, lights, view, handles = self._window, self._window.review.lights, self._view, []
         if lights is None:
             return handles
-        places, reference = light_places(lights), lights.reference_point_mm
+        places, reference = light_places(lights, FAR_MM), lights.reference_point_mm
         reach = float(np.median(np.linalg.norm(places - reference, axis=1)))
         known = window.review.position_covariance_mm2
         factor = window.factor or fitting_factor(lights)
@@ -90,13 +93,13 @@ class SpatialView:
         is_told = lights.positions_mm is None or known is not None
         for index, (place, spread) in enumerate(zip(places, covariance_mm2(lights, known), strict=True)):
             colour, at = CHOSEN if index == window.frame else PLAIN, tuple(place * UNITS_PER_MM)
-            look = {"subdivisions": 2, "color": colour, "position": at, **NO_SHADOW}
-            handles.append(add_light_arrow(view, f"{LIGHTS}/arrow_{index}", (place, reference), reach, colour))
-            bodies = [view.add_icosphere(f"{LIGHTS}/light_{index}", radius=0.012 * reach * UNITS_PER_MM, **look)]
-            handles.append(view.add_label(f"{LIGHTS}/number_{index}", str(index + 1), position=at))
+            ball, arrow = add_light(view, f"{LIGHTS}/light_{index}", (place, reference), reach, colour, 0.012)
+            handles += [arrow, view.add_label(f"{LIGHTS}/number_{index}", str(index + 1), position=at)]
+            bodies = [ball]
             if is_told and (ellipsoid := ellipsoid_of(spread)) is not None:
                 axes = tuple(np.maximum(factor * ellipsoid[0] * UNITS_PER_MM, 1e-4))
-                look |= {"radius": 1.0, "opacity": 0.35, "scale": axes, "wxyz": quaternion(ellipsoid[1])}
+                look = {"position": at, "color": colour, "opacity": 0.35, "subdivisions": 2, **NO_SHADOW}
+                look |= {"radius": 1.0, "scale": axes, "wxyz": quaternion(ellipsoid[1])}
                 bodies.append(view.add_icosphere(f"{LIGHTS}/sigma_{index}", **look))
             for body in bodies:
                 window.on(body.on_click, lambda frame=index: window.choose(frame=frame))
@@ -122,34 +125,24 @@ class SpatialView:
         window.on_ray(handle, clicked)
         return [handle]
 
-    def _add_marks(self) -> list[Any]:
-        """Show the points of the scan that were picked, numbered."""
-        places = [tuple(self._on_scan(np.array(point))) for point in self._window.picks.points]
-        return add_numbered(self._view, f"{SCAN}/mark", places, 0.05, CHOSEN)
-
-
-def light_places(lights: Lights) -> Array:
-    """Return (N, 3), mm, where lights are drawn: near ones where they are, distant ones a metre toward them."""
-    if lights.positions_mm is not None:
-        return lights.positions_mm
-    return lights.reference_point_mm + 1000.0 * lights.directions
-
 
 def covariance_mm2(lights: Lights, position_covariance_mm2: Array | None) -> Array:
-    """Return (N, 3, 3), how well each of `light_places` is known; NaN where nothing is.
+    """Return (N, 3, 3), how well each light's place is known; NaN where nothing is.
 
     Where the positions' covariance is not known, the stated sigma holds all round, across the direction.
     """
     if position_covariance_mm2 is not None and lights.positions_mm is not None:
         return position_covariance_mm2
-    away = np.linalg.norm(light_places(lights) - lights.reference_point_mm, axis=1)
+    away = np.linalg.norm(light_places(lights, FAR_MM) - lights.reference_point_mm, axis=1)
     wide = away * np.tan(np.radians(lights.direction_sigma_deg))
     across = np.eye(3) - lights.directions[:, :, None] * lights.directions[:, None]
     return wide[:, None, None] ** 2 * across
 
 
-def fitting_factor(lights: Lights) -> int:
+def fitting_factor(lights: Lights | None) -> int:
     """Return by how much sigmas are drawn larger so that they are seen."""
+    if lights is None:
+        return 1
     sigma = lights.direction_sigma_deg
     typical = float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else SHOWN_DEG
     return min(FACTORS, key=lambda factor: abs(np.log(factor * max(typical, 1e-6) / SHOWN_DEG)))

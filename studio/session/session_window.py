@@ -8,16 +8,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.session.manifest import SphereTable
 from compare.report.facts import read_optional
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.output_folder import read_record
 from shoot.watch.status import STATUS
-from studio.photograph.photograph_window import PhotographWindow, Shown
-from studio.review.corrections import Corrections, Picks, forget_kept, outlines_of, pose_of, tables_of, write_amended
-from studio.review.folder import STEPS, Review, is_kept
-from studio.review.photograph_picture import PictureLook, normals_beside, shown_of, twin_beside
+from studio.session.corrections import Corrections, balls_of, forget_kept, pose_of, tables_of, write_amended
+from studio.session.folder import STEPS, Review, is_kept
+from studio.session.photograph_picture import PictureLook, normals_beside, shown_of, twin_beside
+from studio.session.photograph_window import PhotographWindow, Shown
 from studio.studio_state import Edits, History, RunningJob
 from studio.widgets import plain
 
@@ -27,36 +26,30 @@ SHOOT_PX = 820
 """Width of a shoot's panel, which is read from the tripod and has nothing beside it."""
 
 
-class ReviewWindow(PhotographWindow):
-    """What a browser looks at a session in. Its panels call `look_at`, `choose` and `correct`; then all are refreshed.
+class SessionWindow(PhotographWindow):
+    """What a browser looks at a session in: what is put right are `Corrections`.
 
     address_of: Where the server gives out an output folder's report.
+    factor: By how much the lights' sigmas are drawn larger; 0: so that they are seen. method: Whose normals are shown;
+    empty: the first.
+    on_scan: Who wants the points that are clicked on the scan, mm. is_scan_asked: It is shown alone for that.
+    picked_pose: That the picks give, once it was asked for.
+    status: Of a shoot under way, as `rgbn watch` tells it. is_alone: Of a folder's first shoot nothing else is shown.
     """
 
-    area = "Session"
     first_tab = "Capture"
     review: Review
 
-    def __init__(self, *place: Any, address_of: Callable[[Path], str] = lambda folder: "") -> None:
-        super().__init__(*place)
-        assert self.state.review is not None
-        self.folder, self.session_path = self.state.review
+    def __init__(self, *window: Any, address_of: Callable[[Path], str] = lambda folder: "") -> None:
+        super().__init__(*window)
         self._address_of = address_of
-        self.frame, self.how, self.factor, self.method = 0, PictureLook(), 0, ""
-        """`factor`: By how much the lights' sigmas are drawn larger; 0: so that they are seen. `method`: Whose normals
-        are shown; empty: the first."""
+        self.how, self.factor, self.method = PictureLook(), 0, ""
         self.on_scan: Callable[[Array], None] | None = None
-        """Who wants the points that are clicked on the scan, mm."""
-        self.is_scan_asked = False
-        """The scan is shown alone, for a point of it to be clicked."""
-        self._beside_of: Any = None
-        self.picked_pose: Any = None
-        """That the picks give, once it was asked for."""
+        self.is_scan_asked = self.is_alone = False
         self.picks_told, self.strokes = "", np.zeros((0, 2, 2))
         self.status: Any = None
-        """Of a shoot under way, as `rgbn watch` tells it."""
-        self.is_alone = False
-        """Of a folder's first shoot nothing else can be shown."""
+        self.picked_pose: Any = None
+        self._beside_of: Any = None
 
     def begin(self) -> None:
         """Read the folder; where it was asked for, run its steps."""
@@ -69,32 +62,28 @@ class ReviewWindow(PhotographWindow):
             self.post(lambda: None if self.is_busy else self.begin_work())
 
     @property
-    def edits(self) -> Edits | None:
-        """What is corrected here."""
-        return self.state.edits.get(self.folder)
+    def picks(self) -> Corrections:
+        """What is put right, with the pairs of a pixel and a point of the scan."""
+        return self.history.state if self.history else Corrections()
 
     @property
-    def history(self) -> History[Corrections] | None:
-        """The corrections with their past."""
-        return self.edits.history if self.edits else None
-
-    def keep(self, history: History[Any]) -> None:
-        """Take corrections."""
-        assert self.edits is not None
-        self.edits.history = history
-
-    def is_found(self, ball: SphereTable) -> bool:
-        """Whether a ball is as it was found."""
-        return self.edits is not None and ball in self.edits.found.outlines
-
-    def back_to_found(self) -> None:
-        """Take the balls as they were found."""
-        self.correct(outlines_of(self.review), "balls as found")
-
-    @property
-    def picks(self) -> Picks:
-        """Pairs of a pixel and a point of the scan."""
-        return self.history.state.picks if self.history else Picks()
+    def ball_facts(self) -> str:
+        """What is known of the chosen ball, or of all, as Markdown."""
+        review, index, balls = self.review, self.ball, self.outlines
+        if index is None:
+            if not balls:
+                return review.missing.get("balls", "There is no ball here.")
+            by_hand = [str(number) for number, ball in enumerate(balls, 1) if not self.is_found(ball)]
+            told = f" Corrected by hand: {', '.join(by_hand)}." if by_hand else ""
+            return f"{len(balls)} balls.{told}"
+        lines = ["as found" if self.is_found(balls[index]) else "corrected by hand, not calibrated with yet"]
+        if index < len(review.spheres) and len(balls) == len(review.spheres):
+            sphere = review.spheres[index]
+            lines[0] += f"; fitted: centre ± {sphere.sigma_px:.2f} px, outline seen {sphere.score:.0%}"
+            if sphere.kind == "chrome" and (seen := review.highlights_px) is not None:
+                count = int(np.isfinite(seen[index, :, 0]).sum())
+                lines.append(f"highlight (yellow; of this frame: blue) in {count} of {seen.shape[1]} frames")
+        return "\n".join(f"- {line}" for line in lines)
 
     @property
     def view(self) -> View:
@@ -117,10 +106,6 @@ class ReviewWindow(PhotographWindow):
         """Return the frame with what lies over it, the other frames, and what is marked on it."""
         return shown_of(self)
 
-    def choose_small(self, index: int) -> None:
-        """Look at another frame."""
-        self.choose(frame=index)
-
     def open_tab(self, name: str) -> None:
         """Turn to a step, and look at what it is about."""
         self.ball = self.ball if name == "Balls" else None
@@ -137,32 +122,28 @@ class ReviewWindow(PhotographWindow):
     def read(self) -> None:
         """Read the folder. Corrections stay, unless they are kept and the balls were found anew with them."""
         before = vars(self).get("review")
-        self.review = Review(self.folder, self.session_path)
+        self.review = Review(self.folder, self.place)
         self.status = read_optional(self.review.store, STATUS)
         if before is not None and (turned := turned_deg(before.lights, self.review.lights)) is not None:
             self.notify("The lights have turned", f"by {np.median(turned):.3f}° (median), {turned.max():.3f}° at most")
-        found, edits = Corrections(outlines_of(self.review)), self.edits
+        found, history = balls_of(self.review), self.history
         # While the balls are sought anew there are none that corrections could be of.
-        if edits is None or (self.is_kept_so and "calibrate" in self.review.done and found != edits.found):
-            self.state.edits[self.folder] = Edits(History(found), found, found)
+        is_new = self.is_kept_so and "calibrate" in self.review.done
+        if history is None or (is_new and found != history.state.found):
+            now = Corrections(found, found)
+            self.state.edits[self.folder] = Edits(History(now), now)
 
-    def look_again(self) -> None:
-        """Show what the steps have made, as each ends; and a shoot as it goes on."""
-        super().look_again()
+    def follow(self) -> bool:
+        """Take what the steps have made, as each ends; and a shoot as it goes on."""
         record = read_record(self.folder) if self.is_busy or self.is_alone else None
         status = read_optional(self.review.store, STATUS)
+        was, self.status = self.status, status
         if record is not None and self.is_alone and "check" in record.done:
             self.turn()
-        elif (
-            record is not None
-            and self.is_busy
-            and any(self.review.steps.get(step) != entry for step, entry in record.done.items())
-        ):
-            # A step has ended. One that begins is forgotten first: there is nothing new to see then.
+        # A step that begins is forgotten first: there is nothing new to see then.
+        elif record is not None and any(self.review.steps.get(step) != entry for step, entry in record.done.items()):
             self.read_again()
-        elif status != self.status:
-            self.status = status
-            self.refresh()
+        return status != was
 
     def _refresh_panels(self) -> None:
         if "review" in vars(self):
@@ -224,9 +205,9 @@ class ReviewWindow(PhotographWindow):
     def _take_point(self, point: Array) -> None:
         self._pick("a point of the scan", self.picks.with_point(point), False)
 
-    def _pick(self, label: str, picks: Picks, is_scan_asked: bool) -> None:
+    def _pick(self, label: str, picks: Corrections, is_scan_asked: bool) -> None:
         self.is_scan_asked, self.picks_told = is_scan_asked, ""
-        self.alter(label, picks=picks)
+        self.alter(label, picks)
 
     def pose_from_picks(self) -> None:
         """Draw the scan's outline at the pose that the picks give."""
@@ -252,10 +233,10 @@ class ReviewWindow(PhotographWindow):
         edits, review = self.edits, self.review
         assert edits is not None
         state, spheres = edits.history.state, None
-        if state.outlines != edits.kept.outlines or not state.picks.pairs:
+        if state.balls != edits.kept.balls or not state.pairs:
             session, camera = review.need("session", "camera")
-            spheres = tables_of(session, state.outlines, camera)
-        folder = write_amended(review, spheres=spheres, picks=state.picks if state.picks.pairs else None)
+            spheres = tables_of(session, state.balls, camera)
+        folder = write_amended(review, spheres=spheres, picks=state if state.pairs else None)
         edits.kept = state
         self.notify("Kept", f"{self.workspace.name(folder)}/session.toml; your own session.toml is as it was.")
         self.refresh()

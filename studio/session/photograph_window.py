@@ -1,27 +1,26 @@
-"""A window on a photograph with balls outlined on it."""
+"""A window on a photograph with balls outlined on it, each a table of session.toml with its circle."""
 
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from capture.session.manifest import SphereTable
+from capture.session.manifest_file import table_of
 from compare.report.picture_strip import PictureStrip
 from compare.report.pictures import Exposure
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.map_pictures import Image
-from scene.spheres import Kind, Sphere
-from studio.photograph.plane import Plane
-from studio.studio_state import History
+from scene.spheres import Kind
+from studio.session.plane import Plane
 from studio.window import Window
 
 SMALLEST_PX = 4.0
 """A ball of a smaller radius tells nothing."""
-Outlines = tuple[SphereTable, ...]
-"""Each has its circle."""
+Balls = tuple[SphereTable, ...]
 
 
 def outline(
@@ -40,44 +39,45 @@ def circle_of(ball: SphereTable) -> tuple[tuple[float, float], float]:
     return (u, v), ball.radius_px
 
 
-def sphere_of(ball: SphereTable) -> Sphere:
-    """Return a ball as the fit's type, to be drawn."""
-    center, radius = circle_of(ball)
-    return Sphere(ball.kind, np.array(center), radius, ball.diameter_mm)
+def changed(balls: Balls, index: int, **keys: object) -> Balls:
+    """Return the balls, one of them with other keys. Raises SessionError: a value that session.toml may not have."""
+    data = balls[index].model_dump(exclude_none=True) | keys
+    return (*balls[:index], table_of("spheres", data), *balls[index + 1 :])  # type: ignore[return-value]
 
 
-def changed(balls: Outlines, index: int, **keys: Any) -> Outlines:
-    """Return the balls, one of them with other keys."""
-    return (*balls[:index], balls[index].model_copy(update=keys), *balls[index + 1 :])
-
-
-def moved(balls: Outlines, index: int, center_px: tuple[float, float], plane: Plane) -> Outlines:
+def moved(balls: Balls, index: int, center_px: tuple[float, float], plane: Plane) -> Balls:
     """Return the balls, one of them elsewhere, its centre inside the picture."""
     return changed(balls, index, center_px=_inside(center_px, plane))
 
 
-def resized(balls: Outlines, index: int, radius_px: float, plane: Plane) -> Outlines:
+def resized(balls: Balls, index: int, radius_px: float, plane: Plane) -> Balls:
     """Return the balls, one of them larger or smaller."""
     return changed(balls, index, radius_px=float(min(max(radius_px, SMALLEST_PX), max(plane.width, plane.height))))
 
 
-def of_kind(balls: Outlines, index: int, kind: Kind, plane: Plane) -> Outlines:
-    """Return the balls, one of them of this kind."""
-    return changed(balls, index, kind=kind)
-
-
-def added(balls: Outlines, kind: Kind, center_px: tuple[float, float], plane: Plane) -> Outlines:
+def added(balls: Balls, kind: Kind, center_px: tuple[float, float], plane: Plane) -> Balls:
     """Return the balls and one more, as large as most of them."""
     radii = [circle_of(ball)[1] for ball in balls]
     u, v = _inside(center_px, plane)
     return (*balls, outline(kind, (u, v), float(np.median(radii)) if radii else plane.width / 20))
 
 
-def under(balls: Outlines, pixel: tuple[float, float]) -> int | None:
+def under(balls: Balls, pixel: tuple[float, float]) -> int | None:
     """Return the ball that a pixel lies on; of several the one whose middle is nearest, in radii."""
     circles = map(circle_of, balls)
     away = [np.hypot(*np.subtract(center, pixel)) / radius for center, radius in circles]
     return int(np.argmin(away)) if away and min(away) < 1 else None
+
+
+def with_usual_diameters(balls: Balls, before: Sequence[SphereTable]) -> Balls:
+    """Return the balls; a new one, or one that was of another kind before, is as large as all of its kind."""
+    found = []
+    for ball, was in zip(balls, before if len(before) == len(balls) else balls, strict=True):
+        alike = {one.diameter_mm for one in before if one.kind == ball.kind}
+        usual = alike.pop() if len(alike) == 1 else None
+        own = ball.diameter_mm if ball.kind == was.kind else None
+        found.append(ball.model_copy(update={"diameter_mm": own or usual}))
+    return tuple(found)
 
 
 def _inside(center_px: tuple[float, float], plane: Plane) -> list[float]:
@@ -114,23 +114,37 @@ class Shown:
 
 
 class PhotographWindow(Window):
-    """What a browser marks balls in. Its panels call `choose` and `correct`; then all panels are refreshed.
+    """What a browser marks balls in. Its panels call `choose`, `correct` and `alter`; then all are refreshed.
 
-    What is corrected is a state with a past, which outlives the window; it has `outlines`.
+    What is put right is a state with a past, which outlives the window: it has `balls`, and those that were `found`.
 
+    folder, place: The session's output folder, and where the session lies, if that was given.
     reading: How often what is shown was read again: whatever is drawn of it is older than that, or as old.
     looks: How often the whole was asked for again.
+    frame: The photograph that is shown.
     on_photograph: Who wants the pixels that are clicked on the photograph.
     """
 
+    area = "Session"
     is_flat = True
+    ball_facts = ""
+    """What is known of the chosen ball, or of all, as Markdown."""
 
-    def __init__(self, *place: Any) -> None:
-        super().__init__(*place)
-        self.reading, self.looks = 0, 0
+    def __init__(self, *window: Any) -> None:
+        super().__init__(*window)
+        assert self.state.session is not None
+        self.folder, self.place = self.state.session
+        self.edited = self.folder
+        self.reading, self.looks, self.frame = 0, 0, 0
         self.ball: int | None = None
         self.beside: Beside | None = None
         self.on_photograph: Callable[[tuple[float, float]], None] | None = None
+
+    def open(self, place: Path) -> None:
+        """Turn to a folder in which a session is begun, or was; what is put right here is kept."""
+        if place in self.state.looks and place != self.place:
+            self.state.show_session(self.workspace.path(self.state.looks[place].out), place)
+            self.turn()
 
     def shown(self) -> Shown | None:
         """Return what stands in the view."""
@@ -143,21 +157,21 @@ class PhotographWindow(Window):
 
     def choose_small(self, index: int) -> None:
         """Look at the photograph whose small picture is clicked."""
+        self.choose(frame=index)
 
-    def keep(self, history: History[Any]) -> None:
-        """Keep a state with its past."""
+    @property
+    def balls(self) -> Balls:
+        """The balls that are known so far, in the photograph and shot apart."""
+        return self.history.state.balls if self.history else ()
+
+    @property
+    def outlines(self) -> Balls:
+        """The balls that have circles."""
+        return tuple(ball for ball in self.balls if ball.center_px and ball.radius_px)
 
     def is_found(self, ball: SphereTable) -> bool:
         """Whether a ball is as it was found."""
-        return True
-
-    def back_to_found(self) -> None:
-        """Take the balls as they were found."""
-
-    @property
-    def outlines(self) -> Outlines:
-        """The balls that have circles."""
-        return self.history.state.outlines if self.history else ()
+        return self.history is not None and self.history.state.is_found(ball)
 
     def _refresh_panels(self) -> None:
         if self.ball is not None and self.ball >= len(self.outlines):
@@ -168,21 +182,31 @@ class PhotographWindow(Window):
         """Look at a ball on the photograph; None: at all of it."""
         self.choose(ball=ball)
 
-    def alter(self, label: str, *, held_s: float | None = None, **changes: Any) -> None:
-        """Correct something. held_s: When the hand took what it drags; all of a drag is undone together."""
+    def alter(self, label: str, state: Any, held_s: float | None = None) -> None:
+        """Take another state, and show it; held_s: as of `did`."""
+        self.did(label, state, held_s)
+        self.refresh()
+
+    def correct(self, outlines: Balls, label: str = "correct a ball", held_s: float | None = None) -> None:
+        """Take other balls in the photograph; held_s: as of `did`."""
         if self.history is not None:
-            state, now_s = replace(self.history.state, **changes), time.monotonic() if held_s is None else held_s
-            self.keep(self.history.did(label, state, now_s, self._input or held_s))
-        self.refresh()
+            apart = tuple(ball for ball in self.balls if not ball.center_px)
+            balls = with_usual_diameters((*apart, *outlines), (*apart, *self.outlines))
+            self.alter(label, self.history.state.with_balls(balls), held_s)
 
-    def correct(self, outlines: Outlines, label: str = "correct a ball", held_s: float | None = None) -> None:
-        """Take other balls; held_s: as of `alter`."""
-        self.alter(label, held_s=held_s, outlines=outlines)
+    def measure(self, which: str | int, diameter_mm: float) -> None:
+        """Say the diameter of all balls of a kind, or of one in the photograph; 0: it is not known."""
+        balls, one = self.balls, self.outlines[which] if isinstance(which, int) else None
+        for index, ball in enumerate(balls):
+            if ball is one or ball.kind == which:
+                balls = changed(balls, index, diameter_mm=float(diameter_mm) or None)
+        if self.history is not None:
+            self.alter("diameter", self.history.state.with_balls(balls))
 
-    def restore(self, history: History[Any]) -> None:
-        """Take a state of the past or of the future."""
-        self.keep(history)
-        self.refresh()
+    def back_to_found(self) -> None:
+        """Take the balls as they were found, with the diameters that are known of their kinds."""
+        if self.history is not None:
+            self.correct(tuple(ball for ball in self.history.state.found if ball.center_px), "balls as found")
 
     def click(self, pixel: tuple[float, float]) -> None:
         """Give a clicked pixel to who wants it; else choose the ball that it lies on."""

@@ -7,16 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report.picture_strip import CELL_PX, INK, Label, PictureStrip
-from compare.report.pictures import PixelBox, contours, thumbnail
+from compare.report.pictures import PixelBox, thumbnail
 from compare.report.registration_pictures import WIDTH, shown_pixels, views
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.map_pictures import Image, normal_picture
-from studio.photograph.photograph_window import Beside, Shown
-from studio.photograph.plane import ROOT, Plane, add_lines, add_numbered
-from studio.review.folder import Review
+from studio.session.folder import Review
+from studio.session.photograph_window import Beside, Shown
+from studio.session.plane import ROOT, Plane, add_lines, add_numbered
 
 Overlay = Literal["nothing", "mask", "scan, shaded", "scan, normals"]
 OVERLAYS: tuple[Overlay, ...] = get_args(Overlay)
@@ -75,7 +75,7 @@ def photograph(review: Review, index: int, look: PictureLook) -> Image:
         picture = np.where(_clipped(frames, index, picture.shape)[..., None], CLIPPED_COLOUR, picture).astype(np.uint8)
     box = PixelBox(0, 0, frames.width, frames.height)
     if look.overlay == "mask":
-        return _with_mask(review, picture, box, look.opacity)
+        return _with_mask(review, picture, look.opacity)
     if look.overlay == "nothing":
         return picture
     truth, lights, camera = review.need("scan", "lights", "camera")
@@ -96,12 +96,9 @@ def shading(truth: NDArray, camera: Camera, lights: Lights, index: int, pixels: 
     truth (H, W, 3): unit normals, NaN where unknown; pixels (h, w, 2); a near light is taken at the depth of the
     reference point. The shading (h, w) is max(0, vector . normal), NaN off the scan.
     """
-    normals = _sampled(truth, pixels)
-    if lights.positions_mm is None:
-        vectors = lights.directions[index]
-    else:
-        points = camera.points_at_depth(pixels.reshape(-1, 2), float(lights.reference_point_mm[2]))
-        vectors = lights.only([index]).toward(points)[0].reshape(normals.shape)
+    normals, depth = _sampled(truth, pixels), float(lights.reference_point_mm[2])
+    points = camera.points_at_depth(pixels.reshape(-1, 2), depth)
+    vectors = lights.only([index]).toward(points)[0].reshape(normals.shape)
     return np.maximum(np.sum(normals * vectors, -1), 0).astype(np.float32)
 
 
@@ -163,17 +160,15 @@ def _clipped(frames: Frames, index: int, shape: tuple[int, ...]) -> NDArray[np.b
     return np.asarray(cv2.resize(clipped, (shape[1], shape[0]), interpolation=cv2.INTER_AREA)) > 0
 
 
-def _with_mask(review: Review, picture: Image, box: PixelBox, opacity: float) -> Image:
+def _with_mask(review: Review, picture: Image, opacity: float) -> Image:
+    """Tint the object, and draw the outermost pixels of it."""
     import cv2
 
     (mask,) = review.need("mask")
-    inside = _fitted(mask.astype(np.uint8), picture.shape) > 0
-    tinted = _blend(picture, np.full_like(picture, MASK_COLOUR), inside, 0.6 * opacity)
-    scale = picture.shape[1] / box.width
-    for line in contours(mask, box):
-        points = np.round((line * scale - 0.5) * 16).astype(np.int32)
-        tinted = cv2.polylines(tinted, [points], True, MASK_COLOUR, max(1, picture.shape[1] // 600), cv2.LINE_AA, 4)
-    return np.asarray(tinted, np.uint8)
+    inside = _fitted(mask.astype(np.uint8), picture.shape)
+    tinted = _blend(picture, np.full_like(picture, MASK_COLOUR), inside > 0, 0.6 * opacity)
+    edge = inside > cv2.erode(inside, np.ones((3, 3)), iterations=max(1, picture.shape[1] // 600), borderValue=0)
+    return np.where(edge[..., None], MASK_COLOUR, tinted).astype(np.uint8)
 
 
 def _blend(under: Image, over: NDArray, where: NDArray[np.bool_], opacity: float) -> Image:
@@ -198,15 +193,14 @@ OUTLINE = (255, 0, 190)
 def shown_of(window: Any) -> Shown | None:
     """Return what a session's window shows; None: no photograph can be shown, or a shoot is."""
     review, material, first = window.review, window.review.material, window.review.first_look
-    frames, exposure = material.frames, material.exposure
+    frames, exposure, view = material.frames, material.exposure, window.client.scene
     if window.is_alone or (frames is None and first is None):
         return None
     size = (frames.width, frames.height) if frames is not None else first.shape[1::-1] if first is not None else (1, 1)
     plane = Plane(*size)
     found = FITTED if review.spheres else WAITING if window.tab == "Balls" else None
-    is_scan = window.tab == "Scan"
-    pixels, strokes = (window.picks.pixels, window.strokes) if is_scan else ((), window.strokes[:0])
-    places = [tuple(plane.place(pixel, lift=0.003)) for pixel in pixels]
+    pixels, strokes = (window.picks.pixels, window.strokes) if window.tab == "Scan" else ((), window.strokes[:0])
+    places, outline = [tuple(plane.place(pixel, lift=0.003)) for pixel in pixels], plane.place(strokes, lift=0.002)
     return Shown(
         plane,
         None if frames is None else material.camera,
@@ -217,8 +211,8 @@ def shown_of(window: Any) -> Shown | None:
         tuple(found if window.is_found(ball) else MOVED for ball in window.outlines),
         {
             "highlights": (window.frame, lambda: _add_highlights(window, plane)),
-            "picks": (pixels, lambda: add_numbered(window.client.scene, f"{ROOT}/pick", places, 0.04, NOW)),
-            "picked": (strokes.tobytes(), lambda: _add(window, "picked", plane.place(strokes, lift=0.002), OUTLINE, 2)),
+            "picks": (pixels, lambda: add_numbered(view, f"{ROOT}/pick", places, 0.04, NOW)),
+            "picked": (outline.tobytes(), lambda: add_lines(view, "picked", outline, OUTLINE, 2)),
         },
     )
 
@@ -232,10 +226,6 @@ def _picture(window: Any) -> Image:
         return photograph(window.review, window.frame, PictureLook(brightness=window.how.brightness))
 
 
-def _add(window: Any, name: str, strokes: NDArray[np.float64], colour: Any, width_px: float) -> list[Any]:
-    return [add_lines(window.client.scene, name, strokes, colour, width_px)] if len(strokes) else []
-
-
 def _add_highlights(window: Any, plane: Plane) -> list[Any]:
     """Mark the chosen ball's highlights by crosses."""
     seen, index = window.review.highlights_px, window.ball
@@ -246,5 +236,5 @@ def _add_highlights(window: Any, plane: Plane) -> list[Any]:
     crosses = plane.place(seen[index], lift=0.0024)[:, None, None] + crosses
     known = np.isfinite(seen[index]).all(-1)
     is_now = known & (np.arange(len(known)) == window.frame)
-    handles = _add(window, "seen", crosses[known].reshape(-1, 2, 3), SEEN, 2)
-    return handles + _add(window, "this_frame", crosses[is_now].reshape(-1, 2, 3), NOW, 4)
+    handles = add_lines(window.client.scene, "seen", crosses[known].reshape(-1, 2, 3), SEEN, 2)
+    return handles + add_lines(window.client.scene, "this_frame", crosses[is_now].reshape(-1, 2, 3), NOW, 4)

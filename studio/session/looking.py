@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from capture.session.globs import natural_key
 from capture.session.session_types import Encoding
-from capture.survey.folder_files import FolderFiles
+from capture.survey.folder_files import FEWEST, FolderFiles
 from capture.survey.small_pictures import Small, read_small
-from compare.report.picture_strip import CELL_PX
+from compare.report.picture_strip import CELL_PX, INK, PictureStrip
 from compare.report.pictures import Exposure
 from scene.errors import SceneError
 from scene.frames import decode
@@ -22,25 +22,27 @@ from shoot.init.answers import Answers, Asking
 from shoot.init.contact_sheet import MOST
 from shoot.init.draft import ROLES, Draft
 from shoot.init.prepare import prepare
-from studio.studio_state import History
+
+BOARD, UNUSED = "board", "not used"
+LEFT_OUT, OTHER = (255, 120, 110), (255, 210, 90)
+"""Colours of the names of photographs that are not used, and of those that are no flash frames."""
 
 
 class FolderLook:
     """A folder, and what is found in it once `begin` was called; nobody is asked.
 
     files, out: Of the folder, and its session's output folder.
-    draft: What is known so far: the photographs' uses, then the balls, then all. history: In the end, with what was
-    put right; or `fault`, why nothing could be made of the folder.
+    draft: What is known so far: the photographs' uses, then the balls, then all, when it `is_done`; or `fault`, why
+    nothing could be made of the folder.
     small: In the end every photograph that can be read, whatever it is used for, in natural order.
     """
 
     def __init__(self, files: FolderFiles, out: Path) -> None:
         self.files, self.out, self.done, self.total = files, out, 0, 1
         self.draft: Draft | None = None
-        self.history: History[Draft] | None = None
         self.small: dict[Path, Small] = {}
+        self.is_done, self.begun_s = False, 0.0
         self.fault: Exception | None = None
-        self.begun_s = 0.0
         self._thread: threading.Thread | None = None
 
     def begin(self) -> None:
@@ -59,7 +61,7 @@ class FolderLook:
     @property
     def is_over(self) -> bool:
         """Whether the look has ended."""
-        return self.history is not None or self.fault is not None
+        return self.is_done or self.fault is not None
 
     @property
     def told(self) -> str:
@@ -72,18 +74,13 @@ class FolderLook:
 
     def _run(self) -> None:
         try:
-            asking = Asking(Answers(), silent=True)
-            draft = prepare(self.files, asking, nullcontext(self._read), seen=self._see)
+            tell = nullcontext(lambda done, total: vars(self).update(done=done, total=total))
+            seen = lambda draft: vars(self).update(draft=draft)  # noqa: E731
+            draft = prepare(self.files, Asking(Answers(), silent=True), tell, seen=seen)
             self.small = self._read_small(draft)
-            self.draft, self.history = draft, History(draft)
+            self.draft, self.is_done = draft, True
         except Exception as fault:
             self.fault = fault
-
-    def _read(self, done: int, total: int) -> None:
-        self.done, self.total = done, total
-
-    def _see(self, draft: Draft) -> None:
-        self.draft = draft
 
     def _read_small(self, draft: Draft) -> dict[Path, Small]:
         flash, frames = draft.photographs["flash"], draft.small
@@ -92,7 +89,7 @@ class FolderLook:
             for path, codes in zip(flash, frames.codes, strict=True)
         }
         listed = {
-            path for some in (self.files.photographs, draft.photographs) for role in (*ROLES, "board")
+            path for some in (self.files.photographs, draft.photographs) for role in (*ROLES, BOARD)
             for path in some.get(role, [])
         }  # fmt: skip
         if others := sorted(listed - found.keys(), key=natural_key):
@@ -119,7 +116,7 @@ class FolderLook:
         return self.exposure.develop(decode(self.small[path].codes))
 
     @cached_property
-    def thumbnails(self) -> tuple[Image, ...]:
+    def _thumbnails(self) -> tuple[Image, ...]:
         """All photographs, as wide as the strip shows them."""
         return tuple(self.exposure.develop(shrink(decode(one.codes), CELL_PX)) for one in self.small.values())
 
@@ -127,6 +124,16 @@ class FolderLook:
     def first(self) -> Image | None:
         """The first photograph, small, before anything else is known; None: it cannot be read."""
         return first_look(self.files.photographs["flash"][0])
+
+    def strip(self, roles: tuple[str, ...]) -> PictureStrip:
+        """Return the small photographs, each with its use; those that are not used are dim."""
+        colours = {"flash": INK, UNUSED: LEFT_OUT}
+        labels = [
+            (path.stem if role == "flash" else f"{role}: {path.stem}", colours.get(role, OTHER))
+            for path, role in zip(self.small, roles, strict=True)
+        ]
+        dimmed = [small // (3 if role == UNUSED else 1) for small, role in zip(self._thumbnails, roles, strict=True)]
+        return PictureStrip.of(dimmed, labels)
 
 
 def first_look(path: Path, encoding: Encoding = "linear") -> Image | None:
@@ -136,3 +143,37 @@ def first_look(path: Path, encoding: Encoding = "linear") -> Image | None:
         linear = decode(small.codes)
         return Exposure.for_picture(linear).develop(linear)
     return None
+
+
+def role_of(draft: Draft, path: Path) -> str:
+    """Return what a photograph is used for."""
+    return next((role for role, paths in draft.photographs.items() if path in paths), UNUSED)
+
+
+def with_role(draft: Draft, small: dict[Path, Small], path: Path, role: str) -> Draft:
+    """Return a draft with a photograph used for something else.
+
+    Raises SceneError: too few flash frames would be left, it is of another size, or it is one of a board.
+    """
+    was = role_of(draft, path)
+    if role == was:
+        return draft
+    if BOARD in (role, was):
+        raise SceneError(
+            f"{path.name}: a board's shots are found by themselves. Put three or more that show all of it into a "
+            "folder called board, or others out of it, and look at the folder again."
+        )
+    if "flash" in (role, was) and any(ball.frames for ball in draft.manifest.spheres):
+        raise SceneError(
+            f"{path.name}: the balls that were shot apart have one photograph for each flash frame. Name it under "
+            "frames.skip in session.toml, which leaves out theirs, too."
+        )
+    photographs = {one: [other for other in paths if other != path] for one, paths in draft.photographs.items()}
+    if role != UNUSED:
+        photographs[role] = sorted([*photographs.get(role, []), path], key=natural_key)
+    if len(photographs["flash"]) < FEWEST:
+        raise SceneError(f"{path.name}: {FEWEST} flash frames are the fewest. Leave it, or add others first.")
+    size = small[path].width, small[path].height
+    if role != UNUSED and size != (draft.width, draft.height):
+        raise SceneError(f"{path.name}: {size[0]} x {size[1]} px; the flash frames: {draft.width} x {draft.height}.")
+    return draft.with_photographs(photographs)

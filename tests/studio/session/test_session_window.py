@@ -10,22 +10,24 @@ import numpy as np
 import pytest
 
 from capture.session.session import load_session
+from capture.survey.folder_files import FolderFiles
 from lab.options import Settings
 from scene.errors import SceneError
 from scene.files import write_png
 from scene.output_folder import open_record
 from shoot.watch.status import MAP, STATUS
 from studio import window as windows
-from studio.photograph import photograph_view, photograph_window
-from studio.photograph.photograph_view import PhotographView
-from studio.photograph.photograph_window import moved
-from studio.photograph.plane import ROOT
-from studio.review.review_window import ReviewWindow
-from studio.review.session_rows import TABS, session_rows
-from studio.review.spatial_view import SpatialView
+from studio.session import photograph_view
+from studio.session.looking import FolderLook
+from studio.session.photograph_view import PhotographView
+from studio.session.photograph_window import moved
+from studio.session.plane import ROOT
+from studio.session.session_rows import TABS, session_rows
+from studio.session.session_window import SessionWindow
+from studio.session.spatial_view import SpatialView
 from studio.studio_state import StudioState
 from studio.workspace import Workspace
-from tests.studio.review.conftest import note_steps
+from tests.studio.session.conftest import note_steps
 
 
 @pytest.fixture
@@ -33,8 +35,8 @@ def reviewing(made, nobody, furnish):
     """Return what makes the window of a review of the folder that was made."""
 
     def furnished(*views, state=None, number=1):
-        state = state or StudioState(area="Session", review=(made.folder, made.session))
-        return furnish(ReviewWindow(nobody(number), Workspace.at(made.folder.parent), state), session_rows, *views)
+        state = state or StudioState(area="Session", session=(made.folder, made.session))
+        return furnish(SessionWindow(nobody(number), Workspace.at(made.folder.parent), state), session_rows, *views)
 
     return furnished
 
@@ -136,7 +138,7 @@ def test_a_drag_is_undone_as_one_however_slow_it_is(reviewing, settle, monkeypat
     """A machine that is busy, or a hand that rests, sends the next place seconds later."""
     clock = SimpleNamespace(monotonic=count(0, 10).__next__)
     monkeypatch.setattr(photograph_view, "time", clock)
-    monkeypatch.setattr(photograph_window, "time", clock)
+    monkeypatch.setattr(windows, "time", clock)
     window = reviewing(PhotographView)
     plane = window.plane
     window.choose_ball(0)
@@ -152,6 +154,40 @@ def test_a_drag_is_undone_as_one_however_slow_it_is(reviewing, settle, monkeypat
     assert window.outlines[0].radius_px == pytest.approx(1.05 * found.radius_px, rel=0.01)
     window.undo()
     assert window.outlines[0] == found
+
+
+def test_a_diameter_that_was_kept_stays_when_the_balls_are_found_with_it(reviewing, made, settle):
+    """The session itself states none: what was typed is known from what was kept."""
+    path = made.session / "session.toml"
+    path.write_text(path.read_text().replace("diameter_mm = 90.0\n", ""))
+    window = reviewing()
+    window.open_tab("Balls")
+    for label, value in (("white balls, mm", 90.0), ("Keep", True)):
+        window.client.says(label, value)
+        settle(window)
+    window.read_again()
+    assert [ball.diameter_mm for ball in window.history.state.found] == [100.0, 100.0, 90.0]
+    assert not window.client.told[1:]
+
+
+def test_another_folder_is_gone_back_to(reviewing, made, settle):
+    """In which a session is begun: what is opened meanwhile takes nothing of it away."""
+    look = FolderLook(FolderFiles(made.session.parent / "jug"), made.folder.parent / "jug_out")
+    state = StudioState(area="Session", session=(made.folder, made.session), looks={look.files.folder: look})
+    window = reviewing(state=state)
+    choice = window.client.input("object")
+    assert (choice.visible, choice.options, choice.value) == (
+        True,
+        ("jug", "session (has a session.toml)"),
+        choice.options[1],
+    )
+    for name, place in (
+        ("session (has a session.toml)", (made.folder, made.session)),
+        ("jug", (look.out, look.files.folder)),
+    ):
+        window.client.says("object", name)
+        settle(window)
+        assert state.session == place
 
 
 @pytest.fixture
@@ -232,7 +268,7 @@ def test_what_fails_at_each_look_is_told_once(reviewing, runs, monkeypatch, sett
         looks.append(1)
         raise SceneError("the disk is gone")
 
-    monkeypatch.setattr(ReviewWindow, "shown", fail)
+    monkeypatch.setattr(SessionWindow, "shown", fail)
     window.client.says("Run up to Capture")
     eventually(lambda: len(looks) > 5)
     assert window.client.told == ["That cannot be done: the disk is gone"]
@@ -273,7 +309,7 @@ def test_a_first_shoot_stands_alone_until_its_session_is_decoded(nobody, tmp_pat
     folder, turned = tmp_path / "out", []
     with open_record(folder) as record:
         (folder / STATUS).write_text(json.dumps(STATE))
-        window = ReviewWindow(nobody(), Workspace.at(tmp_path), StudioState(area="Session", review=(folder, None)))
+        window = SessionWindow(nobody(), Workspace.at(tmp_path), StudioState(area="Session", session=(folder, None)))
         window.turn = lambda: turned.append("turned")
         furnish(window, session_rows, PhotographView)
         assert window.is_alone
