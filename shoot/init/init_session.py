@@ -17,6 +17,7 @@ from scene.files import write_png, write_text
 from scene.light_text import FILENAMES
 from scene.origin import Origin
 from scene.output_folder import open_record
+from scene.record import Record
 from shoot.init.answers import Answers, Asking
 from shoot.init.contact_sheet import contact_sheet
 from shoot.init.draft import Draft
@@ -70,20 +71,21 @@ def init_sessions(
         draft = prepare(one, asking, progress_bar(f"look at {one.folder.name}"))
         if shown:
             shown(draft)
-        made.append(write_session(draft))
+        origin = Origin("session", draft.folder, tuple(draft.photographs["flash"]))
+        out = default_out(origin, draft.folder.name)
+        with open_record(out, origin=origin, input_folders=[draft.folder]) as record:
+            made.append(write_session(draft, record))
     return made
 
 
-def write_session(draft: Draft, out: Path | None = None) -> Made:
-    """Write session.toml into the folder, and the contact sheet into its output folder."""
-    origin = Origin("session", draft.folder, tuple(draft.photographs["flash"]))
-    out = out or default_out(origin, draft.folder.name)
-    with open_record(out, origin=origin, input_folders=[draft.folder]) as record:
-        record.forget([PART])
-        with record.part_of(PART):
-            write_png(out / SHEET, contact_sheet(draft))
+def write_session(draft: Draft, record: Record) -> Made:
+    """Write session.toml into the folder, and the contact sheet into its output folder, which is held."""
+    sheet = record.folder / SHEET
+    record.forget([PART])
+    with record.part_of(PART):
+        write_png(sheet, contact_sheet(draft))
     # Last, and outside of the output folder's record: from here on it is the user's.
-    return Made(draft, write_manifest(draft, signed(session_text(draft))), out / SHEET)
+    return Made(draft, write_manifest(draft, signed(session_text(draft))), sheet)
 
 
 def write_manifest(draft: Draft, text: str) -> Path:

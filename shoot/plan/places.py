@@ -98,6 +98,11 @@ def stand_balls(set_up: SetUp, positions: Array, kinds: Sequence[tuple[Kind, flo
     stood: list[Sphere] = []
     for kind, diameter in kinds:
         depth = set_up.table_mm + diameter / 2
+        if depth >= 0:
+            raise SceneError(
+                f"balls: one of {diameter:g} mm, on the table {-set_up.table_mm:.4g} mm from the camera, would reach "
+                "it. Take smaller balls, or a greater --distance-mm."
+            )
         radius = -camera.fx * diameter / 2 / depth
         places = _border(shape, (1 + GAP) * radius)
         # Distance to the object's box in the picture, and to the balls that stand.
@@ -132,9 +137,9 @@ def _border(shape: Array, inset: float) -> Array:
 
 def usual_balls(set_up: SetUp) -> list[tuple[Kind, float]]:
     """Return three chrome balls and a white one, of the least diameter that is sold and surely found."""
-    # A ball on the table must stay before the camera.
-    there = [mm for mm in USUAL_MM if set_up.table_mm + mm / 2 < 0]
-    radii = {mm: -set_up.camera.fx * mm / 2 / (set_up.table_mm + mm / 2) for mm in there}
-    diameter = next((mm for mm, radius in radii.items() if radius >= GOOD_PX), USUAL_MM[-1])
+    # Up to half of the way to the camera; `stand_balls` says where none fits.
+    there = [mm for mm in USUAL_MM if mm < -set_up.table_mm] or USUAL_MM[:1]
+    good = (mm for mm in there if -set_up.camera.fx * mm / 2 / (set_up.table_mm + mm / 2) >= GOOD_PX)
+    diameter = next(good, there[-1])
     kinds: tuple[Kind, ...] = ("chrome", "chrome", "chrome", "white")
     return [(kind, diameter) for kind in kinds]

@@ -52,7 +52,7 @@ def watch_folder(
 ) -> None:
     """Watch a folder until it is ended, or no photograph has come for a while; then write its session, and decode it.
 
-    Ctrl-C ends it, and SIGTERM, as services send it.
+    Ctrl-C ends it, and SIGTERM, as services send it; another one costs nothing until session.toml is written.
 
     Parameters
     ----------
@@ -89,15 +89,15 @@ def watch_folder(
         shoot = Shoot(folder, asking)
         screen = Screen(shoot, out, wanted_deg)
         taken = Taken(folder, kept_folder(record.folder), asking, screen.note, screen.warn)
-        say(f"watching {folder}; Ctrl-C ends the shoot and writes its session")
-        with _until_ended():
-            _loop(folder, taken, shoot, screen, until_idle_s, clock)
-        say("the shoot is over")
-        screen.renew(is_over=True)
-        draft = _draft_of(folder, shoot, asking, taken)
-        # What stood there first, perhaps an ambient frame alone, is no longer what tells the session from others.
-        Origin("session", folder, tuple(shot.path for shot in taken.shots.values())).claim(record, out)
-    made = write_session(draft, out)
+        with _ended_by_signals() as is_ended:
+            say(f"watching {folder}; Ctrl-C ends the shoot and writes its session")
+            _loop(folder, taken, shoot, screen, until_idle_s, clock, is_ended)
+            say("the shoot is over; its session is written")
+            screen.renew(is_over=True)
+            draft = _draft_of(folder, shoot, asking, taken)
+            # What stood there first, perhaps an ambient frame alone, is no longer what tells the session from others.
+            Origin("session", folder, tuple(shot.path for shot in taken.shots.values())).claim(record, out)
+            made = write_session(draft, record)
     for note in notes_of(draft):
         say(f"note: {note}")
     say(f"written  {made.manifest}")
@@ -106,17 +106,17 @@ def watch_folder(
 
 
 @contextmanager
-def _until_ended() -> Iterator[None]:
-    """End the block, and no more, by Ctrl-C or SIGTERM."""
-    is_main = threading.current_thread() is threading.main_thread()
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler) if is_main else None
+def _ended_by_signals() -> Iterator[threading.Event]:
+    """Yield what Ctrl-C and SIGTERM set: within the block they stop nothing."""
+    is_ended, before = threading.Event(), {}
+    if threading.current_thread() is threading.main_thread():
+        numbers = signal.SIGINT, signal.SIGTERM
+        before = {number: signal.signal(number, lambda *_: is_ended.set()) for number in numbers}
     try:
-        yield
-    except KeyboardInterrupt:
-        pass
+        yield is_ended
     finally:
-        if is_main:
-            signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
 
 
 def _loop(
@@ -126,12 +126,13 @@ def _loop(
     screen: Screen,
     until_idle_s: float | None,
     clock: Callable[[], float],
+    is_ended: threading.Event,
 ) -> None:
     hot, last, is_followed, was_there = HotFolder(), clock(), True, True
     following: Future[list[str]] | None = None
     # Beside: a new photograph is judged at once, whatever is still computed of those before.
     with ThreadPoolExecutor(1) as beside:
-        while True:
+        while not is_ended.is_set():
             start = clock()
             files = hot.see(list_photographs(folder), start)
             listed_s = clock() - start
@@ -161,7 +162,7 @@ def _loop(
             ):
                 return
             else:
-                time.sleep(max(EVERY_S, listed_s))
+                is_ended.wait(max(EVERY_S, listed_s))
             if following is not None and following.done():
                 warnings, following = [*warnings, *shoot.new(following.result())], None
                 screen.renew()
