@@ -28,7 +28,7 @@ from shoot.init.init_session import check_free, check_layout, write_session
 from shoot.init.prepare import prepare
 from shoot.watch.shoot import Shoot
 from shoot.watch.status import Screen
-from shoot.watch.taken import Shot, Taken
+from shoot.watch.taken import Taken
 
 EVERY_S = 0.5
 """A folder is listed so often; one that is slow to list, half of the time."""
@@ -140,10 +140,9 @@ def _loop(
                 was_there = hot.is_there
                 gone = "the folder is gone; waiting for it to return"
                 screen.note("the folder is there again" if was_there else gone)
-            counted = len(taken.shots)
             fresh, is_changed = taken.renew(files, start)
             warnings: list[str] = []
-            if is_changed or len(taken.shots) > counted:
+            if is_changed:
                 warnings = shoot.judge(list(taken.shots.values()))
                 for shot in fresh:
                     say(f"{shot.name}: {shoot.role_of(shot)} ({clock() - start:.1f} s)")
@@ -178,11 +177,7 @@ def _draft_of(folder: Path, shoot: Shoot, asking: Asking, taken: Taken) -> Draft
     SessionError
         Too few photographs show the flash.
     """
-
-    def there(role: str) -> list[Shot]:
-        return [shot for shot in shoot.roles.get(role, []) if shot.path.is_file()]
-
-    flash, ambient = there("flash"), there("ambient")
+    flash, ambient = ([shot for shot in shoot.roles[role] if shot.path.is_file()] for role in ("flash", "ambient"))
     if len(flash) < FEWEST:
         raise SessionError(
             f"{folder}: {len(flash)} photographs show the flash; a session needs {FEWEST} or more, and none was "
@@ -197,7 +192,7 @@ def _draft_of(folder: Path, shoot: Shoot, asking: Asking, taken: Taken) -> Draft
     counted -= left_out.keys()
     named = {role: [path for path in some if path in counted] for role, some in files.photographs.items()}
     files = replace(files, photographs=named)
-    known: dict[str, Any] = {"small": [shot.small for shot in taken.shots.values()], "balls": shoot.lights_so_far.balls}
+    known: dict[str, Any] = {"small": [shot.small for shot in taken.shots.values()], "balls": shoot.balls}
     try:
         return prepare(files, asking, nullcontext(lambda done, total: None), **known).noting(*notes)
     except SessionError as error:

@@ -9,8 +9,7 @@ import pytest
 from capture.camera.exif import Exif
 from capture.session.manifest import FramesTable, Manifest, SphereTable
 from capture.survey.small_pictures import frames_of, read_small
-from shoot.init.draft import Draft
-from shoot.init.scan_unit import ScanSize
+from shoot.init.draft import Draft, ScanSize
 
 BALLS = tuple(
     SphereTable(kind=kind, center_px=[u, v], radius_px=radius)
