@@ -74,7 +74,7 @@ def test_a_scheduler_that_does_not_answer(session, cluster, refused, tmp_path):
     [
         ({"code": "0" * 40}, "the code of its rgbn in .* is another"),
         ({"libraries": {"scipy": "1.0"}}, r"its scipy is .*, expected 1\.0"),
-        ({"folder": Path("nowhere/run")}, "does not see the output folder nowhere"),
+        ({"folder": Path("nowhere/.rgbn/cluster")}, "does not see the output folder nowhere"),
         ({"files": {__file__: "0"}}, "sees another file as .*test_workers_checked.py"),
         ({"files": {"nowhere/flash_00.png": "0"}}, "does not see nowhere/flash_00.png"),
     ],
