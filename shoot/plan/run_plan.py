@@ -15,13 +15,13 @@ from scene.mesh import Mesh
 from scene.origin import Origin
 from scene.output_folder import open_record, own_folder
 from scene.record import Record
-from scene.spheres import Kind
+from scene.spheres import KINDS, Kind
 from shoot.plan.places import places_in_reach, stand_balls, usual_balls
 from shoot.plan.plan_options import PlanOptions
 from shoot.plan.plan_page import plan_facts, plan_page
 from shoot.plan.set_up import SetUp, before_camera, lens_camera, pixels_of
 from shoot.plan.shoot_plan import ShootPlan, plan_shoot
-from shoot.plan.under_way import session_so_far
+from shoot.plan.under_way import UnderWay, session_so_far
 from twin.camera.virtual_camera import Sensor
 from twin.description.object_mesh import built_in
 
@@ -66,7 +66,7 @@ def _opened(source: Path | None, options: PlanOptions, out: Path | None) -> Iter
             )
         with open_job(source, out=out) as job:
             so_far = session_so_far(job)
-            yield job.record, plan_shoot(so_far.pixels, so_far.spheres, so_far.within(options), so_far=so_far)
+            yield job.record, plan_shoot(so_far, so_far.within(options))
         return
     set_up = _new_set_up(source, options)
     usual, origin = Path("out") / "plan-sphere", "plan"
@@ -75,10 +75,9 @@ def _opened(source: Path | None, options: PlanOptions, out: Path | None) -> Iter
         usual = own_folder(Path("out") / f"plan-{source.stem}", origin)
     with open_record(out or usual, origin=origin, inputs=[] if source is None else [source]) as record:
         places = places_in_reach(options, set_up.middle_mm, set_up.size_mm)
-        chrome: list[tuple[Kind, float]] = [("chrome", one) for one in options.chrome]
-        given = [*chrome, *(("white", one) for one in options.white)]
+        given: list[tuple[Kind, float]] = [(kind, one) for kind in KINDS for one in getattr(options, kind)]
         spheres = stand_balls(set_up, places, given or usual_balls(set_up))
-        yield record, plan_shoot(pixels_of(set_up), spheres, options)
+        yield record, plan_shoot(UnderWay.begun(pixels_of(set_up), spheres), options)
 
 
 def _new_set_up(source: Path | None, options: PlanOptions) -> SetUp:

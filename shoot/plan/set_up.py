@@ -123,15 +123,11 @@ class ShownObject(NamedTuple):
 
     def only(self, flashes: NDArray) -> "ShownObject":
         """Return some of the flashes."""
-        return ShownObject(self.vectors[flashes], self.noise[flashes], self.seen[flashes])
+        return self._make(part[flashes] for part in self)
 
     def followed_by(self, other: "ShownObject") -> "ShownObject":
         """Return these flashes and others."""
-        return ShownObject(
-            np.concatenate([self.vectors, other.vectors]),
-            np.concatenate([self.noise, other.noise]),
-            np.concatenate([self.seen, other.seen]),
-        )
+        return self._make(map(np.concatenate, zip(self, other, strict=True)))
 
 
 def lights_at(positions: Array, reference: Array) -> Lights:

@@ -29,7 +29,7 @@ FEWEST_PIXELS = 20
 
 
 class UnderWay(NamedTuple):
-    """What there is of a shoot.
+    """What there is of a shoot; of one that is not begun the object and the balls.
 
     Parameters
     ----------
@@ -48,6 +48,13 @@ class UnderWay(NamedTuple):
     places: NDArray[np.int64]
     lights: Lights
     spheres: list[Sphere]
+
+    @classmethod
+    def begun(cls, pixels: ObjectPixels, spheres: list[Sphere]) -> "UnderWay":
+        """Return a shoot without a flash."""
+        count = len(pixels.points)
+        nothing = ShownObject(np.zeros((0, count, 3)), np.zeros((0, count)), np.zeros((0, count), bool))
+        return cls(pixels, nothing, np.zeros((0, 2), np.int64), Lights.unknown(()), spheres)
 
     @property
     def has_known_balls(self) -> bool:
