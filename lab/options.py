@@ -180,20 +180,13 @@ SHADED = Parameter(help="Let the registered scan's own shading correct lights th
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class SessionSolving(Solving):
-    """The same of a session, whose lights may be refined first."""
-
-    refine_lights: Annotated[bool | None, SHADED] = None
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Settings(TwinSettings, SessionSolving):
+class Settings(TwinSettings, Solving):
     """All of them. An output folder's record keeps them: what a later run does not say stays as it was.
 
     `truth`: folder of a known truth (truth.json, truth.npz) to judge the results by.
     """
 
+    refine_lights: Annotated[bool | None, SHADED] = None
     truth: Annotated[Path | None, Parameter(parse=False)] = None
 
     @classmethod

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from cyclopts import App, Group, Parameter
 
 from experiments.commands import dataset, sweep
-from lab.options import AS_BEFORE, SHADED, SessionSolving, Settings
+from lab.options import AS_BEFORE, BY_DEFAULT, SHADED, Settings, Solving
 from lab.progress import say
 from lab.run import is_description, run_session
 from lab.streams import check_words, is_quiet, keep_quiet, log_to, open_streams
@@ -138,7 +138,8 @@ def solve(
     /,
     *,
     out: Out = None,
-    said: SessionSolving = AS_BEFORE,
+    said: Solving = BY_DEFAULT,
+    refine_lights: Annotated[bool | None, SHADED] = None,
     mesh: Annotated[Path | None, Parameter(help="Also write the surface, in mm, as this .ply.")] = None,
     scheduler: Scheduler = None,
     json: Json = False,
@@ -148,7 +149,8 @@ def solve(
 
     if mesh:
         check_name(mesh)
-    _run(json, session, "solve", out=out, said=said, scheduler=scheduler, mesh=mesh)
+    settings = Settings(refine_lights=refine_lights).but(said)
+    _run(json, session, "solve", out=out, said=settings, scheduler=scheduler, mesh=mesh)
 
 
 @app.command(sort_key=7)
