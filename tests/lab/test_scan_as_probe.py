@@ -1,8 +1,6 @@
 """A session with a scan and no balls: the whole way, and what is said where the scan cannot be the probe."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +13,6 @@ from scene.errors import AlignError
 from scene.normals import angular_error_deg
 from scene.store import Store
 
-COMMAND = [str(Path(sys.executable).parent / "rgbn")]
 BUMPY = Path(__file__).parents[2] / "fixtures" / "bumpy"
 
 
@@ -33,11 +30,10 @@ def without_balls(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def processed(without_balls, tmp_path_factory):
+def processed(without_balls, rgbn_process, tmp_path_factory):
     """(output folder, summary) of `rgbn process`."""
     out = tmp_path_factory.mktemp("out") / "bumpy"
-    command = [*COMMAND, "process", str(without_balls), "--out", str(out), "--json"]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    run = rgbn_process("process", without_balls, "--out", out, "--json")
     assert run.returncode == 0, run.stderr
     return out, json.loads(run.stdout)
 
