@@ -28,10 +28,7 @@ Staging = Literal["one-factor", "benchmark"]
 def named(option: str, text: str, known: Iterable[str]) -> tuple[str, ...]:
     """Return the names that a text with commas gives, in any case, each once, as they are known.
 
-    Raises
-    ------
-    SceneError
-        One is not known, or there is none; `option` is what the message begins with.
+    Raises SceneError: one is not known, or there is none; `option` is what the message begins with.
     """
     spelt = {name.casefold(): name for name in known}
     words = [word.strip() for word in text.split(",") if word.strip()]
@@ -100,10 +97,7 @@ class Solving:
     def methods(self) -> tuple[str, ...]:
         """Return the names of the methods of ours.
 
-        Raises
-        ------
-        SceneError
-            There is no such method, or it has no such profile.
+        Raises SceneError: there is no such method, or it has no such profile.
         """
         from solve.methods import method_of
 
@@ -116,10 +110,7 @@ class Solving:
     def programs(self) -> "dict[str, External]":
         """Return the other programs by name.
 
-        Raises
-        ------
-        SceneError
-            A text is no NAME=COMMAND, a preset's program is not there, or a name is given twice.
+        Raises SceneError: a text is no NAME=COMMAND, a preset's program is not there, or a name is given twice.
         """
         from solve.external import External
 

@@ -41,10 +41,7 @@ def _tried(what: str, how: Callable[[], tuple[str, str]]) -> Finding:
 def tell_findings() -> None:
     """Print every check with its mark.
 
-    Raises
-    ------
-    SceneError
-        rgbn cannot run here.
+    Raises SceneError: rgbn cannot run here.
     """
     findings = examine()
     for finding in findings:

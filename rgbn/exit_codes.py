@@ -15,10 +15,7 @@ from scene.errors import SceneError
 def end_by(error: BaseException) -> NoReturn:
     """Say what stopped the command line, and leave with the exit code of that.
 
-    Raises
-    ------
-    SystemExit
-        With 2 or 1; Ctrl-C, a closed pipe and a full disk behind a stream leave at once instead.
+    Raises SystemExit: with 2 or 1; Ctrl-C, a closed pipe and a full disk behind a stream leave at once instead.
     """
     if _by_ctrl_c(error):
         say("\nrgbn: stopped. What is done is kept; the same command goes on from there.", always=True)

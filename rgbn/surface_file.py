@@ -24,10 +24,7 @@ def write_surface(job: Job, path: Path) -> None:
     Normals, albedo and depth are always one method's: a depth map is that which its method's normals were found
     under, and where there is none the surface is what those normals integrate to.
 
-    Raises
-    ------
-    SceneError
-        No pixel has a normal, another's file stands there, or it cannot be written.
+    Raises SceneError: no pixel has a normal, another's file stands there, or it cannot be written.
     """
     from solve.surface.integration import integrate, surface_at
     from solve.surface.surface_mesh import mesh_of

@@ -47,11 +47,8 @@ def prepare(
     `balls`: the photographs as they were read already, and the balls as they were found. `seen` is given the draft when
     the photographs have their roles, and again when the balls are found.
 
-    Raises
-    ------
-    SessionError
-        Too few photographs can be read or are of one size, or they show several objects; answers do not fit what was
-        found.
+    Raises SessionError: too few photographs can be read or are of one size, or they show several objects; answers do
+    not fit what was found.
     """
     linear, encoding = encoding_of(files.photographs["flash"][0], asking)
     every = [path for role in ("flash", "ambient", "board") for path in files.photographs.get(role, [])]
@@ -223,10 +220,7 @@ def _with_balls(draft: Draft, files: FolderFiles, asking: Asking, found: Sequenc
 def with_diameters(balls: Sequence[SphereTable], asking: Asking) -> list[SphereTable]:
     """Return balls, of each kind the largest first, with the diameters that are known or asked for.
 
-    Raises
-    ------
-    SessionError
-        Diameters were given, neither one for all balls of a kind nor one for each.
+    Raises SessionError: diameters were given, neither one for all balls of a kind nor one for each.
     """
     known: list[SphereTable] = []
     for kind in KINDS:

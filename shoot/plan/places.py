@@ -33,10 +33,7 @@ SHADED = 0.02
 def places_in_reach(options: PlanOptions, middle: Array, size_mm: float, count: int = CANDIDATES) -> Array:
     """Return about `count` places (C, 3), mm, evenly over the reach of the flash around the object's middle.
 
-    Raises
-    ------
-    SceneError
-        Too few places are in reach.
+    Raises SceneError: too few places are in reach.
     """
     start_deg, end_deg = options.from_deg, options.to_deg
     if start_deg > end_deg:
@@ -63,10 +60,7 @@ def out_of_view(camera: Camera, positions: Array) -> Array:
 
     An orthographic camera is one of which nothing is known: it tells nothing of its sides.
 
-    Raises
-    ------
-    SceneError
-        None is left.
+    Raises SceneError: none is left.
     """
     if camera.is_orthographic:
         return positions
@@ -87,10 +81,7 @@ def stand_balls(set_up: SetUp, positions: Array, kinds: Sequence[tuple[Kind, flo
     The first stands where it is farthest from the object, each other one farthest from those before; no place in the
     object's shadow from one of the flashes at `positions` (F, 3), if there are others.
 
-    Raises
-    ------
-    SceneError
-        There is no room in the picture.
+    Raises SceneError: there is no room in the picture.
     """
     camera = set_up.camera
     outline, shape = camera.project(set_up.mesh.vertices), np.array([camera.width, camera.height])

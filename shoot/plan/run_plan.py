@@ -40,10 +40,7 @@ def run_plan(source: Path | None, options: PlanOptions, *, out: Path | None = No
     out : Path, optional
         Default: a session's own; out/plan-NAME by the scan's name.
 
-    Raises
-    ------
-    SceneError
-        An option or the source is at fault.
+    Raises SceneError: an option or the source is at fault.
     """
     with _opened(source, options, out) as (record, plan):
         facts = plan_facts(plan)

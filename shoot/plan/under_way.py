@@ -76,10 +76,7 @@ def session_so_far(job: Job) -> UnderWay:
 
     The object is the registered scan with its shadows; without one the normals found so far, without cast shadows.
 
-    Raises
-    ------
-    SceneError
-        The steps up to `solve` fail, or the lights are unknown.
+    Raises SceneError: the steps up to `solve` fail, or the lights are unknown.
     """
     job.run(STEPS, "solve")
     store, method = job.store, METHOD if METHOD in job.methods else job.methods[0]
@@ -118,10 +115,7 @@ def under_way(
     count : int
         Pixels at most.
 
-    Raises
-    ------
-    SceneError
-        No pixels to speak of have a normal.
+    Raises SceneError: no pixels to speak of have a normal.
     """
     from twin.camera.grain import sensor_like
 

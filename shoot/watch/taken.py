@@ -58,10 +58,7 @@ class Shot:
 def read_shot(path: Path, digest: str, kept: Kept) -> Shot:
     """Decode a photograph and keep it, unless it was kept before.
 
-    Raises
-    ------
-    CaptureError
-        The file cannot be read: it is not whole yet, or no photograph.
+    Raises CaptureError: the file cannot be read: it is not whole yet, or no photograph.
     """
     photograph = kept.load(digest)
     if photograph is None:

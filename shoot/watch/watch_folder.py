@@ -8,7 +8,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from capture.photographs.kept import kept_folder
 from capture.session.globs import kind_of
@@ -67,11 +66,8 @@ def watch_folder(
     wanted_deg : float
         Sigma of the normals that is good enough.
 
-    Raises
-    ------
-    SceneError
-        The folder is not there, it has a session.toml of another's, `out` lies in it or is another's; in the end too
-        few photographs make no session.
+    Raises SceneError: the folder is not there, it has a session.toml of another's, `out` lies in it or is another's; in
+    the end too few photographs make no session.
     """
     folder = folder.resolve()
     if not folder.is_dir():
@@ -94,7 +90,7 @@ def watch_folder(
             _loop(folder, taken, shoot, screen, until_idle_s, clock, is_ended)
             say("the shoot is over; its session is written")
             screen.renew(is_over=True)
-            draft = _draft_of(folder, shoot, asking, taken)
+            draft = _draft_of(folder, shoot, answers, taken)
             # What stood there first, perhaps an ambient frame alone, is no longer what tells the session from others.
             Origin("session", folder, tuple(shot.path for shot in taken.shots.values())).claim(record, out)
             made = write_session(draft, record)
@@ -169,13 +165,10 @@ def _loop(
                 screen.warn(text)
 
 
-def _draft_of(folder: Path, shoot: Shoot, asking: Asking, taken: Taken) -> Draft:
+def _draft_of(folder: Path, shoot: Shoot, answers: Answers, taken: Taken) -> Draft:
     """Return what a shoot is, as `init` would have found it.
 
-    Raises
-    ------
-    SessionError
-        Too few photographs show the flash.
+    Raises SessionError: too few photographs show the flash.
     """
     flash, ambient = ([shot for shot in shoot.roles[role] if shot.path.is_file()] for role in ("flash", "ambient"))
     if len(flash) < FEWEST:
@@ -185,19 +178,21 @@ def _draft_of(folder: Path, shoot: Shoot, asking: Asking, taken: Taken) -> Draft
         )
     frames = {shot.digest for shot in (*flash, *ambient)}
     left_out = {taken.shots[digest].path: text for digest, text in shoot.left_out.items() if digest not in frames}
-    notes = (*(f"{path.name}: {text}" for path, text in left_out.items()), *taken.unreadable)
     counted = {shot.path for shot in taken.shots.values()}
     # Files that were never read must have no say in which of two kinds is kept.
     files = sorted_files([path for path in files_below(folder) if kind_of(path) is None or path in counted], folder)
     counted -= left_out.keys()
     named = {role: [path for path in some if path in counted] for role, some in files.photographs.items()}
-    files = replace(files, photographs=named)
-    known: dict[str, Any] = {"small": [shot.small for shot in taken.shots.values()], "balls": shoot.balls}
+    files, small = replace(files, photographs=named), [shot.small for shot in taken.shots.values()]
+
+    def prepared(answers: Answers) -> Draft:
+        silent, progress = Asking(answers, silent=True), nullcontext(lambda done, total: None)
+        draft = prepare(files, silent, progress, small=small, balls=shoot.balls)
+        return draft.noting(*(f"{path.name}: {text}" for path, text in left_out.items()), *taken.unreadable)
+
     try:
-        return prepare(files, asking, nullcontext(lambda done, total: None), **known).noting(*notes)
+        return prepared(answers)
     except SessionError as error:
         # The shoot is over: a diameter that does not fit is put right in session.toml.
         say(f"warning: {error}", always=True)
-        plain = Asking(replace(asking.answers, chrome=(), white=()), silent=True)
-        draft = prepare(files, plain, nullcontext(lambda done, total: None), **known)
-        return draft.noting(*notes, str(error))
+        return prepared(replace(answers, chrome=(), white=())).noting(str(error))
