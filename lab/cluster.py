@@ -64,6 +64,7 @@ def executor_of(address: str | None, folder: Path | None = None, files: Iterable
         yield None
         return
     from distributed import Client, KilledWorker, versions
+    from distributed.comm.addressing import get_address_host
 
     # What Dask would say of a lost scheduler, and of versions, is said here, once.
     for name in ("distributed", "distributed.client", "distributed.core", "distributed.comm"):
@@ -71,6 +72,8 @@ def executor_of(address: str | None, folder: Path | None = None, files: Iterable
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", versions.VersionMismatchWarning)
         try:
+            # Before there is a client: one without a place to go to cannot be closed in silence.
+            get_address_host(address)
             client = Client(address, timeout=10, set_as_default=False)
         except (OSError, ValueError) as error:
             raise ClusterError(

@@ -115,8 +115,9 @@ class Solving:
         from solve.external import External
 
         found: dict[str, External] = {}
+        timeout_s = TIMEOUT_S if self.external_timeout_s is None else self.external_timeout_s
         for text in self.external or ():
-            program = External.parse(text, self.external_timeout_s or TIMEOUT_S)
+            program = External.parse(text, timeout_s)
             if program.name in found:
                 raise SceneError(f"--external {program.name}: given twice. Give each program its own name.")
             found[program.name] = program

@@ -13,7 +13,8 @@ from shoot.plan.plan_options import FEWEST, PlanOptions
 from shoot.plan.set_up import SetUp
 
 Array = NDArray[np.float64]
-CANDIDATES = 60
+CANDIDATES, MOST_TRIED = 60, 100_000
+"""Places of the flash, and directions of a cap among which they are sought: a band too thin for that is a ring."""
 NEAREST_SIZES, NEAREST_MM = 5.0, 700.0
 """How far the flash is by default: so many object sizes, and so many millimetres."""
 IN_VIEW = 0.05
@@ -38,10 +39,10 @@ def places_in_reach(options: PlanOptions, middle: Array, size_mm: float, count: 
     start_deg, end_deg = options.from_deg, options.to_deg
     if start_deg > end_deg:
         raise SceneError(f"--from-deg {start_deg:g}, --to-deg {end_deg:g}: expected the first not to be larger.")
-    if start_deg == end_deg:
+    inner, outer = np.cos(np.radians([start_deg, end_deg]))
+    if (inner - outer) * MOST_TRIED <= count * (1 - outer):
         directions = ring(count, end_deg)
     else:
-        inner, outer = np.cos(np.radians([start_deg, end_deg]))
         directions = cap(round(count * (1 - outer) / (inner - outer)), end_deg)
         directions = directions[directions[:, 2] <= inner]
     azimuth = np.degrees(np.arctan2(directions[:, 1], directions[:, 0])) % 360

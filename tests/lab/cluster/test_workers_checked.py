@@ -53,8 +53,9 @@ def test_a_worker_of_other_code_that_joins_later_is_refused(session, cluster, ot
 
 
 @pytest.mark.full
-def test_a_scheduler_that_does_not_answer(session, cluster, refused, tmp_path):
-    cluster.address = "tcp://127.0.0.1:9"
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "tcp://", "foo://a:1"])
+def test_a_scheduler_that_does_not_answer(session, cluster, refused, tmp_path, address):
+    cluster.address = address
     refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "no Dask scheduler answers", "dask scheduler")
 
 
