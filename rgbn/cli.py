@@ -8,12 +8,11 @@ from cyclopts import App, Group, Parameter
 
 from experiments.commands import dataset, sweep
 from lab.options import AS_BEFORE, BY_DEFAULT, SHADED, Settings, Solving
-from lab.progress import say
+from lab.progress import check_words, is_quiet, keep_quiet, log_to, open_streams, say
 from lab.run import is_description, run_session
-from lab.streams import check_words, is_quiet, keep_quiet, log_to, open_streams
 from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
-from rgbn.export_command import FORMATS
+from rgbn.export_command import FORMATS, check_mesh_name, export_session, write_surface
 from rgbn.shoot_commands import init, plan, watch
 from studio.studio_command import studio
 
@@ -53,7 +52,6 @@ def _run(
 ) -> None:
     """Run a verb on a session, tell what came out, and write the surface where one is asked for."""
     from rgbn.step_tables import tell
-    from rgbn.surface_file import write_surface
 
     def shown(job: Any, summary: dict[str, Any]) -> None:
         tell(job, summary, verb=wanted, as_json=as_json, whole=whole)
@@ -145,10 +143,8 @@ def solve(
     json: Json = False,
 ) -> None:
     """Recover normals and albedo by photometric stereo, and the surface as a mesh if asked."""
-    from rgbn.surface_file import check_name
-
     if mesh:
-        check_name(mesh)
+        check_mesh_name(mesh)
     settings = Settings(refine_lights=refine_lights).but(said)
     _run(json, session, "solve", out=out, said=settings, scheduler=scheduler, mesh=mesh)
 
@@ -211,8 +207,6 @@ def export(
     sfm: Annotated[Path | None, Parameter(help="AliceVision's .sfm of the photographs: its view ids.")] = None,
 ) -> None:
     """Write lights, a relightable picture or the twin's scene for another program, after the steps that it needs."""
-    from rgbn.export_command import export_session
-
     paths, notes = export_session(session, format, out, sfm)
     for note in notes:
         say(f"note: {note}")

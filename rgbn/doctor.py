@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from lab.streams import is_quiet
+from lab.progress import is_quiet
 from scene.current import libraries
 from scene.errors import SceneError
 

@@ -8,7 +8,7 @@ from typing import NoReturn
 
 from cyclopts import CycloptsError
 
-from lab.streams import say
+from lab.progress import say
 from scene.errors import SceneError
 
 

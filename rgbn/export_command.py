@@ -1,4 +1,7 @@
-"""`rgbn export`: lights, photographs, a twin's scene as files of other programs, and a session's numbers as tables."""
+"""What a session gives to other programs: lights, photographs, tables, the twin's scene, the surface.
+
+`rgbn export --format`, and `rgbn solve --mesh`.
+"""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +17,8 @@ LIGHTS = ("alicevision", "csv", "diligent", "dome", "lp", "mat")
 """What `all` writes: the formats of `formats.light_files`, and tables. Here they are known without loading anything."""
 SCENES = ("gltf", "mitsuba")
 FORMATS = (*LIGHTS, "meshroom", "relight", *SCENES)
+UNKNOWN_MM = -1000.0
+"""Where the surface of an object of unknown distance is put."""
 
 
 def formats_of(text: str) -> tuple[str, ...]:
@@ -140,3 +145,41 @@ def _written(scene: Any, folder: Path, names: list[str], material: dict[str, Any
         if "relative_rmse" in kept:
             notes.append(f"its material misses the photographs by {100 * kept['relative_rmse']:.1f} % (rms)")
     return paths, notes
+
+
+def check_mesh_name(path: Path) -> None:
+    """Raise SceneError where a path is not the name of a PLY."""
+    if path.suffix.lower() != ".ply":
+        raise SceneError(f"--mesh {path}: meshes are written as PLY; give a name that ends in .ply.")
+
+
+def write_surface(job: "Job", path: Path) -> None:
+    """Write a solved session's surface: of the first method that found its depth, else of the first, integrated.
+
+    Normals, albedo and depth are always one method's: a depth map is that which its method's normals were found
+    under, and where there is none the surface is what those normals integrate to.
+
+    Raises SceneError: no pixel has a normal, another's file stands there, or it cannot be written.
+    """
+    from lab.progress import say
+    from solve.surface.integration import integrate, surface_at
+    from solve.surface.surface_mesh import mesh_of
+
+    store = job.store
+    method = next((name for name in job.methods if store.path("depth", f"{name}.npy").exists()), job.methods[0])
+    normals, camera, lights = store.load_normals(method), store.load_camera(), store.load_lights()
+    albedo = store.read_array("albedo", f"{method}.npy")
+    depth = store.path("depth", f"{method}.npy")
+    if depth.exists():
+        surface = surface_at(store.read_array("depth", f"{method}.npy").astype("float64"), normals, camera)
+        scale = "the distance was found by the shading"
+    else:
+        z_mm = float(lights.reference_point_mm[2])
+        scale = f"the surface's middle was put at the lights' reference point, z = {z_mm:.0f} mm"
+        if z_mm >= 0 and not camera.is_orthographic:
+            z_mm = UNKNOWN_MM
+            scale = f"nothing tells the distance: it was put at z = {z_mm:.0f} mm, and its size is as arbitrary"
+        surface = integrate(normals, store.load_mask(), camera, z_mm=z_mm)
+    mesh = mesh_of(surface, normals, albedo, camera)
+    mesh.write(path)
+    say(f"mesh: {path}, {method}, {len(mesh.vertices)} vertices, {len(mesh.faces)} faces; {scale}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-from lab.streams import is_quiet
+from lab.progress import is_quiet
 from shoot.init.answers import Answers
 from shoot.plan.plan_options import AS_USUAL, PlanOptions
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from compare.report.verdict import trust_sentence
 from lab.job import Job
+from lab.progress import is_quiet, say
 from lab.run_log import log
-from lab.streams import is_quiet, say
 from lab.terminal_tables import fact_table, number_table
 from scene.camera import Camera
 
