@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -121,18 +121,12 @@ def encoding_of(first: Path, asking: Asking) -> tuple[bool | None, Encoding]:
     if kind_of(first) != "image":
         return None, "linear"
     linear = asking.said("linear")
-    if linear is None and first.suffix.lower() not in (".jpg", ".jpeg") and not _has_eight_bits(first):
-        return True, "linear"
-    linear = bool(linear)
-    return linear, "linear" if linear else "srgb"
-
-
-def _has_eight_bits(path: Path) -> bool:
-    try:
-        return read_values(path, SceneError)[0].dtype == np.uint8
-    except SceneError:
-        # It is named among those that cannot be read.
-        return False
+    if linear is None and first.suffix.lower() not in (".jpg", ".jpeg"):
+        linear = True
+        # One that cannot be read is named among those.
+        with suppress(SceneError):
+            linear = read_values(first, SceneError)[0].dtype != np.uint8
+    return bool(linear), "linear" if linear else "srgb"
 
 
 def _check_one_object(folder: Path, shots: list[Small]) -> None:
@@ -211,8 +205,12 @@ def _with_balls(draft: Draft, files: FolderFiles, asking: Asking, found: Sequenc
     if apart and files.lights:
         notes.append(f"{files.lights[0].name} is not used: the balls' own photographs tell the lights.")
     if not apart and found is None:
+        from calibrate.detection.balls import find_balls
+
         say("looking for balls ...")
-        found = _found_balls(draft)
+        with suppress(CalibrationError):
+            balls, _, _ = find_balls(draft.small, _small_camera(draft), [])
+            found = drafted([one.sphere for one in balls], draft.step)
     draft = replace(draft, found=tuple(() if apart else found or ()))
     return draft.noting(*notes).with_balls(with_diameters(apart or draft.found, asking))
 
@@ -242,17 +240,6 @@ def _unreadable_lights(path: Path, draft: Draft) -> str:
     except SceneError as error:
         return str(error).splitlines()[0]
     return ""
-
-
-def _found_balls(draft: Draft) -> list[SphereTable]:
-    """Return the balls that the small frames show, the largest of each kind first."""
-    from calibrate.detection.balls import find_balls
-
-    try:
-        found, _, _ = find_balls(draft.small, _small_camera(draft), [])
-    except CalibrationError:
-        return []
-    return drafted([one.sphere for one in found], draft.step)
 
 
 def _small_camera(draft: Draft) -> Camera:

@@ -104,7 +104,7 @@ def under_way(
     mesh: Mesh | None = None,
     count: int = PIXELS,
 ) -> UnderWay:
-    """Return a shoot by its frames and what they were found to show.
+    """Return a shoot by its frames and what they were found to show; its pixels have the scatter of their samples.
 
     Parameters
     ----------
@@ -144,40 +144,23 @@ def under_way(
     # Intensities are those at the object's middle from here on, each channel's mean 1: albedo takes the factor.
     at_middle = np.linalg.norm(lights.at(set_up.middle_mm[None])[:, 0], axis=-1).mean(0)
     lights = lights.seen_from(set_up.middle_mm)
-    gray = estimate.albedo @ (at_middle * GRAY).astype(np.float32)
-    usual, (u, v) = float(np.median(gray[known])), places.T
-    albedo = np.where(known[v, u], gray[v, u], usual).astype(np.float64)
+    known_albedo = estimate.albedo @ (at_middle * GRAY).astype(np.float32)
+    usual, (u, v) = float(np.median(known_albedo[known])), places.T
+    albedo = np.where(known[v, u], known_albedo[v, u], usual).astype(np.float64)
     pixels = replace(pixels, set_up=replace(set_up, albedo=usual), albedo=albedo)
     found = [frames.read_pixels(i, v, u) for i in range(len(frames))]
-    samples = [(linear / intensity) @ GRAY for (linear, _), intensity in zip(found, lights.intensities, strict=True)]
-    clipped = np.array([clipped for _, clipped in found])
-    return UnderWay(*_photographed(pixels, lights, np.array(samples, np.float64), clipped), places, lights, spheres)
-
-
-def _photographed(
-    pixels: ObjectPixels, lights: Lights, samples: Array, clipped: NDArray[np.bool_]
-) -> tuple[ObjectPixels, ShownObject]:
-    """Return the pixels with the scatter that their samples have, and what they show.
-
-    Parameters
-    ----------
-    samples : (F, P) float
-        Each divided by its flash's intensity.
-    clipped : (F, P) bool
-
-    Notes
-    -----
-    The scatter is the residuals' standard deviation, by their median, less the sensor's noise: interreflections, a weak
-    highlight, a surface that is not Lambertian.
-    """
+    gray = [(linear / intensity) @ GRAY for (linear, _), intensity in zip(found, lights.intensities, strict=True)]
+    samples, clipped = np.array(gray, np.float64), np.array([clipped for _, clipped in found])
     shown = pixels.under(lights)
     shade = np.einsum("fpi,pi->fp", shown.vectors, pixels.b)
     seen = shown.seen & ~clipped & (samples > SHADOW * shade) & (samples < HIGHLIGHT * shade)
     enough = seen & (seen.sum(0) > 3)
     if enough.any():
-        # Three numbers were fitted to each pixel's samples.
+        # The scatter is the residuals' standard deviation, by their median, less the sensor's noise: interreflections,
+        # a weak highlight, a surface that is not Lambertian. Three numbers were fitted to each pixel's samples.
         counts = np.broadcast_to(seen.sum(0), seen.shape)[enough]
         share = 1.4826 * np.median(np.abs(samples - shade)[enough] / shade[enough] * np.sqrt(counts / (counts - 3)))
         sensor = np.median(shown.noise[enough] / shade[enough])
         pixels = replace(pixels, scatter=float(np.sqrt(max(share**2 - sensor**2, 0))))
-    return pixels, shown._replace(noise=np.hypot(shown.noise, pixels.scatter * np.maximum(shade, 0)), seen=seen)
+    noise = np.hypot(shown.noise, pixels.scatter * np.maximum(shade, 0))
+    return UnderWay(pixels, shown._replace(noise=noise, seen=seen), places, lights, spheres)
