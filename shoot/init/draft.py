@@ -19,6 +19,7 @@ from scene.camera import Camera
 from scene.errors import SessionError
 from scene.frames import Frames
 from scene.length_units import UNITS_MM, Unit
+from scene.spheres import KINDS
 
 ROLES = ("flash", "ambient", "dark", "flat")
 """What a photograph may be used for, but for a board's shots."""
@@ -206,18 +207,18 @@ class Draft:
         which has which. Then all of that kind have their circles.
         """
         draft = self.saying("object", scan_unit=self.unit) if self.manifest.object.scan else self
-        balls = self.manifest.spheres
-        again = {kind for kind in ("chrome", "white") if self._is_as_found([b for b in balls if b.kind == kind], kind)}
-        spheres = [_written(ball, ball.kind not in again) for ball in balls]
+        balls, by_hand = self.manifest.spheres, set()
+        for kind in KINDS:
+            there, found = ([ball for ball in some if ball.kind == kind] for some in (balls, self.found))
+            is_as_found = sorted(map(_circle, there)) == sorted(map(_circle, found))
+            if not is_as_found or len({ball.diameter_mm for ball in there}) > 1:
+                by_hand.add(kind)
+        spheres = [_written(ball, ball.kind in by_hand) for ball in balls]
         written = draft.manifest.model_copy(update={"spheres": spheres})
         if not balls and not self.found:
             # An empty list would say that no ball is to be looked for.
             written.model_fields_set.discard("spheres")
         return written
-
-    def _is_as_found(self, balls: list[SphereTable], kind: str) -> bool:
-        found = [_circle(ball) for ball in self.found if ball.kind == kind]
-        return sorted(map(_circle, balls)) == sorted(found) and len({ball.diameter_mm for ball in balls}) < 2
 
 
 def _circle(ball: SphereTable) -> tuple[float, ...]:

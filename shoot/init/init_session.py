@@ -64,7 +64,11 @@ def init_sessions(
         say(f"{len(found)} objects: {', '.join(one.folder.name for one in found)}")
     asking, made = Asking(answers, silent), []
     for one in found:
-        asking.earlier = _said_before(one.folder / MANIFEST)
+        asking.earlier = Answers()
+        if (manifest := one.folder / MANIFEST).is_file():
+            with suppress(SceneError):
+                known, _ = parse(toml_tables(manifest))
+                asking.earlier = Answers.said_in(known) if known else Answers()
         draft = prepare(one, asking, progress_bar(f"look at {one.folder.name}"))
         if shown:
             shown(draft)
@@ -100,14 +104,6 @@ def write_manifest(draft: Draft, text: str) -> Path:
         manifest.unlink() if before is None else manifest.write_bytes(before)
         raise
     return manifest
-
-
-def _said_before(manifest: Path) -> Answers:
-    """Return what a session.toml that is written anew says; nothing where there is none."""
-    with suppress(SceneError):
-        known = parse(toml_tables(manifest))[0] if manifest.is_file() else None
-        return Answers.said_in(known) if known else Answers()
-    return Answers()
 
 
 def check_layout(folder: Path) -> None:

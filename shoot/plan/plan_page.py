@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from draw.light_charts import directions
 from draw.svg import Drawing, circle, line, svg
@@ -34,6 +33,8 @@ BALL_COLOURS = {"chrome": "#59636e", "white": "#fff"}
 
 def plan_facts(plan: ShootPlan) -> dict[str, Any]:
     """Return the plan."""
+    import cv2
+
     set_up, options, result = plan.so_far.pixels.set_up, plan.options, plan.predicted[-1]
     camera, middle = set_up.camera, set_up.middle_mm
     if result is not None and result.error_deg >= 90:
@@ -56,6 +57,7 @@ def plan_facts(plan: ShootPlan) -> dict[str, Any]:
             right, up, _ = (sphere.center_mm(camera) - middle) / 10
             told = {"kind": sphere.kind, "diameter_mm": sphere.diameter_mm, "radius_px": sphere.radius_px}
             balls.append(told | {"center_px": sphere.center_px, "right_cm": right, "up_cm": up})
+    hull = cv2.convexHull(np.ascontiguousarray(camera.project(plan.so_far.pixels.points), np.float32))
     facts = {
         "flashes": rows,
         "there": len(plan.so_far.lights),
@@ -72,7 +74,7 @@ def plan_facts(plan: ShootPlan) -> dict[str, Any]:
             "size_mm": set_up.size_mm,
             "mm_per_px": None if camera.is_orthographic else -middle[2] / camera.fx,
             "albedo": set_up.albedo,
-            "outline_px": _outline(camera.project(plan.so_far.pixels.points)),
+            "outline_px": hull.reshape(-1, 2).astype(np.float64),
         },
         "flash_mm": np.median([row["distance_mm"] for row in rows]),
         "white_ball_value": EXPOSURE,
@@ -86,13 +88,6 @@ def clock(azimuth_deg: float) -> str:
     """Return an azimuth, 0 right and 90 up, as the hour on a clock's face, to a quarter: 12:00 is up."""
     quarters = round(((90 - azimuth_deg) % 360) / 7.5) % 48
     return f"{(quarters // 4) or 12}:{15 * (quarters % 4):02d}"
-
-
-def _outline(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the corners (K, 2) of the hull of places in the picture."""
-    import cv2
-
-    return np.asarray(cv2.convexHull(np.ascontiguousarray(places, np.float32)), np.float64).reshape(-1, 2)
 
 
 def _warnings(plan: ShootPlan) -> list[str]:
