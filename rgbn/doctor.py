@@ -3,7 +3,6 @@
 import logging
 import os
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,15 +26,14 @@ class Finding(NamedTuple):
 def examine() -> list[Finding]:
     """Return what was found; what is most often missing, the ray caster and the renderer, is really tried."""
     tried = {"packages": _packages, "photographs": _raw, "ray casting": _rays, "renderer": _renderer}
-    return [*(_tried(what, how) for what, how in tried.items()), *_machine()]
-
-
-def _tried(what: str, how: Callable[[], tuple[str, str]]) -> Finding:
-    try:
-        mark, text = how()
-    except Exception as error:
-        mark, text = "X", f"{' '.join(str(error).split())}. Run: make setup"
-    return Finding(mark, what, text)
+    found = []
+    for what, look in tried.items():
+        try:
+            mark, text = look()
+        except Exception as error:
+            mark, text = "X", f"{' '.join(str(error).split())}. Run: make setup"
+        found.append(Finding(mark, what, text))
+    return [*found, *_machine()]
 
 
 def tell_findings() -> None:

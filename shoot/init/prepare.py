@@ -76,7 +76,11 @@ def _look(files: FolderFiles, linear: bool | None, by_path: dict[Path, Small], u
         )
     shots, odd = of_one_size(shots)
     named = [by_path[path] for path in boards if path in by_path]
-    layout, shown = find_board(named or [*odd, *_unlike(shots)])
+    light = np.stack([one.light.ravel() for one in shots])
+    usual = np.median(light, axis=0)
+    alike = [np.corrcoef(usual, row)[0, 1] if row.std() > 0 else 1.0 for row in light]
+    unlike = [one for one, share in zip(shots, alike, strict=True) if share < ALIKE]
+    layout, shown = find_board(named or [*odd, *unlike])
     if named and not shown:
         notes.append(f"{named[0].path.name}: no ChArUco board or chessboard is seen in it; it is not used.")
     shots, odd = ([one for one in some if one not in shown] for some in (shots, odd))
@@ -147,14 +151,6 @@ def _check_one_object(folder: Path, shots: list[Small]) -> None:
         )
 
 
-def _unlike(shots: list[Small]) -> list[Small]:
-    """Return the pictures that show another scene than most."""
-    light = np.stack([one.light.ravel() for one in shots])
-    usual = np.median(light, axis=0)
-    alike = [np.corrcoef(usual, row)[0, 1] if row.std() > 0 else 1.0 for row in light]
-    return [one for one, share in zip(shots, alike, strict=True) if share < ALIKE]
-
-
 def _given(draft: Draft, files: FolderFiles, asking: Asking) -> Draft:
     """Take the mask, the normals and the scan, with its unit."""
     apart = {word for kind in KINDS for word in (kind, "gray", "grey")}
@@ -196,17 +192,20 @@ def _with_balls(draft: Draft, files: FolderFiles, asking: Asking, found: Sequenc
 
     `found`: those in the frames, where they are known.
     """
+    from calibrate.detection.balls import find_balls
+    from calibrate.known_lights.read_known import read_lights
+
     apart, notes = _shot_apart(files, len(draft.photographs["flash"]))
+    names = tuple(frame_names(draft.photographs["flash"]))
     for path in files.lights if not apart else ():
-        fault = _unreadable_lights(path, draft)
-        if not fault:
+        try:
+            read_lights(path, names, camera=draft.known_camera()[0])
             return draft.saying("lights", file=name_of(path, draft.folder))
-        draft = draft.noting(f"{path.name} is not used: {fault}")
+        except SceneError as error:
+            draft = draft.noting(f"{path.name} is not used: {str(error).splitlines()[0]}")
     if apart and files.lights:
         notes.append(f"{files.lights[0].name} is not used: the balls' own photographs tell the lights.")
     if not apart and found is None:
-        from calibrate.detection.balls import find_balls
-
         say("looking for balls ...")
         with suppress(CalibrationError):
             balls, _, _ = find_balls(draft.small, _small_camera(draft), [])
@@ -228,18 +227,6 @@ def with_diameters(balls: Sequence[SphereTable], asking: Asking) -> list[SphereT
             diameters = given or (None,) * len(own)
             known += [ball.model_copy(update={"diameter_mm": mm}) for ball, mm in zip(own, diameters, strict=True)]
     return known
-
-
-def _unreadable_lights(path: Path, draft: Draft) -> str:
-    """Return why a file gives no lights for the flash frames; empty where it does."""
-    from calibrate.known_lights.read_known import read_lights
-
-    names = tuple(frame_names(draft.photographs["flash"]))
-    try:
-        read_lights(path, names, camera=draft.known_camera()[0])
-    except SceneError as error:
-        return str(error).splitlines()[0]
-    return ""
 
 
 def _small_camera(draft: Draft) -> Camera:
