@@ -44,8 +44,7 @@ def init(
 def _show(draft: "Draft") -> None:
     """Print what was found, and what was assumed."""
     from lab.terminal_tables import fact_table
-    from shoot.init.draft_notes import notes_of
-    from shoot.init.session_text import facts_of
+    from shoot.init.session_text import facts_of, notes_of
 
     _print(fact_table(f"{draft.folder}", dict(facts_of(draft))))
     for note in notes_of(draft):

@@ -22,9 +22,9 @@ from scene.origin import Origin
 from scene.output_folder import open_record
 from shoot.init.answers import Answers, Asking
 from shoot.init.draft import Draft
-from shoot.init.draft_notes import notes_of
 from shoot.init.init_session import check_free, check_layout, write_session
 from shoot.init.prepare import prepare
+from shoot.init.session_text import notes_of
 from shoot.watch.shoot import Shoot
 from shoot.watch.status import Screen
 from shoot.watch.taken import Taken

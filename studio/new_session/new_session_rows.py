@@ -10,8 +10,7 @@ from capture.survey.folder_files import name_of
 from lab.session_place import MANIFEST
 from scene.spheres import KINDS
 from shoot.init.draft import ROLES
-from shoot.init.draft_notes import notes_of
-from shoot.init.session_text import facts_of
+from shoot.init.session_text import facts_of, notes_of
 from studio.new_session.new_session_window import BOARD, UNUSED, NewSessionWindow, role_of, with_role
 from studio.photograph.outline_rows import of_ball, outline_rows
 from studio.tabs import tab_rows

@@ -16,8 +16,7 @@ from scene.frames import Frames
 from shoot.init.answers import Answers, Asking
 from shoot.init.contact_sheet import contact_sheet
 from shoot.init.draft import Draft, ScanSize, unit_by_size
-from shoot.init.draft_notes import notes_of
-from shoot.init.session_text import is_unedited, session_text, signed
+from shoot.init.session_text import is_unedited, notes_of, session_text, signed
 
 
 def asking(monkeypatch, text, answers=None, **more):

@@ -10,7 +10,7 @@ from capture.session.session_types import Lens
 from capture.survey.folder_files import survey
 from scene.errors import SceneError
 from shoot.init import init_session
-from shoot.init.draft_notes import notes_of
+from shoot.init.session_text import notes_of
 from studio.new_session.looking import FolderLook
 from studio.new_session.new_session_rows import NEW_SESSION_ROWS, TABS
 from studio.new_session.new_session_window import NewSessionWindow, role_of, with_role
