@@ -47,7 +47,7 @@ def test_a_scan_of_unknown_unit_cannot_be_the_probe():
 
 @pytest.mark.full
 @pytest.mark.slow
-def test_process_goes_the_whole_way(processed):
+def test_process_goes_the_whole_way_and_says_where_the_lights_come_from(processed):
     out, summary = processed
     truth = json.loads((BUMPY / "truth.json").read_text())
     lights = Store(out).load_lights()
@@ -62,11 +62,7 @@ def test_process_goes_the_whole_way(processed):
     pose = json.loads((out / "pose.json").read_text())["camera_from_scan"]
     turn = np.array(pose)[:3, :3] @ np.array(truth["camera_from_scan"])[:3, :3].T
     assert np.degrees(np.arccos((np.trace(turn) - 1) / 2)) < 0.1
-
-
-@pytest.mark.full
-def test_the_report_says_where_the_lights_come_from(processed):
-    out, summary = processed
+    # And it is said where the lights come from.
     page = (out / "report.html").read_text()
     assert "they come from the scan's own shading" in page.replace("&#x27;", "'")
     assert any("from the scan's own shading" in text for text in summary["align"]["evidence"])
