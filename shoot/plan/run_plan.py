@@ -1,7 +1,5 @@
 """`rgbn plan`: the set-up read or put together, the flashes chosen, plan.json and plan.html written."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -42,19 +40,7 @@ def run_plan(source: Path | None, options: PlanOptions, *, out: Path | None = No
 
     Raises SceneError: an option or the source is at fault.
     """
-    with _opened(source, options, out) as (record, plan):
-        facts = plan_facts(plan)
-        name = f"sphere of {options.size_mm:g} mm" if source is None else source.resolve().stem
-        facts |= {"name": name, "source": None if source is None else str(source)}
-        with record.part_of(PLAN):
-            write_json(record.folder / "plan.json", facts)
-            write_text(record.folder / "plan.html", plan_page(facts))
-        return facts | {"folder": str(record.folder)}
-
-
-@contextmanager
-def _opened(source: Path | None, options: PlanOptions, out: Path | None) -> Iterator[tuple[Record, ShootPlan]]:
-    """Yield the output folder's record, held, and the plan."""
+    name = f"sphere of {options.size_mm:g} mm" if source is None else source.resolve().stem
     if source is not None and (source.is_dir() or is_output(source) or source.suffix == ".toml"):
         if source.is_dir() and not (is_session(source) or is_output(source)):
             raise SceneError(
@@ -63,8 +49,7 @@ def _opened(source: Path | None, options: PlanOptions, out: Path | None) -> Iter
             )
         with open_job(source, out=out) as job:
             so_far = session_so_far(job)
-            yield job.record, plan_shoot(so_far, so_far.within(options))
-        return
+            return _written(job.record, plan_shoot(so_far, so_far.within(options)), name, source)
     set_up = _new_set_up(source, options)
     usual, origin = Path("out") / "plan-sphere", "plan"
     if source is not None:
@@ -74,7 +59,15 @@ def _opened(source: Path | None, options: PlanOptions, out: Path | None) -> Iter
         places = places_in_reach(options, set_up.middle_mm, set_up.size_mm)
         given: list[tuple[Kind, float]] = [(kind, one) for kind in KINDS for one in getattr(options, kind)]
         spheres = stand_balls(set_up, places, given or usual_balls(set_up))
-        yield record, plan_shoot(UnderWay.begun(pixels_of(set_up), spheres), options)
+        return _written(record, plan_shoot(UnderWay.begun(pixels_of(set_up), spheres), options), name, source)
+
+
+def _written(record: Record, plan: ShootPlan, name: str, source: Path | None) -> dict[str, Any]:
+    facts = plan_facts(plan) | {"name": name, "source": None if source is None else str(source)}
+    with record.part_of(PLAN):
+        write_json(record.folder / "plan.json", facts)
+        write_text(record.folder / "plan.html", plan_page(facts))
+    return facts | {"folder": str(record.folder)}
 
 
 def _new_set_up(source: Path | None, options: PlanOptions) -> SetUp:
