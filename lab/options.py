@@ -45,11 +45,6 @@ def in_any_case(_: Any, tokens: Sequence[Any]) -> str:
     return tokens[0].value.casefold()
 
 
-def engine_of(_: Any, tokens: Sequence[Any]) -> str:
-    """Return the engine that a word of the command line names; raise SceneError where there is none such."""
-    return named("--engine", tokens[0].value, get_args(Engine))[0]
-
-
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Solving:
@@ -135,10 +130,7 @@ class TwinSettings:
 
     engine: Annotated[
         Engine | None,
-        Parameter(
-            help="The twin's engine; auto: many, where it can render the scene.",
-            converter=engine_of,
-        ),
+        Parameter(help="The twin's engine; auto: many, where it can render the scene.", converter=in_any_case),
     ] = None
     error: Annotated[float | None, Parameter(help="The twin's error that is aimed at, relative: 0.01 is 1 %.")] = None
     layers: Annotated[bool | None, Parameter(help="Keep the twin's direct and indirect light as truth_*.npy too.")] = (
