@@ -82,7 +82,7 @@ def rgbn_process():
     def run(*words):
         command = [sys.executable, "-c", "from rgbn.cli import main; main()", *map(str, words)]
         root = os.path.dirname(os.path.dirname(__file__))
-        return subprocess.run(command, cwd=root, capture_output=True, text=True, check=False, timeout=300)
+        return subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
 
     return run
 
