@@ -118,7 +118,7 @@ def _emptied(folder: Path | None) -> Iterator[Path | None]:
         return
     shutil.rmtree(folder, ignore_errors=True)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True)
     except OSError as error:
         raise SceneError(f"{folder}: cannot be written ({error.strerror}). Choose another with --out.") from error
     try:

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from lab.cluster import executor_of
-from scene.errors import ClusterError
+from scene.errors import ClusterError, SceneError
 
 DIES = 'on_open("flash_", lambda count: count < 4 or os.kill(os.getpid(), signal.SIGKILL))'
 DIES_OF_ONE = 'on_open("flash_05", lambda count: os.kill(os.getpid(), signal.SIGKILL))'
@@ -97,3 +97,11 @@ def test_a_worker_that_falls_silent_before_it_is_asked(cluster, monkeypatch, tmp
     cluster.start_worker().send_signal(signal.SIGSTOP)
     with pytest.raises(ClusterError, match="a worker did not answer for 2 s"), executor_of(cluster.address):
         pass
+    # A link in the place of the arrays' folder is nothing of ours.
+    (tmp_path / ".rgbn").mkdir()
+    (tmp_path / "mine").mkdir()
+    (tmp_path / ".rgbn" / "cluster").symlink_to(tmp_path / "mine")
+    shared = executor_of(cluster.address, tmp_path / ".rgbn" / "cluster")
+    with pytest.raises(SceneError, match="cannot be written"), shared:
+        pass
+    assert not list((tmp_path / "mine").iterdir())
