@@ -106,8 +106,10 @@ def _ended_by_signals() -> Iterator[threading.Event]:
     """Yield what Ctrl-C and SIGTERM set: within the block they stop nothing."""
     is_ended, before = threading.Event(), {}
     if threading.current_thread() is threading.main_thread():
-        numbers = signal.SIGINT, signal.SIGTERM
-        before = {number: signal.signal(number, lambda *_: is_ended.set()) for number in numbers}
+        for number in (signal.SIGINT, signal.SIGTERM):
+            # In the background of a shell Ctrl-C is another program's.
+            if signal.getsignal(number) != signal.SIG_IGN:
+                before[number] = signal.signal(number, lambda *_: is_ended.set())
     try:
         yield is_ended
     finally:
