@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.harness import Figures, Scale, Table, markdown
 from benchmarks.methods import SESSIONS
 from benchmarks.sessions import Registered, registered
-from compare.statistics.ambiguity import four_ways
+from compare.statistics.statistics import four_ways
 from fixtures.mesh_scene import Tracer, random_scene
 from fixtures.mesh_shapes import SHAPES
 from scene.clock import now, since
@@ -173,7 +173,7 @@ def _shown_distances(rows: Sequence[DistanceRow]) -> str:
 
 @dataclass(frozen=True)
 class FourWaysRow:
-    """A method that need not know the lights, measured in four ways; see `compare.statistics.ambiguity`."""
+    """A method that need not know the lights, measured in four ways; see `compare.statistics.statistics`."""
 
     subject: str
     method: str
@@ -212,7 +212,7 @@ TABLES = (
         lambda rows: {f"{row.subject}, {row.lights_m:.1f} m: near, found": row.near_deg for row in rows},
     ),
     Table(
-        "methods", "four ways", ("solve.solve", "solve.methods", "compare.statistics.ambiguity"), FourWaysRow,
+        "methods", "four ways", ("solve.solve", "solve.methods", "compare.statistics.statistics"), FourWaysRow,
         lambda scale: _cases(scale, THEIRS, (1.0,)), _uncalibrated, _shown_ways,
         lambda rows: {f"{row.subject}: {row.method}": row.raw_deg for row in rows},
     ),

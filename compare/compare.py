@@ -3,18 +3,16 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compare.report.facts import method_names, read_optional, sphere_rows, stored_lights
 from compare.report.pictures import colour_scale_end, error_picture, with_colour_scale
-from compare.statistics.ambiguity import four_ways, is_measured_so
-from compare.statistics.block_bootstrap import level_methods, thinned
-from compare.statistics.counterparts import difference
+from compare.statistics.counterparts import difference, level_methods, thinned
 from compare.statistics.frames_alike import frames_alike
-from compare.statistics.statistics import COVERAGE, angular_statistics, common_rotation
+from compare.statistics.statistics import COVERAGE, angular_statistics, common_rotation, four_ways, is_measured_so
 from scene.errors import SceneError
 from scene.files import remove, write_npy, write_png
 from scene.map_pictures import known_pixels
@@ -29,14 +27,6 @@ PLACES = {"real": "normals", "twin": "twin/normals"}
 
 Normals = NDArray[np.float32]
 Mask = NDArray[np.bool_]
-
-
-class Known(NamedTuple):
-    """The true normals (H, W, 3), the object's mask (H, W) or None, and how many pixels have both."""
-
-    normals: Normals
-    mask: Mask | None
-    pixels: int
 
 
 def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, Any]:
@@ -109,8 +99,7 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
             result["warnings"].append(
                 "ground truth: not one pixel of it lies on the object's mask; no error can be given"
             )
-        known = Known(truth, mask, result["truth"]["pixels"])
-        spread = [end for name in names for end in _errors(store, name, known, result)]
+        spread = [end for name in names for end in _errors(store, name, truth, mask, result)]
         if spread:
             # The median over maps: one method that fails everywhere must not darken all the others.
             written = _histograms(store, result, colour_scale_end(float(np.median(spread))))
@@ -130,24 +119,24 @@ def _frames_alike(store: Store, mask: Mask | None) -> dict[str, Any] | None:
     return frames_alike(store.load_frames(), twin.load_frames(), mask)
 
 
-def _errors(store: Store, name: str, known: Known, result: dict[str, Any]) -> list[float]:
+def _errors(store: Store, name: str, truth: Normals, mask: Mask | None, result: dict[str, Any]) -> list[float]:
     """Write a method's error maps and fill in its row; return the error that 95 % of each map's pixels stay under."""
-    row, maps, spread = result["methods"][name], {}, []
+    row, maps, spread, pixels = result["methods"][name], {}, [], result["truth"]["pixels"]
     for kind, place in PLACES.items():
         estimate = _open(store, place, name)
         if estimate is None:
             continue
-        error = maps[kind] = _error_map(estimate, known.normals, known.mask)
+        error = maps[kind] = _error_map(estimate, truth, mask)
         statistics = angular_statistics(error)
         if statistics["pixels"] == 0:
             result["warnings"].append(f"{name} ({kind}): no pixel is known both to the method and to the truth")
             continue
         row[kind] = statistics
-        row[COVERAGE[kind]] = statistics["pixels"] / known.pixels if known.pixels else None
-        angle, median = _without_common_rotation(estimate, known.normals, error)
+        row[COVERAGE[kind]] = statistics["pixels"] / pixels if pixels else None
+        angle, median = _without_common_rotation(estimate, truth, error)
         row[f"{kind}_rotation_deg"], row[f"{kind}_median_unrotated_deg"] = angle, median
         if is_measured_so(name):
-            row[f"{kind}_four_ways"] = asdict(four_ways(estimate, known.normals, known.mask))
+            row[f"{kind}_four_ways"] = asdict(four_ways(estimate, truth, mask))
         spread.append(float(np.nanquantile(error, 0.95)))
         write_npy(store.path("compare", f"error_{kind}_{name}.npy"), error)
     if len(maps) == 2:
@@ -260,7 +249,5 @@ def _truth_facts(store: Store, truth: Normals, mask: Mask | None) -> dict[str, A
 def _between_methods(store: Store, names: list[str], mask: Mask | None) -> list[dict[str, Any]]:
     """Return the statistics of the angle between each two methods' normals of the real frames."""
     maps = {name: normals for name in names if (normals := _open(store, "normals", name)) is not None}
-    pairs = (
-        {"a": a, "b": b, **angular_statistics(_error_map(maps[a], maps[b], mask))} for a, b in combinations(maps, 2)
-    )
-    return [pair for pair in pairs if pair["pixels"]]
+    found = ((a, b, angular_statistics(_error_map(maps[a], maps[b], mask))) for a, b in combinations(maps, 2))
+    return [{"a": a, "b": b, **statistics} for a, b, statistics in found if statistics["pixels"]]

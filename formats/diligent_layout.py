@@ -64,6 +64,13 @@ class DiligentFolder:
         """Name of the file of the normals; empty where there is none."""
         return next((name for name in NORMALS if (self.folder / name).is_file()), "")
 
+    def lacks(self, name: str, words: str) -> bool:
+        """Whether a file is not there: one fault more, with what to do."""
+        if (self.folder / name).is_file():
+            return False
+        self.faults.append(f"{name}: missing{words}")
+        return True
+
     def read(self, reader: Callable[..., Any], name: str, *more: Any) -> Any:
         """Return what a reader makes of a file; None, and one fault more, where it cannot."""
         try:
@@ -132,10 +139,9 @@ def write_normal_mat(path: Path, normals: NDArray[np.float32]) -> None:
 
 
 def _read_names(found: DiligentFolder) -> None:
-    if not (found.folder / FILENAMES).is_file():
-        pictures = sorted(one.name for one in found.folder.glob("[0-9]*.png"))
-        there = f"the folder has {len(pictures)} numbered PNGs" if pictures else "the folder has no numbered PNG"
-        found.faults.append(f"{FILENAMES}: missing; {there}. List the photographs there, one a line.")
+    count = len(list(found.folder.glob("[0-9]*.png")))
+    there = f"the folder has {count} numbered PNGs" if count else "the folder has no numbered PNG"
+    if found.lacks(FILENAMES, f"; {there}. List the photographs there, one a line."):
         return
     names = found.listed = found.read(names_in, FILENAMES) or []
     # `Path.is_file` raises where a name is longer than the system allows.
@@ -155,8 +161,7 @@ def _read_names(found: DiligentFolder) -> None:
 
 
 def _read_table(found: DiligentFolder, name: str, *beside: str) -> tuple[Array | None, str]:
-    if not (found.folder / name).is_file():
-        found.faults.append(f"{name}: missing. Write three numbers a line, one line a photograph.")
+    if found.lacks(name, ". Write three numbers a line, one line a photograph."):
         return None, ""
     table, note = found.read(table_in, name, SceneError, *beside) or (None, "")
     if note and not beside:
@@ -205,8 +210,7 @@ def _check_intensities(found: DiligentFolder) -> None:
 
 
 def _read_mask(found: DiligentFolder) -> None:
-    if not (found.folder / MASK).is_file():
-        found.faults.append("mask.png: missing. White where the object is, black elsewhere, of the photographs' size.")
+    if found.lacks(MASK, ". White where the object is, black elsewhere, of the photographs' size."):
         return
     if (read := found.read(read_pixels, MASK)) is None:
         return
@@ -221,14 +225,9 @@ def _read_mask(found: DiligentFolder) -> None:
 
 
 def _read_normals(found: DiligentFolder) -> None:
-    name = found.normals_name
-    if not name:
-        found.faults.append(
-            "Normal_gt.mat: missing, and so are normal.txt and Normal_gt.png. Without true normals nothing can be "
-            "judged; give one of them."
-        )
-        return
-    if found.mask is None:
+    do = ", and so are normal.txt and Normal_gt.png. Without true normals nothing can be judged; give one of them."
+    name = found.normals_name or NORMALS[0]
+    if found.lacks(name, do) or found.mask is None:
         return
     height, width = found.mask.shape
     values = found.read(read_normal_map, name, height, width)

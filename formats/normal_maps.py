@@ -33,12 +33,19 @@ def read_normal_map(path: Path, height: int, width: int) -> NDArray:
     SceneError
         The file cannot be read, or has another size.
     """
-    readers = {".mat": _read_mat, ".txt": _read_text, ".npy": _read_npy, ".png": _read_png}
+    readers = {".mat": _read_mat, ".txt": lambda path: np.loadtxt(path, ndmin=2), ".npy": array_of, ".png": _read_png}
     suffix = path.suffix.lower()
     if suffix not in readers:
         raise SceneError(f"{path}: cannot read normals with the ending {suffix!r}; expected {', '.join(SUFFIXES)}.")
     with reading(path, "cannot be read as a normal map", do="Save it again."):
-        values = readers[suffix](path, height, width)
+        values = readers[suffix](path)
+    if suffix == ".txt":
+        if values.shape != (height * width, 3):
+            raise SceneError(
+                f"{path}: found {values.shape[0]} rows of {values.shape[1]} numbers, expected {height * width} rows "
+                f"of 3 ({height} x {width} pixels, row by row)."
+            )
+        values = values.reshape(height, width, 3)
     if values.shape != (height, width, 3):
         turned = values.shape == (width, height, 3)
         raise SceneError(
@@ -48,7 +55,7 @@ def read_normal_map(path: Path, height: int, width: int) -> NDArray:
     return values
 
 
-def _read_mat(path: Path, height: int, width: int) -> NDArray:
+def _read_mat(path: Path) -> NDArray:
     arrays = {name: item for name, item in arrays_of_mat(path).items() if item.dtype.kind in "iuf"}
     maps = {name: item for name, item in arrays.items() if item.ndim == 3 and item.shape[2] == 3}
     for name in ("Normal_gt", "Normal_est"):
@@ -60,21 +67,7 @@ def _read_mat(path: Path, height: int, width: int) -> NDArray:
     return next(iter(maps.values()))
 
 
-def _read_text(path: Path, height: int, width: int) -> NDArray:
-    table = np.loadtxt(path, ndmin=2)
-    if table.shape != (height * width, 3):
-        raise SceneError(
-            f"{path}: found {table.shape[0]} rows of {table.shape[1]} numbers, expected {height * width} rows "
-            f"of 3 ({height} x {width} pixels, row by row)."
-        )
-    return table.reshape(height, width, 3)
-
-
-def _read_npy(path: Path, height: int, width: int) -> NDArray:
-    return array_of(path)
-
-
-def _read_png(path: Path, height: int, width: int) -> NDArray:
+def _read_png(path: Path) -> NDArray:
     image, white = read_pixels(path)
     if image.ndim != 3 or image.shape[2] < 3:
         raise ValueError("no RGB image of 8 or 16 bits")

@@ -104,10 +104,11 @@ class Job:
         return (*UNCALIBRATED, *self.externals)
 
     def wanted(self, last: str) -> tuple[str, ...]:
-        """Return the steps to run, with what they need, for a verb: the last one, and before it what was asked for."""
+        """Return the steps to run, with what they need, for a verb: what was asked for, files, the last one."""
         has_truth, trust = self.session.normals or self.session.scan, self.settings.trust
         asked = last == "compare" and not has_truth if trust is None else trust
-        return ("trust", last) if asked and last in ("solve", "twin", "compare") else (last,)
+        trusted = ("trust",) if asked and last in ("solve", "twin", "compare") else ()
+        return (*trusted, *(("results",) if last == "compare" else ()), last)
 
     @cached_property
     def store(self) -> Store:

@@ -1,6 +1,6 @@
 """How the steps of an output folder run: what the command line says, and what the folder's record keeps of it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
@@ -21,6 +21,7 @@ TIMEOUT_S = 3600.0
 NOTE = "settings"
 """Of a record."""
 Engine = Literal["auto", "many", "mitsuba"]
+GreenAxis = Literal["opengl", "directx"]
 Staging = Literal["one-factor", "benchmark"]
 """Of the sweeps, see `experiments.stagings`."""
 
@@ -43,6 +44,18 @@ def named(option: str, text: str, known: Iterable[str]) -> tuple[str, ...]:
 def in_any_case(_: Any, tokens: Sequence[Any]) -> str:
     """Return a word of the command line in small letters, as all our names are."""
     return tokens[0].value.casefold()
+
+
+def one_of(option: str, known: Any) -> Callable[[Any, Sequence[Any]], str]:
+    """Return what reads a word of the command line, in any case, as one of a Literal's; SceneError for another."""
+
+    def read(_: Any, tokens: Sequence[Any]) -> str:
+        word = tokens[0].value
+        if word.casefold() not in get_args(known):
+            raise SceneError(f"{option} {word}: {word} is unknown; there are {', '.join(get_args(known))}.")
+        return word.casefold()
+
+    return read
 
 
 @Parameter(name="*")
@@ -130,7 +143,9 @@ class TwinSettings:
 
     engine: Annotated[
         Engine | None,
-        Parameter(help="The twin's engine; auto: many, where it can render the scene.", converter=in_any_case),
+        Parameter(
+            help="The twin's engine; auto: many, where it can render the scene.", converter=one_of("--engine", Engine)
+        ),
     ] = None
     error: Annotated[float | None, Parameter(help="The twin's error that is aimed at, relative: 0.01 is 1 %.")] = None
     layers: Annotated[bool | None, Parameter(help="Keep the twin's direct and indirect light as truth_*.npy too.")] = (
@@ -164,13 +179,27 @@ SHADED = Parameter(help="Let the registered scan's own shading correct lights th
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Settings(TwinSettings, Solving):
+class SessionSolving(Solving):
+    """The same of a session, whose lights may be refined first."""
+
+    refine_lights: Annotated[bool | None, SHADED] = None
+    normals: Annotated[
+        GreenAxis | None,
+        Parameter(
+            help="Pictures of normals in results/: opengl, green is up, or directx, green is down. Default: opengl.",
+            converter=one_of("--normals", GreenAxis),
+        ),
+    ] = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Settings(TwinSettings, SessionSolving):
     """All of them. An output folder's record keeps them: what a later run does not say stays as it was.
 
     `truth`: folder of a known truth (truth.json, truth.npz) to judge the results by.
     """
 
-    refine_lights: Annotated[bool | None, SHADED] = None
     truth: Annotated[Path | None, Parameter(parse=False)] = None
 
     @classmethod

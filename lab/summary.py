@@ -38,6 +38,7 @@ def write_summary(job: Job, arguments: dict[str, Any]) -> dict[str, Any]:
         "align": result["align"].get("truth"),
         "solve": {"methods": methods},
         "trust": result["trust"] or None,
+        "results": result["results"] or None,
         "twin": twin if twin.get("rendered") else None,
         "compare": compared,
     }

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from cyclopts import App, Group, Parameter
 
 from experiments.commands import dataset, sweep
-from lab.options import AS_BEFORE, BY_DEFAULT, SHADED, Settings, Solving
+from lab.options import AS_BEFORE, SHADED, SessionSolving, Settings
 from lab.progress import check_words, is_quiet, keep_quiet, log_to, open_streams, say
 from lab.run import is_description, run_session
 from rgbn.examples import fixture_folder, tell_example
@@ -130,16 +130,14 @@ def solve(
     /,
     *,
     place: Place = BY_NAME,
-    said: Solving = BY_DEFAULT,
-    refine_lights: Annotated[bool | None, SHADED] = None,
+    said: SessionSolving = AS_BEFORE,
     mesh: Annotated[Path | None, Parameter(help="Also write the surface, in mm, as this .ply.")] = None,
     scheduler: Scheduler = None,
 ) -> None:
     """Recover normals and albedo by photometric stereo, and the surface as a mesh if asked."""
     if mesh:
         check_mesh_name(mesh)
-    settings = Settings(refine_lights=refine_lights).but(said)
-    _run(session, "solve", place, said=settings, scheduler=scheduler, mesh=mesh)
+    _run(session, "solve", place, said=said, scheduler=scheduler, mesh=mesh)
 
 
 @app.command(sort_key=7)

@@ -17,8 +17,6 @@ LIGHTS = ("alicevision", "csv", "diligent", "dome", "lp", "mat")
 """What `all` writes: the formats of `formats.light_files`, and tables. Here they are known without loading anything."""
 SCENES = ("gltf", "mitsuba")
 FORMATS = (*LIGHTS, "meshroom", "relight", *SCENES)
-UNKNOWN_MM = -1000.0
-"""Where the surface of an object of unknown distance is put."""
 
 
 def formats_of(text: str) -> tuple[str, ...]:
@@ -156,30 +154,12 @@ def check_mesh_name(path: Path) -> None:
 def write_surface(job: "Job", path: Path) -> None:
     """Write a solved session's surface: of the first method that found its depth, else of the first, integrated.
 
-    Normals, albedo and depth are always one method's: a depth map is that which its method's normals were found
-    under, and where there is none the surface is what those normals integrate to.
-
     Raises SceneError: no pixel has a normal, another's file stands there, or it cannot be written.
     """
     from lab.progress import say
-    from solve.surface.integration import integrate, surface_at
-    from solve.surface.surface_mesh import mesh_of
+    from solve.surface.solved_surface import solved_surface
 
-    store = job.store
-    method = next((name for name in job.methods if store.path("depth", f"{name}.npy").exists()), job.methods[0])
-    normals, camera, lights = store.load_normals(method), store.load_camera(), store.load_lights()
-    albedo = store.read_array("albedo", f"{method}.npy")
-    depth = store.path("depth", f"{method}.npy")
-    if depth.exists():
-        surface = surface_at(store.read_array("depth", f"{method}.npy").astype("float64"), normals, camera)
-        scale = "the distance was found by the shading"
-    else:
-        z_mm = float(lights.reference_point_mm[2])
-        scale = f"the surface's middle was put at the lights' reference point, z = {z_mm:.0f} mm"
-        if z_mm >= 0 and not camera.is_orthographic:
-            z_mm = UNKNOWN_MM
-            scale = f"nothing tells the distance: it was put at z = {z_mm:.0f} mm, and its size is as arbitrary"
-        surface = integrate(normals, store.load_mask(), camera, z_mm=z_mm)
-    mesh = mesh_of(surface, normals, albedo, camera)
+    found = solved_surface(job.store, job.methods)
+    mesh = found.mesh()
     mesh.write(path)
-    say(f"mesh: {path}, {method}, {len(mesh.vertices)} vertices, {len(mesh.faces)} faces; {scale}")
+    say(f"mesh: {path}, {found.method}, {len(mesh.vertices)} vertices, {len(mesh.faces)} faces; {found.scale}")

@@ -22,7 +22,17 @@ Values = Mapping[str, Any]
 LOG_COLUMNS = 110
 OWN = {"solve": ("solve", "trust")}
 """Of a verb, the steps whose findings it shows, where these are more than its own."""
-SOUGHT = ("report.html", "lights.json", "lights.csv", "spheres.json", "pose.json", "normals", "twin", "statistics.csv")
+SOUGHT = (
+    "report.html",
+    "results",
+    "lights.json",
+    "lights.csv",
+    "spheres.json",
+    "pose.json",
+    "normals",
+    "twin",
+    "statistics.csv",
+)
 """What people look for first in an output folder."""
 NEXT = {
     "check": "rgbn calibrate {0}", "calibrate": "rgbn align {0}",

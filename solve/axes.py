@@ -4,9 +4,6 @@ Convex for concave is one of these ways. Uncalibrated methods see no difference 
 the inverted surface under mirrored ones; a network may invert a part. Lights that were calibrated know.
 """
 
-from dataclasses import dataclass
-from itertools import permutations, product
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,20 +12,12 @@ from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
-from solve.plausible_axes import plausible_axes
+from solve.plausible_axes import AXES, INVERTED, axes_words, plausible_axes
 from solve.problem import Problem
 from solve.samples import Samples, all_samples
 
 Array = NDArray[np.float64]
 
-AXES = tuple(
-    np.array([[sign * (axis == column) for column in range(3)] for sign, axis in zip(signs, order, strict=True)], float)
-    for order in permutations(range(3))
-    for signs in product((1, -1), repeat=3)
-)
-"""The 48 ways to swap and flip three axes; the first changes nothing."""
-INVERTED = np.diag([-1.0, -1.0, 1.0])
-"""Convex for concave."""
 _PIXELS = 4000
 _EXPLAINED = 0.75
 """Share of what least squares explains of the photographs, beyond normals at random, under which a map is refused.
@@ -54,25 +43,6 @@ _LAMBERT = 0.15**2
 """Misfit of Lambert's law, the same in all axes, above which something else is wrong: the order, the strengths."""
 _LIT, _FEWEST_LIT = 0.05, 4
 """Share of a pixel's brightest sample under which it stands in shadow; lit samples that tell a normal and a misfit."""
-
-
-@dataclass(frozen=True)
-class Axes:
-    """What a map's components are.
-
-    Parameters
-    ----------
-    matrix : (3, 3) float64
-        Camera frame from the map's: n = matrix @ (its first, second, third component).
-    cautions : tuple of str
-    """
-
-    matrix: Array
-    cautions: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        rows = [(int(np.abs(row).argmax()), row.sum() < 0) for row in self.matrix]
-        return "(" + ", ".join(f"{'-' if flipped else ''}{'xyz'[axis]}" for axis, flipped in rows) + ")"
 
 
 class _Lit:
@@ -105,13 +75,14 @@ class _Lit:
     def least_squares(self) -> Array:
         """Return each pixel's own albedo x normal (P, 3), by its lit samples."""
         matrix = np.einsum("pf,pfi,pfj->pij", self.lit, self.toward, self.toward) + 1e-9 * np.eye(3)
-        return np.linalg.solve(matrix, np.einsum("pf,pfi,pf->pi", self.lit, self.toward, self.values)[..., None])[
-            ..., 0
-        ]
+        seen = np.einsum("pf,pfi,pf->pi", self.lit, self.toward, self.values)
+        return np.linalg.solve(matrix, seen[..., None])[..., 0]
 
 
-def find_axes(normals: Array, samples: Samples, *, name: str) -> Axes:
-    """Return the axes in which unit normals (P, 3) explain the photographs; `name` stands in messages.
+def find_axes(normals: Array, samples: Samples, *, name: str) -> tuple[Array, tuple[str, ...]]:
+    """Return the axes of `AXES` in which unit normals (P, 3) explain the photographs, and what is to be said of them.
+
+    `name` stands in messages.
 
     Raises
     ------
@@ -130,26 +101,27 @@ def find_axes(normals: Array, samples: Samples, *, name: str) -> Axes:
     least = min(misfit[best], lit.misfit(lit.least_squares()))
     if by_chance - least < _TELLING * by_chance:
         said = "the object is too flat to tell the axes of its normals from the photographs: taken as x, y, z."
-        return Axes(AXES[0], (said,))
+        return AXES[0], (said,)
     explained = (by_chance - misfit[best]) / (by_chance - least)
     if explained < _EXPLAINED:
         raise SceneError(
             f"{name}: its normals do not explain the photographs by the lights, whichever way their axes are flipped "
-            f"or swapped (the best way {Axes(AXES[best])} explains {max(explained, 0):.0%} of what least squares does, "
-            f"expected {_EXPLAINED:.0%}). Is the picture upside down, of another object, or in a frame that is turned?"
+            f"or swapped (the best way {axes_words(AXES[best])} explains {max(explained, 0):.0%} of what least squares "
+            f"does, expected {_EXPLAINED:.0%}). Is the picture upside down, of another object, or in a frame that is "
+            "turned?"
         )
     alike = misfit <= misfit[best] + _ALIKE * (by_chance - misfit[best])
     cautions = ()
     if explained < _CAUTIOUS:
         cautions = (f"its normals explain {explained:.0%} only of what least squares does of the photographs.",)
     if alike[0]:
-        return Axes(AXES[0], cautions)
+        return AXES[0], cautions
     if np.array_equal(AXES[best], INVERTED):
         cautions += ("its relief is inverted, convex for concave: the lights say so, and x and y are negated.",)
     if alike.sum() > 1:
-        other = Axes(AXES[next(k for k in np.argsort(misfit) if k != best)])
-        cautions += (f"its axes may be {Axes(AXES[best])} or {other}: both explain the photographs.",)
-    return Axes(AXES[best], cautions)
+        other = axes_words(AXES[next(k for k in np.argsort(misfit) if k != best)])
+        cautions += (f"its axes may be {axes_words(AXES[best])} or {other}: both explain the photographs.",)
+    return AXES[best], cautions
 
 
 def some_pixels(known: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -201,18 +173,17 @@ def relief_cautions(
 
 def _in_inverted_patches(row: NDArray, column: NDArray, given: Array, other: Array) -> NDArray[np.bool_]:
     """Return which pixels (P,) lie in a patch of the picture that the inverted relief explains better."""
-    inside = np.zeros(len(row), bool)
+    from scipy.ndimage import median
+
     if not len(row):
-        return inside
+        return np.zeros(0, bool)
     tall, wide = np.ptp(row) + 1.0, np.ptp(column) + 1.0
     # Of a small object patches are larger: each is to have its pixels.
     side = max(max(tall, wide) / _PATCHES, np.sqrt(1.3 * _FEWEST * tall * wide / len(row))) + 1
     patch = (row - row.min()) // side * (_PATCHES + 1) + (column - column.min()) // side
-    for label in np.unique(patch):
-        here = patch == label
-        own = np.median(given[here])
-        inside[here] = here.sum() >= _FEWEST and own > _CLEAR and np.median(other[here]) < _BETTER * own
-    return inside
+    labels, patch, count = np.unique(patch, return_inverse=True, return_counts=True)
+    own, better = (median(misfit, patch, np.arange(len(labels))) for misfit in (given, other))
+    return ((count >= _FEWEST) & (own > _CLEAR) & (better < _BETTER * own))[patch]
 
 
 def lights_in_other_axes(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]) -> str | None:
@@ -228,7 +199,7 @@ def lights_in_other_axes(frames: Frames, lights: Lights, camera: Camera, mask: N
         return None
     normals = np.full((*small.mask.shape, 3), np.nan)
     normals[small.mask] = np.where((lit.lit.sum(1) >= _FEWEST_LIT)[:, None], unit(fitted), np.nan)
-    found = plausible_axes(normals, small.mask, AXES)
+    found = plausible_axes(normals, small.mask)
     best = found.by_rim if found.is_unique else found.plain
     if not best:
         return None
@@ -238,6 +209,6 @@ def lights_in_other_axes(frames: Frames, lights: Lights, camera: Camera, mask: N
         fault, makes = "points inward at its rim", "Unless it is hollow, it makes"
     return (
         f"lights.file: under its lights the object {fault}. {makes} sense if the file's axes are changed to "
-        f"{Axes(AXES[best])}; expected are x right, y up, z toward the viewer. Correct lights.file; it is used as it "
-        "stands."
+        f"{axes_words(AXES[best])}; expected are x right, y up, z toward the viewer. Correct lights.file; it is used "
+        "as it stands."
     )

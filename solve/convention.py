@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solve.axes import AXES
-from solve.plausible_axes import plausible_axes
+from solve.plausible_axes import AXES, plausible_axes
 
 Array = NDArray[np.float64]
 CLIPPED = 0.98
@@ -86,14 +85,14 @@ def infer_convention(claim: Claim) -> Convention:
     alike, the one that changes least. The photographs tell only how lights and normals differ; which of the two is
     wrong, the normals' own slopes tell, and the rim where normals point out of it.
     """
-    evidence = ConventionEvidence.of(claim.values, claim.intensities)
+    evidence = ConventionEvidence(claim.values, claim.intensities)
     ways = arrangements(*claim.mask.shape)
     maps = [claim.normals.reshape(-1, 3)[places] for _, places in ways]
     at = [one.reshape(-1, 3)[claim.places] for one in maps]
     scores = np.array([evidence.all_axes(one, claim.directions) for one in at])
     if scores.max() < _GOOD:
         # Wrong intensities hide the axes: without any, they may show.
-        plain = ConventionEvidence.of(claim.values, np.ones_like(claim.intensities))
+        plain = ConventionEvidence(claim.values, np.ones_like(claim.intensities))
         others = np.array([plain.all_axes(one, claim.directions) for one in at])
         if others.max() > scores.max() + _BETTER:
             evidence, scores = plain, others
@@ -113,7 +112,7 @@ def infer_convention(claim: Claim) -> Convention:
     seen = fitted_intensities(claim.values, claim.intensities, at_best, directions)
     # An intensity that is wrong makes a photograph look like another: rows are at fault only where neither will do.
     by_both = [
-        replace(found, intensities=seen, rows=ConventionEvidence.of(claim.values, each).rows_of(at_best, directions))
+        replace(found, intensities=seen, rows=ConventionEvidence(claim.values, each).rows_of(at_best, directions))
         for each in (claim.intensities, seen)
     ]
     return min(by_both, key=lambda one: len(one.misplaced))
@@ -125,13 +124,13 @@ def _whose_axes(claim: Claim, normals: Array, way: int, axes: int, wrong: bool) 
     normals: the map as the photographs lie. way, axes: numbers of the best. wrong: they are not those as given.
     """
     relation = AXES[axes]
-    alone = plausible_axes(normals, claim.mask, AXES)
+    alone = plausible_axes(normals, claim.mask)
     # Of a hollow the rim misleads: it counts only where it leaves nothing for the lights to be wrong in.
     by_rim = wrong and (alone.plain or np.array_equal(AXES[alone.by_rim], relation))
     own = alone.by_rim if by_rim else alone.plain
     hollow = bool(not wrong and not own and alone.by_rim)
     as_it_lies = np.isfinite(claim.normals[..., 0])
-    if way and own and not axes and not plausible_axes(claim.normals, as_it_lies, AXES).by_rim:
+    if way and own and not axes and not plausible_axes(claim.normals, as_it_lies).by_rim:
         return {"turned": True, "hollow": hollow}
     mended = AXES[own]
     return {"hollow": hollow, "certain": alone.is_unique, "of_lights": mended @ relation.T, "of_normals": mended}
@@ -182,19 +181,13 @@ def arrangements(height: int, width: int) -> list[tuple[str, NDArray[np.intp]]]:
 
 
 class ConventionEvidence:
-    """The samples (P, N) of a dataset, divided by the intensities, against which conventions are tried."""
+    """The samples (P, N, 3) of a dataset, divided by the intensities (N, 3), against which conventions are tried."""
 
-    def __init__(self, gray: Array, clipped: NDArray[np.bool_]) -> None:
-        gray = np.maximum(gray, 0).astype(np.float64)
-        middle = np.median(gray, axis=1, keepdims=True)
-        self.known = ~clipped
-        self._cut = np.minimum(gray, _HIGHLIGHT * np.maximum(middle, 1e-9) + 1e-12)
+    def __init__(self, values: NDArray[np.float32], intensities: Array) -> None:
+        gray = np.maximum((values / intensities.astype(np.float32)).mean(-1), 0).astype(np.float64)
+        self.known = values.max(-1) < CLIPPED
+        self._cut = np.minimum(gray, _HIGHLIGHT * np.maximum(np.median(gray, axis=1, keepdims=True), 1e-9) + 1e-12)
         self._centred = self._centre(self._cut)
-
-    @classmethod
-    def of(cls, values: NDArray[np.float32], intensities: Array) -> "ConventionEvidence":
-        """Return that of samples (P, N, 3) under lights (N, 3)."""
-        return cls((values / intensities.astype(np.float32)).mean(-1), values.max(-1) >= CLIPPED)
 
     def _centre(self, values: Array) -> Array:
         count = np.maximum(self.known.sum(1, keepdims=True), 1)
@@ -256,8 +249,4 @@ def fitted_intensities(values: NDArray, intensities: Array, normals: Array, ligh
 
 def _median(values: Array, axis: int) -> Array:
     """Return medians without NaN; NaN where there is nothing."""
-    import warnings
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)
-        return np.nanmedian(values, axis=axis)
+    return np.ma.median(np.ma.masked_invalid(values), axis=axis).filled(np.nan)

@@ -1,6 +1,6 @@
-"""Methods that are other programs: given the photographs in the DiLiGenT layout, they write a normal map.
+"""Methods that are other programs: given the photographs as they read them, they write a normal map.
 
-Learned methods above all: neither their weights nor their libraries are part of this project
+Learned methods above all: neither they, nor their weights and libraries, are part of this project
 (docs/guide/learned-methods.md).
 """
 
@@ -11,25 +11,75 @@ import shlex
 import shutil
 import signal
 import subprocess
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.diligent_layout import write_diligent
+from formats.diligent_layout import MASK, write_diligent, write_photographs
 from formats.normal_maps import read_normal_map
 from scene.errors import SceneError
+from scene.files import write_png
 from scene.frames import Frames
 from scene.lights import Lights
-from solve.presets import PRESETS, Preset, find_program
 
 RESULTS = (".npy", ".mat", ".png")
+PYTHONS = (".venv/bin/python", "venv/bin/python", "env/bin/python")
+"""Where, in a published program's folder, its own Python is looked for."""
+LARGE_PX = 1024
+"""Side of a picture from which SDM-UniPS is told to work in tiles, as its authors advise."""
 _MARGIN = 0.05
 """Of the object's picture, around it: such programs cut out a square, and shrink the whole frame where they cannot."""
 _MARGIN_PX = 10
 """At least: the object's own margin of 8 pixels in such programs."""
 _LAST_LINES = 6
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A published program, as `presets.toml` lists it.
+
+    Parameters
+    ----------
+    source : str
+        Where its authors publish it.
+    entry : str
+        A file in its folder by which it is known.
+    command, large, gpu : tuple of str
+        Its Python's words, {program}: its folder; with large pictures; where there is a GPU.
+    folder, picture, result : str
+        The object's folder below {data}, a photograph's name there by its number from 1, its normals below {out}.
+    most : int
+        Photographs that it is given at most, evenly spread: its memory grows with them.
+    weights : str
+        Pattern of its weights' files in its folder; empty: it fetches them itself at its first run.
+    """
+
+    source: str
+    entry: str
+    command: tuple[str, ...]
+    folder: str
+    picture: str
+    result: str
+    most: int = 16
+    weights: str = ""
+    large: tuple[str, ...] = ()
+    gpu: tuple[str, ...] = ()
+
+    def write(self, data: Path, frames: Frames, mask: NDArray[np.bool_], box: tuple[slice, slice]) -> None:
+        """Write the photographs, 16-bit linear RGB, and the mask as the program expects them."""
+        chosen = np.unique(np.linspace(0, len(frames) - 1, min(self.most, len(frames))).round().astype(int))
+        files = {self.picture.format(number): int(index) for number, index in enumerate(chosen, 1)}
+        write_photographs(data / self.folder, frames, files, box)
+        write_png(data / self.folder / MASK, mask[box])
+
+
+PRESETS = {
+    name: Preset(**table)
+    for name, table in tomllib.loads(Path(__file__).with_name("presets.toml").read_text("utf-8")).items()
+}
 
 
 @dataclass(frozen=True)
@@ -44,14 +94,23 @@ class External:
         As in a shell, but without one; {data} becomes the folder to read, {out} the folder to write to. Of a preset
         PRESET:FOLDER PYTHON.
     timeout_s : float
+    words : tuple of str
+        What is started, {data} and {out} among them.
+    files : tuple of Path
+        That it is run again for when they change: those that the command names; of a preset its program and weights.
     preset : Preset or None
-        How a published program wants its photographs, and what its command is.
+        How a published program wants its photographs.
+    program : Path or None
+        The folder of a preset's program.
     """
 
     name: str
     command: str
-    timeout_s: float = 3600.0
+    timeout_s: float
+    words: tuple[str, ...]
+    files: tuple[Path, ...]
     preset: Preset | None = None
+    program: Path | None = None
 
     @classmethod
     def parse(cls, text: str, timeout_s: float) -> "External":
@@ -71,40 +130,59 @@ class External:
             )
         if not 0 < timeout_s < np.inf:
             raise SceneError(f"--external-timeout-s {timeout_s:g}: expected seconds above 0, as in 3600.")
-        if re.match(r"['\"]?[A-Za-z-]+:", command) and "{data}" not in command:
-            words = _split(command, name)
-            preset = find_program(words, where)
-            words = [f"{words[0].partition(':')[0]}:{preset.program}", str(preset.python)]
-            return cls(name, shlex.join(words), timeout_s, preset)
+        is_preset = re.match(r"['\"]?[A-Za-z-]+:", command) and "{data}" not in command
         missing = [place for place in ("{data}", "{out}") if place not in command]
-        if missing:
+        if missing and not is_preset:
             raise SceneError(
                 f"{where}: {' and '.join(missing)} missing. The command is told with {{data}} the folder to read, with "
                 "{out} the folder to write normals to. Without a command of your own: PRESET:FOLDER, the presets are "
                 f"{', '.join(PRESETS)}."
             )
-        return cls(name, command, timeout_s)
+        try:
+            words = shlex.split(command)
+        except ValueError as error:
+            raise SceneError(f"--external {name}: {command!r} cannot be read as a command ({error}).") from None
+        if is_preset:
+            return cls._of_preset(name, words, timeout_s, where)
+        return cls(name, command, timeout_s, tuple(words), tuple(path for path in map(Path, words) if path.is_file()))
 
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """Files that the command names: the program itself, its weights."""
-        if self.preset:
-            return self.preset.files
-        return tuple(path for path in map(Path, self.words(Path("{data}"), Path("{out}"))) if path.is_file())
+    @classmethod
+    def _of_preset(cls, name: str, words: list[str], timeout_s: float, where: str) -> "External":
+        """Return the program that PRESET:FOLDER and, as a second word, a Python name; `where` begins a message."""
+        called, _, folder = words[0].partition(":")
+        if called.casefold() not in PRESETS or len(words) > 2:
+            raise SceneError(
+                f"{where}: found {' '.join(words)!r}; expected PRESET:FOLDER, then, where it is not in the folder, the "
+                f"Python that runs it. Presets are {', '.join(PRESETS)}."
+            )
+        preset, program, files = PRESETS[called.casefold()], Path(folder).expanduser().absolute(), []
+        for what, pattern in (("", preset.entry), ("weights ", preset.weights)):
+            found = sorted(program.glob(pattern)) if pattern else []
+            if pattern and not found:
+                raise SceneError(
+                    f"{where}: {program} has no {what}{pattern}. Its page says where it is: {preset.source}."
+                )
+            files += found
+        tried = [Path(words[1]).expanduser()] if len(words) == 2 else [program / python for python in PYTHONS]
+        # Not resolved: a virtual environment's python is a link, and knows itself by where it lies.
+        python = next((path.absolute() for path in tried if path.is_file()), None)
+        if python is None:
+            raise SceneError(
+                f"{where}: found no {', '.join(map(str, tried))}. Name the Python that has its libraries as a second "
+                f"word: '{words[0]} envs/name/bin/python'."
+            )
+        started = (str(python), *(word.replace("{program}", str(program)) for word in preset.command))
+        command = shlex.join([f"{called}:{program}", str(python)])
+        return cls(name, command, timeout_s, started, tuple(files), preset, program)
 
-    def words(self, data: Path, out: Path, side_px: int = 0) -> list[str]:
+    def started(self, data: Path, out: Path, side_px: int) -> list[str]:
         """Return the command's words, the folders in their places; `side_px`: the pictures' longer side."""
+        words = [*self.words]
         if self.preset:
-            return self.preset.words(data, out, side_px)
-        words = _split(self.command, self.name)
+            data = data / self.preset.folder
+            words += self.preset.large if side_px > LARGE_PX else ()
+            words += self.preset.gpu if shutil.which("nvidia-smi") else ()
         return [word.replace("{data}", str(data)).replace("{out}", str(out)) for word in words]
-
-
-def _split(command: str, name: str) -> list[str]:
-    try:
-        return shlex.split(command)
-    except ValueError as error:
-        raise SceneError(f"--external {name}: {command!r} cannot be read as a command ({error}).") from None
 
 
 def normals_by(external: External, frames: Frames, lights: Lights, mask: NDArray[np.bool_], folder: Path) -> NDArray:
@@ -132,7 +210,7 @@ def normals_by(external: External, frames: Frames, lights: Lights, mask: NDArray
     else:
         write_diligent(data, frames, lights, mask, box)
     out.mkdir(parents=True)
-    _run(external, external.words(data, out, max(inside.shape)), folder)
+    _run(external, external.started(data, out, max(inside.shape)), folder)
     path = _result(external, out)
     found = read_normal_map(path, *inside.shape).astype(np.float64)
     length = np.linalg.norm(found, axis=-1, keepdims=True)
@@ -164,7 +242,7 @@ def _square(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
 
 def _run(external: External, words: list[str], folder: Path) -> None:
     """Run the command to its end, and whatever it started; its words are kept in files, which never fill a pipe."""
-    data, where = folder.resolve() / "data", external.preset.program if external.preset else None
+    data, where = folder.resolve() / "data", external.program
     with open(folder / "stdout.txt", "wb") as said, open(folder / "stderr.txt", "wb") as complained:
         try:
             process = subprocess.Popen(

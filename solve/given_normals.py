@@ -14,10 +14,10 @@ from scene.clock import now, since
 from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
-from solve.axes import AXES, Axes, find_axes, relief_cautions, some_pixels
+from solve.axes import find_axes, relief_cautions, some_pixels
 from solve.external import External, normals_by
 from solve.methods import Method, Whole
-from solve.plausible_axes import plausible_axes
+from solve.plausible_axes import AXES, axes_words, plausible_axes
 from solve.problem import Problem
 from solve.samples import Geometry, Samples, row_medians
 from solve.solve import solve
@@ -63,24 +63,29 @@ def solve_external(
         lights.check()
     found = normals_by(external, frames, lights, mask, folder)
     name = f"--external {external.name}"
-    used_axes: list[Axes] = []
+    used_axes: list[str] = []
 
     def fit(_problem: Problem, samples: Samples, _settings: tuple) -> Whole:
         given = found[mask]
         if lights.is_unknown:
-            axes = _axes_of_itself(found, mask)
-            whole = _with_lights_of_its_own(given @ axes.matrix.T, samples, axes.cautions)
+            # No light tells better than the map itself, in which axes it is a surface that faces the camera.
+            axes = AXES[plausible_axes(found, mask).by_rim]
+            said = (
+                f"its axes are taken as {axes_words(axes)}, in which it is a surface that faces the camera: the lights "
+                "are unknown and do not tell. It may be inverted, convex for concave."
+            )
+            whole = _with_lights_of_its_own(given @ axes.T, samples, (said,))
         else:
             some = some_pixels(np.isfinite(given[:, 0]))
-            axes = find_axes(given[some], samples.some(some), name=name)
-            whole = with_lambertian_albedo(given @ axes.matrix.T, samples, axes.cautions)
-        used_axes.append(axes)
+            axes, cautions = find_axes(given[some], samples.some(some), name=name)
+            whole = with_lambertian_albedo(given @ axes.T, samples, cautions)
+        used_axes.append(axes_words(axes))
         return whole
 
     method = Method(external.name, {"default": NoSettings()}, fit_whole=fit, is_calibrated=not lights.is_unknown)
     estimate = solve(method, frames, lights, camera, mask, executor=executor, progress=progress)
     cautions = (*estimate.warnings, *relief_cautions(estimate.normals, frames, lights, camera, mask))
-    settings = {"command": external.command, "timeout_s": external.timeout_s, "axes": str(used_axes[0])}
+    settings = {"command": external.command, "timeout_s": external.timeout_s, "axes": used_axes[0]}
     return replace(estimate, **since(start), settings=settings, warnings=cautions)
 
 
@@ -98,17 +103,6 @@ def with_lambertian_albedo(normals: NDArray[np.float64], samples: Samples, cauti
         albedo, used[part] = _albedo(samples.some(part), normals[part], scale)
         b[part] = albedo[:, None] * normals[part]
     return Whole(b, used, cautions)
-
-
-def _axes_of_itself(normals: NDArray[np.float64], mask: NDArray[np.bool_]) -> Axes:
-    """Return the axes in which a map (H, W, 3) is a surface that faces the camera; no light tells better."""
-    by_itself = plausible_axes(normals, mask, AXES)
-    matrix = AXES[by_itself.by_rim]
-    said = (
-        f"its axes are taken as {Axes(matrix)}, in which it is a surface that faces the camera: the lights are unknown "
-        "and do not tell. It may be inverted, convex for concave."
-    )
-    return Axes(matrix, (said,))
 
 
 def _with_lights_of_its_own(normals: NDArray[np.float64], samples: Samples, cautions: tuple[str, ...]) -> Whole:

@@ -1,11 +1,21 @@
 """In which axes a normal map makes sense alone: it faces the viewer, is a surface's slope, points out at its rim."""
 
 from dataclasses import dataclass
+from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+AXES = tuple(
+    np.array([[sign * (axis == column) for column in range(3)] for sign, axis in zip(signs, order, strict=True)], float)
+    for order in permutations(range(3))
+    for signs in product((1, -1), repeat=3)
+)
+"""The 48 ways to swap and flip three axes, camera frame from a map's: n = matrix @ (its components). The first changes
+nothing."""
+INVERTED = np.diag([-1.0, -1.0, 1.0])
+"""Convex for concave."""
 FACING = 0.97
 """Share of the normals that point to the viewer, in the right axes."""
 _STEEP = 0.3
@@ -20,7 +30,7 @@ _RIM_PX, _FEWEST = 2.5, 20
 
 @dataclass(frozen=True)
 class PlausibleAxes:
-    """Which axes, of some candidates, a normal map makes sense in.
+    """Which of `AXES` a normal map makes sense in.
 
     `plain`: by its slopes; 0, the first, where they do not speak against it. Where they do, the rim chooses.
     `by_rim`: the same, taking it that normals point out of the mask at its rim: a hollow's do not. `is_unique`:
@@ -32,24 +42,27 @@ class PlausibleAxes:
     is_unique: bool
 
 
-def plausible_axes(normals: Array, mask: NDArray[np.bool_], all_axes: tuple[Array, ...]) -> PlausibleAxes:
-    """Return the axes in which a normal map makes sense by itself.
+def axes_words(matrix: Array) -> str:
+    """Return what the camera frame's x, y and z are of a map's, by its entry of `AXES`: (x, -y, -z)."""
+    rows = [(int(np.abs(row).argmax()), row.sum() < 0) for row in matrix]
+    return "(" + ", ".join(f"{'-' if flipped else ''}{'xyz'[axis]}" for axis, flipped in rows) + ")"
 
-    `normals` are NaN where there is none; `all_axes` are camera frame from the map's, the first changes nothing.
-    """
+
+def plausible_axes(normals: Array, mask: NDArray[np.bool_]) -> PlausibleAxes:
+    """Return the axes in which a normal map, NaN where there is none, makes sense by itself."""
     rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
     box = (slice(max(rows[0] - 1, 0), rows[-1] + 2), slice(max(columns[0] - 1, 0), columns[-1] + 2))
     normals, mask = np.where(mask[..., None], normals, np.nan)[box], mask[box]
     known = normals[np.isfinite(normals[..., 0])]
-    facing = [k for k, axes in enumerate(all_axes) if len(known) and np.mean(known @ axes[2] > 0) > FACING]
+    facing = [k for k, axes in enumerate(AXES) if len(known) and np.mean(known @ axes[2] > 0) > FACING]
     if not facing:
         return PlausibleAxes(0, 0, False)
     # The third axis as it stands, where that will do.
-    third = min((all_axes[k][2] for k in facing), key=lambda row: not np.array_equal(row, [0, 0, 1]))
-    facing = [k for k in facing if np.array_equal(all_axes[k][2], third)]
-    curls = {k: _curl(normals @ all_axes[k].T) for k in facing}
+    third = min((AXES[k][2] for k in facing), key=lambda row: not np.array_equal(row, [0, 0, 1]))
+    facing = [k for k in facing if np.array_equal(AXES[k][2], third)]
+    curls = {k: _curl(normals @ AXES[k].T) for k in facing}
     left = [k for k in facing if curls[k] <= max(min(curls.values()) / _CLEARLY, 1e-4)]
-    outs = {k: _way_out(normals @ all_axes[k].T, mask) for k in left}
+    outs = {k: _way_out(normals @ AXES[k].T, mask) for k in left}
     most = max(outs.values())
     best = [k for k in left if most <= _OUT or outs[k] > most - _OUT]
     by_rim = 0 if 0 in best else max(best, key=lambda k: outs[k])

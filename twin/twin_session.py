@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.toml_text import toml_text
+from formats.toml_documents import toml_text
 from scene.camera import Camera
 from scene.errors import RenderError
 from scene.files import write_npy, write_text

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from formats.light_files.light_formats import read_light_file
-from formats.light_files.light_frames import keys_of, places
+from formats.light_files.light_names import keys_of, places
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
@@ -45,7 +45,7 @@ def read_lights(
     skipped : tuple of int
         Places, among all that were photographed, of frames that are left out: a file without names counts them too.
     camera : Camera or None
-        Places what a `.dome` holds in millimetres; see `light_dome.read_dome`.
+        Places what a `.dome` holds in millimetres; see `light_programs.read_dome`.
 
     Returns
     -------
@@ -60,9 +60,9 @@ def read_lights(
 
     Notes
     -----
-    `light_frames.places` says which names are the same. A file whose names are none of the frames' is taken in its own
+    `light_names.places` says which names are the same. A file whose names are none of the frames' is taken in its own
     order, and each light is flagged so; it is refused where the numbers in its names tell another order.
-    `light_frames` states each format's axes, origin and unit.
+    `light_programs` states each format's axes, origin and unit.
     """
     if not path.is_file():
         raise CalibrationError(f"{path}: no such file. Correct lights.file in session.toml.")

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from calibrate.calibration import Notes, leave_out
 from calibrate.photometry.matte_shading import MatteSurface
-from calibrate.photometry.photometer import PARTLY, Photometry, covariance_of, measure
+from calibrate.photometry.photometer import PARTLY, Photometry, covariance_of, measure, without_lamp
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
@@ -103,6 +103,17 @@ def _doubt(
     """
     misses = f"{name} misses n.l by {read.residual:.1%} of the flash"
     is_near = lights.positions_mm is not None
+    if read.rms > DOUBTFUL and (lamp := without_lamp(surface, lights)) is not None:
+        first, dark = lamp
+        without = measure(dark, lights, covariance)
+        if without.rms < EXPLAINED * read.rms:
+            return [
+                f"{lights.names[first]}: from here on {name} is lit by more than the flash, or by less: it misses n.l "
+                f"by {read.rms:.1%} of the flash, but by {without.rms:.1%} without a light that changed here: a lamp "
+                f"was switched after {lights.names[first - 1]}. The intensities are without it, but it lights the "
+                "object all the same. Darken the room and reshoot, or list the frames before or after it under "
+                "frames.skip."
+            ], without
     if read.residual > DOUBTFUL:
         coded = {power: measure(_decoded(surface, power), lights) for power in (GAMMA, 1 / GAMMA)}
         other = {factor: measure(_scaled(surface, factor), lights) for factor in DIAMETERS if is_near}

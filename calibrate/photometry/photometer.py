@@ -25,6 +25,7 @@ PARTLY, PARTLY_TIMES = 0.05, 3
 SIDES = 8  # parts of a ball's outline whose errors are taken to agree
 RINGS, SPOKES, FIRST_RING, GROWTH = 18, 24, 0.1, 1.33
 """Patches of the table around the ball's foot: rings that widen by `GROWTH`, from a tenth of the radius."""
+STEADY = 3  # frames before and after a lamp was switched, at least
 UNEVEN = 0.1  # share of a frame's bounce that an even, endless table misses: its edge, its pattern, others' shadows
 
 
@@ -37,6 +38,12 @@ class Photometry(NamedTuple):
     misfit: Array  # (F,) relative rms of each frame's fit
     clipped: Array  # (F,) share of the ball's pixels that are clipped
     evidence: str  # what the ball showed beside the flashes
+
+    @property
+    def rms(self) -> float:
+        """The misfit over all frames that could be read, 0 where none could."""
+        known = self.misfit[np.isfinite(self.misfit)]
+        return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
 
     @property
     def residual(self) -> float:
@@ -90,6 +97,37 @@ def measure(surface: MatteSurface, lights: Lights, covariance: Array | None = No
         f"albedo {table:.2f} under it; residual {np.nanmedian(misfit):.1%}"
     )
     return Photometry(intensities, sigma, ambient, misfit, clipped, text)
+
+
+def without_lamp(surface: MatteSurface, lights: Lights) -> tuple[int, MatteSurface] | None:
+    """Return the frame from which on a lamp shone, and the surface without its light; None where none can be sought.
+
+    value = E_f m + a . (1, n) + d . (1, n) [f >= k]: light from afar on a matte ball is nearly of first order in its
+    normal [Basri2003]. E_f is eliminated in each frame; of all k the one is taken whose d removes most.
+    """
+    ball = _cut(surface, lights)
+    read = np.any(ball.weight > 0, axis=1)
+    frames = np.flatnonzero(read)
+    if len(frames) < 2 * STEADY:
+        return None
+    ball = ball.only(read)
+    table, _ = _fit(ball, ball.gray)
+    root = np.sqrt(ball.relative)
+    flash = root * (ball.shading + table * ball.bounce)
+    flash /= np.maximum(np.linalg.norm(flash, axis=1, keepdims=True), 1e-30)
+    lobes = root[..., None] * np.column_stack([np.ones(len(ball.normals)), ball.normals])
+    lobes -= flash[..., None] * np.einsum("fb,fbi->fi", flash, lobes)[:, None]
+    square, right = np.einsum("fbi,fbj->fij", lobes, lobes), np.einsum("fbi,fb,fbc->fic", lobes, root, ball.values)
+    best, first, light = 0.0, 0, np.zeros((4, 3))
+    for k in range(STEADY, len(frames) - STEADY + 1):
+        (all_s, all_r), (new_s, new_r) = ((square[k0:].sum(0), right[k0:].sum(0)) for k0 in (0, k))
+        matrix, target = np.block([[all_s, new_s], [new_s, new_s]]), np.concatenate([all_r, new_r])
+        found = np.linalg.lstsq(matrix, target, rcond=1e-9)[0]
+        if (gain := float(np.sum(found * target))) > best:
+            best, first, light = gain, k, found[4:]
+    values = surface.values.copy()
+    values[frames[first] :] -= (light[0] + surface.normals @ light[1:]).astype(values.dtype)
+    return int(frames[first]), replace(surface, values=values)
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,6 @@ from compare.report.pictures import PixelBox
 from compare.report.verdict import LIKENESS
 
 MAP_WIDTH = 360
-CHAPTERS = {"Verdict": "verdict", "Methods": "methods", "Where": "errors"}
-"""The sections of counterpart.html by their names in the row of links."""
 
 
 def counterpart_page(found: dict[str, Any], errors: Mapping[str, Mapping[str, NDArray]]) -> str:
@@ -31,20 +29,36 @@ def counterpart_page(found: dict[str, Any], errors: Mapping[str, Mapping[str, ND
         {**row, "name": name, "badge": page.badge(badges[row["likeness"]], row["likeness"])}
         for name, row in found["methods"].items()
     ]
+    names = {
+        kind: Markup("{} <small>{}</small>").format(one["name"], one["kind"]) for kind, one in found["captures"].items()
+    }
+    verdict = Markup('<p><span class="badge {} big">{}</span> {} against {}: {}</p>').format(
+        badges[found["verdict"]],
+        found["verdict"].capitalize(),
+        names["real"],
+        names["twin"],
+        page.say("two", "verdict", **rows[0]),
+    )
+    methods = Markup(page.table_of("two", rows, caption=page.say("two", "table")))
+    if not found["laid_over"]:
+        methods += page.pieces().absent(page.words("two")["apart"])
+    if left_out := ", ".join(found["left_out"]):
+        methods += page.pieces().absent(f"Left out, without a known error on one of the two: {left_out}.")
     spread = [np.nanquantile(maps[name], 0.95) for maps in errors.values() for name in found["methods"]]
     end = pictures.colour_scale_end(float(np.median(spread)))
-    facts = {
-        "found": found, "badges": badges, "rows": rows, "end": end,
-        "names": {
-            kind: Markup("{} <small>{}</small>").format(one["name"], one["kind"])
-            for kind, one in found["captures"].items()
-        },
-        "maps": {
-            name: {kind: _map(maps[name], end) for kind, maps in errors.items()} for name in found["methods"]
-        },
-    }  # fmt: skip
-    module = page.template("counterpart.html").make_module(facts)
-    chapters = {words: str(getattr(module, name)()).strip() for words, name in CHAPTERS.items()}
+    where = Markup(page.colour_scale(end))
+    for name, row in found["methods"].items():
+        pair = Markup()
+        for kind, maps in errors.items():
+            median = Markup(page.number(row[kind]["median_deg"], 2, "°"))
+            caption = Markup("<b>{}</b>, {}: median {}").format(name, names[kind], median)
+            pair += Markup(page.picture(_map(maps[name], end), f"error map, {name}, {kind}", caption, kind="map"))
+        where += Markup('<div class="pair">{}</div>').format(pair)
+    chapters = {
+        "Verdict": page.section("verdict", "Do they fail alike?", verdict),
+        "Methods": page.section("methods", "Method by method", methods),
+        "Where": page.section("errors", "Where the errors are", where, page.say("maps", "errors", end=end)),
+    }
     subtitle = escape(f"{found['created']} · rgbn {found['versions'].get('rgbn', '')}")
     return page.whole_page(found["name"], "Two captures compared", subtitle, chapters)
 

@@ -1,4 +1,4 @@
-"""What the output folder and its summary say of methods, lights, balls and warnings, and what there is to be shown."""
+"""What the output folder and its summary say of methods, speed, lights, balls and warnings; what there is to show."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report import pictures
+from compare.report.page import is_number
 from compare.report.pictures import Exposure, PixelBox
+from draw.speed_chart import SpeedPoint
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
@@ -97,15 +99,43 @@ def all_warnings(summary: dict[str, Any]) -> list[tuple[str, str]]:
     return list(found)
 
 
-def warned_of(summary: dict[str, Any], step: str) -> list[str]:
-    """Return the warnings of one step: check, calibrate, align, solve, twin or compare."""
-    return [text for named, text in all_warnings(summary) if named == step]
+def _seconds_per_megapixel_image(row: Summary, kind: str) -> float | None:
+    """Return a method's processor seconds for a million pixels of one frame; `row` of summary's solve.methods."""
+    if kind == "real":
+        seconds = row.get("processor_seconds_per_megapixel_image")
+        return seconds if is_number(seconds) else None
+    seconds, megapixels, frames = row.get("twin_processor_seconds"), row.get("megapixels"), row.get("frames")
+    if is_number(seconds) and is_number(megapixels) and is_number(frames) and megapixels * frames > 0:
+        return seconds / (megapixels * frames)
+    return None
 
 
-def doubts_of(summary: dict[str, Any], method: str) -> list[str]:
-    """Return why a method says that its own result on the photographs should not be believed."""
-    row = ((summary.get("solve") or {}).get("methods") or {}).get(method) or {}
-    return [str(text).removeprefix(f"{method}: ") for text in row.get("warnings") or ()]
+def speed_points(summary: Summary) -> tuple[list[SpeedPoint], list[tuple[str, str]]]:
+    """Return what can be charted, and what cannot: (method, why), every method in one of the two or in both.
+
+    `summary` is as in summary.json; of it solve.methods and compare.
+    """
+    compared, solved = summary.get("compare") or {}, (summary.get("solve") or {}).get("methods") or {}
+    errors = compared.get("methods") or {}
+    any_twin = any((row or {}).get("twin") for row in errors.values())
+    points, missing = [], []
+    for method in dict.fromkeys([*solved, *errors]):
+        row, error = solved.get(method) or {}, errors.get(method) or {}
+        for kind, words in (("real", ""), ("twin", " on the twin")):
+            median, seconds = (error.get(kind) or {}).get("median_deg"), _seconds_per_megapixel_image(row, kind)
+            if is_number(median) and is_number(seconds) and min(median, seconds) > 0:
+                points.append(SpeedPoint(method, family(method), kind, seconds, median))
+            elif kind == "twin" and not any_twin:
+                continue
+            elif not compared.get("has_truth"):
+                missing.append((method, "there is no ground truth to tell an error"))
+            elif not is_number(median):
+                missing.append((method, f"no normal{words} where the truth is known"))
+            elif not is_number(seconds):
+                missing.append((method, f"no time{words} is in the summary"))
+            else:
+                missing.append((method, f"a median error or a time{words} of zero has no place on logarithmic axes"))
+    return points, missing
 
 
 @dataclass(frozen=True)

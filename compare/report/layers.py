@@ -6,7 +6,9 @@ place in a palette.
 
 import base64
 import io
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from markupsafe import Markup
@@ -15,6 +17,8 @@ from numpy.typing import NDArray
 from compare.report import page, pictures
 from compare.report.facts import Material, Summary, read_optional
 from compare.report.pictures import Exposure, PixelBox
+from compare.report.registration_pictures import raking_frame
+from formats.picture_files import linear_from_srgb
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.map_pictures import PAPER, data_uri, known_pixels, normal_picture
@@ -26,6 +30,11 @@ MOST_PIXELS = 400_000
 MOST_BYTES = 5_500_000
 """Of all pictures, before base64 makes four thirds of them."""
 ALBEDO_QUANTILE = 0.999
+GROUPS = {
+    "photograph": "photographs of one light", "relit": "relit by a lamp", "normals": "normals",
+    "error": "angular error", "sigma": "standard deviation (sigma)", "albedo": "albedo",
+}  # fmt: skip
+"""What a side of the viewer may show."""
 
 
 @dataclass(frozen=True)
@@ -35,14 +44,15 @@ class Grid:
     box: PixelBox
     step: int
 
+    @property
+    def window(self) -> tuple[slice, slice]:
+        """Rows and columns of the photographs."""
+        box = self.box
+        return slice(box.top, box.bottom, self.step), slice(box.left, box.right, self.step)
+
     def of(self, image: NDArray) -> NDArray:
         """Return the grid's pixels of a map (H, W, ...)."""
-        return np.ascontiguousarray(image[self.box.top : self.box.bottom : self.step, self.columns])
-
-    @property
-    def columns(self) -> slice:
-        """Columns of the photographs."""
-        return slice(self.box.left, self.box.right, self.step)
+        return np.ascontiguousarray(image[self.window])
 
     @property
     def size(self) -> tuple[int, int]:
@@ -51,8 +61,8 @@ class Grid:
 
     def frame(self, frames: Frames, index: int) -> NDArray[np.float32]:
         """Return the grid's pixels of one photograph, linear (h, w, 3)."""
-        rows = slice(self.box.top, self.box.bottom, self.step)
-        return frames.read(rows, [index], columns=self.columns)[0]
+        rows, columns = self.window
+        return frames.read(rows, [index], columns=columns)[0]
 
 
 @dataclass(frozen=True)
@@ -79,8 +89,8 @@ class ViewerLayers:
     """All pictures of a folder on one grid, and what turns their colours into values again."""
 
     grid: Grid
-    layers: list[Layer] = field(default_factory=list)
-    scales: Summary = field(default_factory=dict)
+    layers: list[Layer]
+    scales: Summary
 
     def html(self, kind: str, *sides: str) -> Markup:
         """Return the pictures of a kind."""
@@ -88,80 +98,96 @@ class ViewerLayers:
             layer.html for layer in self.layers if layer.kind == kind and layer.side in (sides or (layer.side,))
         )
 
+    def glance(self, frame: int, best: str | None, end: float | None) -> list[tuple[str, str]]:
+        """Return a photograph, normals and error of the best method, as far as they are there, with words for each."""
+        told = {"photograph": "photograph", "normals": f"normals, {best}", "error": f"its error, 0° to {end or 0:g}°"}
+        wanted = [("photograph", "real", str(frame)), ("normals", "real", best), ("error", "real", best)]
+        found = {(layer.kind, layer.side, layer.name): layer.uri for layer in self.layers}
+        return [(found[key], told[key[0]]) for key in wanted if key in found]
+
     @classmethod
     def of(cls, material: Material, summary: Summary) -> "ViewerLayers | None":
         """Return the folder's pictures; None where there are neither photographs nor normals."""
         shape = _shape(material)
         if shape is None:
             return None
-        box = PixelBox.of_mask(shape, margin=0.04)
         sides = {"real": material.frames, "twin": _twin_frames(material, shape.shape)}
-        count = sum(len(frames) for frames in sides.values() if frames is not None)
-        layers = cls(Grid(box, _step(material, box, count)))
-        for side, frames in sides.items():
-            layers._photographs(material, frames, side)
-        compared = summary.get("compare") or {}
-        layers._maps(material, compared.get("error_scale_deg"), shape.shape)
-        return layers
+        there = {side: frames for side, frames in sides.items() if frames is not None and len(frames)}
+        box = PixelBox.of_mask(shape, margin=0.04)
+        grid, scales = Grid(box, _step(material, box, sum(map(len, there.values())))), {}
+        layers = [one for side, frames in there.items() for one in _photographs(material, frames, side, grid, scales)]
+        end = (summary.get("compare") or {}).get("error_scale_deg")
+        layers += _maps(material, grid, end if page.is_number(end) else None, shape.shape, scales)
+        return cls(grid, layers, scales)
 
-    def _photographs(self, material: Material, frames: Frames | None, side: str) -> None:
-        """Add a side's photographs; its scale has what JPEG costs 95 % of samples at most, as a share of white."""
-        if frames is None or not len(frames):
-            return
-        exposure, words = material.exposure, "photograph"
-        if side == "twin" or exposure is None:
-            balance = None if exposure is None else exposure.balance
-            exposure, words = Exposure.for_frames(frames, white_value=balance), "twin"
-        for index, name in enumerate(frames.names):
-            image = exposure.develop(self.grid.frame(frames, index))
-            label = f"{words} {index + 1}, {name}"
-            self.layers.append(Layer("photograph", side, str(index), label, data_uri(image, photograph=True)))
-        scale = {"white": exposure.white, "balance": exposure.balance.tolist()}
-        scale["error_share"] = _jpeg_error(self.grid.frame(frames, 0) / exposure.balance / exposure.white, exposure)
-        self.scales[f"photograph-{side}"] = scale
 
-    def _maps(self, material: Material, error_end: float | None, shape: tuple[int, ...]) -> None:
-        def there(place: str, name: str) -> NDArray | None:
-            found = material.map_of(place, name)
-            return found if found is not None and found.shape[:2] == shape[:2] else None
+def _photographs(material: Material, frames: Frames, side: str, grid: Grid, scales: Summary) -> Iterator[Layer]:
+    """Yield a side's photographs; its scale has what JPEG costs 95 % of samples at most, as a share of white."""
+    exposure, words = material.exposure, "photograph"
+    if side == "twin" or exposure is None:
+        balance = None if exposure is None else exposure.balance
+        exposure, words = Exposure.for_frames(frames, white_value=balance), "twin"
+    for index, name in enumerate(frames.names):
+        values = grid.frame(frames, index)
+        uri = data_uri(exposure.develop(values), photograph=True)
+        if not index:
+            scales[f"photograph-{side}"] = {
+                "white": exposure.white, "balance": exposure.balance.tolist(),
+                "error_share": _jpeg_error(uri, values / exposure.balance / exposure.white),
+            }  # fmt: skip
+        yield Layer("photograph", side, str(index), f"{words} {index + 1}, {name}", uri)
 
-        sigmas: list[tuple[str, str, str, NDArray]] = []
-        for name in ["truth", *material.methods]:
-            for side, place in {"real": "normals", "twin": "twin/normals"}.items():
-                normals = there(place, name)
-                if normals is None or (name == "truth" and side == "twin"):
-                    continue
-                known = "truth" if name == "truth" else side
-                of = "ground truth" if name == "truth" else f"{name}, {'photographs' if side == 'real' else 'twin'}"
-                image = normal_picture(self.grid.of(normals), self.grid.size[0])
-                self.layers.append(Layer("normals", known, name, f"normals, {of}", data_uri(image, photograph=False)))
-                error = there("compare", f"error_{side}_{name}")
-                if error is not None and page.is_number(error_end):
-                    uri = angle_uri(self.grid.of(error), error_end)
-                    self.layers.append(Layer("error", known, name, f"error, {of}", uri))
-                sigma = there(*(("normals", "truth_sigma") if name == "truth" else ("sigma", name)))
-                if sigma is not None and side == "real":
-                    sigmas.append((known, name, f"sigma, {of}", self.grid.of(sigma)))
-                albedo = there("albedo", name)
-                if albedo is not None and side == "real" and albedo.ndim == 3:
-                    self._albedo(material, name, self.grid.of(albedo))
-        known = [sigma[np.isfinite(sigma)] for *_, sigma in sigmas]
-        if any(each.size for each in known):
-            end = pictures.colour_scale_end(float(np.quantile(np.concatenate(known), 0.98)), least=0.1)
-            self.scales["sigma"] = {"end_deg": end}
-            self.layers.extend(
-                Layer("sigma", side, name, label, angle_uri(sigma, end)) for side, name, label, sigma in sigmas
-            )
-        if page.is_number(error_end):
-            self.scales["error"] = {"end_deg": error_end}
 
-    def _albedo(self, material: Material, name: str, albedo: NDArray) -> None:
-        balance = np.ones(3) if material.exposure is None else material.exposure.balance
-        known = (albedo / balance)[np.isfinite(albedo).all(-1)]
-        white = max(float(np.quantile(known, ALBEDO_QUANTILE)) if known.size else 1.0, 1e-6)
-        image = Exposure(white, balance).develop(np.maximum(albedo, 0))
-        self.scales[f"albedo-{name}"] = {"white": white, "balance": balance.tolist()}
-        self.layers.append(Layer("albedo", "real", name, f"albedo, {name}", data_uri(image, photograph=False)))
+def _jpeg_error(uri: str, share: NDArray) -> float:
+    import cv2
+
+    coded = np.frombuffer(base64.b64decode(uri.partition(",")[2]), np.uint8)
+    read = linear_from_srgb(np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR)) / 255).mean(-1)
+    return float(np.quantile(np.abs(read - np.clip(np.nan_to_num(share), 0, 1).mean(-1)), 0.95))
+
+
+def _maps(
+    material: Material, grid: Grid, error_end: float | None, shape: tuple[int, ...], scales: Summary
+) -> Iterator[Layer]:
+    """Yield normals, and the errors, albedo and sigma that belong to them, of the truth and of every method."""
+
+    def there(place: str, name: str) -> NDArray | None:
+        found = material.map_of(place, name)
+        return grid.of(found) if found is not None and found.shape[:2] == shape[:2] else None
+
+    sigmas: list[tuple[str, str, str, NDArray]] = []
+    for name, side in [("truth", "real"), *product(material.methods, ("real", "twin"))]:
+        normals = there("normals" if side == "real" else "twin/normals", name)
+        if normals is None:
+            continue
+        told, of = side, f"{name}, {'photographs' if side == 'real' else 'twin'}"
+        if name == "truth":
+            told, of = "truth", "ground truth"
+        image = normal_picture(normals, grid.size[0])
+        yield Layer("normals", told, name, f"normals, {of}", data_uri(image, photograph=False))
+        error = there("compare", f"error_{side}_{name}")
+        if error is not None and error_end is not None:
+            yield Layer("error", told, name, f"error, {of}", angle_uri(error, error_end))
+        if side == "twin":
+            continue
+        sigma = there("normals", "truth_sigma") if name == "truth" else there("sigma", name)
+        if sigma is not None:
+            sigmas.append((told, name, f"sigma, {of}", sigma))
+        albedo = there("albedo", name)
+        if albedo is not None and albedo.ndim == 3:
+            balance = np.ones(3) if material.exposure is None else material.exposure.balance
+            known = (albedo / balance)[np.isfinite(albedo).all(-1)]
+            white = max(float(np.quantile(known, ALBEDO_QUANTILE)) if known.size else 1.0, 1e-6)
+            image = Exposure(white, balance).develop(np.maximum(albedo, 0))
+            scales[f"albedo-{name}"] = {"white": white, "balance": balance.tolist()}
+            yield Layer("albedo", "real", name, f"albedo, {name}", data_uri(image, photograph=False))
+    known = np.concatenate([np.zeros(0), *(sigma[np.isfinite(sigma)] for *_, sigma in sigmas)])
+    if known.size:
+        end = pictures.colour_scale_end(float(np.quantile(known, 0.98)), least=0.1)
+        scales["sigma"] = {"end_deg": end}
+        yield from (Layer("sigma", side, name, label, angle_uri(sigma, end)) for side, name, label, sigma in sigmas)
+    if error_end is not None:
+        scales["error"] = {"end_deg": error_end}
 
 
 def palette() -> NDArray[np.uint8]:
@@ -181,7 +207,7 @@ def angle_uri(angle_deg: NDArray, end_deg: float) -> str:
     return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"
 
 
-def surface_uri(material: Material, grid: Grid) -> tuple[str, float, float] | None:
+def _surface_uri(material: Material, grid: Grid) -> tuple[str, float, float] | None:
     """Return the scan's depth z as a picture (red and green: 16 bits, blue: known), its least value and range, mm."""
     path = material.store.path("twin", "truth_z_mm.npy")
     if not path.exists():
@@ -228,25 +254,38 @@ def _step(material: Material, box: PixelBox, frames: int) -> int:
     if material.frames is not None and len(material.frames) and material.exposure is not None:
         image = material.exposure.develop(grid.frame(material.frames, 0))
         size += frames * len(data_uri(image, photograph=True))
-    for name in material.methods[:1]:
-        normals = material.map_of("normals", name)
-        if normals is not None:
-            image = normal_picture(grid.of(normals), grid.size[0])
-            # Two of normals, one of albedo, and angles, a byte a pixel, count as a third.
-            size += 4 * len(material.methods) * len(data_uri(image, photograph=False))
+    normals = material.map_of("normals", material.methods[0]) if material.methods else None
+    if normals is not None:
+        image = normal_picture(grid.of(normals), grid.size[0])
+        # Two of normals, one of albedo, and angles, a byte a pixel, count as a third.
+        size += 4 * len(material.methods) * len(data_uri(image, photograph=False))
     return max(step, int(np.ceil(step * np.sqrt(size * 0.75 / MOST_BYTES))))
 
 
-def _jpeg_error(share: NDArray, exposure: Exposure) -> float:
-    import cv2
-
-    encoded = exposure.develop(share * exposure.balance * exposure.white)
-    done, buffer = cv2.imencode(".jpg", np.ascontiguousarray(encoded[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, 86])
-    decoded = np.asarray(cv2.imdecode(buffer, cv2.IMREAD_COLOR))[..., ::-1] / 255 if done else encoded / 255
-    linear = np.where(decoded <= 0.04045, decoded / 12.92, ((decoded + 0.055) / 1.055) ** 2.4).mean(-1)
-    return float(np.quantile(np.abs(linear - np.clip(np.nan_to_num(share), 0, 1).mean(-1)), 0.95))
-
-
-def scene_of(material: Material) -> Summary:
-    """Return camera, lights and balls as the viewer takes them; missing parts are None."""
-    return {name: read_optional(material.store, f"{name}.json") for name in ("camera", "lights", "spheres")}
+def viewer_facts(material: Material, layers: ViewerLayers | None, best: str | None) -> Summary:
+    """Return what viewer.html is filled in with; no options where there is nothing to be shown."""
+    if layers is None or not layers.layers:
+        return {"options": {}}
+    found: dict[str, dict[str, str]] = {group: {} for group in GROUPS}
+    for layer in layers.layers:
+        key, label = f"{layer.kind}:{layer.side}:{layer.name}", layer.label
+        if layer.kind == "photograph":
+            key, label = f"photograph:{layer.side}", "photograph" if layer.side == "real" else "twin's photograph"
+        found[layer.kind][key] = label
+        if layer.kind == "albedo":
+            found["relit"][f"relit:real:{layer.name}"] = f"relit, {layer.name}"
+    keys = [key for group in found.values() for key in group]
+    left = "photograph:real" if "photograph:real" in keys else keys[0]
+    wanted = [f"error:real:{best}", f"normals:real:{best}", *found["normals"], keys[-1]]
+    (width, height), grid = layers.grid.size, layers.grid
+    parts = {name: read_optional(material.store, f"{name}.json") for name in ("camera", "lights", "spheres")}
+    data = {
+        "width": width, "height": height, "left": grid.box.left, "top": grid.box.top, "step": grid.step,
+        "frames": [] if material.frames is None else list(material.frames.names), "scales": layers.scales,
+        "frame": 0 if material.directions is None else raking_frame(material.directions),
+        "palette": palette().tolist(), "surface": _surface_uri(material, grid), "best": best, **parts,
+    }  # fmt: skip
+    return {
+        "options": {GROUPS[group]: [*rows.items()] for group, rows in found.items() if rows},
+        "chosen": (left, next(key for key in wanted if key in keys)), "viewer_data": data,
+    }  # fmt: skip

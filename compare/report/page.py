@@ -48,8 +48,8 @@ class Sentence(Formatter):
 
     def format_field(self, value: Any, format_spec: str) -> str:
         decimals, unit = format_spec[:1], format_spec[1:]
-        if isinstance(value, str):
-            return escape(value)
+        if isinstance(value, str | list):
+            return escape(value if isinstance(value, str) else "; ".join(map(str, value)))
         return percent(value, int(decimals)) if unit == "%" else number(value, int(decimals or 0), unit)
 
 
@@ -119,10 +119,17 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = 
     return pieces().table([*map(Markup, head)], lines, Markup(caption), kind, name)
 
 
-def table_of(name: str, rows: Iterable[Mapping[str, Any]], *, caption: str = "", kind: str = "numbers") -> str:
-    """Return a table whose columns, (heading, sentence to be filled in), stand in report_words.toml."""
+def table_of(
+    name: str, rows: Iterable[Mapping[str, Any]] | Mapping[str, Any], *, caption: str = "", kind: str = "numbers"
+) -> str:
+    """Return a table whose columns, (heading, sentence to be filled in), stand in report_words.toml.
+
+    rows: By name, or with the name in them; each has its number, from 1, too.
+    """
     columns, sentence = words("tables")[name], Sentence()
-    lines = [[sentence.vformat(cell, (), row) for _, cell in columns] for row in rows]
+    named = [{"name": key, **row} for key, row in rows.items()] if isinstance(rows, Mapping) else rows
+    counted = ({"number": str(number), **row} for number, row in enumerate(named, 1))
+    lines = [[sentence.vformat(cell, (), row) for _, cell in columns] for row in counted]
     return table([head for head, _ in columns], lines, caption=caption, kind=kind)
 
 
@@ -164,12 +171,6 @@ def colour_scale(end: float) -> str:
 def section(anchor: str, title: str, body: str, lead: str = "") -> str:
     """Return a section; `body` and `lead` are HTML already."""
     return pieces().section(anchor, title, Markup(lead), Markup(body))
-
-
-def folded_section(html: str) -> str:
-    """Return a section with all but its title folded away; a link to it opens it."""
-    html = re.sub(r"(<section[^>]*>)<h2>(.*?)</h2>", r"\1<details><summary><h2>\2</h2></summary>", html, count=1)
-    return html.removesuffix("</section>") + "</details></section>"
 
 
 def whole_page(title: str, kind: str, subtitle: str, chapters: Mapping[str, str], *, script: str = "") -> str:

@@ -1,22 +1,30 @@
-"""Pictures that show whether a scan lies where the object is: outline, wipe, sigma."""
+"""Pictures that show whether balls and scan lie where they are in the photographs: outlines, wipe, sigma."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from contextlib import suppress
+from itertools import zip_longest
+from typing import Any
 
 import numpy as np
+from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
-from compare.report import pictures
+from compare.report import page, pictures
+from compare.report.facts import Material, Summary, is_seen, read_optional
 from compare.report.pictures import Exposure, Image, PixelBox
+from scene.errors import SceneError
 from scene.files import write_png
 from scene.frames import Frames
 from scene.image_files import read_pixels
 from scene.lights import Lights
+from scene.map_pictures import data_uri, known_pixels
+from scene.spheres import Sphere
 from scene.store import Store
 
 FOLDER = "align"
 """Of the pictures, below the output folder."""
 WIDTH = 1200
+BALL_WIDTH, PHOTOGRAPH_WIDTH = 420, 1000
 SCAN_COLOUR = (255, 0, 190)
 """Of the scan's outline: no object under white flashes has it."""
 DOUBT_COLOUR = (214, 104, 128)
@@ -25,13 +33,6 @@ WINDOW_PX = 46
 ZOOM = 6
 SIDES = {"left": (-1.0, 0.0), "top": (0.0, -1.0), "right": (1.0, 0.0), "bottom": (0.0, 1.0)}
 """Image axes (u, v)."""
-
-
-class Views(NamedTuple):
-    """A photograph and the shaded scan, pixel by pixel alike."""
-
-    photograph: Image
-    shaded: Image
 
 
 def growth(width: int) -> int:
@@ -55,8 +56,8 @@ def shown_pixels(box: PixelBox, shape: tuple[int, ...]) -> NDArray[np.float64]:
 
 def views(
     frames: Frames, exposure: Exposure, lights: Lights, index: int, box: PixelBox, shading: Callable[[NDArray], NDArray]
-) -> Views:
-    """Return one photograph, and the scan shaded by its light, through the same tone curve.
+) -> tuple[Image, Image]:
+    """Return one photograph, and the scan shaded by its light, pixel by pixel alike, through the same tone curve.
 
     `shading`: pixels (h, w, 2) -> what a white matte object would show there (h, w), NaN off the scan.
 
@@ -74,7 +75,7 @@ def views(
     lit = np.isfinite(factor[..., 0]) & (factor[..., 0] > 0.2 * np.nanmax(factor[..., 0], initial=1e-6))
     albedo = np.median(linear[lit] / factor[lit], axis=0) if lit.any() else np.zeros(3)
     rendered = np.where(np.isfinite(factor), factor * albedo, linear)
-    return Views(exposure.develop(linear), exposure.develop(rendered))
+    return exposure.develop(linear), exposure.develop(rendered)
 
 
 def write_pictures(
@@ -96,16 +97,13 @@ def write_pictures(
     exposure = Exposure.for_frames(frames, white_value=lights.white_value)
     box = PixelBox.of_mask(mask, margin=0.12)
     index = raking_frame(lights.directions)
-    both = views(frames, exposure, lights, index, box, lambda pixels: shading(index, pixels))
-    sigma = pictures.shrink(box.of(sigma_deg), box.shown_width(WIDTH))
-    end = sigma_scale_end(sigma_deg)
-    coloured = pictures.enlarged(sigma_picture(sigma, box.of(mask), end), growth(sigma.shape[1]))
+    photograph, shaded = views(frames, exposure, lights, index, box, lambda pixels: shading(index, pixels))
     images = {
-        "photograph": both.photograph,
-        "shaded": both.shaded,
-        "outline": outline_picture(both.photograph, box, strokes),
+        "photograph": photograph,
+        "shaded": shaded,
+        "outline": draw_strokes(photograph.copy(), strokes, [box.left, box.top], photograph.shape[1] / box.width),
         "outline_zoom": zoom_picture(frames, exposure, lights.directions, strokes),
-        "sigma": pictures.with_colour_scale(coloured, end, "sigma of the ground truth; rose: no normal"),
+        "sigma": sigma_picture(sigma_deg, mask, box),
     }
     for name, image in images.items():
         write_png(store.path(FOLDER, f"{name}.png"), image)
@@ -115,11 +113,6 @@ def read_picture(store: Store, name: str) -> Image | None:
     """Return a picture of align/, None where it is not there."""
     path = store.path(FOLDER, f"{name}.png")
     return read_pixels(path)[0] if path.exists() else None
-
-
-def outline_picture(photograph: Image, box: PixelBox, strokes: NDArray) -> Image:
-    """Return the photograph of the box with the outline drawn on it."""
-    return draw_strokes(photograph.copy(), strokes, [box.left, box.top], photograph.shape[1] / box.width)
 
 
 def zoom_picture(frames: Frames, exposure: Exposure, directions: NDArray, strokes: NDArray) -> Image:
@@ -160,18 +153,131 @@ def draw_strokes(image: Image, strokes: NDArray, corner: list[int], scale: float
     return np.asarray(cv2.polylines(image, list(lines), False, SCAN_COLOUR, 1, cv2.LINE_AA, 6), np.uint8)
 
 
-def sigma_scale_end(sigma_deg: NDArray) -> float:
-    """Return where the colour scale of sigma ends: a round number that all but 2 % stay under."""
-    known = sigma_deg[np.isfinite(sigma_deg)]
-    return pictures.colour_scale_end(float(np.quantile(known, 0.98)) if known.size else 1.0, least=0.1)
-
-
-def sigma_picture(sigma_deg: NDArray, mask: NDArray[np.bool_], end_deg: float) -> Image:
-    """Return sigma (h, w) as colours; rose where the mask, of that size or larger, has a pixel without sigma."""
+def sigma_picture(sigma_deg: NDArray, mask: NDArray[np.bool_], box: PixelBox) -> Image:
+    """Return sigma (H, W) in a box as colours, their scale below; rose where the mask has a pixel without sigma."""
     import cv2
 
-    image = pictures.error_picture(sigma_deg, end_deg)
-    size = (sigma_deg.shape[1], sigma_deg.shape[0])
-    share = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    image[(np.asarray(share) > 0.5) & ~np.isfinite(sigma_deg)] = DOUBT_COLOUR
-    return image
+    known = sigma_deg[np.isfinite(sigma_deg)]
+    # All but 2 % stay under the end.
+    end = pictures.colour_scale_end(float(np.quantile(known, 0.98)) if known.size else 1.0, least=0.1)
+    small = pictures.shrink(box.of(sigma_deg), box.shown_width(WIDTH))
+    image = pictures.error_picture(small, end)
+    share = cv2.resize(box.of(mask).astype(np.float32), small.shape[::-1], interpolation=cv2.INTER_AREA)
+    image[(np.asarray(share) > 0.5) & ~np.isfinite(small)] = DOUBT_COLOUR
+    image = pictures.enlarged(image, growth(image.shape[1]))
+    return pictures.with_colour_scale(image, end, "sigma of the ground truth; rose: no normal")
+
+
+def ball_figures(material: Material) -> Summary:
+    """Return each ball's crop with its fitted outline and highlights, and the candidates that were refused."""
+    calibration, spheres = read_optional(material.store, "calibration.json") or {}, []
+    with suppress(SceneError):
+        spheres = material.store.load_spheres()
+    rows = zip_longest(range(len(material.spheres)), spheres, calibration.get("highlights_px") or [])
+    found = [_ball(material, *row) for row in rows if row[0] is not None]
+    return {"ball_figures": found, "refused": calibration.get("rejected")}
+
+
+def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | None) -> Summary:
+    """Return what is told of a ball, its outline as a drawing, and its crop; the latter two where they are there."""
+    row, camera = {"kind": "", **material.spheres[index], "number": str(index + 1)}, material.camera
+    frames, exposure = material.photographs_of_ball(index)
+    if camera is None or sphere is None:
+        return {"row": row}
+    outline = sphere.outline(camera)
+    box = pictures.ball_box(sphere, outline, width=camera.width, height=camera.height)
+    corner = np.array([box.left - 0.5, box.top - 0.5])
+    shapes = page.polyline(outline - corner, "outline-halo") + page.polyline(outline - corner, "outline")
+    arm = max(box.width / 60, 1.0)
+    for frame, pixel in enumerate(seen or []):
+        if not is_seen(pixel):
+            continue
+        u, v = np.array(pixel, np.float64) - corner
+        name = frames.names[frame] if frames is not None and frame < len(frames) else str(frame + 1)
+        cross = f"M{u - arm:.2f},{v:.2f}H{u + arm:.2f}M{u:.2f},{v - arm:.2f}V{v + arm:.2f}"
+        title = f"<title>{escape(f'{frame + 1}: {name}')}</title>"
+        shapes += f'<g>{title}<path class="highlight-halo" d="{cross}"/><path class="highlight" d="{cross}"/></g>'
+    found = {
+        "row": row,
+        "overlay": Markup(page.drawing(box.width, box.height, shapes, label="fitted outline and highlights")),
+    }
+    if frames is None or exposure is None or (frames.width, frames.height) != (camera.width, camera.height):
+        return found
+    mean = pictures.shrink(pictures.ball_picture(frames, box, brightest=False), BALL_WIDTH)
+    image = exposure.develop(mean)
+    if row["kind"] == "chrome":
+        brightest = pictures.ball_picture(frames, box, brightest=True)
+        image = pictures.mirror_picture(mean / exposure.balance, pictures.shrink(brightest, BALL_WIDTH))
+    return found | {"image": image}
+
+
+def placed(material: Material) -> Summary:
+    """Return the pictures that show whether the scan lies where the object is, or under `missing` why there are none.
+
+    registered: there is a pose. As HTML, where they are there: outline, and zoom and sigma, as `align` drew them;
+    wiper: the values of the macro of pieces.html.
+    """
+    frames, mask, truth = material.frames, material.mask, material.map_of("normals", "truth")
+    registered = material.store.path("pose.json").exists()
+    found: dict[str, Any] = {"registered": registered}
+    if frames is None or (mask is None and truth is None):
+        return found | {"missing": "No scan and no mask: nothing to lay over the photographs."}
+    size = (frames.height, frames.width)
+    truth = truth if truth is not None and truth.shape[:2] == size else None
+    known = None if truth is None else known_pixels(truth)
+    mask = mask if mask is not None and mask.shape == size else None
+    shape = mask if mask is not None else known
+    if shape is None:
+        return found | {"missing": page.words("registration")["sizes"]}
+    box = PixelBox.of_mask(shape, margin=0.12)
+    index = 0 if material.directions is None else raking_frame(material.directions[: len(frames)])
+    drawn, zoom, sigma = (
+        read_picture(material.store, name) if registered else None for name in ("outline", "outline_zoom", "sigma")
+    )
+    regions, legend = [(mask, "mask", "the object's mask")], []
+    if drawn is None:
+        # Where the outline itself is not there to a fraction of a pixel, the truth ends a pixel inside it. The dashed
+        # line last: where the two agree, the other shows between the dashes.
+        what = "the registered scan's ground truth" if registered else "the given ground truth"
+        regions.insert(0, (known, "scan", what))
+        drawn = material.photograph(index, box, box.shown_width(PHOTOGRAPH_WIDTH))
+    else:
+        legend = ['<span class="key scan"></span> the registered scan']
+    shapes = ""
+    for region, kind, shown in regions:
+        if region is not None and region.any():
+            shapes += "".join(page.polyline(line, kind) for line in pictures.contours(region, box))
+            legend.append(f'<span class="key {kind}"></span> {shown}')
+    overlay = page.drawing(box.width, box.height, shapes, label="outline of the object")
+    caption = f"{escape(frames.names[index])} with the outline of {'; '.join(legend)}."
+    alt = "photograph with the object's outline"
+    found["outline"] = Markup(page.picture(drawn, alt, caption, photograph=True, overlay=overlay))
+    if both := _views(material, box, index, truth):
+        uris = [data_uri(image, photograph=True) for image in both]
+        said = page.say("registration", "wiper" if registered else "wiper without scan", name=frames.names[index])
+        shaded = "shaded scan" if registered else "shaded ground truth"
+        found["wiper"] = (uris[0], "photograph", uris[1], shaded, said)
+    images = {"zoom": (zoom, "four stretches of the outline"), "sigma": (sigma, "map of the ground truth’s sigma")}
+    for name, (image, alt) in images.items():
+        if image is not None:
+            found[name] = Markup(page.picture(image, alt, page.say("registration", name), photograph=name == "sigma"))
+    return found
+
+
+def _views(material: Material, box: PixelBox, index: int, truth: NDArray | None) -> tuple[Image, Image] | None:
+    """Return what `align` drew; without it, shading by the truth's normals, which knows no cast shadows."""
+    photograph, shaded = (read_picture(material.store, name) for name in ("photograph", "shaded"))
+    if photograph is not None and shaded is not None and photograph.shape == shaded.shape:
+        return photograph, shaded
+    lights = None
+    with suppress(SceneError):
+        lights = material.store.load_lights()
+    if truth is None or lights is None or material.frames is None or material.exposure is None or index >= len(lights):
+        return None
+    cosine = np.clip(box.of(truth) @ lights.directions[index].astype(np.float32), 0, None)
+
+    def shading(pixels: NDArray) -> NDArray:
+        u, v = np.round(pixels).astype(int).transpose(2, 0, 1)
+        return cosine[np.clip(v - box.top, 0, box.height - 1), np.clip(u - box.left, 0, box.width - 1)]
+
+    return views(material.frames, material.exposure, lights, index, box, shading)

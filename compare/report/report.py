@@ -1,18 +1,17 @@
 """One self-contained page: what the cameras saw, what was computed of it, and how far it can be trusted."""
 
+import re
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
 from compare.report import page
-from compare.report.facts import Material, Summary, all_warnings, by_error, family
-from compare.report.layers import ViewerLayers
+from compare.report.facts import Material, Summary, all_warnings, by_error, family, speed_points
+from compare.report.layers import ViewerLayers, viewer_facts
 from compare.report.pictures import legend_ball
-from compare.report.report_figures import ball_figures, glance, placed
-from compare.report.speed import speed_points
+from compare.report.registration_pictures import ball_figures, placed
 from compare.report.verdict import limits, ranking, trust_sentence, verdict
-from compare.report.viewer import SCRIPTS, viewer_facts
 from compare.statistics.statistics import statistics_rows
 from draw import light_charts
 from draw.line_chart import line_chart
@@ -23,20 +22,20 @@ from scene.files import write_text
 from scene.store import Store
 
 CHAPTERS = {
-    "Verdict": "verdict", "Viewer": "viewer", "Why": "why", "Warnings": "warned", "Photographs": "frames",
-    "Balls": "balls", "Lights": "lights", "Registration": "registration", "Normals": "normals",
-    "Which normals": "trusted", "Twin": "twinned", "Errors": "errors", "Statistics": "statistics", "Speed": "time",
-    "Known truth": "checked", "Provenance": "provenance", "How to read": "reading",
+    "verdict": "Verdict", "viewer": "Viewer", "why": "Why", "warnings": "Warnings", "frames": "Photographs",
+    "balls": "Balls", "lights": "Lights", "registration": "Registration", "normals": "Normals",
+    "trust": "Which normals", "twin": "Twin", "errors": "Errors", "statistics": "Statistics", "time": "Speed",
+    "truth-check": "Known truth", "provenance": "Provenance", "how-to-read": "How to read",
 }  # fmt: skip
-"""The sections of report.html by their names in the row of links; all but the first two are folded."""
-OPEN = ("Verdict", "Viewer")
+"""The sections of report.html, and their names in the row of links."""
+SCRIPTS = ("report_page.js", "viewer_values.js", "viewer_pixel.js", "viewer_scene.js", "viewer.js")
+"""The page's program in parts, each reading none that follows it."""
 PARTS = (
     "capture", "calibrate", "align", "solve", "twin", "compare", "trust", "truth_check", "versions", "created",
 )  # fmt: skip
 """Of the summary, that the templates read."""
 ELSEWHERE = ("warnings", "material", "held_out")
 """Parts of the summary that other sections tell."""
-TILES_TELL = ("Lights", "Ground truth", "Twin")
 
 
 def write_report(store: Store, summary: dict[str, Any]) -> Path:
@@ -62,16 +61,16 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     # The methods are ranked by the truth; without one the photographs may have recommended a method.
     recommended = None if compared.get("has_truth") else (summary.get("trust") or {}).get("recommended")
     best = recommended or next(iter(material.methods), None)
-    facts = {name: summary.get(name) or {} for name in PARTS} | _verdict_facts(summary) | _rows(summary, material)
+    statements, warnings = verdict(summary), all_warnings(summary)
+    facts = {name: summary.get(name) or {} for name in PARTS} | _rows(summary, material)
+    facts |= {"statements": statements, "warnings": warnings, "limits": limits(summary, statements[1:], warnings)}
+    facts |= {"topics": {one.topic: one.level for one in statements}, "ranking": ranking(summary)}
     facts |= viewer_facts(material, layers, best) | ball_figures(material) | DRAWN
-    facts |= {"material": material, "layers": layers, "glance": glance(material, layers, compared, best)}
-    facts |= {"placed": placed(material), "best": best, "terms": _terms(by_error(compared))}
+    facts |= {"material": material, "layers": layers, "placed": placed(material), "best": best}
+    facts |= {"terms": _terms(by_error(compared))}
     module = page.template("report.html").make_module(facts)
-    sections = {words: str(getattr(module, name)()).strip() for words, name in CHAPTERS.items()}
-    first = dict(list(sections.items())[:2])
-    chapters = first | {
-        words: page.folded_section(html) for words, html in sections.items() if html and words not in first
-    }
+    sections = re.finditer(r'<section id="([\w-]+)">.*?</section>', str(module), re.DOTALL)
+    chapters = {CHAPTERS[found[1]]: found[0] for found in sections}
     name = str(summary.get("name") or store.folder.resolve().name)
     script = "\n".join((page.HERE / part).read_text("utf-8") for part in SCRIPTS)
     script = f'"use strict";\n(() => {{\n{script}\n}})();'
@@ -79,15 +78,6 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     html = page.whole_page(name, "Photometric stereo report", subtitle, chapters, script=script)
     write_text(store.path("report.html"), html)
     return store.path("report.html")
-
-
-def _verdict_facts(summary: Summary) -> Summary:
-    statements, warnings = verdict(summary), all_warnings(summary)
-    marked = [one for one in statements[1:] if one.level in ("care", "bad") and one.topic not in TILES_TELL]
-    return {
-        "statements": statements, "warnings": warnings, "marked": marked, "ranking": ranking(summary),
-        "limits": limits(summary, statements[1:], warnings), "topics": {one.topic: one.level for one in statements},
-    }  # fmt: skip
 
 
 def _rows(summary: Summary, material: Material) -> Summary:
@@ -103,15 +93,8 @@ def _rows(summary: Summary, material: Material) -> Summary:
     return {
         "methods": methods, "points": points, "statistics_rows": statistics_rows({"methods": methods}),
         "uncharted": {reason: [name for name, why in missing if why == reason] for _, reason in missing},
-        "frame_rows": [
-            {"number": str(index), "name": name, **(listed.get(name) or {})} for index, name in enumerate(names, 1)
-        ],
-        "light_rows": [
-            {**row, "number": str(index), "flags": "; ".join(row.get("flags") or [])}
-            for index, row in enumerate((material.lights or {}).get("frames") or [], 1)
-        ],
-        "both_rows": _named({name: row for name, row in methods.items() if row.get("real") and row.get("twin")}),
-        "trust_rows": _named((summary.get("trust") or {}).get("methods") or {}),
+        "frame_rows": [{"name": name, **(listed.get(name) or {})} for name in names],
+        "both_rows": {name: row for name, row in methods.items() if row.get("real") and row.get("twin")},
         "four_ways": [
             {"name": name, "kind": kind, **ways, "sign": "inside out" if ways.get("mirrored") else "right"}
             for name, row in methods.items()
@@ -128,26 +111,16 @@ def _rows(summary: Summary, material: Material) -> Summary:
             for what, key, text in page.words("tables")["registered"]
             if page.is_number(align.get(key))
         ],
-        "spent_rows": [
-            {"name": str(step), "processor": spent.get(step), "wall": wall}
-            for step, wall in (summary.get("seconds") or {}).items()
-        ],
+        "spent_rows": {
+            step: {"processor": spent.get(step), "wall": wall} for step, wall in (summary.get("seconds") or {}).items()
+        },
         "setting_rows": {
-            part: [{"name": str(name), "value": page.as_text(value)}
-                   for name, value in (summary.get(part) or {}).items() if name not in ELSEWHERE]
+            part: {name: {"value": page.as_text(value)} for name, value in (summary.get(part) or {}).items()
+                   if name not in ELSEWHERE}
             for part in ("versions", "arguments", "camera", "twin")
         },
-        "evidence": [
-            (step, str(text))
-            for step in ("calibrate", "align")
-            for text in (summary.get(step) or {}).get("evidence") or ()
-        ],
         **_square(compared.get("between_methods") or [], list(methods)),
     }  # fmt: skip
-
-
-def _named(rows: Summary) -> list[Summary]:
-    return [{"name": name, **row} for name, row in rows.items()]
 
 
 def _square(pairs: list[Summary], names: list[str]) -> Summary:

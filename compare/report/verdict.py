@@ -6,7 +6,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from compare.report.facts import Summary, by_error, doubts_of, family, warned_of
+from compare.report.facts import Summary, all_warnings, by_error, family
 from compare.report.page import badge, is_number, plain, say, words
 from compare.statistics.counterparts import likeness
 
@@ -170,11 +170,11 @@ def _lowered(level: str) -> str:
 
 def _warned(summary: Summary, steps: dict[str, str], level: str, text: Markup) -> tuple[str, Markup]:
     """Return level and text, lowered and longer where one of the steps warned; `steps` gives each its word."""
-    for step, word in steps.items():
-        # What `check` says of the camera is a topic of its own.
-        if any(not (step == "check" and warning.startswith("camera:")) for warning in warned_of(summary, step)):
-            level = _lowered(level)
-            text += say("warnings", "step", step=word)
+    # What `check` says of the camera is a topic of its own.
+    warned = {step for step, text in all_warnings(summary) if not (step == "check" and text.startswith("camera:"))}
+    for step in [step for step in steps if step in warned]:
+        level = _lowered(level)
+        text += say("warnings", "step", step=steps[step])
     return level, text
 
 
@@ -198,9 +198,10 @@ def ranking(summary: Summary) -> list[Summary]:
         row = compared["methods"][name]
         kind = family(name)
         row = {**(row.get("real") or {}), **row, "name": name, "family": "" if kind == "calibrated" else kind}
+        found = solved.get(name) or {}
+        doubts = (str(text).removeprefix(f"{name}: ") for text in found.get("warnings") or ())
         # Without the quotes that stand for code on a terminal.
-        row["doubts"] = " ".join(doubts_of(summary, name)).replace("`", "")
-        row["own_sigma"] = (solved.get(name) or {}).get("sigma_deg_median")
+        row |= {"doubts": " ".join(doubts).replace("`", ""), "own_sigma": found.get("sigma_deg_median")}
         row["level"] = level_of(row.get("median_deg"), MEDIAN_BARS_DEG)
         is_few = is_number(row.get("coverage")) and row["coverage"] < COVERAGE_BAR
         if row["level"] == "good" and (row["doubts"] or is_few):

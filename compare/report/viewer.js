@@ -5,7 +5,6 @@ function startViewer() {
   const frame = byId("viewer-frame"), azimuth = byId("viewer-azimuth"), zenith = byId("viewer-zenith"), dome = byId("viewer-dome");
   const view = { scale: 1, x: 0, y: 0 }, touches = new Map();
   let pointer = null, lamp = null, moved = 0, wiping = false;
-  const lightOf = (k) => info.lights?.frames?.[k];
   byId("instrument").hidden = false;
   byId("viewer-still").hidden = true;
   frame.value = info.frame;
@@ -14,10 +13,7 @@ function startViewer() {
   const sourceOf = (key) => {
     const [kind, side, name] = key.split(":");
     if (kind === "photograph") return images.get(`${kind}:${side}:${frame.value}`);
-    if (kind !== "relit") return images.get(key);
-    const made = lamp && relit(name, lamp);
-    byId("viewer-note").textContent = made ? "" : "Relighting needs WebGL, which this browser does not give; the albedo is shown.";
-    return made || images.get(`albedo:real:${name}`);
+    return kind === "relit" ? relit(name, lamp) ?? images.get(`albedo:real:${name}`) : images.get(key);
   };
   const fitting = () => {
     view.scale = Math.min(canvas.width / info.width, canvas.height / info.height);
@@ -73,26 +69,21 @@ function startViewer() {
     const [kind, of, name] = side.value.split(":");
     return kind === "photograph" ? `${of}:${info.best}` : `${of === "truth" ? "truth" : of}:${name}`;
   }))];
-  const words = (value, digits, unit) => (value === null ? "–" : value.toFixed(digits) + unit);
   const readout = () => {
-    const began = performance.now();
     if (!pointer) return;
-    const [x, y] = pointer, [u, v] = pixelOf(x, y), rows = [], told = [];
-    for (const source of sourcesShown()) {
-      const [side, name] = source.split(":"), normal = normalAt(side, name, x, y);
-      const error = angleAt("error", side, name, x, y), sigma = angleAt("sigma", side, name, x, y), albedo = albedoAt(name, x, y);
-      told.push({ side, name, normal, error, sigma, albedo });
-      rows.push([`${name === "truth" ? "ground truth" : name}${side === "twin" ? ", twin" : ""}`, "",
-        "normal", normal ? normal.map((part) => part.toFixed(3)).join(", ") : "–", "error", words(error, 2, "°"),
-        "sigma", words(sigma, 2, "°"), "albedo", albedo ? albedo.map((part) => part.toFixed(3)).join(", ") : "–"]);
-    }
+    const began = performance.now(), [x, y] = pointer, [u, v] = pixelOf(x, y), lines = [`column ${u}, row ${v}`];
+    const parts = (found) => found?.map((part) => part.toFixed(3)).join(", "), angle = (found) => found === null ? "" : `${found.toFixed(2)}°`;
     const sample = sampleAt("real", frame.value, x, y);
-    const lines = [`column ${u}, row ${v}`, sample ? `photograph ${sample.value.map((part) => part.toFixed(3)).join(", ")}` : ""];
-    for (const [head, , ...pairs] of rows) {
-      lines.push(`${head}:`);
-      for (let i = 0; i < pairs.length; i += 2) if (pairs[i + 1] !== "–") lines.push(`  ${pairs[i]} ${pairs[i + 1]}`);
-    }
-    values.textContent = lines.filter(Boolean).join("\n");
+    if (sample) lines.push(`photograph ${parts(sample.value)}`);
+    const told = sourcesShown().map((source) => {
+      const [side, name] = source.split(":"), normal = normalAt(side, name, x, y), albedo = albedoAt(name, x, y);
+      const error = angleAt("error", side, name, x, y), sigma = angleAt("sigma", side, name, x, y);
+      lines.push(`${name === "truth" ? "ground truth" : name}${side === "twin" ? ", twin" : ""}:`);
+      const rows = { normal: parts(normal), error: angle(error), sigma: angle(sigma), albedo: parts(albedo) };
+      for (const [word, value] of Object.entries(rows)) if (value) lines.push(`  ${word} ${value}`);
+      return { side, name, normal, error, sigma, albedo };
+    });
+    values.textContent = lines.join("\n");
     Object.assign(values.dataset, { pixel: `${u},${v}`, values: JSON.stringify(told), ms: (performance.now() - began).toFixed(2) });
   };
   const load = async () => {
@@ -175,34 +166,27 @@ function startViewer() {
     const direction = [Math.sin(z) * Math.cos(a), Math.sin(z) * Math.sin(a), Math.cos(z)];
     lamp = light ?? { direction, intensity: [1, 1, 1],
       position_mm: far && direction.map((part, i) => info.lights.reference_point_mm[i] + far * part) };
-    const paint = dome.getContext("2d"), [dx, dy] = lamp.direction;
-    const ball = paint.createRadialGradient(75 + 60 * dx, 75 - 60 * dy, 4, 75, 75, 72);
-    ball.addColorStop(0, "#fff");
-    ball.addColorStop(1, "#33373c");
-    paint.clearRect(0, 0, 150, 150);
-    for (const [x, y, radius, fill] of [[75, 75, 70, ball], [75 + 68 * dx, 75 - 68 * dy, 7, "#E69F00"]]) {
-      paint.beginPath();
-      paint.arc(x, y, radius, 0, 7);
-      paint.fillStyle = fill;
-      paint.fill();
-    }
+    dome.style.setProperty("--x", lamp.direction[0]);
+    dome.style.setProperty("--y", lamp.direction[1]);
     redraw();
+  };
+  const turnTo = (x, y, angle) => {
+    azimuth.value = (Math.atan2(y, x) * 180 / Math.PI + 360) % 360;
+    zenith.value = angle * 180 / Math.PI;
   };
   const drag = (event) => {
     if (!event.buttons) return;
     const box = dome.getBoundingClientRect(), x = (event.clientX - box.left) / box.width * 2 - 1, y = 1 - (event.clientY - box.top) / box.height * 2;
-    azimuth.value = (Math.atan2(y, x) * 180 / Math.PI + 360) % 360;
-    zenith.value = Math.asin(Math.min(1, Math.hypot(x, y) / 0.92)) * 180 / Math.PI;
+    turnTo(x, y, Math.asin(Math.min(1, Math.hypot(x, y) / 0.92)));
     placeLamp();
   };
   for (const kind of ["pointerdown", "pointermove"]) dome.addEventListener(kind, drag);
   dome.addEventListener("pointerdown", (event) => dome.setPointerCapture(event.pointerId));
   for (const slider of [azimuth, zenith]) slider.addEventListener("input", () => placeLamp());
   byId("viewer-as-light").addEventListener("click", () => {
-    const light = lightOf(frame.value);
+    const light = info.lights?.frames?.[frame.value];
     if (!light?.direction) return;
-    azimuth.value = (Math.atan2(light.direction[1], light.direction[0]) * 180 / Math.PI + 360) % 360;
-    zenith.value = Math.acos(light.direction[2]) * 180 / Math.PI;
+    turnTo(light.direction[0], light.direction[1], Math.acos(light.direction[2]));
     placeLamp(light);
   });
   byId("viewer-3d").addEventListener("toggle", () => startScene(byId("viewer-scene")), { once: true });

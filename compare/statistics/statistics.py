@@ -1,12 +1,23 @@
-"""Angular errors in numbers: the seed's five statistics and more, and how alike two error maps are."""
+"""Angular errors in numbers: statistics, how alike two error maps are, what a flip or a bas-relief would explain."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from compare.report.facts import family
+from scene.method_names import UNCALIBRATED
+from scene.normals import angular_error_deg, unit
+
+Array = NDArray[np.float64]
 COVERAGE = {"real": "coverage", "twin": "twin_coverage"}
 """Under which key a method's row says which share of the true pixels it answered."""
+LOW_RANK = ("rpca", *UNCALIBRATED)
+"""They all start from a factorisation of the samples, which leaves a linear ambiguity to be settled."""
+MIRROR = np.array([-1.0, -1.0, 1.0])
+MOST_PIXELS = 4000
+"""Transforms are fitted to every so many pixels, to have at most about these, and measured on all."""
 
 
 def angular_statistics(error_deg: NDArray) -> dict[str, float | int]:
@@ -20,7 +31,7 @@ def angular_statistics(error_deg: NDArray) -> dict[str, float | int]:
     Returns
     -------
     dict
-        min_deg, max_deg, mean_deg, median_deg, std_deg, q1_deg, q3_deg in degrees; under_5_deg and
+        mean_deg, median_deg, std_deg, min_deg, q1_deg, q3_deg, max_deg in degrees; under_5_deg and
         under_10_deg, the share (0 to 1) of the pixels whose error is less than 5 and 10 degrees; pixels, how many
         counted. Without any pixel all but `pixels` are NaN.
 
@@ -34,20 +45,13 @@ def angular_statistics(error_deg: NDArray) -> dict[str, float | int]:
     pixels = int(error.size)
     if pixels == 0:
         error = np.array([np.nan])
-    q1, median, q3 = np.quantile(error, [0.25, 0.5, 0.75])
+    low, q1, median, q3, high = np.quantile(error, [0, 0.25, 0.5, 0.75, 1])
     under_5, under_10 = (np.mean(error < bar) if pixels else np.nan for bar in (5, 10))
-    return {
-        "min_deg": float(error.min()),
-        "max_deg": float(error.max()),
-        "mean_deg": float(error.mean()),
-        "median_deg": float(median),
-        "std_deg": float(error.std()),
-        "q1_deg": float(q1),
-        "q3_deg": float(q3),
-        "under_5_deg": float(under_5),
-        "under_10_deg": float(under_10),
-        "pixels": pixels,
-    }
+    found = {
+        "mean_deg": error.mean(), "median_deg": median, "std_deg": error.std(), "min_deg": low, "q1_deg": q1,
+        "q3_deg": q3, "max_deg": high, "under_5_deg": under_5, "under_10_deg": under_10,
+    }  # fmt: skip
+    return {**{name: float(value) for name, value in found.items()}, "pixels": pixels}
 
 
 def error_correlation(real_error: NDArray, twin_error: NDArray) -> dict[str, float | int]:
@@ -119,15 +123,108 @@ def statistics_rows(compared: dict[str, Any]) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        method; frames: real or twin; mean_deg, median_deg, std_deg, min_deg, q1_deg, q3_deg, max_deg; under_5_deg,
-        under_10_deg: share (0 to 1) of the pixels whose error is less; pixels; coverage: share (0 to 1) of the pixels
-        with a truth that were answered. The methods in their order; none where there is no truth.
+        method; frames: real or twin; what `angular_statistics` says; coverage: share (0 to 1) of the pixels with a
+        truth that were answered. The methods in their order; none where there is no truth.
     """
-    keys = ("mean_deg", "median_deg", "std_deg", "min_deg", "q1_deg", "q3_deg", "max_deg")
-    keys += ("under_5_deg", "under_10_deg", "pixels")
     return [
-        {"method": name, "frames": kind, **{key: found.get(key) for key in keys}, "coverage": row.get(coverage)}
+        {"method": name, "frames": kind, **found, "coverage": row.get(coverage)}
         for name, row in (compared.get("methods") or {}).items()
         for kind, coverage in COVERAGE.items()
         if (found := row.get(kind))
     ]
+
+
+@dataclass(frozen=True)
+class FourWays:
+    """Mean angular errors, degrees, of one normal map; only `raw` may enter a table beside calibrated methods.
+
+    `raw_deg`: with the method's own sign, 0 to 180. `best_sign_deg`: of (n1, n2, n3) and (-n1, -n2, n3), the better:
+    convex and concave give the same pictures. `oracle_relief_deg`: after the bas-relief transform that suits the truth
+    best: what any choice of mu, nu, lambda could reach. `oracle_linear_deg`: after the 3 x 3 matrix that suits the
+    truth best: what is left is not the ambiguity's fault. `mirrored`: the better sign is not the method's.
+    """
+
+    raw_deg: float
+    best_sign_deg: float
+    oracle_relief_deg: float
+    oracle_linear_deg: float
+    mirrored: bool
+
+
+def is_measured_so(method: str) -> bool:
+    """Tell whether a method's result is measured in four ways: those of `LOW_RANK`, and other programs.
+
+    Whether another program was told the lights' directions is not known here.
+    """
+    return method in LOW_RANK or family(method) == "external"
+
+
+def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_] | None) -> FourWays:
+    """Measure a normal map against the truth in four ways.
+
+    Parameters
+    ----------
+    normals, truth : (H, W, 3) float
+        Unit, NaN where unknown.
+    mask : (H, W) bool or None
+        Pixels that count, None for all; those where either is unknown do not.
+
+    Returns
+    -------
+    FourWays
+        NaN where no pixel counts. The errors fall from the first to the last: each way includes the one before.
+
+    Notes
+    -----
+    n G with G = [1 0 0; 0 1 0; mu nu lambda] is all that normals under integrability leave open [Belhumeur1999]; the
+    albedo changes its length only. Both oracles minimise the sum of |unit(n T) - truth|, not of its square: a few
+    wrong pixels do not steer them. An angle is never folded by |cos|.
+    """
+    known = np.isfinite(normals[..., 0]) & np.isfinite(truth[..., 0])
+    if mask is not None:
+        known &= mask
+    if not known.any():
+        return FourWays(np.nan, np.nan, np.nan, np.nan, False)
+    n, t = normals[known].astype(np.float64), truth[known].astype(np.float64)
+    raw, other = _mean(n, t), _mean(n * MIRROR, t)
+    start = np.diag(MIRROR) if other < raw else np.eye(3)
+    some = slice(None, None, max(1, len(n) // MOST_PIXELS))
+    reliefs = [(_mean(n @ g, t), g) for g in _reliefs(n[some], t[some])]
+    best, relief = min([(min(raw, other), start), *reliefs], key=lambda each: each[0])
+    linear = [relief, np.asarray(np.linalg.lstsq(n[some], t[some], rcond=None)[0], np.float64)]
+    linear = [_square(_fit(n[some], t[some], _square, start.ravel())) for start in linear]
+    least = min([best, *(_mean(n @ matrix, t) for matrix in linear)])
+    return FourWays(raw, min(raw, other), best, least, other < raw)
+
+
+def _mean(n: Array, truth: Array) -> float:
+    return float(np.mean(angular_error_deg(unit(n), truth)))
+
+
+def _reliefs(n: Array, truth: Array) -> list[Array]:
+    """Return the bas-relief transforms that suit best, one of convex and one of concave."""
+    return [_relief(_fit(n, truth, _relief, np.array([0.0, 0.0, depth]))) for depth in (1.0, -1.0)]
+
+
+def _relief(numbers: Array) -> Array:
+    """Return G, with the sign that keeps normals facing the camera."""
+    mu, nu, depth = numbers
+    return np.sign(depth or 1.0) * np.array([[1, 0, 0], [0, 1, 0], [mu, nu, depth]])
+
+
+def _square(numbers: Array) -> Array:
+    return numbers.reshape(3, 3)
+
+
+def _fit(n: Array, truth: Array, matrix, start: Array) -> Array:
+    """Return the numbers for which unit(n matrix(numbers)) is nearest to the truth."""
+    from scipy.optimize import least_squares
+
+    def off(numbers: Array) -> Array:
+        turned = n @ matrix(numbers)
+        chord = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-12) - truth
+        # soft_l1 of the chord's length, not of its three components.
+        return np.linalg.norm(chord, axis=1)
+
+    # lsmr: decomposing tall matrices wakes all the linear algebra's threads, which then wait for each other.
+    return np.asarray(least_squares(off, start, loss="soft_l1", f_scale=0.02, max_nfev=60, tr_solver="lsmr").x)

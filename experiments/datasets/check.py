@@ -10,8 +10,8 @@ from formats.diligent_layout import TABLES, DiligentFolder, read_layout
 from formats.picture_files import read_values
 from scene.errors import SceneError
 from scene.reading import listed
-from solve.axes import Axes
 from solve.convention import CLIPPED, DISAGREES, FLOOR, Claim, Convention, infer_convention
+from solve.plausible_axes import axes_words
 
 Array = NDArray[np.float64]
 LEAST_LIGHTS = 3
@@ -166,9 +166,9 @@ def _tell_axes(found: DiligentFolder, proved: Convention) -> None:
 def _axes_fault(name: str, turn: Array, proved: Convention) -> str:
     """Return what to say of vectors that `turn` (3, 3) mends."""
     return (
-        f"{name}: {WORDS.get(str(Axes(turn)), 'the axes are permuted')}; expected x right, y up, z toward the viewer, "
+        f"{name}: {WORDS.get(axes_words(turn), 'the axes are permuted')}; expected x right, y up, z toward the viewer, "
         f"from the surface to the light (agreement {proved.agreement:.2f}, put right {proved.best:.2f}). For x, y, z "
-        f"write {Axes(turn)}."
+        f"write {axes_words(turn)}."
     )
 
 

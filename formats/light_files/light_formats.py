@@ -7,10 +7,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from formats.light_files.light_dome import read_dome, write_dome
-from formats.light_files.light_frames import BesideLights, nameless
-from formats.light_files.light_json import read_json, write_alicevision
-from formats.light_files.light_mat import read_mat, write_mat
+from formats.light_files.light_names import nameless
+from formats.light_files.light_programs import (
+    BesideLights,
+    read_dome,
+    read_json,
+    read_mat,
+    write_alicevision,
+    write_dome,
+    write_mat,
+)
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.files import write_json, write_text, write_whole

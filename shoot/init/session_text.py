@@ -6,7 +6,7 @@ from datetime import date
 from typing import Any
 
 from capture.session.manifest import TABLES, Manifest, SphereTable
-from formats.toml_text import toml_text
+from formats.toml_documents import toml_text
 from scene.current import fingerprint
 from scene.reading import shortened
 from scene.spheres import KINDS

@@ -16,7 +16,7 @@ from capture.session.manifest import SphereTable
 from capture.session.manifest_file import toml_tables
 from capture.session.requests import hint_scale
 from capture.session.session_types import CaptureSession
-from formats.toml_text import toml_text
+from formats.toml_documents import toml_text
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.files import write_text

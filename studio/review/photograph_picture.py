@@ -83,8 +83,10 @@ def photograph(review: Review, index: int, look: PictureLook) -> Image:
     if look.overlay == "scan, normals":
         over = np.where(np.isfinite(normals[..., :1]), normal_picture(normals, picture.shape[1]), picture)
     else:
-        both = views(frames, exposure, lights, index, box, lambda pixels: shading(truth, camera, lights, index, pixels))
-        over = _fitted(both.shaded, picture.shape)
+        _, shaded = views(
+            frames, exposure, lights, index, box, lambda pixels: shading(truth, camera, lights, index, pixels)
+        )
+        over = _fitted(shaded, picture.shape)
     return _blend(picture, over, np.isfinite(normals[..., 0]), look.opacity)
 
 

@@ -5,6 +5,8 @@ import re
 import numpy as np
 import pytest
 
+from calibrate.calibration import Notes
+from calibrate.photometry.from_white import intensities_from_white
 from calibrate.photometry.matte_shading import read_surface, shading_directions
 from calibrate.photometry.photometer import measure
 from scene.camera import Camera
@@ -16,8 +18,30 @@ from scene.spheres import Sphere
 CAMERA = Camera(200, 160, 900.0, 900.0, 96.0, 82.0)
 CENTER, RADIUS = np.array([20.0, -10.0, -800.0]), 45.0
 REFERENCE = np.array([0.0, 0.0, -800.0])
-LIGHTS = np.array([[300.0, 200, -100], [-400, 100, 0], [100, -500, -50], [-150, 350, 50], [50, 50, 200]])
-POWERS = np.array([[1.0, 0.9, 1.1], [0.7, 0.75, 0.7], [1.3, 1.2, 1.3], [0.9, 0.9, 0.95], [0.6, 0.62, 0.6]])
+NAMES = "abcdefg"
+LIGHTS = np.array(
+    [
+        [300.0, 200, -100],
+        [-400, 100, 0],
+        [100, -500, -50],
+        [-150, 350, 50],
+        [50, 50, 200],
+        [-300, -300, 0],
+        [350, -100, 100],
+    ]
+)
+LAMP = np.array([0.6, 0.0, 0.8])
+POWERS = np.array(
+    [
+        [1.0, 0.9, 1.1],
+        [0.7, 0.75, 0.7],
+        [1.3, 1.2, 1.3],
+        [0.9, 0.9, 0.95],
+        [0.6, 0.62, 0.6],
+        [1.1, 1.1, 1.1],
+        [0.8, 0.8, 0.9],
+    ]
+)
 
 
 UP = np.array([0.1, -0.15, 1.0]) / np.linalg.norm([0.1, -0.15, 1.0])
@@ -53,8 +77,11 @@ def _smooth(normals, values, everywhere):
     return np.stack(wide, -1) @ np.linalg.lstsq(np.stack(terms, -1), values, rcond=None)[0]
 
 
-def _frames(*, near=True, ambient=0.0, gloss=0.0, bounce=0.0, shadow=None, gain=0.35):
-    """March each pixel's ray to the sphere by hand and shade it; `shadow`: in this frame half of it is hidden."""
+def _frames(*, near=True, ambient=0.0, gloss=0.0, bounce=0.0, shadow=None, lamp=None, gain=0.35):
+    """March each pixel's ray to the sphere by hand and shade it.
+
+    `shadow`: in this frame half of it is hidden; `lamp`: from this frame on one of a third of a flash shines.
+    """
     v, u = np.mgrid[0:160, 0:200]
     ray = np.stack([(u - 96.0) / 900, -(v - 82.0) / 900, 0 * u - 1.0], -1)
     ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
@@ -79,8 +106,10 @@ def _frames(*, near=True, ambient=0.0, gloss=0.0, bounce=0.0, shadow=None, gain=
         if shadow == len(images):
             value = np.where(u > CAMERA.project(CENTER)[0], 0.02 * value, value)
         image = np.where(hit, gain * value, 0.02)[..., None] * power + ambient * hit[..., None]
+        if lamp is not None and len(images) >= lamp:
+            image += 0.3 * gain * np.where(hit, np.maximum(normal @ LAMP, 0), 0)[..., None]
         images.append(image + 1e-3 * rng.normal(size=image.shape))
-    return Frames.from_linear(tuple("abcde"), np.stack(images))
+    return Frames.from_linear(tuple(NAMES), np.stack(images))
 
 
 BALL = Sphere("white", CAMERA.project(CENTER), 900 * RADIUS / 800, 2 * RADIUS)
@@ -89,7 +118,7 @@ AT_REFERENCE = 0.35 * POWERS * (500**2 / np.sum((LIGHTS - REFERENCE) ** 2, 1))[:
 
 
 def _lights(positions):
-    return Lights(tuple("abcde"), DIRECTIONS, np.ones((5, 3)), positions, REFERENCE)
+    return Lights(tuple(NAMES), DIRECTIONS, np.ones((7, 3)), positions, REFERENCE)
 
 
 @pytest.mark.parametrize(
@@ -119,10 +148,20 @@ def test_near_lights_are_measured(effects, tolerance):
 
 def test_a_shadow_on_half_of_the_ball_bends_no_other_frame():
     light = measure(read_surface(_frames(shadow=2, ambient=0.01), CAMERA, BALL), _lights(LIGHTS))
-    others = [0, 1, 3, 4]
+    others = [0, 1, 3, 4, 5, 6]
     np.testing.assert_allclose((light.intensities / AT_REFERENCE)[others], 1, atol=0.004)
     assert light.misfit[2] > 10 * np.median(light.misfit)
     assert light.sigma[2] > 0.05
+
+
+@pytest.mark.parametrize("first", [None, 3, 4])
+def test_a_lamp_that_was_switched_on_is_named_by_its_frame(first):
+    notes, surface = Notes(), read_surface(_frames(lamp=first), CAMERA, BALL)
+    light = intensities_from_white(_frames(lamp=first), [surface], _lights(LIGHTS), notes)
+    ratio = light.intensities / AT_REFERENCE
+    np.testing.assert_allclose(ratio / ratio.mean(0), 1, atol=0.002 if first is None else 0.03)
+    said = [warning for warning in notes.warnings if "a lamp was switched" in warning]
+    assert [warning[0] for warning in said] == ([] if first is None else [NAMES[first]])
 
 
 def test_sigma_covers_what_wrong_positions_do():

@@ -180,28 +180,6 @@ def test_alicevision_with_its_view_ids(tmp_path):
         export_lights(tmp_path, "alicevision", lights, CAMERA, files=lights.names, sfm=sfm)
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        ("a.json", {"lights": [{"viewId": 1, "type": "SH", "direction": [0] * 9, "intensity": [1] * 3}]}, "type 'SH'"),
-        ("a.json", {"lights": [{"lightId": 1, "direction": [0, 0, "up"], "intensity": [1] * 3}]}, "with viewId"),
-        ("a.json", {"lights": [{"lightId": 1, "intensity": [1] * 3}]}, "KeyError: 'direction'"),
-        ("a.json", {"lights": [{"lightId": 1, "direction": [0, 0, -1], "intensity": [1, 0, 1]}]}, "must be positive"),
-        ("a.json", {"frames": [{"name": "a", "direction": [0, 0, float("nan")], "intensity": [1] * 3}]}, "light 1 has"),
-        ("a.dome", {"lightConfiguration": "ring", "directions": []}, "'ring', expected directional"),
-        ("a.dome", {"lightConfiguration": "lights3d"}, "KeyError: 'positions3d'"),
-        ("a.dome", {"directions": xyz([[0, 0, 1]]), "ledAdjust": [{"r": 1, "g": 1, "b": 1}] * 2}, "1 lights, but 2"),
-        ("a.dome", {"directions": xyz([[0, 0, 1]]), "ledAdjust": [{"r": 1, "g": 0, "b": 1}]}, "ledAdjust must be"),
-        ("a.dome", {"directions": []}, "holds no lights"),
-    ],
-)  # fmt: skip
-def test_refusals_name_the_fault(tmp_path, name, content, message):
-    (tmp_path / name).write_text(json.dumps(content))
-    with pytest.raises(CalibrationError, match=message) as caught:
-        read_lights(tmp_path / name, ("a",))
-    assert name in str(caught.value)
-
-
 KNOWN = ("flash_000", "flash_001", "flash_002")
 TOWARD = np.array([[0.6, 0.0, 0.8], [0.0, -0.6, 0.8], [-0.36, 0.48, 0.8]])
 
@@ -229,7 +207,7 @@ def test_diligent_reads_intensities_beside(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "message"),
+    ("name", "content", "message"),
     [
         ("l.lp", "2\na 0 0 1\nb 0 1 1\n", "2 lights for 3 flash frames"),
         ("l.lp", "4\na 0 0 1\n", "line 1 says 4 lights, but 1 follow"),
@@ -245,9 +223,20 @@ def test_diligent_reads_intensities_beside(tmp_path):
         ("l.json", "[1]", "holds a list"),
         ("l.json", "{}", r"its keys are none\)\. Expected frames"),
         ("l.xyz", "", "not known"),
+        ("a.json", {"lights": [{"viewId": 1, "type": "SH", "direction": [0] * 9, "intensity": [1] * 3}]}, "type 'SH'"),
+        ("a.json", {"lights": [{"lightId": 1, "direction": [0, 0, "up"], "intensity": [1] * 3}]}, "with viewId"),
+        ("a.json", {"lights": [{"lightId": 1, "intensity": [1] * 3}]}, "KeyError: 'direction'"),
+        ("a.json", {"lights": [{"lightId": 1, "direction": [0, 0, -1], "intensity": [1, 0, 1]}]}, "must be positive"),
+        ("a.json", {"frames": [{"name": "a", "direction": [0, 0, float("nan")], "intensity": [1] * 3}]}, "light 1 has"),
+        ("a.dome", {"lightConfiguration": "ring", "directions": []}, "'ring', expected directional"),
+        ("a.dome", {"lightConfiguration": "lights3d"}, "KeyError: 'positions3d'"),
+        ("a.dome", {"directions": xyz([[0, 0, 1]]), "ledAdjust": [{"r": 1, "g": 1, "b": 1}] * 2}, "1 lights, but 2"),
+        ("a.dome", {"directions": xyz([[0, 0, 1]]), "ledAdjust": [{"r": 1, "g": 0, "b": 1}]}, "ledAdjust must be"),
+        ("a.dome", {"directions": []}, "holds no lights"),
     ],
-)
-def test_refusals_of_text_name_the_fault(tmp_path, name, text, message):
-    (tmp_path / name).write_text(text)
-    with pytest.raises(CalibrationError, match=message):
+)  # fmt: skip
+def test_refusals_name_file_and_fault(tmp_path, name, content, message):
+    (tmp_path / name).write_text(content if isinstance(content, str) else json.dumps(content))
+    with pytest.raises(CalibrationError, match=message) as caught:
         read_lights(tmp_path / name, KNOWN)
+    assert name in str(caught.value)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from compare.compare import compare
+from fixtures.lit_surfaces import lights_along, spiral
 from scene.camera import Camera
 from scene.estimate import Estimate
 from scene.files import write_json, write_npy
@@ -28,21 +29,17 @@ class Session:
 
 
 def lights_above(count: int, rng: np.random.Generator) -> Lights:
-    zenith = np.radians(20 + 40 * np.arange(count) / count)
-    azimuth = 2.399963 * np.arange(count)
-    directions = np.stack([np.sin(zenith) * np.cos(azimuth), np.sin(zenith) * np.sin(azimuth), np.cos(zenith)], -1)
+    """Return near lights 20 to 60 degrees from the axis, of unlike colours; the last one is flagged."""
+    directions = spiral(np.cos(np.radians(20 + 40 * np.arange(count) / count)))
     reference = np.array([0.0, 0.0, -700.0])
     intensities = rng.uniform(0.7, 1.3, (count, 1)) * rng.uniform(0.95, 1.05, (count, 3))
-    return Lights(
-        tuple(f"flash_{i + 1:03d}" for i in range(count)),
-        directions,
-        intensities / intensities.mean(0),
-        reference + directions * rng.uniform(800, 1100, (count, 1)),
-        reference,
-        rng.uniform(0.1, 0.5, count),
-        rng.uniform(0.004, 0.01, count),
-        flags=((),) * (count - 1) + (("highlight near the rim",),),
+    sigmas = {"direction_sigma_deg": rng.uniform(0.1, 0.5, count), "intensity_sigma": rng.uniform(0.004, 0.01, count)}
+    places, flags = (
+        directions * rng.uniform(800, 1100, (count, 1)),
+        ((),) * (count - 1) + (("highlight near the rim",),),
     )
+    more = {"positions_mm": reference + places, "reference_point_mm": reference, "flags": flags, **sigmas}
+    return lights_along(directions, intensities / intensities.mean(0), **more)
 
 
 def bumpy_ball(camera: Camera, center_px: np.ndarray, radius_px: float) -> tuple[np.ndarray, np.ndarray]:
@@ -125,12 +122,8 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
             row = [grid[np.argmax(n @ h)] for h in half]
             row[-1] = None
         seen.append(row)
-    calibration = {
-        "highlights_px": seen,
-        "rejected": [{"center_px": [12.0, 100.0], "radius_px": 9.0, "reason": "its shading does not slide"}],
-        "evidence": [],
-        "warnings": [],
-    }
+    refused = {"center_px": [12.0, 100.0], "radius_px": 9.0, "reason": "its shading does not slide"}
+    calibration = {"highlights_px": seen, "rejected": [refused], "evidence": [], "warnings": []}
     write_json(store.path("calibration.json"), calibration)
     solved: dict[str, Any] = {}
     for number, name in enumerate(methods):
@@ -142,18 +135,14 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
         megapixels = width * height / 1e6
         seconds = 0.05 * (1 + 7 * number)
         solved[name] = {
-            "seconds": seconds,
-            "megapixels": megapixels,
-            "frames": count,
+            "seconds": seconds, "megapixels": megapixels, "frames": count,
             "processor_seconds_per_megapixel_image": seconds / megapixels / count,
             "settings": {"shadow_share": 0.33, "passes": 5} if number else {},
             "warnings": [f"{name}: 3 pixels see fewer than four lit samples"] if number else [],
-            "processor_seconds": 1.1 * seconds,
-            "twin_processor_seconds": 0.9 * seconds,
-        }
+            "processor_seconds": 1.1 * seconds, "twin_processor_seconds": 0.9 * seconds,
+        }  # fmt: skip
     summary: dict[str, Any] = {
-        "name": NAME,
-        "created": "2026-11-21T10:20:30+00:00",
+        "name": NAME, "created": "2026-11-21T10:20:30+00:00",
         "versions": {"rgbn": "0.1.0", "numpy": np.__version__},
         "arguments": {"session": "session.toml", "methods": list(methods)},
         "seconds": {"decode": 1.25, "calibrate": 8.5, "align": 12.0, "solve": 0.75, "twin": 20.5},
@@ -162,10 +151,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
             {"step": "calibrate", "text": "ball 2: <b>no highlight</b> in flash_012"},
         ],
         "capture": {
-            "frames": count,
-            "width": width,
-            "height": height,
-            "ambient": True,
+            "frames": count, "width": width, "height": height, "ambient": True,
             "frames_table": [
                 {"name": name, "brightness": float(noisy[i].mean()), "saturated_share": float((noisy[i] > 0.98).mean())}
                 for i, name in enumerate(lights.names)
@@ -173,23 +159,18 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
         },
         "camera": store.read_json("camera.json"),
         "calibrate": {
-            "model": "near",
-            "evidence": ["near: chi2 per degree of freedom 1.1 against 37 for distant"],
-            "spheres": 3,
+            "model": "near", "spheres": 3, "evidence": ["near: chi2 per degree of freedom 1.1 against 37 for distant"],
             "direction_sigma_deg_median": float(np.median(lights.direction_sigma_deg)),
             "intensity_sigma_median": float(np.median(lights.intensity_sigma)),
         },
         "align": {
-            "residual_px": 0.62,
-            "sigma_mm": 0.11,
-            "sigma_deg": 0.21,
+            "residual_px": 0.62, "sigma_mm": 0.11, "sigma_deg": 0.21, "truth_sigma_deg_median": 0.4,
             "evidence": ["3 starts of 40 reached the same pose"],
-            "truth_sigma_deg_median": 0.4,
         },
         "solve": {"methods": solved},
         "twin": {"engine": "many", "reason": "light went on", "seconds": 20.5, "warnings": []},
         "truth_check": {"light direction, median": {"value": 0.31, "unit": "°", "bar": 1.0}},
-    }
+    }  # fmt: skip
     summary["compare"] = compare(store)
     return Session(store, summary)
 

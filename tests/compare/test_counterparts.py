@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from compare.statistics.block_bootstrap import drawn_medians, level_methods, thinned
-from compare.statistics.counterparts import compare_counterparts, difference
+from compare.statistics.counterparts import compare_counterparts, difference, drawn_medians, level_methods, thinned
 from scene.errors import SceneError
 
 SIDE = 64

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from compare.report.facts import family
-from compare.statistics.ambiguity import MIRROR, four_ways, is_measured_so
+from compare.statistics.statistics import MIRROR, four_ways, is_measured_so
 from scene.normals import unit
 
 RELIEF = np.array([[1, 0, 0], [0, 1, 0], [0.4, -0.3, 1.7]])

@@ -113,8 +113,8 @@ def test_every_number_on_the_page_is_in_the_summary(page, session, tmp_path):
 def test_pictures_are_all_there_each_with_words_for_it(page):
     images = page.all("img")
     # 3 on the first screen; of the viewer 12 frames, real and twin, normals of the truth and of 2 methods real and
-    # twin, their errors, 2 albedos, 1 sigma; 3 balls, silhouette, slider's two and sigma, key ball.
-    assert len(images) == 3 + 2 * 12 + (1 + 4) + 4 + 2 + 1 + 3 + 4 + 1
+    # twin, their errors, 2 albedos, 1 sigma; 3 balls, silhouette, slider's two, key ball; `align` drew none here.
+    assert len(images) == 3 + 2 * 12 + (1 + 4) + 4 + 2 + 1 + 3 + 3 + 1
     assert all(image["alt"] for image in images)
     assert all(values.get("aria-label") for values in page.all("svg"))
 
@@ -372,8 +372,8 @@ def test_a_large_session_stays_below_ten_megabytes(tmp_path):
             path.parent.mkdir(parents=True, exist_ok=True)
             np.save(path, unit(rng.normal(0, 1, (height, width, 3)) + [0, 0, 2]).astype(np.float32))
     path = write_report(store, {"compare": compare(store)})
-    # Three on the first screen, the frames, the outline and sigma twice, key ball, truth and methods, errors.
-    assert len(Page(path).all("img")) == 3 + count + 2 + 1 + 1 + 15 + 14
+    # Three on the first screen, the frames, the outline, sigma, key ball, truth and methods, errors.
+    assert len(Page(path).all("img")) == 3 + count + 1 + 1 + 1 + 15 + 14
     assert path.stat().st_size < 10e6
 
 

@@ -1,6 +1,6 @@
 """Speed against accuracy: what of a summary is charted, and why the rest is not."""
 
-from compare.report.speed import speed_points
+from compare.report.facts import speed_points
 from draw.speed_chart import SpeedPoint
 
 

@@ -18,9 +18,6 @@ from scene.normals import angular_error_deg
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
 NORMAL_DEG = 0.4
 """Three components, each rounded by at most 1 / 255: sqrt(3) / 255 radians."""
-NO_WEBGL = """const get = HTMLCanvasElement.prototype.getContext;
-HTMLCanvasElement.prototype.getContext = function (kind, ...how) {
-  return kind.startsWith("webgl") ? null : get.call(this, kind, ...how); };"""
 SHIFTS = """new Promise((done) => { const found = [];
 new PerformanceObserver((list) => list.getEntries().forEach((entry) => {
   found.push([entry.value, ...entry.sources.map(({node}) => node && (node.id || node.textContent))]); }))
@@ -42,12 +39,10 @@ def visit(chromium, shown):
     """Open the report at a size; what the console says fails the test."""
     pages, faults = [], []
 
-    def opened(viewport=DESK, *, script="", **how):
+    def opened(viewport=DESK, **how):
         page = chromium.new_page(viewport=viewport, reduced_motion="reduce", **how)
         page.on("console", lambda message: faults.append(message.text))
         page.on("pageerror", lambda error: faults.append(str(error)))
-        if script:
-            page.add_init_script(script)
         page.goto(shown[0].as_uri())
         pages.append(page)
         return page
@@ -218,14 +213,6 @@ def test_relit_by_a_known_light_is_the_rendering(viewer, session, shown):
             np.testing.assert_allclose(colour, 255 * srgb_from_linear(np.clip(linear, 0, 1)), atol=5)
 
 
-def test_without_webgl_the_albedo_is_shown_and_it_is_said(visit):
-    page = visit(script=NO_WEBGL)
-    page.locator("#viewer-right").select_option("relit:real:ls")
-    expect(page.locator("#viewer-note")).to_contain_text("needs WebGL")
-    page.locator("#viewer-3d > summary").click()
-    expect(page.locator("#viewer-3d")).to_contain_text("needs WebGL")
-
-
 def test_without_scripts_still_pictures_remain(chromium, shown):
     page = chromium.new_context(java_script_enabled=False).new_page()
     page.goto(shown[0].as_uri())
@@ -238,9 +225,23 @@ def test_without_scripts_still_pictures_remain(chromium, shown):
 
 def test_the_scene_is_drawn_in_3d(viewer):
     viewer.locator("#viewer-3d > summary").click()
-    viewer.wait_for_selector("#viewer-scene[data-triangles]")
-    # 12 lights, 3 balls and the camera, 288 triangles each; this folder's twin has no depth.
-    assert float(viewer.locator("#viewer-scene").get_attribute("data-triangles")) == pytest.approx(16 * 288)
+    scene = viewer.locator("#viewer-scene")
+    viewer.wait_for_selector("#viewer-scene[data-points]")
+    # 12 lights, 3 balls and the camera; this folder's twin has no depth.
+    assert float(scene.get_attribute("data-points")) == 16 * 41 * 80
+    scene.scroll_into_view_if_needed()
+
+    def orange():
+        """Return the places of the lights' pixels on the screen."""
+        picture = cv2.imdecode(np.frombuffer(scene.screenshot(), np.uint8), cv2.IMREAD_COLOR).astype(int)
+        return np.argwhere((picture[..., 2] > picture[..., 0] + 60) & (picture[..., 1] > picture[..., 0] + 30))
+
+    first = orange()
+    assert len(first) > 300
+    for key in ("+", "+", "ArrowRight"):
+        scene.press(key)
+    viewer.wait_for_timeout(200)
+    assert len(orange()) != len(first)
 
 
 def test_wheel_and_keys_move_what_is_read(viewer, session, shown):

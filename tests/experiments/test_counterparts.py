@@ -68,6 +68,7 @@ def test_two_folders_give_a_page_and_its_numbers(tmp_path):
     page = (tmp_path / "out" / PAGE).read_text()
     assert page.count("data:image/png") == 4
     assert "://" not in page
+    assert "&lt;div" not in page
     for name in ("ls", "iterative"):
         error, row = angular_error_deg(Store(real).load_normals(name), TRUTH), kept["methods"][name]
         assert row["real"]["median_deg"] == pytest.approx(np.nanmedian(error), rel=1e-5)

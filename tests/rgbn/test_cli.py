@@ -98,6 +98,8 @@ def test_tables_are_exported_for_a_spreadsheet(run, session):
         (["solve", "x", "--metod", "ls"], ["--metod", "--method", "`rgbn solve --help`"]),
         (["solve"], ["SESSION", "`rgbn solve --help`"]),
         (["twin", "x", "--engine", "fast"], ["--engine fast", "many, mitsuba"]),
+        (["twin", "x", "--engine", "many,mitsuba"], ["--engine many,mitsuba", "many, mitsuba"]),
+        (["solve", "x", "--normals", "foo"], ["--normals foo", "opengl, directx"]),
         (["export", "x", "-f", "xml"], ["--format xml", "alicevision", "mitsuba, all"]),
         (["solve", "x", "--profile", "sead", "-m", "ls"], ["sead", "default, seed"]),
         *(

@@ -8,7 +8,8 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
-from solve.axes import INVERTED, relief_cautions
+from solve.axes import relief_cautions
+from solve.plausible_axes import INVERTED
 from solve.solve import solve
 
 SIZE = 110

@@ -5,7 +5,6 @@ They refuse what the real readers would misread; weights and networks are not he
 
 import shlex
 import sys
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -17,9 +16,8 @@ from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from solve.external import External
+from solve.external import PRESETS, External
 from solve.given_normals import solve_external
-from solve.presets import PRESETS
 
 HEIGHT, WIDTH, COUNT = 90, 110, 9
 
@@ -190,8 +188,7 @@ def test_each_program_reads_its_folder_and_its_normals_come_back(name, error_deg
     assert estimate.settings["axes"] == "(x, y, z)"
     assert shlex.split(estimate.settings["command"])[0] == f"{name}:{programs / name}"
     # What is kept in the summary starts it again.
-    again = External.parse(f"Learned={estimate.settings['command']}", 60)
-    assert again.preset == external(programs, name).preset
+    assert External.parse(f"Learned={estimate.settings['command']}", 60) == external(programs, name)
 
 
 def test_without_any_light_its_normals_stay_and_the_lights_are_found_with_them(programs, scene, tmp_path):
@@ -246,7 +243,5 @@ def test_what_is_missing_is_said_before_anything_runs(text, words, programs, tmp
 
 
 def test_the_python_may_be_named_and_new_weights_are_noticed(programs):
-    given = external(programs, "sdm-unips", f" {sys.executable}").preset
-    assert given
-    assert given.python == Path(sys.executable)
+    assert external(programs, "sdm-unips", f" {sys.executable}").words[0] == sys.executable
     assert [path.name for path in external(programs, "sdm-unips").files] == ["main.py", "nml.pytmodel"]

@@ -11,8 +11,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from formats.meshes.scan_files import ObjectMesh, write_mesh
-from formats.toml_documents import Location, TomlTable, fault_line
-from formats.toml_text import toml_text
+from formats.toml_documents import Location, TomlTable, fault_line, toml_text
 from scene.errors import RenderError, SceneError
 from scene.files import write_json, write_npy, write_text
 from scene.reading import reading, shortened, text_of

@@ -1,0 +1,131 @@
+"""`results/`: what was found, in files that other programs open: TIFF maps, and the surface as PLY and GLB."""
+
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lab.job import Job, Outcome
+from lab.progress import alive
+from scene.camera import Camera
+from scene.lights import Lights
+from scene.normals import encode_normals
+from scene.store import Store
+
+FOLDER = "results"
+Axes = Literal["opengl", "directx"]
+"""Of pictures of normals: green grows where the surface faces up, or down."""
+VERTICES = 1_000_000
+"""Of the surface, about: what viewers still turn."""
+TEXTURE_PX = 4096
+"""Of the longer side of its picture, at most: browsers on telephones take no more."""
+HEADROOM, MOST = 1.25, 0.999
+"""White of an albedo map, in units of this quantile of the albedo: what glares beyond it is cut."""
+
+
+@alive("results")
+def results(job: Job) -> Outcome:
+    """Write each method's maps, and one method's surface."""
+    store, axes = job.store, job.settings.normals or "opengl"
+    camera, lights = store.load_camera(), store.load_lights()
+    pixel_mm = pixel_size_mm(camera, lights)
+    written: list[Path] = []
+    ball = lights.white_value
+    whites = {name: _write_maps(store, name, pixel_mm, axes, ball, written) for name in job.methods}
+    warnings = [] if pixel_mm else ["results: nothing tells how large a pixel is on the object: the maps do not say."]
+    surface = _write_surface(job, pixel_mm, written)
+    facts = {
+        "files": [path.relative_to(store.folder).as_posix() for path in written],
+        "pixel_mm": pixel_mm,
+        "normals_axes": axes,
+        "albedo_white": whites,
+        "surface": surface,
+    }
+    return Outcome(facts, warnings)
+
+
+def best_first(job: Job) -> tuple[str, ...]:
+    """Return the methods, that which trust recommends first."""
+    recommended = job.done.get("trust", {}).get("result", {}).get("recommended")
+    return tuple(sorted(job.methods, key=lambda name: name != recommended))
+
+
+def pixel_size_mm(camera: Camera, lights: Lights) -> float | None:
+    """Return how large a pixel is on a surface that faces the camera at the object's distance; None: not known."""
+    z_mm = float(lights.reference_point_mm[2])
+    if camera.is_orthographic:
+        return 1 / camera.fx if lights.positions_mm is not None else None
+    return -z_mm / float(np.sqrt(camera.fx * camera.fy)) if z_mm < 0 else None
+
+
+def _write_maps(
+    store: Store, method: str, pixel_mm: float | None, axes: Axes, ball: NDArray | None, written: list[Path]
+) -> float:
+    """Write a method's maps; return the albedo that is white in its file.
+
+    ball (3,): The white ball's pixel value under a light of intensity 1; None: there is none.
+    """
+    from formats.map_tiff import write_map
+
+    def write(kind: str, values: NDArray, **told: Any) -> None:
+        path = store.path(FOLDER, f"{kind}_{method}.tif")
+        written.extend(write_map(path, values, {"map": kind, "method": method, **told}, pixel_mm))
+
+    normals = np.asarray(store.load_normals(method))
+    turned = normals if axes == "opengl" else normals * np.float32([1, -1, 1])
+    told = {"value": "n = 2 code / 65535 - 1; 0 0 0: unknown", "axes": f"x right, y {_up(axes)}, z toward the camera"}
+    write("normals", encode_normals(turned), **told)
+    albedo = np.asarray(store.read_array("albedo", f"{method}.npy"))
+    albedo = albedo if ball is None else albedo / ball.astype(np.float32)
+    known = albedo[np.isfinite(albedo)]
+    white = HEADROOM * float(np.quantile(known, MOST)) if known.size else 1.0
+    white = white if white > 0 else 1.0
+    codes = np.nan_to_num(np.round(np.clip(albedo / white, 0, 1) * 65535)).astype(np.uint16)
+    one = "a pixel value of 1 under a light of intensity 1" if ball is None else "as bright as the white ball"
+    write("albedo", codes, value=f"albedo = {white:.6g} code / 65535, linear; 1: {one}")
+    for kind, unit in (("sigma", "degrees, one standard deviation of the normal"), ("depth", "mm, z; negative")):
+        if store.path(kind, f"{method}.npy").exists():
+            write(kind, np.asarray(store.read_array(kind, f"{method}.npy"), np.float32), value=unit)
+    return white
+
+
+def _up(axes: Axes) -> str:
+    return "up" if axes == "opengl" else "down"
+
+
+def _write_surface(job: Job, pixel_mm: float | None, written: list[Path]) -> dict[str, Any]:
+    """Write one method's surface as PLY and GLB, and its depth as a map; return what is to be said of it."""
+    from formats.map_tiff import write_map
+    from formats.meshes.textured_glb import write_glb
+    from formats.picture_files import srgb_from_linear
+    from solve.surface.solved_surface import solved_surface
+
+    store = job.store
+    found = solved_surface(store, best_first(job), most_pixels=VERTICES)
+    mesh, name = found.mesh(), f"surface_{found.method}"
+    ply, glb = (store.path(FOLDER, f"{name}.{kind}") for kind in ("ply", "glb"))
+    mesh.write(ply)
+    # The picture's part that holds the object, at full size.
+    albedo = store.read_array("albedo", f"{found.method}.npy")
+    v, u = (found.step * at for at in np.nonzero(np.isfinite(found.surface.z_mm)))
+    rows, columns = (slice(int(at.min()), int(at.max()) + 1) for at in (v, u))
+    part = np.asarray(albedo[rows, columns])
+    shrink = -(-max(part.shape[:2]) // TEXTURE_PX)
+    white = float(np.nanquantile(part, MOST)) if np.isfinite(part).any() else 1.0
+    picture = np.round(255 * srgb_from_linear(np.nan_to_num(part[::shrink, ::shrink] / max(white, 1e-9)))).astype(
+        np.uint8
+    )
+    size = shrink * np.array([picture.shape[1], picture.shape[0]])
+    texcoords = (np.stack([u - columns.start, v - rows.start], 1) + 0.5 * shrink) / size
+    write_glb(glb, mesh.vertices, mesh.normals, mesh.faces, texcoords, picture)
+    written += [ply, glb]
+    if not store.path("depth", f"{found.method}.npy").exists():
+        told = {"map": "depth", "method": found.method, "value": f"mm, z; {found.scale}"}
+        size_mm = pixel_mm and pixel_mm * found.step
+        written += write_map(
+            store.path(FOLDER, f"depth_{found.method}.tif"), found.surface.z_mm.astype(np.float32), told, size_mm
+        )
+    torn = found.surface.torn_share()
+    facts = {"method": found.method, "scale": found.scale, "vertices": len(mesh.vertices), "torn_share": torn}
+    return {**facts, "every_nth_pixel": found.step}

@@ -1,0 +1,73 @@
+"""The surface that a method found, out of an output folder: of its depth, or else of what its normals integrate to."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.store import Store
+from solve.surface.integration import IntegratedSurface, integrate, surface_at
+from solve.surface.surface_mesh import SurfaceMesh, mesh_of
+
+UNKNOWN_MM = -1000.0
+"""Where an object of unknown distance is put."""
+
+
+class SolvedSurface(NamedTuple):
+    """A method's surface, on every n-th pixel of the picture.
+
+    scale: What tells its size and place, in words. is_sized: Something does.
+    """
+
+    method: str
+    surface: IntegratedSurface
+    normals: NDArray
+    albedo: NDArray
+    camera: Camera
+    step: int
+    scale: str
+    is_sized: bool
+
+    def mesh(self) -> SurfaceMesh:
+        """Return it as triangles."""
+        return mesh_of(self.surface, self.normals, self.albedo, self.camera)
+
+
+def solved_surface(store: Store, methods: Sequence[str], *, most_pixels: int | None = None) -> SolvedSurface:
+    """Return the surface of the first method that found its depth, else of the first.
+
+    Normals, albedo and depth are always one method's: a depth map is that which its method's normals were found under.
+
+    Parameters
+    ----------
+    store : Store
+        An output folder after `solve`.
+    methods : sequence of str
+    most_pixels : int or None
+        Of the object; where it has more, every second is taken, or every third, and so on. None: all.
+
+    Raises
+    ------
+    SceneError
+        No pixel has a normal.
+    """
+    method = next((name for name in methods if store.path("depth", f"{name}.npy").exists()), methods[0])
+    mask, camera, lights = store.load_mask(), store.load_camera(), store.load_lights()
+    count = np.count_nonzero(mask)
+    step = 1 if most_pixels is None else max(1, int(np.ceil(np.sqrt(count / most_pixels))))
+    every = (slice(None, None, step),) * 2
+    camera = camera if step == 1 else camera.every(step)
+    normals, albedo = store.load_normals(method)[every], store.read_array("albedo", f"{method}.npy")[every]
+    if store.path("depth", f"{method}.npy").exists():
+        depth = store.read_array("depth", f"{method}.npy")[every].astype(np.float64)
+        surface, scale = surface_at(depth, normals, camera), "the distance was found by the shading"
+        return SolvedSurface(method, surface, normals, albedo, camera, step, scale, True)
+    z_mm = float(lights.reference_point_mm[2])
+    scale, is_sized = f"the surface's middle was put at the lights' reference point, z = {z_mm:.0f} mm", True
+    if z_mm >= 0 and not camera.is_orthographic:
+        z_mm, is_sized = UNKNOWN_MM, False
+        scale = f"nothing tells the distance: it was put at z = {z_mm:.0f} mm, and its size is as arbitrary"
+    surface = integrate(normals, mask[every], camera, z_mm=z_mm)
+    return SolvedSurface(method, surface, normals, albedo, camera, step, scale, is_sized)
