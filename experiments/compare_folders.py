@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.options import named
-from lab.progress import say
+from lab.progress import is_quiet, say
 from lab.run_log import log, logged
-from lab.streams import is_quiet
 from scene.current import libraries
 from scene.errors import SceneError
 from scene.files import write_json, write_text

@@ -7,7 +7,6 @@ written once into a folder of the run. Results come back through the scheduler.
 import errno
 import logging
 import shutil
-import tempfile
 import threading
 import time
 import uuid
@@ -29,7 +28,7 @@ WAIT_FOR_WORKERS = "120 s"
 TELL_S = 10
 """Seconds from one line that says so to the next."""
 SILENCE_S = 60
-"""Seconds that a scheduler may take to answer."""
+"""Seconds that a scheduler, or a worker, may take to answer."""
 LOOK_S = 0.5
 UNIT = "__import__('lab.cluster_unit').cluster_unit"
 """What a worker evaluates: `eval` is known to a scheduler too that has no rgbn."""
@@ -49,7 +48,7 @@ def executor_of(address: str | None, folder: Path | None = None, files: Iterable
     address : str or None
         Of the scheduler.
     folder : Path or None
-        For files that all workers see under the same path; emptied. It lies in an output folder's own. None: the units
+        OUT/.rgbn/NAME, which all workers see under the same path: for arrays, emptied before and after. None: the units
         write no files, and their arrays are small.
     files : iterable of Path
         What the workers must see besides.
@@ -65,6 +64,7 @@ def executor_of(address: str | None, folder: Path | None = None, files: Iterable
         yield None
         return
     from distributed import Client, KilledWorker, versions
+    from distributed.comm.addressing import get_address_host
 
     # What Dask would say of a lost scheduler, and of versions, is said here, once.
     for name in ("distributed", "distributed.client", "distributed.core", "distributed.comm"):
@@ -72,13 +72,15 @@ def executor_of(address: str | None, folder: Path | None = None, files: Iterable
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", versions.VersionMismatchWarning)
         try:
+            # Before there is a client: one without a place to go to cannot be closed in silence.
+            get_address_host(address)
             client = Client(address, timeout=10, set_as_default=False)
         except (OSError, ValueError) as error:
             raise ClusterError(
                 f"--scheduler {address}: no Dask scheduler answers there ({error}). Start one with `dask scheduler`, "
                 "or leave --scheduler out to work on this computer."
             ) from error
-    with client, _shared_folder(folder) as shared:
+    with client, _emptied(folder) as shared:
         cluster = Cluster(client, address, shared, files)
         try:
             cluster.check_workers()
@@ -88,9 +90,7 @@ def executor_of(address: str | None, folder: Path | None = None, files: Iterable
         except ModuleNotFoundError as error:
             if not (error.name or "").startswith("lab"):
                 raise
-            raise ClusterError(
-                f"--scheduler {address}: a worker has no rgbn, or an old one ({error}). {AGAIN}"
-            ) from error
+            raise cluster.told(f"a worker has no rgbn, or an old one ({error}).") from error
         except CancelledError as error:
             raise cluster.fault or cluster.lost() from error
         except OSError as error:
@@ -111,22 +111,20 @@ def death_of(error: Any) -> str:
 
 
 @contextmanager
-def _shared_folder(folder: Path | None) -> Iterator[Path | None]:
-    """Make a folder for arrays, for a block."""
+def _emptied(folder: Path | None) -> Iterator[Path | None]:
+    """Make a folder for arrays, for a block: only one run at a time is at work in an output folder."""
     if folder is None:
         yield None
         return
-    # Of a run that was killed: only one at a time is at work in an output folder.
     shutil.rmtree(folder, ignore_errors=True)
     try:
         folder.mkdir(parents=True)
-        shared = Path(tempfile.mkdtemp(dir=folder.resolve()))
     except OSError as error:
         raise SceneError(f"{folder}: cannot be written ({error.strerror}). Choose another with --out.") from error
     try:
-        yield shared
+        yield folder.resolve()
     finally:
-        shutil.rmtree(shared, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 class Cluster(Executor):
@@ -154,26 +152,20 @@ class Cluster(Executor):
         """Of the cluster as a whole: then no unit ends any more."""
 
     def check_workers(self) -> None:
-        """Wait for workers, make sure that all are fit, and watch over them from then on.
-
-        Raises
-        ------
-        ClusterError
-            As `executor_of` says.
-        """
+        """Wait for workers, make sure that all are fit, and watch over them from then on; see `executor_of`."""
         next(count for count in self._worker_counts() if count)
         try:
             # `callback_timeout` is for the client.
             found = self._client.run(eval, REFUSE, {"run": self._run}, on_error="return", callback_timeout=SILENCE_S)
         except TimeoutError as error:
-            raise self._told(f"a worker did not answer for {SILENCE_S} s. Start the workers again.") from error
+            raise self.told(f"a worker did not answer for {SILENCE_S} s. Start the workers again.") from error
         except OSError as error:
             raise self.lost() from error
         for address, answer in sorted(found.items()):
             if isinstance(answer, ClusterError):
                 raise ClusterError(str(answer).replace(HERE, address, 1))
             if answer is not None:
-                raise self._told(f"worker {address} cannot be asked what it has ({answer}). Start it again.")
+                raise self.told(f"worker {address} cannot be asked what it has ({answer}). Start it again.")
         threading.Thread(target=self._watch, daemon=True).start()
 
     def submit(self, fn: Callable, /, *args: Any, **kwargs: Any) -> Future:
@@ -190,9 +182,13 @@ class Cluster(Executor):
         if self.fault is None:
             self._workers.shutdown(wait=False)
 
+    def told(self, text: str) -> ClusterError:
+        """Return what to tell of this cluster."""
+        return ClusterError(f"--scheduler {self._address}: {text} {AGAIN}")
+
     def lost(self) -> ClusterError:
         """Return what to tell where the scheduler does not answer."""
-        return self._told("the scheduler was lost: it was ended, or the network to it was. Start it again.")
+        return self.told("the scheduler was lost: it was ended, or the network to it was. Start it again.")
 
     def _watch(self) -> None:
         """Give every unit, and those to come, the fault of the cluster as a whole, once there is one."""
@@ -210,10 +206,7 @@ class Cluster(Executor):
     def _worker_counts(self) -> Iterator[int]:
         """Yield how many workers there are, again and again; say so where there is none.
 
-        Raises
-        ------
-        ClusterError
-            There was none for too long, or the scheduler does not answer.
+        Raises ClusterError: there was none for too long, or the scheduler does not answer.
         """
         missing_since, told = None, 0.0
         while True:
@@ -222,20 +215,16 @@ class Cluster(Executor):
             except Exception as error:
                 raise self.lost() from error
             now = time.monotonic()
-            if count:
-                missing_since, told = None, 0.0
-            else:
-                missing_since = missing_since or now
-                if now - missing_since > self._patience_s:
-                    raise self._told(
-                        f"it had no worker for {self._patience_s:.0f} s. Start some, each with `dask worker "
-                        f"{self._address}`, or leave --scheduler out to work on this computer."
-                    )
-                if now - told > TELL_S:
-                    say(f"waiting for workers at {self._address}: none{'' if told else ' yet'}")
-                    told = now
+            missing_since = None if count else missing_since or now
+            if missing_since is None:
+                told = 0.0
+            elif now - missing_since > self._patience_s:
+                raise self.told(
+                    f"it had no worker for {self._patience_s:.0f} s. Start some, each with `dask worker "
+                    f"{self._address}`, or leave --scheduler out to work on this computer."
+                )
+            elif now - told > TELL_S:
+                say(f"waiting for workers at {self._address}: none{'' if told else ' yet'}")
+                told = now
             yield count
             self._over.wait(LOOK_S)
-
-    def _told(self, text: str) -> ClusterError:
-        return ClusterError(f"--scheduler {self._address}: {text} {AGAIN}")

@@ -37,10 +37,6 @@ def serve(run: dict[str, Any], unit: bytes) -> Any:
     unit : bytes
         What `pack` returned of (function, arguments, keyword arguments).
 
-    Raises
-    ------
-    ClusterError
-        See `refuse`.
     """
     refuse(run)
     function, arguments, named = pickle.loads(unit)
@@ -51,9 +47,9 @@ def refuse(run: dict[str, Any]) -> None:
     """Raise ClusterError where this process would not give what the one that started the run gives."""
     if run["id"] in _fit:
         return
-    (root, code, found), reasons = _own(), []
+    (code, found), reasons = _own(), []
     if code != run["code"]:
-        reasons = [f"the code of its rgbn in {root} is another: {code[:8]}, expected {run['code'][:8]}"]
+        reasons = [f"the code of its rgbn in {ROOT} is another: {code[:8]}, expected {run['code'][:8]}"]
     reasons += [
         f"its {name} is {found.get(name)}, expected {expected}"
         for name, expected in run["libraries"].items()
@@ -82,9 +78,9 @@ def _address() -> str:
 
 
 @cache
-def _own() -> tuple[Path, str, dict[str, str]]:
+def _own() -> tuple[str, dict[str, str]]:
     """Return what this process has, once: what it has imported stays as it was, whatever becomes of the files."""
-    return ROOT, code_fingerprint(), libraries()
+    return code_fingerprint(), libraries()
 
 
 def _unseen(run: dict[str, Any]) -> list[str]:
@@ -95,7 +91,7 @@ def _unseen(run: dict[str, Any]) -> list[str]:
         trial.unlink()
     except OSError as error:
         does = "does not see" if not run["folder"].is_dir() else "cannot write into"
-        return [f"it {does} the output folder {run['folder'].parent} ({error.strerror})"]
+        return [f"it {does} the output folder {run['folder'].parents[1]} ({error.strerror})"]
     for path, digest in run["files"].items():
         found = blocks_digest(Path(path))
         if found != digest:
@@ -148,7 +144,7 @@ def _place_of(array: NDArray, folder: Path) -> tuple[Path, int, tuple[int, ...],
         root = root.base
     if isinstance(root, np.memmap) and root.filename is not None:
         path = Path(root.filename).absolute()
-        if path.is_relative_to(folder.parents[2]) and path.is_file():
+        if path.is_relative_to(folder.parents[1]) and path.is_file():
             return path, root.offset + array.ctypes.data - root.ctypes.data, array.shape, array.strides, array.dtype
     whole = np.asarray(array if array.flags.forc else array.copy())
     content = whole.ravel("K").view(np.uint8).data

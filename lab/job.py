@@ -87,10 +87,7 @@ class Job:
     def methods(self) -> tuple[str, ...]:
         """The solvers: those asked for; where none was named and the lights are unknown, those that need none.
 
-        Raises
-        ------
-        SceneError
-            The lights are unknown, and a solver was named that needs them.
+        Raises SceneError: the lights are unknown, and a solver was named that needs them.
         """
         model = self.done.get("calibrate", {}).get("result", {}).get("model")
         own = self.settings.methods()

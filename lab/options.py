@@ -1,6 +1,6 @@
 """How the steps of an output folder run: what the command line says, and what the folder's record keeps of it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
@@ -21,6 +21,7 @@ TIMEOUT_S = 3600.0
 NOTE = "settings"
 """Of a record."""
 Engine = Literal["auto", "many", "mitsuba"]
+GreenAxis = Literal["opengl", "directx"]
 Staging = Literal["one-factor", "benchmark"]
 """Of the sweeps, see `experiments.stagings`."""
 
@@ -28,10 +29,7 @@ Staging = Literal["one-factor", "benchmark"]
 def named(option: str, text: str, known: Iterable[str]) -> tuple[str, ...]:
     """Return the names that a text with commas gives, in any case, each once, as they are known.
 
-    Raises
-    ------
-    SceneError
-        One is not known, or there is none; `option` is what the message begins with.
+    Raises SceneError: one is not known, or there is none; `option` is what the message begins with.
     """
     spelt = {name.casefold(): name for name in known}
     words = [word.strip() for word in text.split(",") if word.strip()]
@@ -48,9 +46,16 @@ def in_any_case(_: Any, tokens: Sequence[Any]) -> str:
     return tokens[0].value.casefold()
 
 
-def engine_of(_: Any, tokens: Sequence[Any]) -> str:
-    """Return the engine that a word of the command line names; raise SceneError where there is none such."""
-    return named("--engine", tokens[0].value, get_args(Engine))[0]
+def one_of(option: str, known: Any) -> Callable[[Any, Sequence[Any]], str]:
+    """Return what reads a word of the command line, in any case, as one of a Literal's; SceneError for another."""
+
+    def read(_: Any, tokens: Sequence[Any]) -> str:
+        word = tokens[0].value
+        if word.casefold() not in get_args(known):
+            raise SceneError(f"{option} {word}: {word} is unknown; there are {', '.join(get_args(known))}.")
+        return word.casefold()
+
+    return read
 
 
 @Parameter(name="*")
@@ -100,10 +105,7 @@ class Solving:
     def methods(self) -> tuple[str, ...]:
         """Return the names of the methods of ours.
 
-        Raises
-        ------
-        SceneError
-            There is no such method, or it has no such profile.
+        Raises SceneError: there is no such method, or it has no such profile.
         """
         from solve.methods import method_of
 
@@ -116,16 +118,14 @@ class Solving:
     def programs(self) -> "dict[str, External]":
         """Return the other programs by name.
 
-        Raises
-        ------
-        SceneError
-            A text is no NAME=COMMAND, a preset's program is not there, or a name is given twice.
+        Raises SceneError: a text is no NAME=COMMAND, a preset's program is not there, or a name is given twice.
         """
         from solve.external import External
 
         found: dict[str, External] = {}
+        timeout_s = TIMEOUT_S if self.external_timeout_s is None else self.external_timeout_s
         for text in self.external or ():
-            program = External.parse(text, self.external_timeout_s or TIMEOUT_S)
+            program = External.parse(text, timeout_s)
             if program.name in found:
                 raise SceneError(f"--external {program.name}: given twice. Give each program its own name.")
             found[program.name] = program
@@ -144,8 +144,7 @@ class TwinSettings:
     engine: Annotated[
         Engine | None,
         Parameter(
-            help="The twin's engine; auto: many, where it can render the scene.",
-            converter=engine_of,
+            help="The twin's engine; auto: many, where it can render the scene.", converter=one_of("--engine", Engine)
         ),
     ] = None
     error: Annotated[float | None, Parameter(help="The twin's error that is aimed at, relative: 0.01 is 1 %.")] = None
@@ -185,10 +184,10 @@ class SessionSolving(Solving):
 
     refine_lights: Annotated[bool | None, SHADED] = None
     normals: Annotated[
-        Literal["opengl", "directx"] | None,
+        GreenAxis | None,
         Parameter(
             help="Pictures of normals in results/: opengl, green is up, or directx, green is down. Default: opengl.",
-            converter=in_any_case,
+            converter=one_of("--normals", GreenAxis),
         ),
     ] = None
 

@@ -22,18 +22,23 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     from align.mask.scan_mask import scan_mask
     from align.pose.motion import apart_px
     from align.pose.photographed import Photographs
+    from align.pose.picks import read_picks
     from align.pose.scan_outline import outline_strokes
     from align.pose.scan_scale import scaled_pose
     from align.pose.scan_view import View
     from align.pose.shading import scan_shading
     from align.scan.smooth_normals import smooth_normals
     from align.truth import ground_truth
+    from capture.session.requests import hint_scale
     from compare.report.registration_pictures import write_pictures
     from scene.rays import RayCaster
 
     store = job.store
     mesh = job.load_scan()
-    picked, smooth = _picked(job, camera, mesh), smooth_normals(mesh)
+    picked, picks, smooth = None, job.session.picks, smooth_normals(mesh)
+    if picks is not None:
+        half = hint_scale(job.session, camera.width) == 2
+        picked = read_picks(picks, camera, mesh, unit=job.session.scan_unit, half=half)
     start, probe = picked.pose if picked else None, None
     if lights.is_unknown:
         probe = _by_the_scan_alone(job, mesh, smooth, Photographs(camera, frames, lights, rough_mask.mask), start)
@@ -88,14 +93,14 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         "light_probe": probe and probe.facts(),
     }
     warnings = [*found.warnings, *final_mask.warnings, *doubts]
-    if picked is not None:
+    if picks is not None and picked is not None:
         away = apart_px(mesh, camera, scaled_pose(picked.pose, scale or 1.0), found.pose)
         result["picks"] = {"residual_px": picked.residual_px, "from_pose_px": away}
         warnings += picked.warnings
         # Some pixels of each pick's error, drawn out over the part of the scan that has none.
         if away > 10 + 0.02 * np.sqrt(final_mask.mask.sum()) + 5 * picked.residual_px:
             warnings.append(
-                f"{job.session.picks.name}: the picks put the scan {away:.0f} px (rms) from where it was registered: "
+                f"{picks.name}: the picks put the scan {away:.0f} px (rms) from where it was registered: "
                 "one of the two is wrong. Check the outline in the report, and the picks."
             )
     return result, warnings
@@ -166,18 +171,6 @@ def _registered(
         if job.scan_scale_unknown:
             return register_unknown_scale(mesh, photographs, run, start=start)
         return mesh, run(mesh, start), None
-
-
-def _picked(job: Job, camera: Camera, mesh: Mesh) -> Any:
-    """Return the pose that the session's picks give, None without picks."""
-    from align.pose.picks import read_picks
-    from capture.session.requests import hint_scale
-
-    session = job.session
-    if session.picks is None:
-        return None
-    half = hint_scale(session, camera.width) == 2
-    return read_picks(session.picks, camera, mesh, unit=session.scan_unit, half=half)
 
 
 def frame_files(job: Job) -> tuple[str, ...]:

@@ -73,7 +73,7 @@ def _write_maps(
         written.extend(write_map(path, values, {"map": kind, "method": method, **told}, pixel_mm))
 
     normals = np.asarray(store.load_normals(method))
-    turned = normals if axes == "opengl" else normals * np.float32([1, -1, 1])
+    turned = normals if axes == "opengl" else normals * np.array([1, -1, 1], np.float32)
     told = {"value": "n = 2 code / 65535 - 1; 0 0 0: unknown", "axes": f"x right, y {_up(axes)}, z toward the camera"}
     write("normals", encode_normals(turned), **told)
     albedo = np.asarray(store.read_array("albedo", f"{method}.npy"))

@@ -39,9 +39,13 @@ def log(text: str) -> None:
 @contextmanager
 def logged(record: "Record") -> Iterator[None]:
     """Log what is said in the block into the rgbn.log of an output folder that is held."""
-    now = record.scratch("running.log")
+    from scene.current import libraries
+
+    now, command = record.scratch("running.log"), shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+    versions = ", ".join(f"{name} {version}" for name, version in libraries().items())
+    header = f"{HEAD}{datetime.now().astimezone().isoformat(timespec='seconds')}  {command}\n{versions}\n"
     with suppress(OSError, ValueError), open(now, "a", encoding="utf-8", errors="backslashreplace") as file:
-        file.write(_header())
+        file.write(header)
     _open.append(now)
     try:
         yield
@@ -54,14 +58,6 @@ def logged(record: "Record") -> Iterator[None]:
         # A log that cannot be written, or that the user has changed, is no reason for a run to fail.
         with suppress(OSError, SceneError):
             _put_behind(record, now)
-
-
-def _header() -> str:
-    from scene.current import libraries
-
-    command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
-    versions = ", ".join(f"{name} {version}" for name, version in libraries().items())
-    return f"{HEAD}{datetime.now().astimezone().isoformat(timespec='seconds')}  {command}\n{versions}\n"
 
 
 def _ending(error: BaseException) -> str:

@@ -32,11 +32,8 @@ def session_and_out(path: Path, out: Path | None = None) -> tuple[Path, Path]:
     session, out : Path
         The first absolute.
 
-    Raises
-    ------
-    SceneError
-        The session cannot be read or is no longer where the output folder says; `path` and `out` are two output
-        folders.
+    Raises SceneError: the session cannot be read or is no longer where the output folder says; `path` and `out` are two
+    output folders.
     """
     path = Path(path)
     if not is_output(path):
@@ -97,10 +94,7 @@ def is_session(path: Path) -> bool:
 def session_of(folder: Path) -> Path:
     """Return where the session of an output folder lies: as seen from the folder, else where it lay.
 
-    Raises
-    ------
-    SessionError
-        The folder does not name its session, or that is at neither place.
+    Raises SessionError: the folder does not name its session, or that is at neither place.
     """
     from scene.reading import json_of, reading
 

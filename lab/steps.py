@@ -131,6 +131,7 @@ def _lights_from_normals(job: Job, frames: Frames, camera: Camera, without: str)
 def align(job: Job) -> Outcome:
     """Find the object; register the scan; write the ground truth."""
     from align.mask.object_mask import find_object
+    from align.registered_normals import read_normals
     from capture.audit.part_movement import part_warnings, parts_of
     from capture.session.requests import object_box, read_mask
     from solve.axes import lights_in_other_axes
@@ -145,13 +146,7 @@ def align(job: Job) -> Outcome:
     if session.lights_file and not spheres:
         told = lights_in_other_axes(frames, lights, camera, found.mask)
         warnings += [told] if told else []
-    if session.normals:
-        result = _given_truth(job, found.mask)
-        if session.scan:
-            warnings.append("object.normals is given: the scan is not registered, and there is no twin.")
-        store.save_mask(found.mask)
-        store.save_lights(lights, files=frame_files(job))
-    elif session.scan:
+    if session.scan and not session.normals:
         try:
             result, more = register_scan(job, frames, camera, lights, found)
         except AlignError as error:
@@ -159,25 +154,21 @@ def align(job: Job) -> Outcome:
             said = [*job.done["calibrate"]["warnings"], *warnings]
             doubts = [text for text in said if text.startswith(("lights.file", "mask:"))]
             raise AlignError("\n".join([*doubts, str(error)])) from error
-        warnings += more
+        return Outcome({"truth": result}, warnings + more)
+    if session.normals:
+        normals = read_normals(session.normals, frames.height, frames.width)
+        store.save_truth(np.where(found.mask[..., None], normals, np.nan), np.full(found.mask.shape, np.nan))
+        result = {"evidence": [f"ground truth given: {session.normals.name}"]}
+        if session.scan:
+            warnings.append("object.normals is given: the scan is not registered, and there is no twin.")
     else:
-        store.save_mask(found.mask)
-        store.save_lights(lights, files=frame_files(job))
         warnings.append(
             "No scan and no given normals: there is no ground truth, so no error, no twin and no verdict on the "
             'methods. Add [object] scan = "..." to session.toml.'
         )
+    store.save_mask(found.mask)
+    store.save_lights(lights, files=frame_files(job))
     return Outcome({"truth": result}, warnings)
-
-
-def _given_truth(job: Job, mask: Any) -> dict:
-    """Write the ground truth that the session gives."""
-    from align.registered_normals import read_normals
-
-    normals = read_normals(job.session.normals, *mask.shape)
-    normals = np.where(mask[..., None], normals, np.nan)
-    job.store.save_truth(normals, np.full(mask.shape, np.nan))
-    return {"evidence": [f"ground truth given: {job.session.normals.name}"]}
 
 
 @alive("solve")
@@ -264,19 +255,13 @@ def trust(job: Job) -> Outcome:
 def compare(job: Job) -> Outcome:
     """Compare every method with the truth, real and twin."""
     from compare.compare import compare as judge
+    from compare.statistics.known_truth import known_truth
 
     result = judge(job.store, methods=job.methods)
     if job.settings.truth:
-        result["truth_check"] = _truth_check(job)
+        mesh = job.load_scan() if job.session.scan else None
+        result["truth_check"] = known_truth(job.store, job.settings.truth, methods=job.methods, mesh=mesh)
     return Outcome(result, list(result.get("warnings", ())))
-
-
-def _truth_check(job: Job) -> dict:
-    from compare.statistics.known_truth import known_truth
-
-    assert job.settings.truth is not None
-    mesh = job.load_scan() if job.session.scan else None
-    return known_truth(job.store, job.settings.truth, methods=job.methods, mesh=mesh)
 
 
 def _object_point(camera: Camera, spheres: list[Sphere], lights: Lights, mask: Any) -> Any:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from lab.job import Job
+from lab.plan import STEPS
 from scene.current import libraries
 from scene.files import remove, write_json, write_text
 from scene.notebook import csv_text
@@ -18,15 +19,10 @@ LIGHTS_TABLE, ERRORS_TABLE = "lights.csv", "statistics.csv"
 def write_summary(job: Job, arguments: dict[str, Any]) -> dict[str, Any]:
     """Gather what the finished steps said, write summary.json, and return it."""
     done = job.done
-
-    def result(step: str) -> dict[str, Any]:
-        return done.get(step, {}).get("result", {})
-
-    solved = result("solve").get("methods", {})
-    twin = result("twin")
-    of_twin = twin.get(TWIN_TIME, {})
-    methods = {name: {**row, TWIN_TIME: of_twin.get(name)} for name, row in solved.items()}
-    compared = dict(result("compare"))
+    result = {step: done.get(step, {}).get("result", {}) for step in STEPS}
+    twin, compared = dict(result["twin"]), dict(result["compare"])
+    of_twin = twin.pop(TWIN_TIME, {})
+    methods = {name: {**row, TWIN_TIME: of_twin.get(name)} for name, row in result["solve"].get("methods", {}).items()}
     truth_check = compared.pop("truth_check", None)
     summary = {
         "name": job.session.name,
@@ -36,14 +32,14 @@ def write_summary(job: Job, arguments: dict[str, Any]) -> dict[str, Any]:
         "seconds": {step: entry["seconds"] for step, entry in done.items()},
         "processor_seconds": {step: entry.get("processor_seconds") for step, entry in done.items()},
         "warnings": [{"step": step, "text": text} for step, entry in done.items() for text in entry["warnings"]],
-        "capture": result("check"),
+        "capture": result["check"],
         "camera": job.store.read_json("camera.json") if job.store.path("camera.json").exists() else None,
-        "calibrate": result("calibrate"),
-        "align": result("align").get("truth"),
+        "calibrate": result["calibrate"],
+        "align": result["align"].get("truth"),
         "solve": {"methods": methods},
-        "trust": result("trust") or None,
-        "results": result("results") or None,
-        "twin": {key: value for key, value in twin.items() if key != TWIN_TIME} if twin.get("rendered") else None,
+        "trust": result["trust"] or None,
+        "results": result["results"] or None,
+        "twin": twin if twin.get("rendered") else None,
         "compare": compared,
     }
     if truth_check:

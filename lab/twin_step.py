@@ -28,7 +28,10 @@ def twin(job: Job) -> Outcome:
 
 def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
     """Write the twin as a session of its own; return what the summary keeps of it, and what is suspicious."""
+    from capture.photographs.decode import decode
+    from capture.session.session import load_session
     from twin.engines.render import render_scene
+    from twin.session_scene import session_sensor
     from twin.twin_session import Shooting, write_session
 
     store = job.store
@@ -38,13 +41,18 @@ def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
     with progress_bar("twin") as progress:
         how = {"apart": job.twin.layers, "executor": job.executor, "progress": progress, "tell": say}
         rendered = render_scene(scene, store=folder, **how)
-    sensor = _sensor(job) if job.twin.photograph else None
+    sensor = None
+    if job.twin.photograph:
+        iso = job.done["check"]["result"]["frames_table"][0].get("iso") or 100
+        sensor = session_sensor(store.load_frames(), half=job.session.half, iso=iso)
     camera, truth = store.load_camera(), store.load_normals("truth")
     write_session(
         folder, rendered.frames, camera, store.load_lights(), store.load_mask(), truth, shooting=Shooting(sensor)
     )
     if sensor is not None:
-        _develop(folder)
+        # The twin's photographs take the place of its rendered frames.
+        with progress_bar("twin: decode") as progress:
+            decode(load_session(folder.folder), folder, progress=progress)
     foretold = _foretold(job, scene, rendered.choice, found) if job.twin.held_out else None
     facts = rendered.facts()
     facts["warnings"] = (*scene_warnings, *rendered.warnings)
@@ -88,19 +96,3 @@ def _foretold(job: Job, scene: Any, choice: Any, whole: Any) -> dict[str, Any] |
             shutil.rmtree(scratch, ignore_errors=True)
     say(f"twin: {found}")
     return found.facts()
-
-
-def _sensor(job: Job) -> Any:
-    from twin.session_scene import session_sensor
-
-    iso = job.done["check"]["result"]["frames_table"][0].get("iso") or 100
-    return session_sensor(job.store.load_frames(), half=job.session.half, iso=iso)
-
-
-def _develop(folder: Store) -> None:
-    """Put a twin's photographs in the place of its rendered frames."""
-    from capture.photographs.decode import decode
-    from capture.session.session import load_session
-
-    with progress_bar("twin: decode") as progress:
-        decode(load_session(folder.folder), folder, progress=progress)

@@ -1,6 +1,7 @@
 """The command line: `rgbn VERB`."""
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,13 +10,12 @@ from cyclopts.validators import Number
 
 from experiments.commands import dataset, sweep
 from lab.options import AS_BEFORE, SHADED, SessionSolving, Settings
-from lab.progress import say
+from lab.progress import check_words, is_quiet, keep_quiet, log_to, open_streams, say
 from lab.run import is_description, run_session
 from lab.session_place import is_output
-from lab.streams import check_words, is_quiet, keep_quiet, log_to, open_streams
 from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
-from rgbn.export_command import FORMATS
+from rgbn.export_command import FORMATS, check_mesh_name, export_session, write_surface
 from rgbn.shoot_commands import init, plan, watch
 from studio.studio_command import studio
 
@@ -50,19 +50,30 @@ Json = Annotated[bool, Parameter(help="Print the summary as JSON on standard out
 Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")]
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Place:
+    """Where a verb writes its results, and how it prints them."""
+
+    out: Out = None
+    json: Json = False
+
+
+BY_NAME = Place()
+
+
 def _run(
-    as_json: bool, session: Path, wanted: str, *, whole: bool = False, mesh: Path | None = None, **how: Any
+    session: Path, wanted: str, place: Place, *, whole: bool = False, mesh: Path | None = None, **how: Any
 ) -> None:
     """Run a verb on a session, tell what came out, and write the surface where one is asked for."""
     from rgbn.step_tables import tell
-    from rgbn.surface_file import write_surface
 
     def shown(job: Any, summary: dict[str, Any]) -> None:
-        tell(job, summary, verb=wanted, as_json=as_json, whole=whole)
+        tell(job, summary, verb=wanted, as_json=place.json, whole=whole)
         if mesh:
             write_surface(job, mesh)
 
-    run_session(session, wanted, shown=shown, written=mesh, **how)
+    run_session(session, wanted, shown=shown, written=mesh, out=place.out, **how)
 
 
 @app.meta.default
@@ -83,19 +94,18 @@ def process(
     session: Annotated[Path, Parameter(help=f"{SESSION} Or a folder with many sessions below it.")],
     /,
     *,
-    out: Out = None,
+    place: Place = BY_NAME,
     said: Settings = AS_BEFORE,
     scheduler: Scheduler = None,
     jobs: Annotated[int, Parameter(help="Of many sessions, so many at a time.", validator=Number(gte=1))] = 1,
-    json: Json = False,
 ) -> None:
     """Go the whole way: decode, lights, scan, normals, twin, report; of one session, or of all below a folder."""
     from rgbn.many_sessions import process_all, sessions_below
 
     if not is_output(session) and (sessions := sessions_below(session)):
-        process_all(session, sessions, out, said, jobs=jobs, scheduler=scheduler, as_json=json)
+        process_all(session, sessions, place.out, said, jobs=jobs, scheduler=scheduler, as_json=place.json)
         return
-    _run(json, session, "compare", whole=True, out=out, said=said, scheduler=scheduler)
+    _run(session, "compare", place, whole=True, said=said, scheduler=scheduler)
 
 
 @app.command(sort_key=2)
@@ -105,39 +115,26 @@ def demo(
     json: Json = False,
 ) -> None:
     """Go the whole way on the small session that comes with rgbn, and judge it by its known truth."""
-    folder = fixture_folder()
-    _run(json, folder, "compare", whole=True, out=out or Path("out") / "demo", said=Settings(truth=folder))
+    folder, place = fixture_folder(), Place(out or Path("out") / "demo", json)
+    _run(folder, "compare", place, whole=True, said=Settings(truth=folder))
 
 
 @app.command(sort_key=3)
-def check(session: Session, /, *, out: Out = None, scheduler: Scheduler = None, json: Json = False) -> None:
+def check(session: Session, /, *, place: Place = BY_NAME, scheduler: Scheduler = None) -> None:
     """Decode a capture and audit it: exposure, misfires, doubles, movement, clipping."""
-    _run(json, session, "check", out=out, scheduler=scheduler)
+    _run(session, "check", place, scheduler=scheduler)
 
 
 @app.command(sort_key=4)
-def calibrate(
-    session: Session,
-    /,
-    *,
-    out: Out = None,
-    json: Json = False,
-) -> None:
+def calibrate(session: Session, /, *, place: Place = BY_NAME) -> None:
     """Find the balls, and from them each flash's direction, position and intensity."""
-    _run(json, session, "calibrate", out=out)
+    _run(session, "calibrate", place)
 
 
 @app.command(sort_key=5)
-def align(
-    session: Session,
-    /,
-    *,
-    out: Out = None,
-    refine_lights: Annotated[bool | None, SHADED] = None,
-    json: Json = False,
-) -> None:
+def align(session: Session, /, *, place: Place = BY_NAME, refine_lights: Annotated[bool | None, SHADED] = None) -> None:
     """Find the object, register its scan, write the ground-truth normals."""
-    _run(json, session, "align", out=out, said=Settings(refine_lights=refine_lights))
+    _run(session, "align", place, said=Settings(refine_lights=refine_lights))
 
 
 @app.command(sort_key=6)
@@ -145,18 +142,15 @@ def solve(
     session: Session,
     /,
     *,
-    out: Out = None,
+    place: Place = BY_NAME,
     said: SessionSolving = AS_BEFORE,
     mesh: Annotated[Path | None, Parameter(help="Also write the surface, in mm, as this .ply.")] = None,
     scheduler: Scheduler = None,
-    json: Json = False,
 ) -> None:
     """Recover normals and albedo by photometric stereo, and the surface as a mesh if asked."""
-    from rgbn.surface_file import check_name
-
     if mesh:
-        check_name(mesh)
-    _run(json, session, "solve", out=out, said=said, scheduler=scheduler, mesh=mesh)
+        check_mesh_name(mesh)
+    _run(session, "solve", place, said=said, scheduler=scheduler, mesh=mesh)
 
 
 @app.command(sort_key=7)
@@ -164,17 +158,16 @@ def twin(
     session: Annotated[Path, Parameter(help=f"{SESSION} Or a scene description, .toml.")],
     /,
     *,
-    out: Out = None,
+    place: Place = BY_NAME,
     said: Settings = AS_BEFORE,
-    json: Json = False,
 ) -> None:
     """Render the registered scan under the calibrated lights, and solve the rendering; or a scene description."""
     if is_description(session):
         from experiments.scene_twin import render_description
 
-        render_description(session, out, said, json=json)
+        render_description(session, place.out, said, json=place.json)
         return
-    _run(json, session, "twin", out=out, said=said)
+    _run(session, "twin", place, said=said)
 
 
 @app.command(sort_key=8)
@@ -185,17 +178,16 @@ def compare(
     ] = None,
     /,
     *,
-    out: Out = None,
+    place: Place = BY_NAME,
     said: Settings = AS_BEFORE,
-    json: Json = False,
 ) -> None:
     """Compare real and synthetic with the truth, and write report.html; or two processed folders with each other."""
     if counterpart is not None:
         from experiments.compare_folders import compare_folders
 
-        compare_folders(session, counterpart, out, methods=said.method, json=json)
+        compare_folders(session, counterpart, place.out, methods=said.method, json=place.json)
         return
-    _run(json, session, "compare", out=out, said=said)
+    _run(session, "compare", place, said=said)
 
 
 @app.command(sort_key=9)
@@ -217,8 +209,6 @@ def export(
     sfm: Annotated[Path | None, Parameter(help="AliceVision's .sfm of the photographs: its view ids.")] = None,
 ) -> None:
     """Write lights, a relightable picture or the twin's scene for another program, after the steps that it needs."""
-    from rgbn.export_command import export_session
-
     paths, notes = export_session(session, format, out, sfm)
     for note in notes:
         say(f"note: {note}")

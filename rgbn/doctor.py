@@ -3,11 +3,10 @@
 import logging
 import os
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from lab.streams import is_quiet
+from lab.progress import is_quiet
 from scene.current import libraries
 from scene.errors import SceneError
 
@@ -27,24 +26,20 @@ class Finding(NamedTuple):
 def examine() -> list[Finding]:
     """Return what was found; what is most often missing, the ray caster and the renderer, is really tried."""
     tried = {"packages": _packages, "photographs": _raw, "ray casting": _rays, "renderer": _renderer}
-    return [*(_tried(what, how) for what, how in tried.items()), *_machine()]
-
-
-def _tried(what: str, how: Callable[[], tuple[str, str]]) -> Finding:
-    try:
-        mark, text = how()
-    except Exception as error:
-        mark, text = "X", f"{' '.join(str(error).split())}. Run: make setup"
-    return Finding(mark, what, text)
+    found = []
+    for what, look in tried.items():
+        try:
+            mark, text = look()
+        except Exception as error:
+            mark, text = "X", f"{' '.join(str(error).split())}. Run: make setup"
+        found.append(Finding(mark, what, text))
+    return [*found, *_machine()]
 
 
 def tell_findings() -> None:
     """Print every check with its mark.
 
-    Raises
-    ------
-    SceneError
-        rgbn cannot run here.
+    Raises SceneError: rgbn cannot run here.
     """
     findings = examine()
     for finding in findings:

@@ -8,17 +8,14 @@ from typing import NoReturn
 
 from cyclopts import CycloptsError
 
-from lab.streams import say
+from lab.progress import say
 from scene.errors import SceneError
 
 
 def end_by(error: BaseException) -> NoReturn:
     """Say what stopped the command line, and leave with the exit code of that.
 
-    Raises
-    ------
-    SystemExit
-        With 2 or 1; Ctrl-C, a closed pipe and a full disk behind a stream leave at once instead.
+    Raises SystemExit: with 2 or 1; Ctrl-C, a closed pipe and a full disk behind a stream leave at once instead.
     """
     if _by_ctrl_c(error):
         say("\nrgbn: stopped. What is done is kept; the same command goes on from there.", always=True)
@@ -28,7 +25,9 @@ def end_by(error: BaseException) -> NoReturn:
         _end(2)
     if isinstance(error, CycloptsError):
         told = " ".join(str(error).split())
-        say(f"rgbn: {told}{'' if told.endswith(('.', '?')) else '.'} {_help_of(error)}", always=True)
+        verb = " ".join(["rgbn", *(word for word in error.command_chain or () if not word.startswith("-"))])
+        dot = "" if told.endswith((".", "?")) else "."
+        say(f"rgbn: {told}{dot} `{verb} --help` says what there is.", always=True)
         _end(2)
     if isinstance(error, BrokenPipeError):
         # The reader of a pipe went away (`rgbn ... | head`): not our fault, and nothing to say.
@@ -36,12 +35,6 @@ def end_by(error: BaseException) -> NoReturn:
     say("".join(traceback.format_exception(error)), always=True)
     say("rgbn: this is a fault of rgbn, not of your input. Please report it with the lines above.", always=True)
     _end(1)
-
-
-def _help_of(error: CycloptsError) -> str:
-    """Return where to read what the command line may say."""
-    verbs = [word for word in error.command_chain or () if not word.startswith("-")]
-    return f"`{' '.join(['rgbn', *verbs])} --help` says what there is."
 
 
 def _by_ctrl_c(error: BaseException | None) -> bool:

@@ -1,4 +1,7 @@
-"""`rgbn export`: lights, photographs, a twin's scene as files of other programs, and a session's numbers as tables."""
+"""What a session gives to other programs: lights, photographs, tables, the twin's scene, the surface.
+
+`rgbn export --format`, and `rgbn solve --mesh`.
+"""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -40,11 +43,8 @@ def export_session(source: Path, text: str, out: Path | None, sfm: Path | None) 
     notes : list of str
         What the files cannot say.
 
-    Raises
-    ------
-    SceneError
-        Unknown format, or one that cannot hold these lights (of `all` such a one is left out with a note) or this
-        scene; a session without a scan has none.
+    Raises SceneError: unknown format, or one that cannot hold these lights (of `all` such a one is left out with a
+    note) or this scene; a session without a scan has none.
     """
     names, paths, notes = formats_of(text), [], []
     if lights := [name for name in names if name not in SCENES]:
@@ -143,3 +143,23 @@ def _written(scene: Any, folder: Path, names: list[str], material: dict[str, Any
         if "relative_rmse" in kept:
             notes.append(f"its material misses the photographs by {100 * kept['relative_rmse']:.1f} % (rms)")
     return paths, notes
+
+
+def check_mesh_name(path: Path) -> None:
+    """Raise SceneError where a path is not the name of a PLY."""
+    if path.suffix.lower() != ".ply":
+        raise SceneError(f"--mesh {path}: meshes are written as PLY; give a name that ends in .ply.")
+
+
+def write_surface(job: "Job", path: Path) -> None:
+    """Write a solved session's surface: of the first method that found its depth, else of the first, integrated.
+
+    Raises SceneError: no pixel has a normal, another's file stands there, or it cannot be written.
+    """
+    from lab.progress import say
+    from solve.surface.solved_surface import solved_surface
+
+    found = solved_surface(job.store, job.methods)
+    mesh = found.mesh()
+    mesh.write(path)
+    say(f"mesh: {path}, {found.method}, {len(mesh.vertices)} vertices, {len(mesh.faces)} faces; {found.scale}")

@@ -123,8 +123,8 @@ def _in_its_own_process(session: Path, out: Path, said: Settings, scheduler: str
 
 
 def _work(told: Any, session: Path, out: Path, said: Settings, scheduler: str | None) -> None:
+    from lab.progress import keep_quiet
     from lab.run import run_session
-    from lab.streams import keep_quiet
 
     keep_quiet(True)
     try:
@@ -192,8 +192,7 @@ def _picture(folder: Path, row: dict[str, Any]) -> str:
 def _tell(folder: Path, rows: Sequence[dict[str, Any]], *, as_json: bool) -> None:
     from rich.console import Console
 
-    from lab.progress import say
-    from lab.streams import is_quiet
+    from lab.progress import is_quiet, say
     from lab.terminal_tables import number_table
 
     if as_json:

@@ -1,5 +1,6 @@
 """What a session's tables are in Python: a short text, a small table in a notebook, a pandas DataFrame, a figure."""
 
+import math
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
@@ -107,11 +108,11 @@ def ball_rows(balls: Iterable[Sphere], camera: Camera) -> list[dict[str, Any]]:
     rows = []
     for ball in balls:
         is_sized = ball.diameter_mm is not None and not camera.is_orthographic
-        center = ball.center_mm(camera) if is_sized else np.full(3, np.nan)
-        place = [*center.tolist(), float(np.linalg.norm(center))] if is_sized else [None] * 4
+        center = ball.center_mm(camera).tolist() if is_sized else None
+        x, y, z = center or (None, None, None)
         column, row = ball.center_px.tolist()
         found = {"kind": ball.kind, "column_px": column, "row_px": row, "radius_px": ball.radius_px}
-        found |= dict(zip(("x_mm", "y_mm", "z_mm", "distance_mm"), place, strict=True))
+        found |= {"x_mm": x, "y_mm": y, "z_mm": z, "distance_mm": math.hypot(*center) if center else None}
         rows.append(found | {"diameter_mm": ball.diameter_mm, "sigma_px": ball.sigma_px, "score": ball.score})
     return rows
 

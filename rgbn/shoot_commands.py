@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-from lab.streams import is_quiet
+from lab.progress import is_quiet
 from shoot.init.answers import Answers
 from shoot.plan.plan_options import AS_USUAL, PlanOptions
 
@@ -44,8 +44,7 @@ def init(
 def _show(draft: "Draft") -> None:
     """Print what was found, and what was assumed."""
     from lab.terminal_tables import fact_table
-    from shoot.init.draft_notes import notes_of
-    from shoot.init.session_text import facts_of
+    from shoot.init.session_text import facts_of, notes_of
 
     _print(fact_table(f"{draft.folder}", dict(facts_of(draft))))
     for note in notes_of(draft):

@@ -13,11 +13,10 @@ import numpy as np
 
 from compare.report.verdict import trust_sentence
 from lab.job import Job
+from lab.progress import is_quiet, say
 from lab.run_log import log
-from lab.streams import is_quiet, say
 from lab.terminal_tables import fact_table, number_table
 from scene.camera import Camera
-from scene.store import Store
 
 Values = Mapping[str, Any]
 LOG_COLUMNS = 110
@@ -122,16 +121,8 @@ def percent(share: float) -> str:
 
 
 def calibrate_tables(job: Job, summary: Values) -> Iterator[Any]:
-    """Yield the lights and the balls."""
-    yield from light_tables(job.store, moved="align" in job.done)
-
-
-def light_tables(store: Store, *, moved: bool) -> Iterator[Any]:
-    """Yield the table of the lights, and that of the balls where there are any; of unknown lights that they are it.
-
-    moved: The lights are as the object sees them, no longer as from amid the balls.
-    """
-    lights = store.load_lights()
+    """Yield the table of the lights, and that of the balls where there are any; of unknown lights that they are it."""
+    store, lights = job.store, job.store.load_lights()
     if lights.is_unknown:
         words = f"{len(lights)}, unknown: no ball was found, and no file gives them"
         yield fact_table("calibrate", {"lights": words})
@@ -149,7 +140,8 @@ def light_tables(store: Store, *, moved: bool) -> Iterator[Any]:
         caption = (
             f"sigma {np.nanmedian(sigmas):.2f} deg (median), {np.nanmax(sigmas):.2f} deg at worst ({worst}); {caption}"
         )
-    seen = "the object" if moved else "amid the balls"
+    # `align` moves them.
+    seen = "the object" if "align" in job.done else "amid the balls"
     yield number_table(f"calibrate: {len(rows)} {lights.model} lights, seen from {seen}", LIGHTS, shown, caption)
     if store.path("spheres.json").exists() and (spheres := store.load_spheres()):
         from rgbn.result_tables import ball_rows

@@ -128,8 +128,8 @@ class External:
                 f"{where}: found the name {name!r}, expected NAME=COMMAND with a name that begins with a capital and "
                 "goes on with letters, digits, - and _."
             )
-        if timeout_s <= 0:
-            raise SceneError(f"--external-timeout-s {timeout_s:g}: expected seconds above 0.")
+        if not 0 < timeout_s < np.inf:
+            raise SceneError(f"--external-timeout-s {timeout_s:g}: expected seconds above 0, as in 3600.")
         is_preset = re.match(r"['\"]?[A-Za-z-]+:", command) and "{data}" not in command
         missing = [place for place in ("{data}", "{out}") if place not in command]
         if missing and not is_preset:

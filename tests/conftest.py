@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import subprocess
 import sys
 import time
 
@@ -70,6 +71,18 @@ def run_rgbn(monkeypatch, capsys):
         except SystemExit as ended:
             code = ended.code
         return code, *capsys.readouterr()
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def rgbn_process():
+    """Run this checkout's command line in a process of its own; give what `subprocess.run` does."""
+
+    def run(*words):
+        command = [sys.executable, "-c", "from rgbn.cli import main; main()", *map(str, words)]
+        root = os.path.dirname(os.path.dirname(__file__))
+        return subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
 
     return run
 

@@ -12,11 +12,14 @@ from scene.length_units import Unit
 
 if TYPE_CHECKING:
     from capture.session.manifest import Manifest
-    from capture.session.session_types import Lens
     from scene.spheres import Kind
 
 T = TypeVar("T")
-LENS = ("focal_mm", "sensor_mm")
+LENS = {
+    "focal_mm": "Focal length engraved on the lens, mm",
+    "sensor_mm": "Width of the sensor, mm: 36 for full frame, 23.5 or 22.3 for APS-C",
+}
+"""What is asked of the lens, by the keys of [camera]."""
 
 
 def lengths_of(text: str) -> tuple[float, ...]:
@@ -75,13 +78,6 @@ class Answers:
         """What is said of the lens, by its keys in session.toml."""
         return {key: value for key in LENS if (value := getattr(self, key)) is not None}
 
-    @property
-    def lens(self) -> "Lens":
-        """The same as `capture.camera` takes it."""
-        from capture.session.session_types import Lens
-
-        return Lens(**self.camera)
-
     @classmethod
     def said_in(cls, manifest: "Manifest") -> "Answers":
         """Return what an earlier session.toml says already."""
@@ -129,7 +125,7 @@ class Asking:
         what = f"Diameter in mm of the {balls} {kind} balls" if balls > 1 else f"Diameter in mm of the {kind} ball"
         what += f" at {', '.join(f'({u:.0f}, {v:.0f})' for u, v in places)} px" if places else ""
         more = "; where they differ, one for each, in this order" if balls > 1 else ""
-        given = self._once(kind, f"{what}{more} (Enter: not known)", lengths_of) or ()
+        given = self._once(kind, f"{what}{more}", lengths_of) or ()
         if len(given) not in (0, 1, balls):
             raise SessionError(
                 f"--{kind} {' '.join(f'{one:g}' for one in given)}: {len(given)} diameters, but {balls} {kind} balls "
@@ -147,13 +143,12 @@ class Asking:
         said = self.answers.camera or self.earlier.camera
         if is_known or said:
             return said
-        focal = self._once("focal_mm", "Focal length engraved on the lens, mm (Enter: not known)", _number("focal_mm"))
-        if focal is None:
-            return {}
-        sensor = "Width of the sensor, mm: 36 for full frame, 23.5 or 22.3 for APS-C (Enter: not known)"
-        width = self._once("sensor_mm", sensor, _number("sensor_mm"))
-        # Without the sensor's width a focal length tells nothing.
-        return {} if width is None else {"focal_mm": focal, "sensor_mm": width}
+        for key, question in LENS.items():
+            if self._once(key, question, _number(key)) is None:
+                # Without the sensor's width a focal length tells nothing: of the next object neither.
+                self.answers = replace(self.answers, **dict.fromkeys(LENS))
+                return {}
+        return self.answers.camera
 
     def _once(self, what: str, question: str, read: Callable[[str], T]) -> T | None:
         """Return what was given, said earlier, or asked for once; None where nobody answers."""
@@ -168,7 +163,7 @@ class Asking:
 
     def _ask(self, question: str, read: Callable[[str], T]) -> T | None:
         while True:
-            print(f"{question}: ", end="", file=sys.stderr, flush=True)
+            print(f"{question} (Enter: not known): ", end="", file=sys.stderr, flush=True)
             line = sys.stdin.readline()
             if not line:
                 self.silent = True
@@ -182,7 +177,7 @@ class Asking:
 
 def _number(key: str) -> Callable[[str], float]:
     def read(text: str) -> float:
-        (value,) = lengths_of(text)[:1]
+        value, *_ = lengths_of(text)
         if fault := _fault(key, value):
             raise ValueError(fault)
         return value

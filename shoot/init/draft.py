@@ -1,9 +1,9 @@
 """A session.toml that is not written yet: the document itself, and what was seen of the folder that speaks for it."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,12 +18,48 @@ from capture.survey.folder_files import pattern_of
 from scene.camera import Camera
 from scene.errors import SessionError
 from scene.frames import Frames
-from scene.length_units import Unit
-from shoot.init.scan_unit import ScanSize, read_scan, unit_by_size
+from scene.length_units import UNITS_MM, Unit
+from scene.spheres import KINDS
 
 ROLES = ("flash", "ambient", "dark", "flat")
 """What a photograph may be used for, but for a board's shots."""
 FOCAL = ("fx", "focal_mm", "sensor_mm", "pixel_um", "crop_factor", "model")
+LIKELY_UNITS: tuple[Unit, ...] = ("mm", "cm", "m", "inch")
+FACTOR = 1.5
+"""By which the object's size in the picture may differ from the scan's: parts are hidden, or were not scanned."""
+
+
+class ScanSize(NamedTuple):
+    """A scan's extent, in its file's unit."""
+
+    vertices: int
+    sides: tuple[float, ...]
+
+    def told(self, unit: Unit) -> str:
+        """Return the size in words."""
+        sides = " x ".join(f"{UNITS_MM[unit] * side:.4g}" for side in self.sides)
+        return f"{self.vertices:,} vertices, {sides} {'of its unit' if unit == 'unknown' else 'mm'}"
+
+
+@lru_cache(maxsize=16)
+def read_scan(path: Path) -> ScanSize:
+    """Return how large a scan is, freed of dust; AlignError for one that cannot be read."""
+    from align.scan.mended_scan import load_scan
+
+    vertices = load_scan(path, "unknown").vertices
+    return ScanSize(len(vertices), tuple(map(float, np.ptp(vertices, axis=0))))
+
+
+def unit_by_size(diagonal: float, size_mm: float | None) -> Unit | None:
+    """Return the unit under which a scan is as large as the object looks; None where none or two are.
+
+    A picture shows two of the scan's three sides, so the scan's diagonal is 1 to 1.2 times the picture's.
+    """
+    if size_mm is None:
+        return None
+    off = {unit: abs(float(np.log(UNITS_MM[unit] * diagonal / (1.1 * size_mm)))) for unit in LIKELY_UNITS}
+    first, second = sorted(LIKELY_UNITS, key=lambda unit: off[unit])[:2]
+    return first if off[first] < np.log(FACTOR) < off[second] else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,13 +176,15 @@ class Draft:
     @property
     def object_mm(self) -> float | None:
         """The object's diagonal in the picture, at the balls' distance; None where no ball tells the scale."""
-        scales = [mm for ball in self.manifest.spheres if (mm := mm_per_px(ball))]
+        balls = self.manifest.spheres
+        scales = [ball.diameter_mm / (2 * ball.radius_px) for ball in balls if ball.diameter_mm and ball.radius_px]
         return self.across_px * float(np.median(scales)) if scales and self.across_px else None
 
     @property
     def likely_unit(self) -> Unit | None:
         """The scan's unit by the object's size in the picture; None where that does not tell it."""
-        return unit_by_size(self.scan_size.diagonal, self.object_mm) if self.scan_size else None
+        size = self.scan_size
+        return unit_by_size(float(np.linalg.norm(size.sides)), self.object_mm) if size else None
 
     @property
     def unit(self) -> Unit:
@@ -174,23 +212,18 @@ class Draft:
         which has which. Then all of that kind have their circles.
         """
         draft = self.saying("object", scan_unit=self.unit) if self.manifest.object.scan else self
-        balls = self.manifest.spheres
-        again = {kind for kind in ("chrome", "white") if self._is_as_found([b for b in balls if b.kind == kind], kind)}
-        spheres = [_written(ball, ball.kind not in again) for ball in balls]
+        balls, by_hand = self.manifest.spheres, set()
+        for kind in KINDS:
+            there, found = ([ball for ball in some if ball.kind == kind] for some in (balls, self.found))
+            is_as_found = sorted(map(_circle, there)) == sorted(map(_circle, found))
+            if not is_as_found or len({ball.diameter_mm for ball in there}) > 1:
+                by_hand.add(kind)
+        spheres = [_written(ball, ball.kind in by_hand) for ball in balls]
         written = draft.manifest.model_copy(update={"spheres": spheres})
         if not balls and not self.found:
             # An empty list would say that no ball is to be looked for.
             written.model_fields_set.discard("spheres")
         return written
-
-    def _is_as_found(self, balls: list[SphereTable], kind: str) -> bool:
-        found = [_circle(ball) for ball in self.found if ball.kind == kind]
-        return sorted(map(_circle, balls)) == sorted(found) and len({ball.diameter_mm for ball in balls}) < 2
-
-
-def mm_per_px(ball: SphereTable) -> float | None:
-    """Return the scale at a ball's distance; None where its circle or its diameter is not known."""
-    return ball.diameter_mm / (2 * ball.radius_px) if ball.diameter_mm and ball.radius_px else None
 
 
 def _circle(ball: SphereTable) -> tuple[float, ...]:
@@ -198,6 +231,5 @@ def _circle(ball: SphereTable) -> tuple[float, ...]:
 
 
 def _written(ball: SphereTable, with_circle: bool) -> SphereTable:
-    u, v, radius = (round(value, 1) for value in _circle(ball)) if _circle(ball) else (0.0, 0.0, 0.0)
-    circle = {"center_px": [u, v], "radius_px": radius} if radius and with_circle else {}
-    return ball.model_copy(update={"center_px": None, "radius_px": None} | circle)
+    *center, radius = (round(value, 1) for value in _circle(ball)) if with_circle and _circle(ball) else (None,)
+    return ball.model_copy(update={"center_px": center or None, "radius_px": radius})

@@ -17,6 +17,7 @@ from scene.files import write_png, write_text
 from scene.light_text import FILENAMES
 from scene.origin import Origin
 from scene.output_folder import open_record
+from scene.record import Record
 from shoot.init.answers import Answers, Asking
 from shoot.init.contact_sheet import contact_sheet
 from shoot.init.draft import Draft
@@ -52,11 +53,8 @@ def init_sessions(
     shown : callable, optional
         Gets each draft before it is written.
 
-    Raises
-    ------
-    SessionError
-        There is a session.toml of a person's, or the folder is one in the DiLiGenT layout; no photographs; answers do
-        not fit.
+    Raises SessionError: there is a session.toml of a person's, or the folder is one in the DiLiGenT layout; no
+    photographs; answers do not fit.
     """
     check_layout(folder)
     found = survey(folder)
@@ -66,24 +64,29 @@ def init_sessions(
         say(f"{len(found)} objects: {', '.join(one.folder.name for one in found)}")
     asking, made = Asking(answers, silent), []
     for one in found:
-        asking.earlier = _said_before(one.folder / MANIFEST)
+        asking.earlier = Answers()
+        if (manifest := one.folder / MANIFEST).is_file():
+            with suppress(SceneError):
+                known, _ = parse(toml_tables(manifest))
+                asking.earlier = Answers.said_in(known) if known else Answers()
         draft = prepare(one, asking, progress_bar(f"look at {one.folder.name}"))
         if shown:
             shown(draft)
-        made.append(write_session(draft))
+        origin = Origin("session", draft.folder, tuple(draft.photographs["flash"]))
+        out = default_out(origin, draft.folder.name)
+        with open_record(out, origin=origin, input_folders=[draft.folder]) as record:
+            made.append(write_session(draft, record))
     return made
 
 
-def write_session(draft: Draft, out: Path | None = None) -> Made:
-    """Write session.toml into the folder, and the contact sheet into its output folder."""
-    origin = Origin("session", draft.folder, tuple(draft.photographs["flash"]))
-    out = out or default_out(origin, draft.folder.name)
-    with open_record(out, origin=origin, input_folders=[draft.folder]) as record:
-        record.forget([PART])
-        with record.part_of(PART):
-            write_png(out / SHEET, contact_sheet(draft))
+def write_session(draft: Draft, record: Record) -> Made:
+    """Write session.toml into the folder, and the contact sheet into its output folder, which is held."""
+    sheet = record.folder / SHEET
+    record.forget([PART])
+    with record.part_of(PART):
+        write_png(sheet, contact_sheet(draft))
     # Last, and outside of the output folder's record: from here on it is the user's.
-    return Made(draft, write_manifest(draft, signed(session_text(draft))), out / SHEET)
+    return Made(draft, write_manifest(draft, signed(session_text(draft))), sheet)
 
 
 def write_manifest(draft: Draft, text: str) -> Path:
@@ -101,14 +104,6 @@ def write_manifest(draft: Draft, text: str) -> Path:
         manifest.unlink() if before is None else manifest.write_bytes(before)
         raise
     return manifest
-
-
-def _said_before(manifest: Path) -> Answers:
-    """Return what a session.toml that is written anew says; nothing where there is none."""
-    with suppress(SceneError):
-        known = parse(toml_tables(manifest))[0] if manifest.is_file() else None
-        return Answers.said_in(known) if known else Answers()
-    return Answers()
 
 
 def check_layout(folder: Path) -> None:

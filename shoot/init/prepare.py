@@ -1,8 +1,8 @@
-"""A folder looked at: roles of the photographs, camera, balls, scan; what is not sure is noted."""
+"""A folder looked at: roles of the photographs, camera, balls or a light file, scan; what is not sure is noted."""
 
 import re
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 
 from capture.camera.exif import read_exif
-from capture.session.globs import kind_of
+from capture.session.globs import frame_names, kind_of
 from capture.session.manifest import FramesTable, Manifest, SphereTable
 from capture.session.session_types import Encoding
 from capture.survey.board_layout import find_board
 from capture.survey.folder_files import FEWEST, FolderFiles, name_of, pattern_of
 from capture.survey.small_pictures import Small, by_light, frames_of, of_one_size, otherwise_lit, read_small
 from formats.picture_files import read_values
-from scene.errors import SceneError, SessionError
+from lab.progress import say
+from scene.camera import Camera
+from scene.errors import AlignError, CalibrationError, SceneError, SessionError
 from scene.spheres import KINDS, Sphere
 from shoot.init.answers import Asking
 from shoot.init.draft import Draft
-from shoot.init.draft_balls import small_camera, with_balls
-from shoot.init.scan_unit import object_across_px
 
 ALIKE = 0.3
 """Correlation with most photographs under which one shows another scene."""
@@ -47,11 +47,8 @@ def prepare(
     `balls`: the photographs as they were read already, and the balls as they were found. `seen` is given the draft when
     the photographs have their roles, and again when the balls are found.
 
-    Raises
-    ------
-    SessionError
-        Too few photographs can be read or are of one size, or they show several objects; answers do not fit what was
-        found.
+    Raises SessionError: too few photographs can be read or are of one size, or they show several objects; answers do
+    not fit what was found.
     """
     linear, encoding = encoding_of(files.photographs["flash"][0], asking)
     every = [path for role in ("flash", "ambient", "board") for path in files.photographs.get(role, [])]
@@ -62,7 +59,7 @@ def prepare(
     if "board" not in draft.photographs:
         draft = draft.saying("camera", **asking.camera(is_known=draft.known_camera()[0] is not None))
         draft.known_camera()
-    draft = with_balls(draft, files, asking, balls)
+    draft = _with_balls(draft, files, asking, balls)
     seen(draft)
     return _given(draft, files, asking)
 
@@ -79,7 +76,11 @@ def _look(files: FolderFiles, linear: bool | None, by_path: dict[Path, Small], u
         )
     shots, odd = of_one_size(shots)
     named = [by_path[path] for path in boards if path in by_path]
-    layout, shown = find_board(named or [*odd, *_unlike(shots)])
+    light = np.stack([one.light.ravel() for one in shots])
+    usual = np.median(light, axis=0)
+    alike = [np.corrcoef(usual, row)[0, 1] if row.std() > 0 else 1.0 for row in light]
+    unlike = [one for one, share in zip(shots, alike, strict=True) if share < ALIKE]
+    layout, shown = find_board(named or [*odd, *unlike])
     if named and not shown:
         notes.append(f"{named[0].path.name}: no ChArUco board or chessboard is seen in it; it is not used.")
     shots, odd = ([one for one in some if one not in shown] for some in (shots, odd))
@@ -124,18 +125,12 @@ def encoding_of(first: Path, asking: Asking) -> tuple[bool | None, Encoding]:
     if kind_of(first) != "image":
         return None, "linear"
     linear = asking.said("linear")
-    if linear is None and first.suffix.lower() not in (".jpg", ".jpeg") and not _has_eight_bits(first):
-        return True, "linear"
-    linear = bool(linear)
-    return linear, "linear" if linear else "srgb"
-
-
-def _has_eight_bits(path: Path) -> bool:
-    try:
-        return read_values(path, SceneError)[0].dtype == np.uint8
-    except SceneError:
-        # It is named among those that cannot be read.
-        return False
+    if linear is None and first.suffix.lower() not in (".jpg", ".jpeg"):
+        linear = True
+        # One that cannot be read is named among those.
+        with suppress(SceneError):
+            linear = read_values(first, SceneError)[0].dtype != np.uint8
+    return bool(linear), "linear" if linear else "srgb"
 
 
 def _check_one_object(folder: Path, shots: list[Small]) -> None:
@@ -156,14 +151,6 @@ def _check_one_object(folder: Path, shots: list[Small]) -> None:
         )
 
 
-def _unlike(shots: list[Small]) -> list[Small]:
-    """Return the pictures that show another scene than most."""
-    light = np.stack([one.light.ravel() for one in shots])
-    usual = np.median(light, axis=0)
-    alike = [np.corrcoef(usual, row)[0, 1] if row.std() > 0 else 1.0 for row in light]
-    return [one for one, share in zip(shots, alike, strict=True) if share < ALIKE]
-
-
 def _given(draft: Draft, files: FolderFiles, asking: Asking) -> Draft:
     """Take the mask, the normals and the scan, with its unit."""
     apart = {word for kind in KINDS for word in (kind, "gray", "grey")}
@@ -180,11 +167,98 @@ def _given(draft: Draft, files: FolderFiles, asking: Asking) -> Draft:
     draft = draft.saying("object", **keys)
     if not scans:
         return draft
-    circles = [
+    draft = replace(draft, across_px=_across_px(draft))
+    unit = asking.answers.unit or (None if draft.likely_unit else asking.said("unit"))
+    return draft.saying("object", scan_unit=unit)
+
+
+def _across_px(draft: Draft) -> float | None:
+    """Return the object's diagonal in the picture; None where it, or every ball, is not found."""
+    from align.mask.object_mask import find_object
+
+    balls = [
         Sphere(ball.kind, (np.array(ball.center_px) + 0.5) / draft.step - 0.5, ball.radius_px / draft.step)
         for ball in draft.found if ball.center_px and ball.radius_px
     ]  # fmt: skip
-    across = object_across_px(draft.small, small_camera(draft), circles) if circles else None
-    draft = replace(draft, across_px=across and across * draft.step)
-    unit = asking.answers.unit or (None if draft.likely_unit else asking.said("unit"))
-    return draft.saying("object", scan_unit=unit)
+    try:
+        mask = find_object(draft.small, _small_camera(draft), balls).mask if balls else None
+    except AlignError:
+        mask = None
+    return None if mask is None else draft.step * float(np.hypot(*np.ptp(np.argwhere(mask), axis=0)))
+
+
+def _with_balls(draft: Draft, files: FolderFiles, asking: Asking, found: Sequence[SphereTable] | None) -> Draft:
+    """Find the balls, in the frames or in photographs of their own, and ask for their diameters.
+
+    `found`: those in the frames, where they are known.
+    """
+    from calibrate.detection.balls import find_balls
+    from calibrate.known_lights.read_known import read_lights
+
+    apart, notes = _shot_apart(files, len(draft.photographs["flash"]))
+    names = tuple(frame_names(draft.photographs["flash"]))
+    for path in files.lights if not apart else ():
+        try:
+            read_lights(path, names, camera=draft.known_camera()[0])
+            return draft.saying("lights", file=name_of(path, draft.folder))
+        except SceneError as error:
+            draft = draft.noting(f"{path.name} is not used: {str(error).splitlines()[0]}")
+    if apart and files.lights:
+        notes.append(f"{files.lights[0].name} is not used: the balls' own photographs tell the lights.")
+    if not apart and found is None:
+        say("looking for balls ...")
+        with suppress(CalibrationError):
+            balls, _, _ = find_balls(draft.small, _small_camera(draft), [])
+            found = drafted([one.sphere for one in balls], draft.step)
+    draft = replace(draft, found=tuple(() if apart else found or ()))
+    return draft.noting(*notes).with_balls(with_diameters(apart or draft.found, asking))
+
+
+def with_diameters(balls: Sequence[SphereTable], asking: Asking) -> list[SphereTable]:
+    """Return balls, of each kind the largest first, with the diameters that are known or asked for.
+
+    Raises SessionError: diameters were given, neither one for all balls of a kind nor one for each.
+    """
+    known: list[SphereTable] = []
+    for kind in KINDS:
+        own = [ball for ball in balls if ball.kind == kind]
+        if own:
+            given = asking.diameters(kind, [ball.center_px for ball in own if ball.center_px], len(own))
+            diameters = given or (None,) * len(own)
+            known += [ball.model_copy(update={"diameter_mm": mm}) for ball, mm in zip(own, diameters, strict=True)]
+    return known
+
+
+def _small_camera(draft: Draft) -> Camera:
+    """Return the camera of the small frames, as far as it is known."""
+    return draft.assumed_camera.scaled(draft.small.width, draft.small.height, 1 / draft.step, 1 / draft.step)
+
+
+def drafted(spheres: Sequence[Sphere], step: int = 1) -> list[SphereTable]:
+    """Return balls that were found in frames of which a pixel is `step` of the photographs' wide, the largest first."""
+    ordered = sorted(spheres, key=lambda sphere: (sphere.kind, -sphere.radius_px))
+    return [
+        SphereTable(
+            kind=one.kind,
+            center_px=[(float(c) + 0.5) * step - 0.5 for c in one.center_px],
+            radius_px=float(one.radius_px) * step,
+        )
+        for one in ordered
+    ]
+
+
+def _shot_apart(files: FolderFiles, count: int) -> tuple[list[SphereTable], list[str]]:
+    """Return balls with photographs of their own, one for each flash frame."""
+    balls: list[SphereTable] = []
+    notes: list[str] = []
+    for kind in KINDS:
+        groups: dict[tuple[Path, str], list[Path]] = {}
+        for path in files.photographs.get(kind, []):
+            groups.setdefault((path.parent, path.suffix.lower()), []).append(path)
+        fitting = [paths for paths in groups.values() if len(paths) == count]
+        alike = [p for p in fitting if p[0].suffix == files.photographs["flash"][0].suffix] or fitting
+        for paths in alike[:1]:
+            balls.append(SphereTable.model_validate({"kind": kind, "frames": pattern_of(paths, files.folder)}))
+        notes += [f"{place.name}: {len(paths)} photographs, but {count} flash frames; not used."
+                  for (place, _), paths in groups.items() if paths not in fitting]  # fmt: skip
+    return balls, notes

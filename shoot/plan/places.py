@@ -13,7 +13,8 @@ from shoot.plan.plan_options import FEWEST, PlanOptions
 from shoot.plan.set_up import SetUp
 
 Array = NDArray[np.float64]
-CANDIDATES = 60
+CANDIDATES, MOST_TRIED = 60, 100_000
+"""Places of the flash, and directions of a cap among which they are sought: a band too thin for that is a ring."""
 NEAREST_SIZES, NEAREST_MM = 5.0, 700.0
 """How far the flash is by default: so many object sizes, and so many millimetres."""
 IN_VIEW = 0.05
@@ -33,18 +34,15 @@ SHADED = 0.02
 def places_in_reach(options: PlanOptions, middle: Array, size_mm: float, count: int = CANDIDATES) -> Array:
     """Return about `count` places (C, 3), mm, evenly over the reach of the flash around the object's middle.
 
-    Raises
-    ------
-    SceneError
-        Too few places are in reach.
+    Raises SceneError: too few places are in reach.
     """
     start_deg, end_deg = options.from_deg, options.to_deg
     if start_deg > end_deg:
         raise SceneError(f"--from-deg {start_deg:g}, --to-deg {end_deg:g}: expected the first not to be larger.")
-    if start_deg == end_deg:
+    inner, outer = np.cos(np.radians([start_deg, end_deg]))
+    if (inner - outer) * MOST_TRIED <= count * (1 - outer):
         directions = ring(count, end_deg)
     else:
-        inner, outer = np.cos(np.radians([start_deg, end_deg]))
         directions = cap(round(count * (1 - outer) / (inner - outer)), end_deg)
         directions = directions[directions[:, 2] <= inner]
     azimuth = np.degrees(np.arctan2(directions[:, 1], directions[:, 0])) % 360
@@ -63,10 +61,7 @@ def out_of_view(camera: Camera, positions: Array) -> Array:
 
     An orthographic camera is one of which nothing is known: it tells nothing of its sides.
 
-    Raises
-    ------
-    SceneError
-        None is left.
+    Raises SceneError: none is left.
     """
     if camera.is_orthographic:
         return positions
@@ -87,10 +82,7 @@ def stand_balls(set_up: SetUp, positions: Array, kinds: Sequence[tuple[Kind, flo
     The first stands where it is farthest from the object, each other one farthest from those before; no place in the
     object's shadow from one of the flashes at `positions` (F, 3), if there are others.
 
-    Raises
-    ------
-    SceneError
-        There is no room in the picture.
+    Raises SceneError: there is no room in the picture.
     """
     camera = set_up.camera
     outline, shape = camera.project(set_up.mesh.vertices), np.array([camera.width, camera.height])
@@ -98,6 +90,11 @@ def stand_balls(set_up: SetUp, positions: Array, kinds: Sequence[tuple[Kind, flo
     stood: list[Sphere] = []
     for kind, diameter in kinds:
         depth = set_up.table_mm + diameter / 2
+        if depth >= 0:
+            raise SceneError(
+                f"balls: one of {diameter:g} mm, on the table {-set_up.table_mm:.4g} mm from the camera, would reach "
+                "it. Take smaller balls, or a greater --distance-mm."
+            )
         radius = -camera.fx * diameter / 2 / depth
         places = _border(shape, (1 + GAP) * radius)
         # Distance to the object's box in the picture, and to the balls that stand.
@@ -132,9 +129,9 @@ def _border(shape: Array, inset: float) -> Array:
 
 def usual_balls(set_up: SetUp) -> list[tuple[Kind, float]]:
     """Return three chrome balls and a white one, of the least diameter that is sold and surely found."""
-    # A ball on the table must stay before the camera.
-    there = [mm for mm in USUAL_MM if set_up.table_mm + mm / 2 < 0]
-    radii = {mm: -set_up.camera.fx * mm / 2 / (set_up.table_mm + mm / 2) for mm in there}
-    diameter = next((mm for mm, radius in radii.items() if radius >= GOOD_PX), USUAL_MM[-1])
+    # Up to half of the way to the camera; `stand_balls` says where none fits.
+    there = [mm for mm in USUAL_MM if mm < -set_up.table_mm] or USUAL_MM[:1]
+    good = (mm for mm in there if -set_up.camera.fx * mm / 2 / (set_up.table_mm + mm / 2) >= GOOD_PX)
+    diameter = next(good, there[-1])
     kinds: tuple[Kind, ...] = ("chrome", "chrome", "chrome", "white")
     return [(kind, diameter) for kind in kinds]

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from draw.light_charts import directions
 from draw.svg import Drawing, circle, line, svg
@@ -34,7 +33,9 @@ BALL_COLOURS = {"chrome": "#59636e", "white": "#fff"}
 
 def plan_facts(plan: ShootPlan) -> dict[str, Any]:
     """Return the plan."""
-    set_up, options, result = plan.pixels.set_up, plan.options, plan.predicted[-1]
+    import cv2
+
+    set_up, options, result = plan.so_far.pixels.set_up, plan.options, plan.predicted[-1]
     camera, middle = set_up.camera, set_up.middle_mm
     if result is not None and result.error_deg >= 90:
         result = None
@@ -43,22 +44,23 @@ def plan_facts(plan: ShootPlan) -> dict[str, Any]:
         away = row["position_mm"] - middle
         row |= {
             "number": number,
-            "there": "there" if number <= plan.there else "",
+            "there": "there" if number <= len(plan.so_far.lights) else "",
             "clock": clock(row["azimuth_deg"]),
             "height_cm": (row["position_mm"][2] - set_up.table_mm) / 10,
             "aside_cm": np.hypot(*away[:2]) / 10,
             "error_median_deg": None if predicted is None or predicted.error_deg >= 90 else predicted.error_deg,
         }
     balls = []
-    for sphere in plan.spheres:
+    for sphere in plan.so_far.spheres:
         # Where a ball of unknown size stands nobody knows.
         if sphere.diameter_mm:
             right, up, _ = (sphere.center_mm(camera) - middle) / 10
             told = {"kind": sphere.kind, "diameter_mm": sphere.diameter_mm, "radius_px": sphere.radius_px}
             balls.append(told | {"center_px": sphere.center_px, "right_cm": right, "up_cm": up})
+    hull = cv2.convexHull(np.ascontiguousarray(camera.project(plan.so_far.pixels.points), np.float32))
     facts = {
         "flashes": rows,
-        "there": plan.there,
+        "there": len(plan.so_far.lights),
         "error_median_deg": None if result is None else result.error_deg,
         "by_noise_deg": None if result is None else np.median(result.by_noise_deg),
         "by_lights_deg": None if result is None else np.median(result.by_lights_deg),
@@ -72,7 +74,7 @@ def plan_facts(plan: ShootPlan) -> dict[str, Any]:
             "size_mm": set_up.size_mm,
             "mm_per_px": None if camera.is_orthographic else -middle[2] / camera.fx,
             "albedo": set_up.albedo,
-            "outline_px": _outline(camera.project(plan.pixels.points)),
+            "outline_px": hull.reshape(-1, 2).astype(np.float64),
         },
         "flash_mm": np.median([row["distance_mm"] for row in rows]),
         "white_ball_value": EXPOSURE,
@@ -86,13 +88,6 @@ def clock(azimuth_deg: float) -> str:
     """Return an azimuth, 0 right and 90 up, as the hour on a clock's face, to a quarter: 12:00 is up."""
     quarters = round(((90 - azimuth_deg) % 360) / 7.5) % 48
     return f"{(quarters // 4) or 12}:{15 * (quarters % 4):02d}"
-
-
-def _outline(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the corners (K, 2) of the hull of places in the picture."""
-    import cv2
-
-    return np.asarray(cv2.convexHull(np.ascontiguousarray(places, np.float32)), np.float64).reshape(-1, 2)
 
 
 def _warnings(plan: ShootPlan) -> list[str]:
@@ -110,18 +105,18 @@ def _warnings(plan: ShootPlan) -> list[str]:
             f"{result.error_deg:.2g}): by noise alone {noise:.2g}, by the lights alone {lights:.2g}. "
             + ("Larger balls." if lights > noise else "More light, or a lower ISO.")
         )
-    kinds = [sphere.kind for sphere in plan.spheres]
+    kinds = [sphere.kind for sphere in plan.so_far.spheres]
     if "chrome" in kinds and "white" not in kinds:
         found.append("no white ball: how bright each flash was is then only known to some 10 %. Add one.")
     if kinds.count("chrome") == 1:
         found.append("one chrome ball: the flashes have no distance. Add a second one on the object's other side.")
-    smallest = min((sphere.radius_px for sphere in plan.spheres), default=LEAST_PX)
+    smallest = min((sphere.radius_px for sphere in plan.so_far.spheres), default=LEAST_PX)
     if smallest < LEAST_PX:
         found.append(
             f"balls of {smallest:.0f} px in radius are not found surely: {LEAST_PX:g} px are needed, {GOOD_PX:g} are "
             "good. Larger balls, or a nearer camera."
         )
-    depth = float(np.ptp(plan.pixels.points[:, 2]))
+    depth = float(np.ptp(plan.so_far.pixels.points[:, 2]))
     nearest = min(row["distance_mm"] for row in plan.lights.facts()["frames"])
     if depth > 0.1 * nearest:
         found.append(

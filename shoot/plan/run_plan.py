@@ -1,7 +1,5 @@
 """`rgbn plan`: the set-up read or put together, the flashes chosen, plan.json and plan.html written."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,13 +13,13 @@ from scene.mesh import Mesh
 from scene.origin import Origin
 from scene.output_folder import open_record, own_folder
 from scene.record import Record
-from scene.spheres import Kind
+from scene.spheres import KINDS, Kind
 from shoot.plan.places import places_in_reach, stand_balls, usual_balls
 from shoot.plan.plan_options import PlanOptions
 from shoot.plan.plan_page import plan_facts, plan_page
 from shoot.plan.set_up import SetUp, before_camera, lens_camera, pixels_of
 from shoot.plan.shoot_plan import ShootPlan, plan_shoot
-from shoot.plan.under_way import session_so_far
+from shoot.plan.under_way import UnderWay, session_so_far
 from twin.camera.virtual_camera import Sensor
 from twin.description.object_mesh import built_in
 
@@ -40,24 +38,9 @@ def run_plan(source: Path | None, options: PlanOptions, *, out: Path | None = No
     out : Path, optional
         Default: a session's own; out/plan-NAME by the scan's name.
 
-    Raises
-    ------
-    SceneError
-        An option or the source is at fault.
+    Raises SceneError: an option or the source is at fault.
     """
-    with _opened(source, options, out) as (record, plan):
-        facts = plan_facts(plan)
-        name = f"sphere of {options.size_mm:g} mm" if source is None else source.resolve().stem
-        facts |= {"name": name, "source": None if source is None else str(source)}
-        with record.part_of(PLAN):
-            write_json(record.folder / "plan.json", facts)
-            write_text(record.folder / "plan.html", plan_page(facts))
-        return facts | {"folder": str(record.folder)}
-
-
-@contextmanager
-def _opened(source: Path | None, options: PlanOptions, out: Path | None) -> Iterator[tuple[Record, ShootPlan]]:
-    """Yield the output folder's record, held, and the plan."""
+    name = f"sphere of {options.size_mm:g} mm" if source is None else source.resolve().stem
     if source is not None and (source.is_dir() or is_output(source) or source.suffix == ".toml"):
         if source.is_dir() and not (is_session(source) or is_output(source)):
             raise SceneError(
@@ -66,8 +49,7 @@ def _opened(source: Path | None, options: PlanOptions, out: Path | None) -> Iter
             )
         with open_job(source, out=out) as job:
             so_far = session_so_far(job)
-            yield job.record, plan_shoot(so_far.pixels, so_far.spheres, so_far.within(options), so_far=so_far)
-        return
+            return _written(job.record, plan_shoot(so_far, so_far.within(options)), name, source)
     set_up = _new_set_up(source, options)
     usual, origin = Path("out") / "plan-sphere", "plan"
     if source is not None:
@@ -75,10 +57,17 @@ def _opened(source: Path | None, options: PlanOptions, out: Path | None) -> Iter
         usual = own_folder(Path("out") / f"plan-{source.stem}", origin)
     with open_record(out or usual, origin=origin, inputs=[] if source is None else [source]) as record:
         places = places_in_reach(options, set_up.middle_mm, set_up.size_mm)
-        chrome: list[tuple[Kind, float]] = [("chrome", one) for one in options.chrome]
-        given = [*chrome, *(("white", one) for one in options.white)]
+        given: list[tuple[Kind, float]] = [(kind, one) for kind in KINDS for one in getattr(options, kind)]
         spheres = stand_balls(set_up, places, given or usual_balls(set_up))
-        yield record, plan_shoot(pixels_of(set_up), spheres, options)
+        return _written(record, plan_shoot(UnderWay.begun(pixels_of(set_up), spheres), options), name, source)
+
+
+def _written(record: Record, plan: ShootPlan, name: str, source: Path | None) -> dict[str, Any]:
+    facts = plan_facts(plan) | {"name": name, "source": None if source is None else str(source)}
+    with record.part_of(PLAN):
+        write_json(record.folder / "plan.json", facts)
+        write_text(record.folder / "plan.html", plan_page(facts))
+    return facts | {"folder": str(record.folder)}
 
 
 def _new_set_up(source: Path | None, options: PlanOptions) -> SetUp:

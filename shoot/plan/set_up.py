@@ -105,6 +105,11 @@ def before_camera(mesh: Mesh, camera: Camera, distance_mm: float | None, seen_fr
     if distance_mm is None:
         distance_mm = camera.fy * high / (FILLS * camera.height) + float(vertices[:, 2].max())
         told = f"so that the object fills {FILLS:.0%} of the picture"
+    if (nearest := float(vertices[:, 2].max())) >= distance_mm:
+        raise SceneError(
+            f"--distance-mm {distance_mm:g}: the object reaches {nearest:.4g} mm from its middle toward the camera, "
+            "which would stand inside of it. Take a greater distance, or check --size-mm and --unit."
+        )
     vertices = vertices - [0, 0, distance_mm]
     return replace(mesh, vertices=vertices), f"camera {distance_mm:.0f} mm from the object's middle, {told}"
 
@@ -118,15 +123,11 @@ class ShownObject(NamedTuple):
 
     def only(self, flashes: NDArray) -> "ShownObject":
         """Return some of the flashes."""
-        return ShownObject(self.vectors[flashes], self.noise[flashes], self.seen[flashes])
+        return self._make(part[flashes] for part in self)
 
     def followed_by(self, other: "ShownObject") -> "ShownObject":
         """Return these flashes and others."""
-        return ShownObject(
-            np.concatenate([self.vectors, other.vectors]),
-            np.concatenate([self.noise, other.noise]),
-            np.concatenate([self.seen, other.seen]),
-        )
+        return self._make(map(np.concatenate, zip(self, other, strict=True)))
 
 
 def lights_at(positions: Array, reference: Array) -> Lights:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from calibrate.lights.predicted_lights import PredictedLights, known_alike, predict_lights
 from scene.camera import Camera
 from scene.lights import Lights
-from scene.spheres import Sphere
 from shoot.plan.places import out_of_view, places_in_reach
 from shoot.plan.plan_options import AS_USUAL, PlanOptions
 from shoot.plan.set_up import ObjectPixels, ShownObject, lights_at
@@ -53,23 +52,22 @@ class ShootPlan:
 
     Parameters
     ----------
+    so_far : UnderWay
+        What is there: the flashes of which the first are.
+    options : PlanOptions
     lights : Lights
         First the flashes that there are already, then those that help most; as well known as the balls tell them.
     predicted : list of Predicted or None
         After each of them, with those before; None before the third.
-    there : int
-        How many flashes there are already.
     stop_after, helps_until : int or None
         How many are enough for the wanted accuracy, and from which on a further one lowers the error by under 1 %;
         None: there is no such number, or no accuracy was wanted.
     """
 
-    pixels: ObjectPixels
-    spheres: list[Sphere]
+    so_far: UnderWay
     options: PlanOptions
     lights: Lights
     predicted: list[Predicted | None]
-    there: int
     stop_after: int | None
     helps_until: int | None
 
@@ -125,40 +123,31 @@ def enough(errors: Sequence[float], accuracy_deg: float | None, first: int) -> t
     return reached, next((first + n for n in rests), None)
 
 
-def plan_shoot(
-    pixels: ObjectPixels, spheres: Sequence[Sphere], options: PlanOptions, *, so_far: UnderWay | None = None
-) -> ShootPlan:
+def plan_shoot(so_far: UnderWay, options: PlanOptions) -> ShootPlan:
     """Return the flashes that one after the other help most, and what they give.
 
     As many as wanted, one more than there are at least; of fewer that reach the wanted accuracy, the best set.
 
     Parameters
     ----------
-    pixels : ObjectPixels
-    spheres : sequence of Sphere
-        Where the balls stand.
+    so_far : UnderWay
+        The object, the balls, and the flashes that there are.
     options : PlanOptions
         How many flashes, where they can be, and the accuracy that is wanted.
-    so_far : UnderWay, optional
-        The shoot whose pixels and balls these are: flashes that there are already.
 
-    Raises
-    ------
-    SceneError
-        Too few places are in reach and out of the picture.
+    Raises SceneError: too few places are in reach and out of the picture.
     """
+    pixels, there, n = so_far.pixels, so_far.lights, len(so_far.lights)
     set_up, middle = pixels.set_up, pixels.set_up.middle_mm
     candidates = out_of_view(set_up.camera, places_in_reach(options, middle, set_up.size_mm))
-    shown, positions, n = pixels.under(lights_at(candidates, middle)), candidates, 0
-    if so_far is not None:
-        there = so_far.lights
-        placed = middle + FAR_MM * there.directions if there.positions_mm is None else there.positions_mm
-        shown, positions, n = so_far.shown.followed_by(shown), np.concatenate([placed, candidates]), len(there)
+    placed = middle + FAR_MM * there.directions if there.positions_mm is None else there.positions_mm
+    shown = so_far.shown.followed_by(pixels.under(lights_at(candidates, middle)))
+    positions = np.concatenate([placed, candidates])
 
     def known_lights(flashes: NDArray) -> PredictedLights:
-        if so_far is not None and not so_far.has_known_balls:
-            return known_alike(so_far.lights, positions[flashes], middle)
-        return predict_lights(set_up.camera, spheres, positions[flashes], middle)
+        if n and not so_far.has_known_balls:
+            return known_alike(there, positions[flashes], middle)
+        return predict_lights(set_up.camera, so_far.spheres, positions[flashes], middle)
 
     slopes = light_slopes(positions, middle, pixels.points, pixels.b)
     # To the samples' noise comes the error of each flash's own calibration.
@@ -176,12 +165,12 @@ def plan_shoot(
     reached, rests = enough(errors, options.accuracy_deg, len(order) - len(errors) + 1)
     if reached is not None and n < reached < len(order):
         # Chosen for that many; the first of more are nearly as good, and known to suffice.
-        fewer = plan_shoot(pixels, spheres, replace(options, flashes=reached), so_far=so_far)
+        fewer = plan_shoot(so_far, replace(options, flashes=reached))
         if fewer.stop_after is not None:
             return fewer
     order = order[:reached]
     lights = replace(lights_at(positions[order], middle), direction_sigma_deg=known_lights(order).direction_sigma_deg)
-    return ShootPlan(pixels, list(spheres), options, lights, predicted[: len(order)], n, reached, rests)
+    return ShootPlan(so_far, options, lights, predicted[: len(order)], reached, rests)
 
 
 def next_flash(so_far: UnderWay, camera: Camera, lights: Lights) -> tuple[dict[str, Any], Array]:
@@ -202,13 +191,11 @@ def next_flash(so_far: UnderWay, camera: Camera, lights: Lights) -> tuple[dict[s
     sigma_deg : (P,) float64
         Without it, of each pixel.
 
-    Raises
-    ------
-    SceneError
-        No place in reach is out of the picture.
+    Raises SceneError: no place in reach is out of the picture.
     """
-    pixels = replace(so_far.pixels, set_up=replace(so_far.pixels.set_up, camera=camera))
-    plan = plan_shoot(pixels, so_far.spheres, replace(so_far.within(AS_USUAL), flashes=0), so_far=so_far)
+    pixels = so_far.pixels
+    so_far = so_far._replace(pixels=replace(pixels, set_up=replace(pixels.set_up, camera=camera)))
+    plan = plan_shoot(so_far, replace(so_far.within(AS_USUAL), flashes=0))
     now, then = plan.predicted[-2:]
     assert now is not None
     assert then is not None

@@ -29,7 +29,7 @@ FEWEST_PIXELS = 20
 
 
 class UnderWay(NamedTuple):
-    """What there is of a shoot.
+    """What there is of a shoot; of one that is not begun the object and the balls.
 
     Parameters
     ----------
@@ -48,6 +48,13 @@ class UnderWay(NamedTuple):
     places: NDArray[np.int64]
     lights: Lights
     spheres: list[Sphere]
+
+    @classmethod
+    def begun(cls, pixels: ObjectPixels, spheres: list[Sphere]) -> "UnderWay":
+        """Return a shoot without a flash."""
+        count = len(pixels.points)
+        nothing = ShownObject(np.zeros((0, count, 3)), np.zeros((0, count)), np.zeros((0, count), bool))
+        return cls(pixels, nothing, np.zeros((0, 2), np.int64), Lights.unknown(()), spheres)
 
     @property
     def has_known_balls(self) -> bool:
@@ -69,10 +76,7 @@ def session_so_far(job: Job) -> UnderWay:
 
     The object is the registered scan with its shadows; without one the normals found so far, without cast shadows.
 
-    Raises
-    ------
-    SceneError
-        The steps up to `solve` fail, or the lights are unknown.
+    Raises SceneError: the steps up to `solve` fail, or the lights are unknown.
     """
     job.run(STEPS, "solve")
     store, method = job.store, METHOD if METHOD in job.methods else job.methods[0]
@@ -100,7 +104,7 @@ def under_way(
     mesh: Mesh | None = None,
     count: int = PIXELS,
 ) -> UnderWay:
-    """Return a shoot by its frames and what they were found to show.
+    """Return a shoot by its frames and what they were found to show; its pixels have the scatter of their samples.
 
     Parameters
     ----------
@@ -111,10 +115,7 @@ def under_way(
     count : int
         Pixels at most.
 
-    Raises
-    ------
-    SceneError
-        No pixels to speak of have a normal.
+    Raises SceneError: no pixels to speak of have a normal.
     """
     from twin.camera.grain import sensor_like
 
@@ -143,40 +144,23 @@ def under_way(
     # Intensities are those at the object's middle from here on, each channel's mean 1: albedo takes the factor.
     at_middle = np.linalg.norm(lights.at(set_up.middle_mm[None])[:, 0], axis=-1).mean(0)
     lights = lights.seen_from(set_up.middle_mm)
-    gray = estimate.albedo @ (at_middle * GRAY).astype(np.float32)
-    usual, (u, v) = float(np.median(gray[known])), places.T
-    albedo = np.where(known[v, u], gray[v, u], usual).astype(np.float64)
+    known_albedo = estimate.albedo @ (at_middle * GRAY).astype(np.float32)
+    usual, (u, v) = float(np.median(known_albedo[known])), places.T
+    albedo = np.where(known[v, u], known_albedo[v, u], usual).astype(np.float64)
     pixels = replace(pixels, set_up=replace(set_up, albedo=usual), albedo=albedo)
     found = [frames.read_pixels(i, v, u) for i in range(len(frames))]
-    samples = [(linear / intensity) @ GRAY for (linear, _), intensity in zip(found, lights.intensities, strict=True)]
-    clipped = np.array([clipped for _, clipped in found])
-    return UnderWay(*_photographed(pixels, lights, np.array(samples, np.float64), clipped), places, lights, spheres)
-
-
-def _photographed(
-    pixels: ObjectPixels, lights: Lights, samples: Array, clipped: NDArray[np.bool_]
-) -> tuple[ObjectPixels, ShownObject]:
-    """Return the pixels with the scatter that their samples have, and what they show.
-
-    Parameters
-    ----------
-    samples : (F, P) float
-        Each divided by its flash's intensity.
-    clipped : (F, P) bool
-
-    Notes
-    -----
-    The scatter is the residuals' standard deviation, by their median, less the sensor's noise: interreflections, a weak
-    highlight, a surface that is not Lambertian.
-    """
+    gray = [(linear / intensity) @ GRAY for (linear, _), intensity in zip(found, lights.intensities, strict=True)]
+    samples, clipped = np.array(gray, np.float64), np.array([clipped for _, clipped in found])
     shown = pixels.under(lights)
     shade = np.einsum("fpi,pi->fp", shown.vectors, pixels.b)
     seen = shown.seen & ~clipped & (samples > SHADOW * shade) & (samples < HIGHLIGHT * shade)
     enough = seen & (seen.sum(0) > 3)
     if enough.any():
-        # Three numbers were fitted to each pixel's samples.
+        # The scatter is the residuals' standard deviation, by their median, less the sensor's noise: interreflections,
+        # a weak highlight, a surface that is not Lambertian. Three numbers were fitted to each pixel's samples.
         counts = np.broadcast_to(seen.sum(0), seen.shape)[enough]
         share = 1.4826 * np.median(np.abs(samples - shade)[enough] / shade[enough] * np.sqrt(counts / (counts - 3)))
         sensor = np.median(shown.noise[enough] / shade[enough])
         pixels = replace(pixels, scatter=float(np.sqrt(max(share**2 - sensor**2, 0))))
-    return pixels, shown._replace(noise=np.hypot(shown.noise, pixels.scatter * np.maximum(shade, 0)), seen=seen)
+    noise = np.hypot(shown.noise, pixels.scatter * np.maximum(shade, 0))
+    return UnderWay(pixels, shown._replace(noise=noise, seen=seen), places, lights, spheres)

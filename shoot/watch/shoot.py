@@ -10,23 +10,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.mask.object_mask import find_object
+from calibrate.calibrate import lights_of_balls
+from calibrate.calibration import Calibration
+from calibrate.detection.balls import Ball, find_balls
+from calibrate.unknown_focal import with_unknown_focal
 from capture.audit.audit import blown_warnings, movement_warnings
 from capture.audit.camera_settings import exposure_by_room, exposure_gains, gaps_in_numbering, mixed_settings
 from capture.audit.focus import focus_warnings
 from capture.audit.missing_flashes import doubles, misfires
 from capture.audit.part_movement import part_warnings, parts_of
+from capture.camera.focal_length import camera_from_lens
+from capture.camera.session_camera import usual_camera
 from capture.photographs.kept import KeptStack
 from capture.photographs.photograph import SATURATION
 from capture.session.globs import frame_names
-from capture.session.session_types import CaptureSession
+from capture.session.manifest import SphereTable
+from capture.session.session_types import CaptureSession, Lens
 from capture.survey.small_pictures import frames_of
-from scene.errors import CaptureError, SceneError
+from scene.camera import Camera
+from scene.errors import CalibrationError, CaptureError, SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from shoot.init.answers import Asking
+from shoot.init.prepare import drafted, with_diameters
 from shoot.plan.shoot_plan import next_flash
 from shoot.plan.under_way import under_way
-from shoot.watch.lights_so_far import LightsSoFar
 from shoot.watch.taken import Shot, mean_codes, sort_shots
 from solve.solve import solve
 
@@ -37,8 +45,8 @@ FEWEST = 8
 it."""
 TOLD_BY = 3
 """Flashes that tell a normal."""
-FIRST, AGAIN = 4, 2
-"""Frames with which the object is first looked for; how many times as many there are when it is looked for again."""
+FIRST, BALLS_AGAIN, OBJECT_AGAIN = 4, 3, 2
+"""Frames with which balls and object are first looked for; how many times as many there are when they are again."""
 PIXELS = 4000
 """Of the object whose normals are looked at, at most, evenly over the picture."""
 
@@ -54,17 +62,21 @@ class Shoot:
     """
 
     def __init__(self, folder: Path, asking: Asking) -> None:
-        self.folder = folder
+        self.folder, self._asking = folder, asking
         self._told: set[str] = set()
         self._shots: list[Shot] = []
         self.roles: dict[str, list[Shot]] = {"flash": [], "ambient": []}
         self.left_out: dict[str, str] = {}
         """By digest, what was said of photographs that are no flash frames."""
-        self.lights_so_far = LightsSoFar(asking)
         self.frames: Frames | None = None
         self.newest: Shot | None = None
         """The flash frame that came last."""
-        self._mask, self._looked_with = None, 0
+        self._balls: list[Ball] = []
+        self._step, self._balls_with, self._object_with = 1, 0, 0
+        self._unseen: set[str] = set()
+        """Names of frames whose light no ball shows."""
+        self._found: Calibration | None = None
+        self._mask: NDArray[np.bool_] | None = None
         self.next_flash: dict[str, Any] | None = None
         self.sigma_deg: NDArray[np.float64] | None = None
         """(h, w), of each normal along one tangent axis, noise and the lights' own; NaN off the object."""
@@ -79,8 +91,12 @@ class Shoot:
     @property
     def lights(self) -> Lights | None:
         """The lights so far."""
-        found = self.lights_so_far.found
-        return found.lights if found else None
+        return self._found.lights if self._found else None
+
+    @property
+    def balls(self) -> list[SphereTable] | None:
+        """The balls as `init` writes them, without diameters; None where none is found."""
+        return drafted([ball.sphere for ball in self._balls], self._step) if self._balls else None
 
     def judge(self, shots: Sequence[Shot]) -> list[str]:
         """Say of the photographs that stand there what is seen at a glance; return what was not said before.
@@ -94,18 +110,17 @@ class Shoot:
         self.frames, self.newest = None, new[-1] if new else None
         if not self.flash:
             return self.new(said)
-        names, dim = tuple(frame_names([shot.path for shot in self.flash])), self._ambient_small()
-        exif, ambient = [shot.exif for shot in self.flash], self.roles["ambient"]
-        facts = [shot.facts for shot in self.flash]
-        gain, _ = exposure_gains(exif, [shot.exif for shot in ambient])
+        paths, ambient = tuple(shot.path for shot in self.flash), self.roles["ambient"]
+        names, dims = tuple(frame_names(list(paths))), tuple(shot.path for shot in ambient)
+        exif, ambient_exif = [shot.exif for shot in self.flash], [shot.exif for shot in ambient]
+        facts, gain = [shot.facts for shot in self.flash], exposure_gains(exif, ambient_exif)[0]
+        dim = np.mean([shot.facts.small for shot in ambient], 0) if ambient else None
         pictures = np.stack([fact.small * factor for fact, factor in zip(facts, gain, strict=True)])
         by_room, told = exposure_by_room(names, pictures, dim)
         self.frames = self._full_size(names, gain * by_room)
         light = pictures * by_room[:, None, None] - (0 if dim is None else dim)
-        paths = tuple(shot.path for shot in self.flash)
-        dims = tuple(shot.path for shot in ambient)
         session = CaptureSession(self.folder.name, self.folder, paths, names, tuple(range(len(names))), ambient=dims)
-        said += [*told, *mixed_settings(session, exif, [shot.exif for shot in ambient]), *gaps_in_numbering(session)]
+        said += [*told, *mixed_settings(session, exif, ambient_exif), *gaps_in_numbering(session)]
         if len(names) > 2:
             try:
                 said += misfires(names, light, dim)
@@ -121,10 +136,13 @@ class Shoot:
         ones, and finer.
         """
         small = frames_of([shot.small for shot in flash], [shot.small for shot in ambient])
-        small, step = replace(small, names=frames.names, gain=frames.gain), flash[0].small.step
-        found = self.lights_so_far.found
-        parts = parts_of(found.spheres, found.camera, step) if found and found.camera else []
-        told = self.lights_so_far.renew(small, [shot.exif for shot in flash], step)
+        small, found, self._step = (
+            replace(small, names=frames.names, gain=frames.gain),
+            self._found,
+            flash[0].small.step,
+        )
+        parts = parts_of(found.spheres, found.camera, self._step) if found and found.camera else []
+        told = self._renew_lights(small, self._camera(small, flash))
         if len(flash) < FEWEST:
             # Of so few, what is no frame's own is noise as often as not.
             told = [text for text in told if any(name in text for name in frames.names)]
@@ -145,10 +163,6 @@ class Shoot:
         name = self.frames.names[self.flash.index(shot)]
         return next((row for row in self.lights.facts()["frames"] if row["name"] == name), None)
 
-    def _ambient_small(self) -> NDArray | None:
-        ambient = [shot.facts.small for shot in self.roles["ambient"]]
-        return np.mean(ambient, 0) if ambient else None
-
     def _full_size(self, names: tuple[str, ...], gain: NDArray) -> Frames:
         """Return the frames, read from where each photograph is kept."""
         is_integer = self.flash[0].codes.dtype == np.uint16
@@ -157,9 +171,63 @@ class Shoot:
         is_mosaic = any(shot.facts.is_mosaic for shot in self.flash)
         return Frames(names, stack, gain, mean_codes(self.roles["ambient"]), saturation, is_mosaic)
 
+    def _camera(self, small: Frames, flash: Sequence[Shot]) -> Camera:
+        """Return the camera of the small frames as it is known; one as most are where it is not."""
+        width, height = self._step * small.width, self._step * small.height
+        lens = Lens(**self._asking.answers.camera)
+        camera, _ = camera_from_lens(lens, [shot.exif for shot in flash], width, height)
+        camera = usual_camera(width, height) if camera.is_orthographic else camera
+        return camera.scaled(small.width, small.height, 1 / self._step, 1 / self._step)
+
+    def _renew_lights(self, frames: Frames, camera: Camera) -> list[str]:
+        """Find the balls, now and then; fit all lights together; return what is suspicious."""
+        told: list[str] = []
+        if len(frames) >= max(FIRST, BALLS_AGAIN * self._balls_with):
+            self._balls_with = len(frames)
+            try:
+                found, _, _ = find_balls(frames, camera, [])
+                if len(found) >= len(self._balls):
+                    self._balls, told = self._with_diameters(found)
+            except CalibrationError as error:
+                # Those that are known already stay.
+                told = [] if self._balls else [str(error)]
+        while self._balls:
+            seen = [i for i, name in enumerate(frames.names) if name not in self._unseen]
+            try:
+                self._found = self._lights_of(frames, camera, seen)
+                return [*told, *self._found.warnings]
+            except CalibrationError as error:
+                told.append(str(error))
+                lost = [frames.names[i] for i in seen if frames.names[i] in str(error)]
+                # One frame that no ball shows is no reason to know nothing of the others.
+                self._unseen.update(lost)
+                if not 0 < len(lost) < len(seen):
+                    break
+        return told
+
+    def _lights_of(self, frames: Frames, camera: Camera, seen: list[int]) -> Calibration:
+        frames = frames.only(seen) if len(seen) < len(frames) else frames
+        balls = [replace(ball, frames=frames) for ball in self._balls]
+
+        def run(camera: Camera) -> Calibration:
+            return lights_of_balls(frames, camera, balls)
+
+        found = with_unknown_focal(run, camera) if camera.source == "assumed" else run(camera)
+        return replace(found, camera=found.camera or camera)
+
+    def _with_diameters(self, balls: Sequence[Ball]) -> tuple[list[Ball], list[str]]:
+        ordered = sorted(balls, key=lambda ball: (ball.sphere.kind, -ball.sphere.radius_px))
+        try:
+            known = with_diameters(drafted([ball.sphere for ball in ordered], self._step), self._asking)
+        except SceneError as error:
+            return ordered, [str(error)]
+        # `with_diameters` sorts by kind, and keeps the order within one, as this does.
+        pairs = zip(ordered, known, strict=True)
+        return [replace(a, sphere=replace(a.sphere, diameter_mm=b.diameter_mm)) for a, b in pairs], []
+
     def _look_at_normals(self, small: Frames) -> None:
         """Solve the object's normals, a few thousand of them, and find the flash that would help them most."""
-        found = self.lights_so_far.found
+        found = self._found
         if found is None or found.camera is None:
             return
         some = small.only([i for i, name in enumerate(small.names) if name in found.lights.names])
@@ -170,8 +238,8 @@ class Shoot:
         # Lights that could not be renewed have some of photographs that are gone.
         lights = found.lights.only([found.lights.names.index(name) for name in some.names])
         try:
-            if len(some) >= max(FIRST, AGAIN * self._looked_with):
-                self._looked_with = len(some)
+            if len(some) >= max(FIRST, OBJECT_AGAIN * self._object_with):
+                self._object_with = len(some)
                 self._mask = find_object(some, found.camera, found.spheres).mask
             if self._mask is None:
                 return

@@ -58,10 +58,7 @@ class Shot:
 def read_shot(path: Path, digest: str, kept: Kept) -> Shot:
     """Decode a photograph and keep it, unless it was kept before.
 
-    Raises
-    ------
-    CaptureError
-        The file cannot be read: it is not whole yet, or no photograph.
+    Raises CaptureError: the file cannot be read: it is not whole yet, or no photograph.
     """
     photograph = kept.load(digest)
     if photograph is None:
@@ -89,23 +86,19 @@ def sort_shots(shots: Sequence[Shot], folder: Path) -> tuple[dict[str, list[Shot
     by_path = {shot.path: shot for shot in shots}
     named = sorted_files(by_path, folder).photographs
     roles = {role: [by_path[path] for path in paths] for role, paths in named.items()}
-    listed = {shot.digest for some in roles.values() for shot in some}
-    told = {
-        shot.digest: "no RAW file, as the others are; it is left out. Set the camera to RAW."
-        for shot in shots
-        if shot.digest not in listed
-    }
-    by_small = {id(shot.small): shot for shot in shots}
-    flash = [shot.small for shot in roles.get("flash", [])]
+    told = {shot.digest: "no RAW file, as the others are; it is left out. Set the camera to RAW." for shot in shots}
+    for shot in (shot for some in roles.values() for shot in some):
+        told.pop(shot.digest, None)
+    flash, odd = [shot.small for shot in roles.get("flash", [])], []
     if flash:
         flash, odd = of_one_size(flash)
-        for one in odd:
-            told[by_small[id(one)].digest] = (
-                f"is {one.width} x {one.height} px, the others {flash[0].width} x {flash[0].height}; it is left out. "
-                "One session has one size."
-            )
-    sorted_ = by_light(flash) if len(flash) > 1 else {"flash": flash}
-    unlit = [by_small[id(one)] for role in ("ambient", "dark") for one in sorted_.get(role, [])]
+    for one in odd:
+        told[by_path[one.path].digest] = (
+            f"is {one.width} x {one.height} px, the others {flash[0].width} x {flash[0].height}; it is left out. "
+            "One session has one size."
+        )
+    lit = by_light(flash).get("flash", []) if len(flash) > 1 else flash
+    unlit = [by_path[one.path] for one in sorted(flash, key=lambda one: natural_key(one.path)) if one not in lit]
     for shot in unlit:
         told[shot.digest] = (
             "the flash did not fire; the frame is left out. Shoot it again."
@@ -113,10 +106,8 @@ def sort_shots(shots: Sequence[Shot], folder: Path) -> tuple[dict[str, list[Shot
             else "no flash is seen; it is taken for the ambient frame (flash off). If the flash was meant to fire, "
             "shoot it again."
         )
-    lit = [by_small[id(one)] for one in sorted_.get("flash", [])]
-    roles["flash"] = sorted(lit, key=lambda shot: natural_key(shot.path))
-    roles["ambient"] = roles.get("ambient") or sorted(unlit, key=lambda shot: natural_key(shot.path))
-    return roles, told
+    roles["flash"] = [by_path[path] for path in sorted((one.path for one in lit), key=natural_key)]
+    return roles | {"ambient": roles.get("ambient") or unlit}, told
 
 
 def mean_codes(shots: Sequence[Shot]) -> NDArray | None:
@@ -127,16 +118,7 @@ def mean_codes(shots: Sequence[Shot]) -> NDArray | None:
     for shot in shots:
         total += shot.codes
     mean = total / np.float32(len(shots))
-    return np.round(mean).astype(np.uint16) if shots[0].codes.dtype == np.uint16 else mean.astype(np.float16)
-
-
-@dataclass
-class _Unread:
-    """A file that stands still and cannot be read: since when, and what was told of it once patience was over."""
-
-    clock: str
-    since: float
-    told: str = ""
+    return (np.round(mean) if shots[0].codes.dtype == np.uint16 else mean).astype(shots[0].codes.dtype)
 
 
 class Taken:
@@ -157,7 +139,10 @@ class Taken:
     ) -> None:
         self._folder, self._kept, self._asking, self._note, self._warn = folder, kept, asking, note, warn
         self._read: dict[WholeFile, Shot] = {}
-        self._unread: dict[WholeFile, _Unread] = {}
+        self._since: dict[WholeFile, tuple[float, str]] = {}
+        """Of files that stand still and cannot be read, since when, and that on the wall."""
+        self._refused: dict[WholeFile, str] = {}
+        """Of these, what was said once patience was over."""
         self._known: dict[str, Shot] = {}
         self.shots: dict[str, Shot] = {}
         """By the digest of their files: those that count."""
@@ -165,12 +150,12 @@ class Taken:
     @property
     def unreadable(self) -> list[str]:
         """What was said of the files that are no photographs."""
-        return [one.told for one in self._unread.values() if one.told]
+        return list(self._refused.values())
 
     @property
     def is_waiting(self) -> bool:
         """Whether a file will be tried again."""
-        return any(not one.told for one in self._unread.values())
+        return bool(self._since.keys() - self._refused.keys())
 
     def renew(self, files: Sequence[WholeFile], now: float) -> tuple[list[Shot], bool]:
         """Take the photographs that stand in the folder, up to `LATEST` new ones.
@@ -180,28 +165,30 @@ class Taken:
         fresh : list of Shot
             Those of which nothing was said before.
         is_changed : bool
-            Whether one that counted before is gone, or called otherwise.
+            Whether others count than before, or one is called otherwise.
         """
         fresh: list[Shot] = []
         read: list[Shot] = []
-        self._read = {whole: shot for whole, shot in self._read.items() if whole in files}
-        self._unread = {whole: one for whole, one in self._unread.items() if whole in files}
+        for known in (self._read, self._since, self._refused):
+            for gone in known.keys() - set(files):
+                del known[gone]
         for whole in files:
-            is_hopeless = whole in self._unread and bool(self._unread[whole].told)
-            if whole in self._read or is_hopeless or len(fresh) == LATEST:
+            if whole in self._read or whole in self._refused or len(fresh) == LATEST:
                 continue
-            shot = self._shot_of(whole, now)
-            if shot is not None:
+            if shot := self._shot_of(whole, now):
                 self._read[whole] = shot
                 read.append(shot)
                 if shot.digest not in self._known:
                     self._known[shot.digest] = shot
                     fresh.append(shot)
         before, self.shots = self.shots, self._counted(files)
-        self._tell_names(before, read)
-        paths = {digest: shot.path for digest, shot in self.shots.items()}
-        is_changed = any(paths.get(digest) != shot.path for digest, shot in before.items())
-        return [shot for shot in fresh if shot.digest in self.shots], is_changed
+        for shot in (shot for digest, shot in before.items() if digest not in self.shots):
+            self._note(f"{shot.name}: is gone, or another stands in its place; it is left out")
+        for shot in read:
+            if shot.path != self.shots[shot.digest].path:
+                self._note(f"{shot.name} is a copy of {self.shots[shot.digest].name}, and no other photograph")
+        was, now_is = ({digest: shot.path for digest, shot in some.items()} for some in (before, self.shots))
+        return [shot for shot in fresh if shot.digest in self.shots], was != now_is
 
     def _shot_of(self, whole: WholeFile, now: float) -> Shot | None:
         path = self._folder / whole.name
@@ -210,28 +197,22 @@ class Taken:
             # What is read while it changes is no photograph: the next look at it tells.
             if digest is None or look_of(path) != whole.look:
                 return None
-            known = self._known.get(digest)
-            if known is not None:
+            if (known := self._known.get(digest)) is not None:
                 return replace(known, path=path, small=replace(known.small, path=path))
             _, encoding = encoding_of(path, self._asking)
             shot = read_shot(path, digest, Kept(self._kept, encoding, half=False))
-        except OSError as error:
-            self._refuse(whole, f"it cannot be read ({error.strerror})", now)
+        except (OSError, CaptureError) as error:
+            why = f"it cannot be read ({error.strerror})" if isinstance(error, OSError) else str(error)
+            since, clock = self._since.setdefault(whole, (now, f"{datetime.now():%H:%M}"))
+            if now - since >= PATIENCE_S:
+                self._refused[whole] = (
+                    f"{whole.name}: half written since {clock}, or damaged, and no photograph yet. Let the camera's "
+                    f"program finish it, copy it again, or take it out of the folder. ({why})"
+                )
+                self._warn(self._refused[whole])
             return None
-        except CaptureError as error:
-            self._refuse(whole, str(error), now)
-            return None
-        self._unread.pop(whole, None)
+        self._since.pop(whole, None)
         return shot if look_of(path) == whole.look else None
-
-    def _refuse(self, whole: WholeFile, why: str, now: float) -> None:
-        one = self._unread.setdefault(whole, _Unread(f"{datetime.now():%H:%M}", now))
-        if now - one.since >= PATIENCE_S:
-            one.told = (
-                f"{whole.name}: half written since {one.clock}, or damaged, and no photograph yet. Let the camera's "
-                f"program finish it, copy it again, or take it out of the folder. ({why})"
-            )
-            self._warn(one.told)
 
     def _counted(self, files: Sequence[WholeFile]) -> dict[str, Shot]:
         """Return one photograph of each content: the one that counted before, if it is still there."""
@@ -241,10 +222,3 @@ class Taken:
             if shot.digest not in found or (before is not None and before.path == shot.path):
                 found[shot.digest] = shot
         return found
-
-    def _tell_names(self, before: dict[str, Shot], read: Sequence[Shot]) -> None:
-        for shot in (shot for digest, shot in before.items() if digest not in self.shots):
-            self._note(f"{shot.name}: is gone, or another stands in its place; it is left out")
-        for shot in read:
-            if shot.path != self.shots[shot.digest].path:
-                self._note(f"{shot.name} is a copy of {self.shots[shot.digest].name}, and no other photograph")

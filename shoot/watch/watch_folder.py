@@ -8,7 +8,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from capture.photographs.kept import kept_folder
 from capture.session.globs import kind_of
@@ -23,12 +22,12 @@ from scene.origin import Origin
 from scene.output_folder import open_record
 from shoot.init.answers import Answers, Asking
 from shoot.init.draft import Draft
-from shoot.init.draft_notes import notes_of
 from shoot.init.init_session import check_free, check_layout, write_session
 from shoot.init.prepare import prepare
+from shoot.init.session_text import notes_of
 from shoot.watch.shoot import Shoot
 from shoot.watch.status import Screen
-from shoot.watch.taken import Shot, Taken
+from shoot.watch.taken import Taken
 
 EVERY_S = 0.5
 """A folder is listed so often; one that is slow to list, half of the time."""
@@ -52,7 +51,7 @@ def watch_folder(
 ) -> None:
     """Watch a folder until it is ended, or no photograph has come for a while; then write its session, and decode it.
 
-    Ctrl-C ends it, and SIGTERM, as services send it.
+    Ctrl-C ends it, and SIGTERM, as services send it; another one costs nothing until session.toml is written.
 
     Parameters
     ----------
@@ -67,11 +66,8 @@ def watch_folder(
     wanted_deg : float
         Sigma of the normals that is good enough.
 
-    Raises
-    ------
-    SceneError
-        The folder is not there, it has a session.toml of another's, `out` lies in it or is another's; in the end too
-        few photographs make no session.
+    Raises SceneError: the folder is not there, it has a session.toml of another's, `out` lies in it or is another's; in
+    the end too few photographs make no session.
     """
     folder = folder.resolve()
     if not folder.is_dir():
@@ -89,15 +85,15 @@ def watch_folder(
         shoot = Shoot(folder, asking)
         screen = Screen(shoot, out, wanted_deg)
         taken = Taken(folder, kept_folder(record.folder), asking, screen.note, screen.warn)
-        say(f"watching {folder}; Ctrl-C ends the shoot and writes its session")
-        with _until_ended():
-            _loop(folder, taken, shoot, screen, until_idle_s, clock)
-        say("the shoot is over")
-        screen.renew(is_over=True)
-        draft = _draft_of(folder, shoot, asking, taken)
-        # What stood there first, perhaps an ambient frame alone, is no longer what tells the session from others.
-        Origin("session", folder, tuple(shot.path for shot in taken.shots.values())).claim(record, out)
-    made = write_session(draft, out)
+        with _ended_by_signals() as is_ended:
+            say(f"watching {folder}; Ctrl-C ends the shoot and writes its session")
+            _loop(folder, taken, shoot, screen, until_idle_s, clock, is_ended)
+            say("the shoot is over; its session is written")
+            screen.renew(is_over=True)
+            draft = _draft_of(folder, shoot, answers, taken)
+            # What stood there first, perhaps an ambient frame alone, is no longer what tells the session from others.
+            Origin("session", folder, tuple(shot.path for shot in taken.shots.values())).claim(record, out)
+            made = write_session(draft, record)
     for note in notes_of(draft):
         say(f"note: {note}")
     say(f"written  {made.manifest}")
@@ -106,17 +102,19 @@ def watch_folder(
 
 
 @contextmanager
-def _until_ended() -> Iterator[None]:
-    """End the block, and no more, by Ctrl-C or SIGTERM."""
-    is_main = threading.current_thread() is threading.main_thread()
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler) if is_main else None
+def _ended_by_signals() -> Iterator[threading.Event]:
+    """Yield what Ctrl-C and SIGTERM set: within the block they stop nothing."""
+    is_ended, before = threading.Event(), {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            # In the background of a shell Ctrl-C is another program's.
+            if signal.getsignal(number) != signal.SIG_IGN:
+                before[number] = signal.signal(number, lambda *_: is_ended.set())
     try:
-        yield
-    except KeyboardInterrupt:
-        pass
+        yield is_ended
     finally:
-        if is_main:
-            signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
 
 
 def _loop(
@@ -126,12 +124,13 @@ def _loop(
     screen: Screen,
     until_idle_s: float | None,
     clock: Callable[[], float],
+    is_ended: threading.Event,
 ) -> None:
     hot, last, is_followed, was_there = HotFolder(), clock(), True, True
     following: Future[list[str]] | None = None
     # Beside: a new photograph is judged at once, whatever is still computed of those before.
     with ThreadPoolExecutor(1) as beside:
-        while True:
+        while not is_ended.is_set():
             start = clock()
             files = hot.see(list_photographs(folder), start)
             listed_s = clock() - start
@@ -139,10 +138,9 @@ def _loop(
                 was_there = hot.is_there
                 gone = "the folder is gone; waiting for it to return"
                 screen.note("the folder is there again" if was_there else gone)
-            counted = len(taken.shots)
             fresh, is_changed = taken.renew(files, start)
             warnings: list[str] = []
-            if is_changed or len(taken.shots) > counted:
+            if is_changed:
                 warnings = shoot.judge(list(taken.shots.values()))
                 for shot in fresh:
                     say(f"{shot.name}: {shoot.role_of(shot)} ({clock() - start:.1f} s)")
@@ -161,7 +159,7 @@ def _loop(
             ):
                 return
             else:
-                time.sleep(max(EVERY_S, listed_s))
+                is_ended.wait(max(EVERY_S, listed_s))
             if following is not None and following.done():
                 warnings, following = [*warnings, *shoot.new(following.result())], None
                 screen.renew()
@@ -169,19 +167,12 @@ def _loop(
                 screen.warn(text)
 
 
-def _draft_of(folder: Path, shoot: Shoot, asking: Asking, taken: Taken) -> Draft:
+def _draft_of(folder: Path, shoot: Shoot, answers: Answers, taken: Taken) -> Draft:
     """Return what a shoot is, as `init` would have found it.
 
-    Raises
-    ------
-    SessionError
-        Too few photographs show the flash.
+    Raises SessionError: too few photographs show the flash.
     """
-
-    def there(role: str) -> list[Shot]:
-        return [shot for shot in shoot.roles.get(role, []) if shot.path.is_file()]
-
-    flash, ambient = there("flash"), there("ambient")
+    flash, ambient = ([shot for shot in shoot.roles[role] if shot.path.is_file()] for role in ("flash", "ambient"))
     if len(flash) < FEWEST:
         raise SessionError(
             f"{folder}: {len(flash)} photographs show the flash; a session needs {FEWEST} or more, and none was "
@@ -189,19 +180,21 @@ def _draft_of(folder: Path, shoot: Shoot, asking: Asking, taken: Taken) -> Draft
         )
     frames = {shot.digest for shot in (*flash, *ambient)}
     left_out = {taken.shots[digest].path: text for digest, text in shoot.left_out.items() if digest not in frames}
-    notes = (*(f"{path.name}: {text}" for path, text in left_out.items()), *taken.unreadable)
     counted = {shot.path for shot in taken.shots.values()}
     # Files that were never read must have no say in which of two kinds is kept.
     files = sorted_files([path for path in files_below(folder) if kind_of(path) is None or path in counted], folder)
     counted -= left_out.keys()
     named = {role: [path for path in some if path in counted] for role, some in files.photographs.items()}
-    files = replace(files, photographs=named)
-    known: dict[str, Any] = {"small": [shot.small for shot in taken.shots.values()], "balls": shoot.lights_so_far.balls}
+    files, small = replace(files, photographs=named), [shot.small for shot in taken.shots.values()]
+
+    def prepared(answers: Answers) -> Draft:
+        silent, progress = Asking(answers, silent=True), nullcontext(lambda done, total: None)
+        draft = prepare(files, silent, progress, small=small, balls=shoot.balls)
+        return draft.noting(*(f"{path.name}: {text}" for path, text in left_out.items()), *taken.unreadable)
+
     try:
-        return prepare(files, asking, nullcontext(lambda done, total: None), **known).noting(*notes)
+        return prepared(answers)
     except SessionError as error:
         # The shoot is over: a diameter that does not fit is put right in session.toml.
         say(f"warning: {error}", always=True)
-        plain = Asking(replace(asking.answers, chrome=(), white=()), silent=True)
-        draft = prepare(files, plain, nullcontext(lambda done, total: None), **known)
-        return draft.noting(*notes, str(error))
+        return prepared(replace(answers, chrome=(), white=())).noting(str(error))

@@ -10,9 +10,8 @@ from lab.session_place import MANIFEST
 from scene.errors import SceneError
 from shoot.init.contact_sheet import COLOURS
 from shoot.init.draft import ROLES, Draft
-from shoot.init.draft_notes import notes_of
 from shoot.init.init_session import check_free, write_manifest
-from shoot.init.session_text import facts_of, session_text
+from shoot.init.session_text import facts_of, notes_of, session_text
 from studio.session.ball_rows import BALL_ROWS, MILLIMETRES, OBJECT
 from studio.session.looking import BOARD, UNUSED, FolderLook, role_of, with_role
 from studio.session.photograph_window import Balls, PhotographWindow, Shown

@@ -3,7 +3,6 @@
 import json
 import shlex
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 
 FIXTURE = Path(__file__).parents[2] / "fixtures" / "bumpy"
-COMMAND = [str(Path(sys.executable).parent / "rgbn")]
 
 PROGRAM = """
 import sys
@@ -28,7 +26,7 @@ np.save(out / "normals.npy", normals / np.linalg.norm(normals, axis=-1, keepdims
 
 
 @pytest.mark.full
-def test_a_program_is_a_method_like_any_other_and_its_failure_one_message(tmp_path):
+def test_a_program_is_a_method_like_any_other_and_its_failure_one_message(rgbn_process, tmp_path):
     session, out = tmp_path / "session", tmp_path / "out"
     shutil.copytree(FIXTURE / "raw", session / "raw")
     lights = json.loads((FIXTURE / "truth.json").read_text())["directions_at_object"]
@@ -50,10 +48,8 @@ def test_a_program_is_a_method_like_any_other_and_its_failure_one_message(tmp_pa
 
     def run(name):
         program = f"{shlex.quote(sys.executable)} {tmp_path / name}.py {{data}} {{out}}"
-        command = [*COMMAND, "compare", str(session), "--out", str(out), "--method", "ls", "--json"]
-        return subprocess.run(
-            [*command, "--external", f"StandIn={program}"], capture_output=True, text=True, check=False, timeout=200
-        )
+        more = ("--method", "ls", "--json", "--external", f"StandIn={program}")
+        return rgbn_process("compare", session, "--out", out, *more)
 
     done = run("fine")
     assert done.returncode == 0, done.stderr

@@ -1,9 +1,6 @@
 """Sessions without balls and without a lights' file: the object's given normals are the probe, and that is said."""
 
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -11,7 +8,6 @@ import pytest
 
 from scene.normals import angular_error_deg
 
-COMMAND = [str(Path(sys.executable).parent / "rgbn")]
 DIRECTIONS = np.array([[0.5, 0, 0.8], [-0.5, 0.1, 0.8], [0, 0.6, 0.8], [0.1, -0.6, 0.8], [0.4, 0.4, 0.8], [0, 0, 1.0]])
 DIRECTIONS = DIRECTIONS / np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
 
@@ -34,13 +30,12 @@ def hills(tmp_path):
     return tmp_path
 
 
-def test_given_normals_are_the_probe(hills):
+def test_given_normals_are_the_probe(hills, run_rgbn):
     out = hills.with_name(f"{hills.name}-out")
-    command = [*COMMAND, "calibrate", str(hills), "--out", str(out), "--json"]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr
+    code, printed, said = run_rgbn("calibrate", hills, "--out", out, "--json")
+    assert code == 0, said
     off = angular_error_deg(np.loadtxt(out / "light_directions.txt"), DIRECTIONS)
     assert off.max() < 1
-    texts = " ".join(row["text"] for row in json.loads(run.stdout)["warnings"])
+    texts = " ".join(row["text"] for row in json.loads(printed)["warnings"])
     assert "lights from object.normals: spheres: no ball found" in texts
     assert "judged too kindly" in texts

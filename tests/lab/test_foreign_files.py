@@ -138,13 +138,3 @@ def test_what_a_library_or_the_user_has_changed_is_made_anew(tmp_path, monkeypat
     assert "codes.npy: was changed after rgbn wrote it" in capsys.readouterr().err
     codes.unlink()
     assert run() == (0, True, third)
-
-
-def test_a_mesh_is_not_written_over_the_scan(tmp_path, monkeypatch, capsys):
-    make_session(tmp_path / "session")
-    scan = tmp_path / "scan.ply"
-    scan.write_text("the museum's")
-    words = ("solve", tmp_path / "session", "--out", tmp_path / "out", "--method", "ls", "--mesh", scan)
-    assert rgbn(monkeypatch, *words) == 2
-    assert "scan.ply: is there already, and rgbn did not write it" in capsys.readouterr().err
-    assert scan.read_text() == "the museum's"

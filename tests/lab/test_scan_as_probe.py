@@ -1,8 +1,6 @@
 """A session with a scan and no balls: the whole way, and what is said where the scan cannot be the probe."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +13,6 @@ from scene.errors import AlignError
 from scene.normals import angular_error_deg
 from scene.store import Store
 
-COMMAND = [str(Path(sys.executable).parent / "rgbn")]
 BUMPY = Path(__file__).parents[2] / "fixtures" / "bumpy"
 
 
@@ -33,11 +30,10 @@ def without_balls(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def processed(without_balls, tmp_path_factory):
+def processed(without_balls, rgbn_process, tmp_path_factory):
     """(output folder, summary) of `rgbn process`."""
     out = tmp_path_factory.mktemp("out") / "bumpy"
-    command = [*COMMAND, "process", str(without_balls), "--out", str(out), "--json"]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    run = rgbn_process("process", without_balls, "--out", out, "--json")
     assert run.returncode == 0, run.stderr
     return out, json.loads(run.stdout)
 
@@ -51,7 +47,7 @@ def test_a_scan_of_unknown_unit_cannot_be_the_probe():
 
 @pytest.mark.full
 @pytest.mark.slow
-def test_process_goes_the_whole_way(processed):
+def test_process_goes_the_whole_way_and_says_where_the_lights_come_from(processed):
     out, summary = processed
     truth = json.loads((BUMPY / "truth.json").read_text())
     lights = Store(out).load_lights()
@@ -66,11 +62,7 @@ def test_process_goes_the_whole_way(processed):
     pose = json.loads((out / "pose.json").read_text())["camera_from_scan"]
     turn = np.array(pose)[:3, :3] @ np.array(truth["camera_from_scan"])[:3, :3].T
     assert np.degrees(np.arccos((np.trace(turn) - 1) / 2)) < 0.1
-
-
-@pytest.mark.full
-def test_the_report_says_where_the_lights_come_from(processed):
-    out, summary = processed
+    # And it is said where the lights come from.
     page = (out / "report.html").read_text()
     assert "they come from the scan's own shading" in page.replace("&#x27;", "'")
     assert any("from the scan's own shading" in text for text in summary["align"]["evidence"])

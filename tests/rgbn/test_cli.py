@@ -98,8 +98,17 @@ def test_tables_are_exported_for_a_spreadsheet(run, session):
         (["solve", "x", "--metod", "ls"], ["--metod", "--method", "`rgbn solve --help`"]),
         (["solve"], ["SESSION", "`rgbn solve --help`"]),
         (["twin", "x", "--engine", "fast"], ["--engine fast", "many, mitsuba"]),
+        (["twin", "x", "--engine", "many,mitsuba"], ["--engine many,mitsuba", "many, mitsuba"]),
+        (["solve", "x", "--normals", "foo"], ["--normals foo", "opengl, directx"]),
         (["export", "x", "-f", "xml"], ["--format xml", "alicevision", "mitsuba, all"]),
         (["solve", "x", "--profile", "sead", "-m", "ls"], ["sead", "default, seed"]),
+        *(
+            (
+                ["solve", "x", "--external", "A=a {data} {out}", "--external-timeout-s", text],
+                ["expected seconds above 0"],
+            )
+            for text in ("0", "-5", "nan")
+        ),
     ],
 )
 def test_a_slip_is_one_message_with_what_there_is(run, words, parts):

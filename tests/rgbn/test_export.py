@@ -2,8 +2,6 @@
 
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +10,6 @@ import pytest
 from calibrate.known_lights.read_known import read_lights
 
 FIXTURE = Path(__file__).parents[2] / "fixtures" / "bumpy"
-COMMAND = [str(Path(sys.executable).parent / "rgbn")]
 
 
 def session_with_lights(folder):
@@ -26,24 +23,19 @@ def session_with_lights(folder):
     return folder
 
 
-def export(session, out, *words):
-    command = [*COMMAND, "export", str(session), "--out", str(out), *words]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
 @pytest.mark.full
-def test_lights_go_out_and_come_in_again(tmp_path):
+def test_lights_go_out_and_come_in_again(run_rgbn, tmp_path):
     session, out = session_with_lights(tmp_path / "session"), tmp_path / "out"
-    run = export(session, out, "--format", "alicevision")
-    assert run.returncode == 0, run.stderr
-    path = Path(run.stdout.strip())
+    code, printed, said = run_rgbn("export", session, "--out", out, "--format", "alicevision")
+    assert code == 0, said
+    path = Path(printed.strip())
     assert path == out / "export" / "lights_alicevision.json"
-    assert "cameraInit.sfm" in run.stderr, "that its order is AliceVision's is said"
+    assert "cameraInit.sfm" in said, "that its order is AliceVision's is said"
     first = json.loads(path.read_text())["lights"][2]
     np.testing.assert_allclose(first["direction"], [0, -0.6, -0.8])
     names = tuple(f"flash_{i:03d}" for i in range(4))
     np.testing.assert_allclose(read_lights(path, names).directions, read_lights(session / "l.lp", names).directions)
     # What was exported does not outlive the lights it was made from.
     (session / "l.lp").write_text((session / "l.lp").read_text().replace("0.8", "0.9"))
-    assert export(session, out, "--format", "lp").returncode == 0
+    assert run_rgbn("export", session, "--out", out, "--format", "lp")[0] == 0
     assert sorted(file.name for file in (out / "export").iterdir()) == ["lights.lp"]

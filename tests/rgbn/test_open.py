@@ -114,19 +114,18 @@ def test_lights_are_those_of_the_last_step_that_is_current(small, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("ask", "cure"),
+    "ask",
     [
-        (lambda session: session.truth, "scan = "),
-        (lambda session: session.errors, "scan = "),
-        (lambda session: session.error_deg("ls"), "scan = "),
-        (lambda session: session.pose, "scan = "),
-        (lambda session: session.normals("ls", twin=True), "scan = "),
+        lambda session: session.truth,
+        lambda session: session.errors,
+        lambda session: session.error_deg("ls"),
+        lambda session: session.pose,
+        lambda session: session.normals("ls", twin=True),
     ],
 )
-def test_what_cannot_be_had_is_said_before_anything_runs(small, tmp_path, ask, cure):
+def test_what_cannot_be_had_is_said_before_anything_runs(small, tmp_path, ask):
     document = {**samples.SMALL, "object": {"mask": "mask.png"}}
     (small / "session.toml").write_bytes(samples.toml_bytes(document))
-    with pytest.raises(SceneError, match="there is no ") as told:
+    with pytest.raises(SceneError, match=r"there is no .*scan = "):
         ask(rgbn.open(small, out=tmp_path / "out"))
-    assert cure in str(told.value)
     assert not (tmp_path / "out").exists()

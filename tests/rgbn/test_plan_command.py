@@ -34,6 +34,9 @@ def box(path):
         (None, ["--size-mm", "-1"], "--size-mm. Must be > 0"),
         (None, ["--albedo", "2"], "--albedo. Must be <= 1"),
         (None, ["--iso", "0"], "--iso. Must be > 0"),
+        (None, ["--size-mm", "20", "--distance-mm", "10"], "--distance-mm 10: the object reaches 10 mm"),
+        (None, ["--size-mm", "5", "--distance-mm", "6"], "balls: one of 20 mm, on the table 8.5 mm from the camera"),
+        (None, ["--size-mm", "20", "--distance-mm", "20", "--chrome", "60"], "would reach it. Take smaller balls"),
         (
             None,
             ["--flash-mm", "1e6", "--chrome", "0.1", "--focal-mm", "1", "--sensor-mm", "1000"],

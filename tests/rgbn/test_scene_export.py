@@ -1,13 +1,8 @@
 """`rgbn export --format mitsuba` and `gltf` of a scene description."""
 
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-COMMAND = [str(Path(sys.executable).parent / "rgbn")]
 SCENE = """
 [camera]
 width = 32
@@ -28,42 +23,43 @@ polar_deg = 40
 """
 
 
-def export(source, out, *words):
-    command = [*COMMAND, "export", str(source), "--out", str(out), "--format", *words]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+@pytest.fixture
+def export(run_rgbn):
+    """Run `rgbn export`; return exit code, what was printed, what was said."""
+    return lambda source, out, form: run_rgbn("export", source, "--out", out, "--format", form)
 
 
 @pytest.mark.render
-def test_a_scene_description_goes_out_whole(tmp_path):
+def test_a_scene_description_goes_out_whole(export, tmp_path):
     np.save(tmp_path / "a.npy", np.full((2, 2, 3), 0.5))
     (tmp_path / "box.toml").write_text(SCENE)
-    run = export(tmp_path / "box.toml", tmp_path / "out", "mitsuba")
-    assert run.returncode == 0, run.stderr
+    code, out, said = export(tmp_path / "box.toml", tmp_path / "out", "mitsuba")
+    assert code == 0, said
     folder = tmp_path / "out" / "export"
-    assert run.stdout.strip() == str(folder / "scene.xml")
-    assert "3 lights, one at a time" in run.stderr
-    assert "-D light=ring_000" in run.stderr
+    assert out.strip() == str(folder / "scene.xml")
+    assert "3 lights, one at a time" in said
+    assert "-D light=ring_000" in said
     found = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
     lights = [f"lights/ring_00{i}.xml" for i in range(3)]
     assert found == [*lights, "meshes/00.ply", "scene.xml", "textures/00.exr"]
 
 
-def test_what_cannot_be_exported_is_refused(tmp_path):
+def test_what_cannot_be_exported_is_refused(export, tmp_path):
     (tmp_path / "box.toml").write_text(SCENE.replace("fx", "focal"))
     for source, form, message in (
         (tmp_path / "box.toml", "mitsuba", "camera.focal: unknown key"),
         (tmp_path / "no.toml", "mitsuba", "not found"),
         (tmp_path / "box.toml", "mat", "no session"),
     ):
-        run = export(source, tmp_path / "out", form)
-        assert run.returncode == 2, run.stderr
-        assert "Traceback" not in run.stderr
+        code, _, said = export(source, tmp_path / "out", form)
+        assert code == 2, said
+        assert "Traceback" not in said
         if form == "mitsuba":
-            assert message in run.stderr
+            assert message in said
         assert not (tmp_path / "out" / "export").exists()
 
 
-def test_a_gltf_file_has_the_shape_in_metres_its_colours_and_its_gloss(tmp_path):
+def test_a_gltf_file_has_the_shape_in_metres_its_colours_and_its_gloss(export, tmp_path):
     """Read by another reader than its writer: glTF's own JSON and buffers, and what trimesh makes of them."""
     import io
     import json
@@ -75,10 +71,10 @@ def test_a_gltf_file_has_the_shape_in_metres_its_colours_and_its_gloss(tmp_path)
     # Red above, blue below: a texture that is upside down shows.
     np.save(tmp_path / "a.npy", np.array([[[0.5, 0.1, 0.1]] * 2, [[0.1, 0.1, 0.5]] * 2]))
     (tmp_path / "box.toml").write_text(SCENE.replace('"rough_plastic"', '"rough_plastic"\nroughness = 0.25'))
-    run = export(tmp_path / "box.toml", tmp_path / "out", "gltf")
-    assert run.returncode == 0, run.stderr
+    code, out, said = export(tmp_path / "box.toml", tmp_path / "out", "gltf")
+    assert code == 0, said
     path = tmp_path / "out" / "export" / "scene.glb"
-    assert run.stdout.strip() == str(path)
+    assert out.strip() == str(path)
     data = path.read_bytes()
     magic, version, length = struct.unpack("<4sII", data[:12])
     assert (magic, version, length) == (b"glTF", 2, len(data))

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 from rich.console import Console
 
-from rgbn.step_tables import TABLES, camera_text, light_tables
+from rgbn.step_tables import TABLES, camera_text
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.spheres import Sphere
@@ -64,7 +64,8 @@ def test_lights_and_balls_are_where_a_tape_measure_finds_them(tmp_path):
     store.save_camera(CAMERA)
     ball = Sphere("chrome", np.array([600.0, 40.0]), 45.0, 100.0, 0.02)
     store.save_spheres([ball], CAMERA)
-    text = shown(light_tables(store, moved=True), 100)
+    job = SimpleNamespace(store=store, done={"align": {}})
+    text = shown(TABLES["calibrate"](job, {}), 100)
     rows = {line.split()[0]: line.split()[1:] for line in text.splitlines() if line.split()}
     assert rows["right"] == ["53.1", "0.0", "500", "1.200", "0.20"]
     assert rows["below"] == ["0.0", "270.0", "600", "0.800", "–", "no", "highlight", "seen"]
@@ -74,4 +75,5 @@ def test_lights_and_balls_are_where_a_tape_measure_finds_them(tmp_path):
     away = np.linalg.norm(ball.center_mm(CAMERA))
     assert rows["chrome"] == ["(600.0,", "40.0)", "45.00", "100", f"{away:.0f}", "0.020"]
     assert away > 1.02 * -ball.center_mm(CAMERA)[2]
-    assert "amid the balls" in shown(light_tables(store, moved=False))
+    job.done = {}
+    assert "amid the balls" in shown(TABLES["calibrate"](job, {}))

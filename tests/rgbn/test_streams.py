@@ -1,5 +1,6 @@
-"""Standard streams that are closed, full or of another alphabet; and work that is long off a terminal."""
+"""Standard streams that are closed, full or of another alphabet; work that is long off a terminal; threads."""
 
+import os
 import re
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from lab import progress
+from tests.lab.test_foreign_files import make_session
 
 ROOT = Path(__file__).parents[2]
 FULL = Path("/dev/full")
@@ -40,9 +42,7 @@ def test_standard_output_on_a_full_disk_is_told_once(words):
         ("--help <&- >&- 2>&-", 0),
         ("check nowhere 2>&-", 2),
         ("check nowhere >&-", 2),
-        pytest.param(
-            "check nowhere 2> /dev/full", 2, marks=pytest.mark.skipif(not FULL.exists(), reason="no /dev/full")
-        ),
+        ("check nowhere 2> /dev/full", 2),
     ],
 )
 def test_closed_streams_keep_the_exit_code(words, code):
@@ -64,8 +64,6 @@ def test_a_closed_stream_s_number_is_not_given_to_a_file(tmp_path, picture_folde
 
 
 def test_an_ascii_terminal(picture_folder, tmp_path):
-    import os
-
     code, out, said = shell(
         f"check {picture_folder} --out {tmp_path / 'out'}", environment={**os.environ, "PYTHONIOENCODING": "ascii"}
     )
@@ -82,17 +80,19 @@ def test_a_word_that_is_no_text():
 
 @pytest.fixture
 def picture_folder(tmp_path):
-    import numpy as np
+    make_session(tmp_path / "session")
+    manifest = tmp_path / "session" / "session.toml"
+    manifest.write_text('name = "Jörg\'s box"\n' + manifest.read_text())
+    return manifest.parent
 
-    from scene.files import write_png
 
-    folder = tmp_path / "session"
-    folder.mkdir()
-    rng = np.random.default_rng(0)
-    for index in range(4):
-        write_png(folder / f"flash_{index}.png", (rng.uniform(0.2, 0.6, (48, 64, 3)) * 65535).astype(np.uint16))
-    (folder / "session.toml").write_text('name = "Jörg\'s box"\n[frames]\nflash = "flash_*.png"\nlinear = true\n')
-    return folder
+@pytest.mark.parametrize(("settings", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, "2")])
+def test_one_blas_thread_by_default_and_the_user_wins(settings, threads):
+    """Set before numpy is loaded, which reads it once."""
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    program = "import rgbn.cli, os, sys; assert 'numpy' not in sys.modules; print(os.environ['OPENBLAS_NUM_THREADS'])"
+    run = subprocess.run([sys.executable, "-c", program], env=environment | settings, stdout=subprocess.PIPE, cwd=ROOT)
+    assert run.stdout.split() == [threads.encode()]
 
 
 def test_a_single_long_unit_is_heard_of(monkeypatch, capsys):

@@ -2,16 +2,13 @@
 
 import json
 import shlex
-import subprocess
 import sys
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 import trimesh
 
-COMMAND = [str(Path(sys.executable).parent / "rgbn")]
 WIDTH, HEIGHT, FOCAL = 96, 72, 150.0
 BALL_MM, RADIUS_MM = np.array([0.0, 0.0, -300.0]), 50.0
 FLASHES_MM = [[180 * np.cos(a), 180 * np.sin(a), 40 * np.sin(3 * a)] for a in np.arange(10) * 2 * np.pi / 10]
@@ -56,9 +53,15 @@ def photograph(folder, *, near):
     return folder
 
 
-def solve(session, out, *words):
-    command = [*COMMAND, "solve", str(session), "--out", str(out), *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=200)
+@pytest.fixture
+def solve(run_rgbn):
+    """Run `rgbn solve`; return exit code and what was said."""
+
+    def run(session, out, *words):
+        code, _, said = run_rgbn("solve", session, "--out", out, *words)
+        return code, said
+
+    return run
 
 
 @pytest.fixture(scope="module")
@@ -74,40 +77,39 @@ def radii(path):
 
 
 @pytest.mark.full
-def test_the_mesh_is_the_ball_where_it_stood(near_session, tmp_path):
+def test_the_mesh_is_the_ball_where_it_stood(near_session, solve, tmp_path):
     """The lights' reference point is the ball's middle, 50 mm behind what is seen: only the shading tells the depth."""
     mesh = tmp_path / "ball.ply"
-    run = solve(near_session, tmp_path / "out", "--method", "ls,near", "--mesh", mesh)
-    assert run.returncode == 0, run.stderr
-    assert "near," in run.stderr
-    assert "distance was found by the shading" in run.stderr
+    code, said = solve(near_session, tmp_path / "out", "--method", "ls,near", "--mesh", mesh)
+    assert code == 0, said
+    assert "near," in said
+    assert "distance was found by the shading" in said
     assert np.median(np.abs(radii(mesh) - RADIUS_MM)) < 1.5
     depth = np.load(tmp_path / "out" / "depth" / "near.npy")
     vertices = trimesh.load_mesh(mesh).vertices
     assert np.isclose(vertices[:, 2].max(), np.nanmax(depth), atol=1e-3), "the depth map's own surface"
 
 
-def test_without_depth_the_first_methods_normals_are_integrated(near_session, tmp_path):
+def test_without_depth_the_first_methods_normals_are_integrated(near_session, solve, tmp_path):
     mesh = tmp_path / "ball.ply"
-    run = solve(near_session, tmp_path / "out", "--method", "iterative,ls", "--mesh", mesh)
-    assert run.returncode == 0, run.stderr
-    assert "iterative," in run.stderr
-    assert "z = -300 mm" in run.stderr
+    code, said = solve(near_session, tmp_path / "out", "--method", "iterative,ls", "--mesh", mesh)
+    assert code == 0, said
+    assert "iterative," in said
+    assert "z = -300 mm" in said
     middle = np.median(trimesh.load_mesh(mesh).vertices[:, 2])
     assert abs(middle + 300) < 15
 
 
-@pytest.mark.parametrize(("name", "words"), [("ball.obj", "written as PLY"), ("ball", "written as PLY")])
-def test_another_ending_is_refused_before_the_work(near_session, tmp_path, name, words):
-    run = solve(near_session, tmp_path / "out", "--mesh", tmp_path / name)
-    assert run.returncode == 2
-    assert words in run.stderr
-    assert "Traceback" not in run.stderr
+@pytest.mark.parametrize("name", ["ball.obj", "ball"])
+def test_another_ending_is_refused_before_the_work(near_session, solve, tmp_path, name):
+    code, said = solve(near_session, tmp_path / "out", "--mesh", tmp_path / name)
+    assert code == 2
+    assert "written as PLY" in said
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.full
-def test_another_program_runs_once_for_its_mesh(near_session, tmp_path):
+def test_another_program_runs_once_for_its_mesh(near_session, solve, tmp_path):
     """It counts its own calls, beside what it is told: a second solve would show."""
     np.save(tmp_path / "normals.npy", np.where(ball()[0][..., None], ball()[1], 0))
     (tmp_path / "count.py").write_text(
@@ -121,16 +123,16 @@ def test_another_program_runs_once_for_its_mesh(near_session, tmp_path):
     program = f"{shlex.quote(sys.executable)} {tmp_path / 'count.py'} {{data}} {{out}} {tmp_path}"
     words = ("--method", "ls", "--external", f"Counting={program}")
     for mesh in ("first.ply", "second.ply"):
-        run = solve(near_session, tmp_path / "out", *words, "--mesh", tmp_path / mesh)
-        assert run.returncode == 0, run.stderr
+        code, said = solve(near_session, tmp_path / "out", *words, "--mesh", tmp_path / mesh)
+        assert code == 0, said
         assert (tmp_path / mesh).exists()
     assert (tmp_path / "calls.txt").read_text().split() == ["called"]
 
 
-def test_a_mesh_of_anothers_is_refused_before_the_work(near_session, tmp_path):
+def test_a_mesh_of_anothers_is_refused_before_the_work(near_session, solve, tmp_path):
     (tmp_path / "ball.ply").write_text("mine")
-    run = solve(near_session, tmp_path / "out", "--mesh", tmp_path / "ball.ply")
-    assert run.returncode == 2
-    assert "rgbn did not write it" in run.stderr
+    code, said = solve(near_session, tmp_path / "out", "--mesh", tmp_path / "ball.ply")
+    assert code == 2
+    assert "rgbn did not write it" in said
     assert (tmp_path / "ball.ply").read_text() == "mine"
     assert not (tmp_path / "out" / "lights.json").exists(), "no step ran"

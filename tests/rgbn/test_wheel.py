@@ -35,17 +35,8 @@ def installed(wheel, tmp_path_factory):
     own = Path(sysconfig.get_path("purelib", vars={"base": str(folder)}))
     # Path files that lie in a folder that a path file names are not read: the checkout stays out.
     (own / "libraries.pth").write_text(sysconfig.get_path("purelib") + "\n")
-    pip = [
-        sys.executable,
-        "-m",
-        "pip",
-        "--python",
-        str(folder / "bin" / "python"),
-        "install",
-        "--no-deps",
-        "--no-index",
-    ]
-    subprocess.run([*pip, "--quiet", str(wheel)], check=True, capture_output=True)
+    pip = [sys.executable, "-m", "pip", "--python", str(folder / "bin" / "python"), "install", "--no-deps"]
+    subprocess.run([*pip, "--no-index", "--quiet", str(wheel)], check=True, capture_output=True)
     # The checkout's compiled kernels: numba takes them for a source of the same size and time of change.
     for kernel in (found for room in ROOMS for found in (ROOT / room).rglob("*.nb?")):
         place = own / kernel.parent.relative_to(ROOT)

@@ -38,6 +38,14 @@ def on_open(word, act):
 class Cluster:
     """Processes in a folder, and what they say."""
 
+    SLOW = """
+def slow(count):
+    time.sleep(0.5)
+    open(os.path.join(os.path.dirname(__file__), "works"), "w").close()
+
+on_open("flash_", slow)
+"""
+
     def __init__(self, folder):
         self.folder, self.address = folder, None
         self.scheduler, self.workers, self.runs = None, [], []
@@ -61,12 +69,28 @@ class Cluster:
         return self.workers[-1]
 
     def solve(self, session, out, **settings):
-        """Start `rgbn solve` on the cluster."""
-        return self.start("solve", session, "--out", out, "--method", METHODS, **settings)
+        """Run `rgbn solve` on the cluster, to its end; return it with what it said."""
+        return self.run("solve", session, "--out", out, "--method", METHODS, **settings)
+
+    def begin(self, session, out):
+        """Start `rgbn solve` on the cluster, and wait until its first, slow worker is at work."""
+        process, end = self.start("solve", session, "--out", out, "--method", METHODS), time.monotonic() + 60
+        while not (self.folder / "worker-0" / "works").exists():
+            assert process.poll() is None, process.said.read_text()
+            assert time.monotonic() < end, process.said.read_text()
+            time.sleep(0.02)
+        return process
 
     def run(self, *words, **settings):
-        """Run rgbn on the cluster, to its end."""
-        return finish(self.start(*words, **settings))
+        """Run rgbn on the cluster, to its end; return it with what it said."""
+        return self.finish(self.start(*words, **settings))
+
+    @staticmethod
+    def finish(process):
+        """Wait for a command; return it with what it said."""
+        process.wait(timeout=300)
+        process.stderr = process.said.read_text()
+        return process
 
     def start(self, *words, scheduler=True, **settings):
         """Start rgbn; its lines go where `said` is."""
@@ -100,22 +124,6 @@ class Cluster:
             assert process.poll() is None, said.read_text()
             time.sleep(0.05)
         raise AssertionError(said.read_text())
-
-
-def finish(process):
-    """Wait for a command; return it with what it said."""
-    process.wait(timeout=300)
-    process.stderr = process.said.read_text()
-    return process
-
-
-def wait_for(there, process):
-    """Wait until something is there, while a command is at work."""
-    end = time.monotonic() + 60
-    while not there():
-        assert process.poll() is None, process.said.read_text()
-        assert time.monotonic() < end, process.said.read_text()
-        time.sleep(0.02)
 
 
 @pytest.fixture
@@ -165,7 +173,7 @@ def same(tmp_path, session, cluster):
             np.testing.assert_array_equal(np.load(here / name), np.load(out / name))
         found, truth, inside = np.load(out / "normals" / "ls.npy"), session[1], session[2]
         assert np.nanmedian(np.abs(found - truth)[inside]) < 1e-3
-        assert not list(out.glob(".cluster*")), "what was sent by files is removed"
+        assert not (out / ".rgbn" / "cluster").exists(), "what was sent by files is removed"
 
     return compare
 
@@ -185,13 +193,3 @@ def refused():
         return said[0]
 
     return check
-
-
-@pytest.fixture(name="finish")
-def fixture_of_finish():
-    return finish
-
-
-@pytest.fixture(name="wait_for")
-def fixture_of_wait_for():
-    return wait_for

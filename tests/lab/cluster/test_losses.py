@@ -6,72 +6,62 @@ import time
 import pytest
 
 from lab.cluster import executor_of
-from scene.errors import ClusterError
+from scene.errors import ClusterError, SceneError
 
 DIES = 'on_open("flash_", lambda count: count < 4 or os.kill(os.getpid(), signal.SIGKILL))'
 DIES_OF_ONE = 'on_open("flash_05", lambda count: os.kill(os.getpid(), signal.SIGKILL))'
-SLOW = """
-def slow(count):
-    time.sleep(0.3)
-    open(os.path.join(os.path.dirname(__file__), "works"), "w").close()
-
-on_open("flash_", slow)
-"""
 
 
 @pytest.mark.full
-def test_the_units_of_a_killed_worker_are_done_by_others(session, cluster, same, finish, tmp_path):
+def test_the_units_of_a_killed_worker_are_done_by_others(session, cluster, same, tmp_path):
     cluster.start_scheduler()
     dies = cluster.start_worker(habit=DIES)
     cluster.start_worker()
-    done = finish(cluster.solve(session[0], tmp_path / "out"))
+    done = cluster.solve(session[0], tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert dies.poll() == -signal.SIGKILL, "killed with a unit in its hands"
     same(tmp_path / "out")
 
 
 @pytest.mark.full
-def test_a_unit_that_kills_its_workers_ends_with_a_message(session, cluster, same, refused, finish, tmp_path):
+def test_a_unit_that_kills_its_workers_ends_with_a_message(session, cluster, same, refused, tmp_path):
     cluster.start_scheduler(DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="1")
     workers = [cluster.start_worker(habit=DIES_OF_ONE) for _ in range(3)]
-    refused(finish(cluster.solve(session[0], tmp_path / "out")), "2 workers died", "memory", "What is done is kept")
+    refused(cluster.solve(session[0], tmp_path / "out"), "2 workers died", "memory", "What is done is kept")
     assert sum(worker.poll() is not None for worker in workers) == 2, "no more are spent on it"
     workers[0].kill()
     for worker in workers:
         worker.kill()
         worker.wait()
     cluster.start_worker()
-    assert finish(cluster.solve(session[0], tmp_path / "out")).returncode == 0
+    assert cluster.solve(session[0], tmp_path / "out").returncode == 0
     same(tmp_path / "out")
 
 
 @pytest.mark.full
-def test_a_scheduler_that_is_killed_ends_the_run_with_one_message(
-    session, cluster, same, refused, finish, wait_for, tmp_path
-):
+def test_a_scheduler_that_is_killed_ends_the_run_with_one_message(session, cluster, same, refused, tmp_path):
     cluster.start_scheduler()
-    cluster.start_worker(habit=SLOW)
-    run = cluster.solve(session[0], tmp_path / "out")
-    wait_for((cluster.folder / "worker-0" / "works").exists, run)
+    cluster.start_worker(habit=cluster.SLOW)
+    run = cluster.begin(session[0], tmp_path / "out")
     cluster.scheduler.send_signal(signal.SIGKILL)
     start = time.monotonic()
-    refused(finish(run), "the scheduler was lost", "What is done is kept: run the same command again")
+    refused(cluster.finish(run), "the scheduler was lost", "What is done is kept: run the same command again")
     assert time.monotonic() - start < 30
     cluster.scheduler.wait()
     cluster.start_scheduler()
     cluster.start_worker()
-    done = finish(cluster.solve(session[0], tmp_path / "out"))
+    done = cluster.solve(session[0], tmp_path / "out")
     assert done.returncode == 0, done.stderr
     same(tmp_path / "out")
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("habit", [None, DIES])
-def test_a_run_waits_for_workers_no_longer_than_it_is_told(session, cluster, refused, finish, tmp_path, habit):
+def test_a_run_waits_for_workers_no_longer_than_it_is_told(session, cluster, refused, tmp_path, habit):
     cluster.start_scheduler()
     if habit:
         cluster.start_worker(habit=habit)
-    run = finish(cluster.solve(session[0], tmp_path / "out", DASK_RGBN__WAIT_FOR_WORKERS="12s"))
+    run = cluster.solve(session[0], tmp_path / "out", DASK_RGBN__WAIT_FOR_WORKERS="12s")
     refused(run, "it had no worker for 12 s", f"dask worker {cluster.address}")
     assert run.stderr.count("waiting for workers") == 2, "at once, and after ten seconds"
 
@@ -83,7 +73,9 @@ def test_a_unit_that_fails_or_is_cancelled_costs_the_others_nothing_but_a_silent
     monkeypatch.setattr("lab.cluster.SILENCE_S", 2)
     cluster.start_scheduler()
     cluster.start_worker()
-    with executor_of(cluster.address, tmp_path) as executor:
+    shared = tmp_path / ".rgbn" / "cluster"
+    with executor_of(cluster.address, shared) as executor:
+        assert shared.is_dir()
         units = [executor.submit(time.sleep, 0.5), executor.submit(int, "x"), executor.submit(time.sleep, 60)]
         assert units[2].cancel()
         assert list(executor.map(len, ["a", "bc"])) == [1, 2]
@@ -95,7 +87,7 @@ def test_a_unit_that_fails_or_is_cancelled_costs_the_others_nothing_but_a_silent
             units[3].result(timeout=30)
         with pytest.raises(ClusterError, match="the scheduler was lost"):
             executor.submit(len, "a")
-    assert not list(tmp_path.glob(".cluster*"))
+    assert not shared.exists()
 
 
 @pytest.mark.full
@@ -103,5 +95,13 @@ def test_a_worker_that_falls_silent_before_it_is_asked(cluster, monkeypatch, tmp
     monkeypatch.setattr("lab.cluster.SILENCE_S", 2)
     cluster.start_scheduler()
     cluster.start_worker().send_signal(signal.SIGSTOP)
-    with pytest.raises(ClusterError, match="a worker did not answer for 2 s"), executor_of(cluster.address, tmp_path):
+    with pytest.raises(ClusterError, match="a worker did not answer for 2 s"), executor_of(cluster.address):
         pass
+    # A link in the place of the arrays' folder is nothing of ours.
+    (tmp_path / ".rgbn").mkdir()
+    (tmp_path / "mine").mkdir()
+    (tmp_path / ".rgbn" / "cluster").symlink_to(tmp_path / "mine")
+    shared = executor_of(cluster.address, tmp_path / ".rgbn" / "cluster")
+    with pytest.raises(SceneError, match="cannot be written"), shared:
+        pass
+    assert not list((tmp_path / "mine").iterdir())

@@ -45,7 +45,7 @@ class Scales(ThreadPoolExecutor):
 @pytest.fixture
 def shared(tmp_path):
     """The folder of a run in an output folder."""
-    folder = tmp_path / "out" / ".rgbn" / "cluster" / "run"
+    folder = tmp_path / "out" / ".rgbn" / "cluster"
     folder.mkdir(parents=True)
     return folder
 

@@ -13,14 +13,6 @@ from scene.rooms import ROOMS, ROOT
 
 ALONE = ["unshare", "--map-root-user", "--mount"]
 
-SLOW = """
-def slow(count):
-    time.sleep(0.5)
-    open(os.path.join(os.path.dirname(__file__), "works"), "w").close()
-
-on_open("flash_", slow)
-"""
-
 
 @pytest.fixture
 def other_house(tmp_path):
@@ -36,36 +28,34 @@ def other_house(tmp_path):
 
 
 @pytest.mark.full
-def test_a_cluster_gives_what_threads_give(session, cluster, same, finish, tmp_path):
+def test_a_cluster_gives_what_threads_give(session, cluster, same, tmp_path):
     cluster.start_scheduler()
     cluster.start_worker()
     cluster.start_worker()
-    done = finish(cluster.solve(session[0], tmp_path / "out"))
+    done = cluster.solve(session[0], tmp_path / "out")
     assert done.returncode == 0, done.stderr
     same(tmp_path / "out")
 
 
 @pytest.mark.full
-def test_a_worker_of_other_code_that_joins_later_is_refused(
-    session, cluster, other_house, refused, same, finish, wait_for, tmp_path
-):
+def test_a_worker_of_other_code_that_joins_later_is_refused(session, cluster, other_house, refused, same, tmp_path):
     cluster.start_scheduler()
-    cluster.start_worker(habit=SLOW)
-    run = cluster.solve(session[0], tmp_path / "out")
-    wait_for((cluster.folder / "worker-0" / "works").exists, run)
+    cluster.start_worker(habit=cluster.SLOW)
+    run = cluster.begin(session[0], tmp_path / "out")
     stranger = cluster.start_worker(house=other_house)
-    refused(finish(run), f"the code of its rgbn in {other_house} is another", "What is done is kept")
+    refused(cluster.finish(run), f"the code of its rgbn in {other_house} is another", "What is done is kept")
     stranger.kill()
     stranger.wait()
     cluster.start_worker()
-    done = finish(cluster.solve(session[0], tmp_path / "out"))
+    done = cluster.solve(session[0], tmp_path / "out")
     assert done.returncode == 0, done.stderr
     same(tmp_path / "out")
 
 
 @pytest.mark.full
-def test_a_scheduler_that_does_not_answer(session, cluster, refused, tmp_path):
-    cluster.address = "tcp://127.0.0.1:9"
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "tcp://", "foo://a:1"])
+def test_a_scheduler_that_does_not_answer(session, cluster, refused, tmp_path, address):
+    cluster.address = address
     refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "no Dask scheduler answers", "dask scheduler")
 
 
@@ -74,7 +64,7 @@ def test_a_scheduler_that_does_not_answer(session, cluster, refused, tmp_path):
     [
         ({"code": "0" * 40}, "the code of its rgbn in .* is another"),
         ({"libraries": {"scipy": "1.0"}}, r"its scipy is .*, expected 1\.0"),
-        ({"folder": Path("nowhere/run")}, "does not see the output folder nowhere"),
+        ({"folder": Path("nowhere/.rgbn/cluster")}, "does not see the output folder nowhere"),
         ({"files": {__file__: "0"}}, "sees another file as .*test_workers_checked.py"),
         ({"files": {"nowhere/flash_00.png": "0"}}, "does not see nowhere/flash_00.png"),
     ],
@@ -90,7 +80,7 @@ def test_a_worker_that_would_give_something_else_is_refused(tmp_path, other, tol
 
 @pytest.mark.full
 def test_a_worker_whose_code_was_changed_after_it_had_loaded_it_is_refused(
-    session, cluster, other_house, refused, finish, tmp_path
+    session, cluster, other_house, refused, tmp_path
 ):
     """Its files are the expected ones again, but what it has loaded is not."""
     cluster.start_scheduler()

@@ -15,10 +15,8 @@ from scene.files import write_png
 from scene.frames import Frames
 from shoot.init.answers import Answers, Asking
 from shoot.init.contact_sheet import contact_sheet
-from shoot.init.draft import Draft
-from shoot.init.draft_notes import notes_of
-from shoot.init.scan_unit import ScanSize, unit_by_size
-from shoot.init.session_text import is_unedited, session_text, signed
+from shoot.init.draft import Draft, ScanSize, unit_by_size
+from shoot.init.session_text import is_unedited, notes_of, session_text, signed
 
 
 def asking(monkeypatch, text, answers=None, **more):
@@ -37,6 +35,9 @@ def test_each_question_is_asked_once_until_its_answer_can_be_read(monkeypatch, c
     assert "2 chrome balls at (1, 2), (3, 4) px; where they differ" in told
     with pytest.raises(SessionError, match="--white 70 50: 2 diameters, but 3 white balls"):
         asked.diameters("white", [], 3)
+    # A focal length without the sensor's width tells nothing, of the first object and of the next.
+    asked = asking(monkeypatch, "50\n\n")
+    assert [asked.camera(is_known=False) for _ in ("one object", "another")] == [{}, {}]
 
 
 @pytest.mark.parametrize(

@@ -121,16 +121,6 @@ def test_only_its_own_file_is_written_anew(mine, tmp_path, monkeypatch):
     assert manifest.is_symlink()
 
 
-def test_nothing_is_written_where_the_output_is_anothers(mine, tmp_path):
-    other = tmp_path / "out" / mine.name
-    other.mkdir(parents=True)
-    (other / "thesis.txt").write_text("years of work")
-    before = lay_out(tmp_path)
-    with pytest.raises(SceneError, match=r"is not empty \(thesis.txt\)"):
-        init_sessions(mine, Answers(), silent=True)
-    assert lay_out(tmp_path) == before
-
-
 def test_the_command_says_what_to_run_for_each_object(run_rgbn, tmp_path, monkeypatch):
     """Paths with blanks can be pasted; `next` named one object of several."""
     for name in ("a cat", "owl"):
@@ -163,14 +153,20 @@ def test_several_objects_in_one_folder_are_no_session(mine, tmp_path):
         (["filenames.txt", "1.png", "2.png", "3.png"], "DiLiGenT layout already. Run: rgbn process"),
         (["1.png", "2.png"], "holds 2 photographs"),
         (["1.png", "2.png", "3.png"], "0 of 3 photographs can be read.\n.*1.png"),
+        # The output folder is another's.
+        (["../out/hot/thesis.txt"], r"is not empty \(thesis.txt\)"),
     ],
 )
-def test_what_is_refused(tmp_path, names, words):
+def test_what_is_refused(tmp_path, monkeypatch, names, words):
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "hot"
+    folder.mkdir() if "thesis" not in words else take_photographs(folder)
     for name in names:
-        (tmp_path / name).write_bytes(b"")
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(b"")
     before = lay_out(tmp_path)
-    with pytest.raises(SessionError, match=words):
-        init_sessions(tmp_path, Answers(), silent=True)
+    with pytest.raises(SceneError, match=words):
+        init_sessions(folder, Answers(), silent=True)
     assert lay_out(tmp_path) == before
 
 

@@ -76,7 +76,8 @@ def test_the_noise_is_that_of_the_virtual_camera(iso):
 def test_flashes_stay_in_reach_and_out_of_the_picture():
     middle = np.array([0, 0, -800.0])
     ring, sector = PlanOptions(from_deg=50.0, to_deg=50.0), PlanOptions(azimuths_deg=(300.0, 60.0))
-    for options in (AS_USUAL, ring, sector):
+    thin = (PlanOptions(from_deg=12.0, to_deg=12 + 1e-9), PlanOptions(from_deg=0.0, to_deg=1e-9))
+    for options in (AS_USUAL, ring, sector, *thin):
         away = places_in_reach(options, middle, 100.0) - middle
         zenith = np.degrees(np.arccos(away[:, 2] / np.linalg.norm(away, axis=1)))
         assert np.linalg.norm(away, axis=1) == pytest.approx(700.0)

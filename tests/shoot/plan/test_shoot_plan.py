@@ -21,9 +21,8 @@ CAMERA = lens_camera(50.0, 36.0, (1500, 1000))
 REACH = PlanOptions(flash_mm=800.0)
 
 
-def planned(pixels, spheres, count, *, so_far=None, accuracy_deg=None):
-    options = replace(REACH, flashes=count, accuracy_deg=accuracy_deg)
-    return plan_shoot(pixels, spheres, options, so_far=so_far)
+def planned(so_far, count, accuracy_deg=None):
+    return plan_shoot(so_far, replace(REACH, flashes=count, accuracy_deg=accuracy_deg))
 
 
 def relief():
@@ -89,7 +88,8 @@ def test_sigma_is_that_of_least_squares_under_noise_and_misplaced_lights(pixels,
 
 
 def test_a_plan_beats_the_even_dome_and_ends_where_the_accuracy_is_reached(pixels, spheres):
-    plan, middle = planned(pixels, spheres, 8), pixels.set_up.middle_mm
+    begun, middle = UnderWay.begun(pixels, spheres), pixels.set_up.middle_mm
+    plan = planned(begun, 8)
     places = places_in_reach(REACH, middle, 120.0, 8)
     covariance = joint_covariance(predict_lights(CAMERA, spheres, places, middle))
     slopes = light_slopes(places, middle, pixels.points, pixels.b)
@@ -97,11 +97,11 @@ def test_a_plan_beats_the_even_dome_and_ends_where_the_accuracy_is_reached(pixel
     assert plan.predicted[-1].sigma_deg.mean() < even.sigma_deg.mean()
     assert len(plan.lights) == 8
     assert plan.stop_after is None
-    longer = planned(pixels, spheres, 12)
+    longer = planned(begun, 12)
     for count in (6, 7, 9):
         # Just what the first of more reach: flashes that are chosen for so many may be a little worse.
         wanted = 1.0001 * longer.predicted[count - 1].error_deg
-        short = planned(pixels, spheres, 12, accuracy_deg=wanted)
+        short = planned(begun, 12, wanted)
         assert len(short.lights) == short.stop_after == len(short.predicted) <= count
         assert short.predicted[-1].error_deg <= wanted
 
@@ -119,8 +119,8 @@ def test_flashes_so_far_count_and_the_next_one_comes_from_elsewhere(pixels, sphe
         (replace(distant, direction_sigma_deg=unknown), "is not known, and the error counts nothing of it"),
     ):
         so_far = UnderWay(pixels, pixels.under(given), np.zeros((0, 2), int), given, spheres)
-        plan = planned(pixels, spheres, 9, so_far=so_far)
-        assert plan.there == 8
+        plan = planned(so_far, 9)
+        assert len(plan.so_far.lights) == 8
         assert plan.lights.positions_mm[8, 0] < 0
         if given is lights:
             assert plan.lights.positions_mm[:8] == pytest.approx(right)
@@ -136,10 +136,10 @@ def test_a_session_that_has_all_its_flashes_is_told_what_one_more_brings(pixels,
     given = lights_at(places_in_reach(REACH, middle, 120.0)[::6], middle)
     for some in (spheres, [replace(sphere, diameter_mm=None) for sphere in spheres]):
         so_far = UnderWay(pixels, pixels.under(given), np.zeros((0, 2), int), given, some)
-        plan = planned(pixels, some, 4, so_far=so_far)
-        assert len(plan.lights) == plan.there + 1 == len(given) + 1
+        plan = planned(so_far, 4)
+        assert len(plan.lights) == len(plan.so_far.lights) + 1 == len(given) + 1
         # Where the accuracy is reached, none is asked for.
-        assert len(planned(pixels, some, 4, so_far=so_far, accuracy_deg=80.0).lights) == len(given)
+        assert len(planned(so_far, 4, 80.0).lights) == len(given)
         facts = plan_facts(plan) | {"name": "a"}
         assert "Next: " in answer_of(facts)
         assert len(facts["balls"]) == (len(spheres) if some is spheres else 0)
@@ -167,7 +167,7 @@ def test_balls_stand_whole_in_the_picture_beside_the_object_and_apart(pixels, sp
 
 @pytest.mark.full
 def test_the_page_says_what_the_plan_says_on_one_sheet(pixels, spheres, chromium):
-    facts = plan_facts(planned(pixels, spheres, 6, accuracy_deg=0.001)) | {"name": "<cup & saucer>"}
+    facts = plan_facts(planned(UnderWay.begun(pixels, spheres), 6, 0.001)) | {"name": "<cup & saucer>"}
     page = plan_page(facts)
     assert "&lt;cup &amp; saucer&gt;" in page
     assert "<script" not in page

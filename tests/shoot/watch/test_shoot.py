@@ -160,7 +160,7 @@ def test_a_photograph_is_judged_while_the_lights_of_those_before_are_fitted(tmp_
         # The second one comes while the first is followed.
         if not judged or (len(judged) == 1 and following.is_set()):
             taken.shots[len(judged)] = SimpleNamespace(name=f"{len(judged)}.dng")
-        return [], False
+        return [], len(taken.shots) > len(judged)
 
     following = threading.Event()
 
@@ -181,7 +181,7 @@ def test_a_photograph_is_judged_while_the_lights_of_those_before_are_fitted(tmp_
         judge=judge, follow=follow, frames=1, flash=[], roles={"ambient": []}, new=lambda told: told
     )
     screen = SimpleNamespace(renew=lambda: None, warn=said.append, note=said.append)
-    _loop(tmp_path, taken, shoot, screen, 1.0, time.monotonic)
+    _loop(tmp_path, taken, shoot, screen, 1.0, time.monotonic, threading.Event())
     assert judged == [1, 2]
     assert said == ["of 1", "of 2"]
 

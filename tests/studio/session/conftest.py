@@ -22,8 +22,7 @@ from scene.output_folder import open_record
 from scene.pose import Pose, rotation_from_vector
 from scene.spheres import Sphere
 from scene.store import Store
-from shoot.init.draft import Draft
-from shoot.init.scan_unit import ScanSize
+from shoot.init.draft import Draft, ScanSize
 from twin.description.object_mesh import built_in
 
 FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"

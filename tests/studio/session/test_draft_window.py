@@ -10,7 +10,7 @@ from capture.session.session import load_session
 from capture.session.session_types import Lens
 from scene.errors import SceneError
 from shoot.init import init_session
-from shoot.init.draft_notes import notes_of
+from shoot.init.session_text import notes_of
 from studio.opening import open_path
 from studio.session.draft_window import DRAFT_ROWS, TABS, DraftWindow
 from studio.session.looking import role_of, with_role
