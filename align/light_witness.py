@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from align.light_probe.joint_equations import SECTORS, JointEquations, changed
+from align.light_probe.joint_equations import JointEquations, changed
+from align.pose.full_resolution import FinalEvidence, ObservedObject
 from align.pose.motion import looking_along, robust_sigma
 from align.pose.photographed import Photographs
 from align.pose.scan_view import View
-from align.pose.shading import ShadedSamples, choose, find_shadows, take_samples
 from scene.lights import Lights
 
 Array = NDArray[np.float64]
@@ -59,26 +59,17 @@ def ask_scan(view: View, photographs: Photographs) -> Witness:
 
     Notes
     -----
-    The intensities' common factor is the albedo's. The covariance is the jackknife's over sectors of the object
-    [Efron1981], since gloss and bounced light err over whole regions, with what the changes scatter by beyond it: no
-    object is matte.
+    The intensities' common factor is the albedo's. The covariance is the jackknife's over sectors of the object, with
+    what the changes scatter by beyond it: no object is matte.
     """
     lights = photographs.lights
-    samples = take_samples(photographs.frames, lights, photographs.mask, count=PIXELS)
-    points, normals = view.surface(*photographs.camera.rays(samples.pixels))
-
-    def lit(some: Lights) -> tuple[ShadedSamples, NDArray[np.bool_]]:
-        read, vectors = samples.under(some), np.nan_to_num(some.toward(points))
-        return read, choose(read, normals, vectors, find_shadows(view, some, points, normals))
+    seen = ObservedObject.of(view.caster, photographs, None, count=PIXELS, cells=1, lights_known=False)
+    first, doubt = FinalEvidence(seen, view.pose, 0.0), np.full(len(seen.samples.pixels), DOUBT_DEG)
 
     def equations(some: Lights) -> JointEquations:
-        read, used = lit(some)
-        asked = used.any(0)
-        values = np.where(used, read.values, 0)[:, asked] / read.scale[asked]
-        seen = points[asked], normals[asked]
-        return JointEquations.of_lights(some, samples.pixels[asked], seen, values, used[:, asked], DOUBT_DEG)
+        return JointEquations.about(first.under(some), doubt, near=False, pose_known=True)
 
-    count, found = lit(lights)[1].sum(1), lights
+    count, found = first.used.sum(1), lights
     if not count.any():
         return Witness(np.zeros((len(lights), 3)), np.tile(np.eye(3), (len(lights), 1, 1)), count > 0)
     for _ in range(ROUNDS):
@@ -86,9 +77,7 @@ def ask_scan(view: View, photographs: Photographs) -> Witness:
         step = here.lights_of(here.solve()[0])
         found = changed(found, step * min(1.0, STEP / max(float(np.abs(step).max()), 1e-12)), 1.0)
     here, change = equations(found), _between(lights, found)
-    steps = np.stack([here.lights_of(here.solve(without=sector)[0]) for sector in range(SECTORS)])
-    steps -= steps.mean(0)
-    covariance = (SECTORS - 1) / SECTORS * np.einsum("sni,snj->nij", steps, steps)
+    covariance = here.jackknife()
     gain = here.lights_held_out(_between(found, lights)).sum(0)
     # A sample that is explained misses by its own variance.
     moved = (count > 0) & (gain > EXPLAINS * (gain + count))

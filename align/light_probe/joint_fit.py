@@ -6,18 +6,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from align.light_probe.joint_equations import SECTORS, JointEquations, changed, nearness_of
+from align.light_probe.joint_equations import JointEquations, changed, nearness_of
 from align.pose.full_resolution import NEAREST_PX, SETTLED_PX, UNMODELLED, FinalEvidence, ObservedObject
 from align.pose.motion import apart_px, nudge
 from align.pose.outline_edges import EdgePictures
 from align.pose.photographed import Photographs
 from align.pose.scan_view import View
+from scene.errors import AlignError
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.pose import Pose
 from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
+FEWEST_PIXELS = 200
 ROUNDS = 30
 SETTLED_DEG = 0.01
 STEP_PX, STEP = 4.0, 0.25
@@ -52,12 +54,10 @@ class Joint(NamedTuple):
     def deviations(self) -> tuple[Array, Array, Array]:
         """Return the standard deviations (N,) of directions, degrees, one axis; of intensities and distances, relative.
 
-        The jackknife's over sectors [Efron1981], the pose free with the lights: gloss, bounced light and the scan's own
-        faults err over whole regions. What all sectors share is allowed for as in the pose's covariance. The
-        distances' are NaN of distant lights.
+        The jackknife's, the pose free with the lights. What all sectors share is allowed for as in the pose's
+        covariance. The distances' are NaN of distant lights.
         """
-        steps = np.stack([self.equations.lights_of(self.equations.solve(without=k)[0]) for k in range(SECTORS)])
-        variance = UNMODELLED * (SECTORS - 1) / SECTORS * ((steps - steps.mean(0)) ** 2).sum(0)
+        variance = UNMODELLED * np.einsum("nkk->nk", self.equations.jackknife())
         unknown = np.full(len(variance), np.nan)
         far = np.sqrt(variance[:, 3]) / nearness_of(self.evidence.seen.lights) if self.near else unknown
         return np.degrees(np.sqrt(variance[:, :2].mean(1))), np.sqrt(variance[:, 2]), far
@@ -82,8 +82,19 @@ def settled(here: FinalEvidence, sigma_deg: Array, *, near: bool, rounds: int = 
     What is lit and in cast shadow, the outline's edges and the samples' scales are taken anew each round.
     """
     mesh, camera = here.seen.caster.mesh, here.seen.camera
+
+    def equations_at(here: FinalEvidence) -> JointEquations:
+        lit = here.used.any(0).sum()
+        if lit < FEWEST_PIXELS:
+            raise AlignError(
+                f"scan: no lights explain the photographs by it: {lit} pixels are left that it says are lit (expected "
+                f"at least {FEWEST_PIXELS}). It is too flat to tell the lights, or another object's. Put balls beside "
+                "the object, or give lights.file."
+            )
+        return JointEquations.about(here, _doubt(here, sigma_deg), near=near)
+
     for index in range(rounds):
-        equations = JointEquations.about(here, _doubt(here, sigma_deg), near=near)
+        equations = equations_at(here)
         every = equations.solve()[0]
         step, twist = equations.lights_of(every), every[:6]
         step *= min(1.0, STEP / max(float(np.abs(step[:, :3]).max()), 1e-12))
@@ -96,7 +107,7 @@ def settled(here: FinalEvidence, sigma_deg: Array, *, near: bool, rounds: int = 
         here = here.under(lights).renewed(pose, reach_px=max(NEAREST_PX, REACH_PX / 2 ** (index + 1)))
         if moved < SETTLED_PX and turned < SETTLED_DEG:
             break
-    return Joint(here, JointEquations.about(here, _doubt(here, sigma_deg), near=near), near)
+    return Joint(here, equations_at(here), near)
 
 
 def _doubt(here: FinalEvidence, sigma_deg: Array) -> Array:
