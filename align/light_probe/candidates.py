@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.motion import Term, descend, distinct, small_steps
+from align.pose.motion import Term, distinct, settle, small_steps
 from align.pose.photographed import Photographs, longer_side
 from align.pose.scan_outline import find_outline, outline_jacobian, sample
 from align.pose.scan_view import View
@@ -94,11 +94,13 @@ def _by_outline(
         behind, here, ahead = (sample(distance, outline.pixels + d * outline.outward) for d in (-1.0, 0.0, 1.0))
         jacobian = outline_jacobian(camera, outline.points, outline.outward, view.pivot)
         jacobian *= (ahead - behind)[:, None] / (4 * step_px)
-        blocks = np.zeros(len(here), np.int64)
-        return [Term(here / (2 * step_px), jacobian, blocks, constant=1 - outline.overlap(mask))]
+        return [Term(here / (2 * step_px), jacobian, np.zeros(len(here), np.int64))]
 
     scales = small_steps(caster.mesh, camera, pose, step_px=step_px)
-    return descend(terms, pose, caster.mesh.center_mm, scales, steps=8)
+    pose = settle(terms, pose, caster.mesh.center_mm, scales, steps=8, longest=10)
+    outline = find_outline(View(caster, camera, pose), cells=CELLS)
+    beside = (sample(distance, outline.pixels) / (2 * step_px)) ** 2
+    return pose, 1 - outline.overlap(mask) + float(np.mean(beside / (1 + beside))) if len(beside) else 2.0
 
 
 def _rated(view: View, samples: ShadedSamples) -> Candidate:

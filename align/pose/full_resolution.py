@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.appearance import Appearance, Lit
-from align.pose.motion import Term, apart_px, descend, disagreement, robust_sigma, settle, small_steps
+from align.pose.motion import Term, apart_px, disagreement, robust_sigma, settle, small_steps
 from align.pose.outline_edges import EdgePictures, OutlineEdges
 from align.pose.photographed import Photographs, longer_side
 from align.pose.scan_outline import Outline, find_outline, outline_jacobian, sample, signed_distance
@@ -219,7 +219,7 @@ class FinalEvidence:
         for index in range(rounds):
             before = here.pose
             how = here.terms, before, mesh.center_mm, here.steps(0.5)
-            pose = settle(*how, steps=4) if index else descend(*how, steps=6)[0]
+            pose = settle(*how, steps=4 if index else 6, longest=3 if index else 10)
             here = here.renewed(pose, reach_px=max(NEAREST_PX, self.reach_px / 2 ** (index + 1)))
             if index and apart_px(mesh, camera, before, pose) < SETTLED_PX:
                 break
