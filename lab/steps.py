@@ -112,7 +112,7 @@ def calibrate(job: Job) -> Outcome:
 
 
 def _lights_from_normals(job: Job, frames: Frames, camera: Camera, without: str) -> Any:
-    from align.registered_normals import read_normals
+    from align.truth import read_normals
     from calibrate.calibration import Calibration
     from calibrate.without_balls.from_normals import lights_from_normals
     from capture.session.requests import read_mask
@@ -172,7 +172,7 @@ def align(job: Job) -> Outcome:
 
 def _given_truth(job: Job, mask: Any) -> dict:
     """Write the ground truth that the session gives."""
-    from align.registered_normals import read_normals
+    from align.truth import read_normals
 
     normals = read_normals(job.session.normals, *mask.shape)
     normals = np.where(mask[..., None], normals, np.nan)

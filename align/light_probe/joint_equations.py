@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from align.pose.full_resolution import FinalEvidence
 from align.pose.motion import looking_along, robust_sigma
-from align.pose.scan_view import normal_slopes
 from scene.lights import Lights
 from scene.normals import unit
 
@@ -56,7 +55,7 @@ class JointEquations:
         values = np.where(used, seen.samples.values, 0)[:, asked] / seen.samples.scale[asked]
         turned, effect, outline = np.zeros((len(points), 3, 6)), 1.0, []
         if not pose_known:
-            turned = normal_slopes(here.view, seen.rays, *here.surface)[asked] * units
+            turned = here.view.normal_slopes(seen.rays, *here.surface)[asked] * units
             terms = here.terms(here.pose)
             effect = terms[1].information(units)[2]
             outline = [term.information(units)[:2] for term in terms[::2]]

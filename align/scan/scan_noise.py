@@ -83,7 +83,7 @@ class Neighbours:
         x, y = np.einsum("eak,ek->ae", looking_along(normals)[own, :2], vertices[other] - vertices[own])
         turned = (normals[other] - normals[own]).T
 
-        def total(values: Array) -> Array:
+        def total(values: Array) -> NDArray:
             return np.bincount(own, values, len(degree))
 
         a, b, c, square = total(x * x), total(x * y), total(y * y), total((turned**2).sum(0))
