@@ -15,14 +15,15 @@ from scene.mesh import Mesh
 
 Array = NDArray[np.float64]
 
-BIASED = 8.0, 4.0
-"""The squared bias of a quadratic, of a cubic: so many times the mean square of its residuals beyond the noise's, over
-its radius squared. A quadratic that misses a cubic is off by 16 where that is x^3, by none where it is x^3 - 3 x y^2.
+BIASED = 8.0
+"""A fit's squared bias is so many times the mean square of its residuals beyond the noise's, over its radius squared.
+
+A quadratic that misses a cubic is off by 16 where that is x^3, by none where it is x^3 - 3 x y^2.
 """
 JUDGE = 3
 """The fit that judges the mean of the faces around, which has no residuals: the second cubic."""
-ROUNDS = 6
-"""What fits leave is averaged over so many rings: about 30 independent neighbours."""
+ROUNDS = 3
+"""What shape fits leave is averaged over so many rings."""
 BETWEEN = 0.4
 """How far normals between the vertices may be from interpolated ones, of what a ring's normals miss a linear law by.
 
@@ -101,7 +102,10 @@ def _adapt(
             at, left = asked[known], rough[known, degree] - noise.rest[level, degree] * square
             normals[asked, rung] = fitted[:, degree]
             variance[at, rung] = unit[known, degree] * square
-            bias[:, rung] = averaged(BIASED[degree] * left / (step * near.spacing_mm[at]) ** 2, at)
+            bias[:, rung] = averaged(BIASED * left / (step * near.spacing_mm[at]) ** 2, at)
+            # What a small fit does not follow, a larger one follows even less, however fine it looks from afar.
+            if level:
+                bias[:, rung] = np.maximum(bias[:, rung], bias[:, rung - 2])
     # Six faces around a vertex turn by 0.8 sigma / edge; irregular ones by a little more.
     variance[asked, -1] = np.minimum(noise.excess[0, 0], 1.0) * square / near.spacing_mm[asked] ** 2
     at = np.flatnonzero(np.isfinite(variance[:, JUDGE]))
@@ -110,11 +114,8 @@ def _adapt(
 
     # Averaged over the vertices that have the fit: those that need no wide one do not speak of it.
     fit = np.isfinite(variance)
-    # What a small fit does not follow, a larger one follows even less, however fine it looks from afar.
-    worst = bias.copy()
-    worst[:, :-1] = np.maximum.accumulate(bias[:, :-1].reshape(count, -1, 2), axis=1).reshape(count, -1)
-    risk = near.smooth(np.where(fit, variance + worst, 0.0), 2) / np.maximum(near.smooth(1.0 * fit, 2), 1e-12)
+    risk = near.smooth(np.where(fit, variance + bias, 0.0), 2) / np.maximum(near.smooth(1.0 * fit, 2), 1e-12)
     best = np.arange(count), np.where(fit, risk, np.inf).argmin(1)
     own = np.where(where, variance[best] + bias[best], 0.0)
-    total, known = near.smooth(np.stack([own, np.where(where, 1.0, 0.0)], -1), 1).T
+    total, known = near.smooth(np.stack([own, 1.0 * where], -1), 1).T
     return normals[best].astype(np.float64), np.sqrt(total / np.maximum(known, 1e-12)), bias[:, JUDGE]
