@@ -155,7 +155,8 @@ def scan_noise(mesh: Mesh, near: Neighbours) -> ScanNoise:
                     ok = known[:, degree]
                     if ok.any():
                         answer[reach, level, degree] += np.mean(turned[ok, degree] / variance[ok, degree]) / DRAWS
-                        rest[reach, level, degree] += np.mean(rough[ok, degree]) / DRAWS
+                if level == 0 and known[:, 1].any():
+                    rest[reach] += np.mean(rough[known[:, 1], 1]) / DRAWS
                 left[reach, level] += _quantile(rough) / DRAWS
     floor = (ROUNDING * mesh.radius_mm) ** 2
     if not (left > 0).all():
