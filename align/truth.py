@@ -1,6 +1,10 @@
-"""Ground-truth normals: the registered scan, seen through the camera, and how sure each normal is."""
+"""Ground-truth normals: the registered scan, seen through the camera, and how sure each normal is; or a file's.
+
+Files that are already registered are those of DiLiGenT and its relatives.
+"""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +12,9 @@ from numpy.typing import NDArray
 from align.pose.motion import nudge
 from align.pose.scan_view import View
 from align.scan.smooth_normals import smooth_normals
+from formats.normal_maps import read_normal_map
 from scene.camera import Camera
+from scene.errors import AlignError, SceneError
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg, unit
 from scene.pose import Pose
@@ -85,7 +91,8 @@ def ground_truth(
     found = np.full((height, width, 3), np.nan, np.float32)
     depth = np.full((height, width), np.nan, np.float32)
     sigma = np.full((height, width), np.nan, np.float32)
-    top, bottom = _rows(view)
+    (_, top), (_, tall) = view.box()
+    top, bottom = max(int(top), 0), min(int(top + tall) + 1, height)
     step = max(1, BAND_PIXELS // width)
     for first in range(top, bottom, step):
         last = min(first + step, bottom)
@@ -135,14 +142,6 @@ def _average(view: View, pixels: NDArray, face: NDArray, depth: NDArray, middle:
     return out
 
 
-def _rows(view: View) -> tuple[int, int]:
-    """Return the range of rows that can see the mesh."""
-    v = view.camera.project(view.pose.apply(view.caster.mesh.vertices))[:, 1]
-    if np.isnan(v).any():
-        return 0, view.camera.height
-    return max(int(v.min()) - 2, 0), min(int(v.max()) + 3, view.camera.height)
-
-
 def _reliable(view: View, hits: Hits, points: Array, normals: Array, directions: Array) -> NDArray[np.bool_]:
     """Return (h, w): the pixel sees one piece of well-sampled surface, from its front."""
     shape, mesh = points.shape[:2], view.caster.mesh
@@ -188,3 +187,50 @@ def _longer(view: View) -> View:
 def _turned(view: View, pixels: NDArray, normals: Array) -> Array:
     """Return (P,), degrees squared: by how much the normals of another view differ."""
     return np.nan_to_num(angular_error_deg(view.normals(view.hits(pixels)), normals) ** 2)
+
+
+def read_normals(path: Path, height: int, width: int) -> NDArray[np.float32]:
+    """Read a normal map that lies on the frames' pixels.
+
+    .mat (`Normal_gt` or the only H x W x 3 array; MATLAB 5 to 7.3), .txt (H * W rows of 3, row by row), .npy (H, W, 3),
+    or .png of 8 or 16 bits, RGB = (n + 1) / 2. Return (H, W, 3): unit, camera frame (x right, y up, z toward the
+    viewer), NaN where the file has none.
+
+    Raises
+    ------
+    AlignError
+        The file cannot be read, has another size, no unit vectors, or looks away from the camera.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise AlignError(f"{path}: there is no such file. Check normals under [object] in session.toml.")
+    try:
+        values = read_normal_map(path, height, width)
+    except SceneError as error:
+        raise AlignError(str(error)) from error
+    return _checked(path, values, tolerance=0.02 if path.suffix.lower() == ".png" else 0.01)
+
+
+def _checked(path: Path, values: NDArray, *, tolerance: float) -> NDArray[np.float32]:
+    length = np.linalg.norm(values.astype(np.float64), axis=-1)
+    known = np.isfinite(length) & (length > 0.1)
+    if not known.any():
+        raise AlignError(f"{path}: no pixel has a normal (all are zero or no numbers).")
+    off = np.abs(length[known] - 1) > 5 * tolerance
+    if off.mean() > 0.02:
+        raise AlignError(
+            f"{path}: {100 * off.mean():.0f} % of the vectors are not of length 1 (median length "
+            f"{np.median(length[known]):.3f}). Store unit vectors"
+            f"{', coded as (n + 1) / 2' if path.suffix.lower() == '.png' else ''}."
+        )
+    behind = values[known][:, 2] < 0
+    if behind.mean() > 0.1:
+        raise AlignError(
+            f"{path}: {100 * behind.mean():.0f} % of the normals have z < 0 and look away from the camera; expected "
+            "x right, y up, z toward the viewer. Normals in OpenCV's frame: flip the signs of y and z."
+        )
+    # A few vectors of a wrong length (interpolation at the border) are unknown, not errors of the whole map.
+    known &= np.abs(length - 1) <= 5 * tolerance
+    normals = np.full(values.shape, np.nan, np.float32)
+    normals[known] = values[known] / length[known][:, None]
+    return normals

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from align.registered_normals import read_normals
+from align.truth import read_normals
 from benchmarks.harness import SHARED
 from benchmarks.real_captures import photographs
 from calibrate.known_lights.read_known import read_lights

@@ -23,9 +23,8 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     from align.pose.motion import apart_px
     from align.pose.photographed import Photographs
     from align.pose.picks import read_picks
-    from align.pose.scan_outline import outline_strokes
     from align.pose.scan_scale import scaled_pose
-    from align.pose.scan_view import View
+    from align.pose.scan_view import View, outline_strokes
     from align.pose.shading import scan_shading
     from align.scan.smooth_normals import smooth_normals
     from align.truth import ground_truth
@@ -123,7 +122,7 @@ def _by_the_scan_alone(job: Job, mesh: Mesh, smooth: Any, photographs: Any, star
 
 def _by_the_scan(view: Any, photographs: Any, *, refine: bool) -> tuple[Lights, dict, list[str]]:
     """Return the lights, refined where that was asked for, what the scan's shading says of them, and warnings."""
-    from align.light_witness import ask_scan, refined, said
+    from align.light_probe.joint_fit import ask_scan, refined, said
 
     lights = photographs.lights
     witness = ask_scan(view, photographs)

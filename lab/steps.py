@@ -112,7 +112,7 @@ def calibrate(job: Job) -> Outcome:
 
 
 def _lights_from_normals(job: Job, frames: Frames, camera: Camera, without: str) -> Any:
-    from align.registered_normals import read_normals
+    from align.truth import read_normals
     from calibrate.calibration import Calibration
     from calibrate.without_balls.from_normals import lights_from_normals
     from capture.session.requests import read_mask

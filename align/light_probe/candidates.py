@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.motion import Term, descend, distinct, small_steps
+from align.pose.motion import Term, distinct, settle, small_steps
 from align.pose.photographed import Photographs, longer_side
-from align.pose.scan_outline import find_outline, outline_jacobian, sample
-from align.pose.scan_view import View
+from align.pose.scan_view import View, sample
 from align.pose.shading import ShadedSamples
 from align.pose.start import find_starts
 from scene.camera import Camera
@@ -89,16 +88,18 @@ def _by_outline(
 
     def terms(pose: Pose) -> list[Term]:
         view = View(caster, camera, pose)
-        outline = find_outline(view, cells=CELLS)
+        outline = view.outline(cells=CELLS)
         # The slope of the mask's distance, not of the outline's: it is what the residual follows.
         behind, here, ahead = (sample(distance, outline.pixels + d * outline.outward) for d in (-1.0, 0.0, 1.0))
-        jacobian = outline_jacobian(camera, outline.points, outline.outward, view.pivot)
+        jacobian = view.outline_jacobian(outline.points, outline.outward)
         jacobian *= (ahead - behind)[:, None] / (4 * step_px)
-        blocks = np.zeros(len(here), np.int64)
-        return [Term(here / (2 * step_px), jacobian, blocks, constant=1 - outline.overlap(mask))]
+        return [Term(here / (2 * step_px), jacobian, np.zeros(len(here), np.int64))]
 
     scales = small_steps(caster.mesh, camera, pose, step_px=step_px)
-    return descend(terms, pose, caster.mesh.center_mm, scales, steps=8)
+    pose = settle(terms, pose, caster.mesh.center_mm, scales, steps=8, longest=10)
+    outline = View(caster, camera, pose).outline(cells=CELLS)
+    beside = (sample(distance, outline.pixels) / (2 * step_px)) ** 2
+    return pose, 1 - outline.overlap(mask) + float(np.mean(beside / (1 + beside))) if len(beside) else 2.0
 
 
 def _rated(view: View, samples: ShadedSamples) -> Candidate:

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from align.pose.full_resolution import FinalEvidence
 from align.pose.motion import looking_along, robust_sigma
-from align.pose.scan_view import normal_slopes
-from scene.errors import AlignError
 from scene.lights import Lights
 from scene.normals import unit
 
@@ -27,7 +25,6 @@ SECTORS = 8
 REWEIGHTED = 5
 UNIT = 2.0
 """Sigmas at which Geman and McClure's loss bends: gloss must not pull."""
-FEWEST_PIXELS = 200
 LEAST_SIGMA, LEAST_DOUBT_DEG = 0.003, 0.2
 """Of the samples, relative to the pixel; of the scan's normals."""
 TINY, HELD = 1e-6, 1e6
@@ -47,44 +44,26 @@ class JointEquations:
     count: int  # N
 
     @classmethod
-    def about(cls, here: FinalEvidence, doubt_deg: Array, *, near: bool) -> "JointEquations":
-        """Linearise at the evidence's pose and lights; `doubt_deg` (P,) is the sigma of the scan's normals."""
+    def about(cls, here: FinalEvidence, doubt_deg: Array, *, near: bool, pose_known: bool = False) -> "JointEquations":
+        """Linearise at the evidence's pose and lights; `doubt_deg` (P,) is the sigma of the scan's normals.
+
+        `pose_known`: it is held, and the samples are taken to err alone.
+        """
         seen, units, used = here.seen, here.steps(1.0), here.used
         lights, asked = seen.lights, used.any(0)
-        if asked.sum() < FEWEST_PIXELS:
-            raise AlignError(
-                f"scan: no lights explain the photographs by it: {asked.sum()} pixels are left that it says are lit "
-                f"(expected at least {FEWEST_PIXELS}). It is too flat to tell the lights, or another object's. Put "
-                "balls beside the object, or give lights.file."
-            )
         points, normals = (array[asked] for array in here.surface)
         values = np.where(used, seen.samples.values, 0)[:, asked] / seen.samples.scale[asked]
-        turned = normal_slopes(here.view, seen.rays, *here.surface)[asked] * units
-        effect = here.shading(here.pose).information(units)[2]
+        turned, effect, outline = np.zeros((len(points), 3, 6)), 1.0, []
+        if not pose_known:
+            turned = here.view.normal_slopes(seen.rays, *here.surface)[asked] * units
+            terms = here.terms(here.pose)
+            effect = terms[1].information(units)[2]
+            outline = [term.information(units)[:2] for term in terms[::2]]
         pixels = _Pixels.of(seen.toward(points), normals, values, used[:, asked], doubt_deg[asked])
         slopes = light_slopes(lights, points, pixels.m, near=near)
         matrices, pulls = pixels.equations(slopes, turned, _sector_of(seen.samples.pixels)[asked])
-        outline, _, bias = (term.information(units)[:2] for term in here.terms(here.pose))
-        beside = _beside(len(lights), near, seen.caster.mesh.radius_mm, outline, bias)
+        beside = _beside(len(lights), near, seen.caster.mesh.radius_mm, outline)
         return cls(matrices / effect, pulls / effect, beside, len(lights))
-
-    @classmethod
-    def of_lights(
-        cls,
-        lights: Lights,
-        pixels: Array,
-        surface: tuple[Array, Array],
-        values: Array,
-        used: NDArray[np.bool_],
-        doubt_deg: float,
-    ) -> "JointEquations":
-        """Linearise at lights and a pose that is held, by relative values (N, P) of `pixels` (P, 2) on a `surface`."""
-        points, normals = surface
-        fitted = _Pixels.of(lights.toward(points), normals, values, used, np.full(len(points), doubt_deg))
-        slopes = light_slopes(lights, points, fitted.m, near=False)
-        matrices, pulls = fitted.equations(slopes, np.zeros((len(points), 3, 6)), _sector_of(pixels))
-        nothing = np.zeros((6, 6)), np.zeros(6)
-        return cls(matrices, pulls, _beside(len(lights), False, 1.0, nothing, nothing), len(lights))
 
     def solve(self, *, without: int | None = None, nearness: Array | None = None) -> tuple[Array, Array]:
         """Return the best step (6 + k N,), the pose's six first, in its units, and the pose's covariance (6, 6).
@@ -121,6 +100,15 @@ class JointEquations:
                 missed = np.einsum("ni,nij,nj->n", step, own, step) - 2 * (step * self.lights_of(pull)).sum(1)
                 gain[sector] += sign * missed
         return gain
+
+    def jackknife(self) -> Array:
+        """Return the lights' covariance (N, k, k) by leaving out each sector in turn [Efron1981], a held pose's aside.
+
+        Gloss, bounced light and the scan's own faults err over whole regions.
+        """
+        steps = np.stack([self.lights_of(self.solve(without=sector)[0]) for sector in range(SECTORS)])
+        steps -= steps.mean(0)
+        return (SECTORS - 1) / SECTORS * np.einsum("sni,snj->nij", steps, steps)
 
     def held_out(self, nearness: Array) -> Array:
         """Return (SECTORS,), by how much less near lights miss each sector than distant ones, both fitted to the rest.
@@ -202,10 +190,8 @@ def _sector_of(pixels: Array) -> NDArray[np.int64]:
     return ((np.arctan2(v, u) / (2 * np.pi) + 0.5) * SECTORS).astype(np.int64) % SECTORS
 
 
-def _beside(
-    count: int, near: bool, radius_mm: float, outline: tuple[Array, Array], bias: tuple[Array, Array]
-) -> tuple[Array, Array]:
-    """Return the equations of what is known beside the samples: the outline, and how far unknowns can be at all.
+def _beside(count: int, near: bool, radius_mm: float, outline: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Return the equations of what is known beside the samples: of the outline, and how far unknowns can be at all.
 
     A light turns by a radian, its strength changes by a factor of e, its nearness by one over the object's radius. A
     factor that all lights share is the albedo's: it is held.
@@ -213,8 +199,9 @@ def _beside(
     k = 4 if near else 3
     loose = np.tile([1.0, 1.0, 1.0, radius_mm**2][:k], count)
     matrix, pull = np.diag(np.concatenate([np.full(6, POSE_PX**-2), loose])), np.zeros(6 + count * k)
-    matrix[:6, :6] += outline[0] + bias[0]
-    pull[:6] -= outline[1] + bias[1]
+    for known, slope in outline:
+        matrix[:6, :6] += known
+        pull[:6] -= slope
     strengths = slice(8, None, k)
     matrix[strengths, strengths] += HELD
     return matrix, pull

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.appearance import Appearance, Lit
-from align.pose.motion import Term, apart_px, descend, disagreement, robust_sigma, settle, small_steps
+from align.pose.motion import Term, apart_px, disagreement, robust_sigma, settle, small_steps
 from align.pose.outline_edges import EdgePictures, OutlineEdges
 from align.pose.photographed import Photographs, longer_side
-from align.pose.scan_outline import Outline, find_outline, outline_jacobian, sample, signed_distance
-from align.pose.scan_view import View, normal_slopes, probe_rays
+from align.pose.scan_view import Outline, View, probe_rays, sample, signed_distance
 from align.pose.shading import ShadedSamples, choose, explain, find_shadows, take_samples
 from scene.camera import Camera
 from scene.lights import Lights
@@ -164,7 +163,7 @@ class FinalEvidence:
     @cached_property
     def outline(self) -> Outline:
         """The scan's."""
-        return find_outline(self.view, cells=self.seen.cells)
+        return self.view.outline(cells=self.seen.cells)
 
     @cached_property
     def edges(self) -> OutlineEdges:
@@ -219,7 +218,7 @@ class FinalEvidence:
         for index in range(rounds):
             before = here.pose
             how = here.terms, before, mesh.center_mm, here.steps(0.5)
-            pose = settle(*how, steps=4) if index else descend(*how, steps=6)[0]
+            pose = settle(*how, steps=4 if index else 6, longest=3 if index else 10)
             here = here.renewed(pose, reach_px=max(NEAREST_PX, self.reach_px / 2 ** (index + 1)))
             if index and apart_px(mesh, camera, before, pose) < SETTLED_PX:
                 break
@@ -250,14 +249,14 @@ class FinalEvidence:
         return [replace(term, weight=weight) for term, weight in weighted]
 
     def _terms(self, pose: Pose) -> list[Term]:
-        camera, mesh, edges = self.seen.camera, self.seen.caster.mesh, self.edges
+        camera, edges = self.seen.camera, self.edges
         points = pose.apply(edges.on_scan)
         unit = 3 * edges.sigma_px
         # An object darkens toward its outline, and the steepest place of the blurred edge lies inside the true outline
         # by an amount that is much the same all round: an unknown of its own, known beforehand to some tenths of a
         # pixel. Taken for the outline, it would pass for depth; were it wholly unknown, depth would not be seen.
         offset = np.einsum("kp,kp->k", camera.project(points) - edges.pixels, edges.outward)
-        jacobian = outline_jacobian(camera, points, edges.outward, pose.apply(mesh.center_mm))
+        jacobian = View(self.seen.caster, camera, pose).outline_jacobian(points, edges.outward)
         pull = 1 / (1 + ((offset - edges.bias_px) / unit) ** 2) ** 2
         common, along = np.zeros(0), np.zeros((0, 6))
         if len(offset):
@@ -270,11 +269,10 @@ class FinalEvidence:
 
     def shading(self, pose: Pose, scale: float = 1.0) -> Term:
         """Return the shading's term at a pose, of a scan `scale` times as large and as far."""
-        seen, is_here = self.seen, pose is self.pose
-        view = View(seen.caster, seen.camera, pose)
-        points, normals = self.surface if is_here else view.surface(*(part[0] for part in seen.rays))
-        slopes = normal_slopes(view, seen.rays, points, normals)
-        lit = self.lit if is_here and scale == 1 else seen.lit(points, scale)
+        seen, at = self.seen, self if pose is self.pose else self.renewed(pose, reach_px=self.reach_px)
+        points, normals = at.surface
+        slopes = at.view.normal_slopes(seen.rays, points, normals)
+        lit = at.lit if scale == 1 else seen.lit(points, scale)
         residuals, _, jacobian = explain(seen.samples, self.used, normals, lit, self.look, slopes)
         assert jacobian is not None
         unit = 3 * self.shading_sigma
@@ -291,8 +289,7 @@ class FinalEvidence:
         near = seen.near_px
         on_edge = np.abs(sample(seen.distance, outline.pixels)) < near + MASK_PX
         if seen.pictures is not None:
-            offset = seen.pictures.locate(
-                outline.pixels, outline.outward, reach_px=max(6.0, 0.05 * longer_side(seen.mask))
-            )
+            reach_px = max(6.0, 0.05 * longer_side(seen.mask))
+            offset = seen.pictures.locate(outline.pixels, outline.outward, reach_px=reach_px)
             on_edge |= np.abs(offset + self.edges.bias_px) < near
         return float(np.mean(on_edge)) if len(on_edge) else 0.0

@@ -100,15 +100,6 @@ class Term:
     """(K,): residuals of one block (a patch of the image) err together."""
     weight: float = 1.0
     """The term's share in the cost, which is weight * mean(r^2 / (1 + r^2))."""
-    constant: float = 0.0
-    """Cost without a slope, such as the area that does not overlap."""
-
-    @property
-    def cost(self) -> float:
-        if not len(self.residuals):
-            return self.weight + self.constant
-        square = self.residuals**2
-        return float(self.weight * np.mean(square / (1 + square)) + self.constant)
 
     def normal_equations(self) -> tuple[Array, Array]:
         """Return (6, 6) and (6,) of the reweighted least squares."""
@@ -144,48 +135,19 @@ Evaluate = Callable[[Pose], Sequence[Term]]
 """Terms at a pose, their Jacobians for `nudge` about the scan's middle."""
 
 
-def descend(evaluate: Evaluate, pose: Pose, middle_mm: Array, scales: NDArray, *, steps: int) -> tuple[Pose, float]:
-    """Return the pose of lowest cost from `pose` on, and the cost, by Levenberg-Marquardt [Marquardt1963].
+def settle(evaluate: Evaluate, pose: Pose, middle_mm: Array, scales: NDArray, *, steps: int, longest: float) -> Pose:
+    """Return the pose where Gauss-Newton's steps from `pose` have become small, or after so many `steps`.
 
     `middle_mm` (3,) of the scan, its own frame; `scales` (6,): a small step of each twist, rotations in radians,
-    translations in mm. A step is cut to 10 of these.
-    """
-    terms = evaluate(pose)
-    cost = sum(term.cost for term in terms)
-    damping = 1e-2
-    for _ in range(steps):
-        hessian, slope = _equations(terms, scales)
-        ridge = damping * np.diag(hessian) + 1e-9 * np.trace(hessian)
-        step = -np.linalg.lstsq(hessian + np.diag(ridge), slope, rcond=None)[0]
-        step *= min(1.0, 10 / max(float(np.abs(step).max()), 1e-12))
-        candidate = nudge(pose, step * scales, pose.apply(middle_mm))
-        new_terms = evaluate(candidate)
-        new_cost = sum(term.cost for term in new_terms)
-        if new_cost < cost:
-            small = cost - new_cost < 1e-5 * cost and float(np.abs(step).max()) < 0.02
-            pose, cost, terms = candidate, new_cost, new_terms
-            damping = max(damping / 5, 1e-5)
-            if small:
-                break
-        else:
-            if float(np.abs(step).max()) < 0.01:
-                break
-            damping = min(damping * 8, 1e3)
-    return pose, cost
-
-
-def settle(evaluate: Evaluate, pose: Pose, middle_mm: Array, scales: NDArray, *, steps: int) -> Pose:
-    """Return the pose where Gauss-Newton's steps from `pose`, near the end of the descent, have become small.
-
-    Near the end the cost's own ripples (a ray crosses an edge of the mesh, a sample its shadow's border) are larger
-    than what is left to gain, and to ask for a lower cost is to stop at the first ripple. The slope is an average
-    over many pixels: the place where it vanishes is well defined.
+    translations in mm; a step is cut to `longest` of these. No lower cost is asked for: near the end its ripples (a ray
+    crosses an edge of the mesh, a sample its shadow's border) are larger than what is left to gain. The slope is an
+    average over many pixels: the place where it vanishes is well defined.
     """
     for _ in range(steps):
         hessian, slope = _equations(evaluate(pose), scales)
         step = -np.linalg.lstsq(hessian + 1e-9 * np.trace(hessian) * np.eye(6), slope, rcond=None)[0]
         last = float(np.abs(step).max())
-        pose = nudge(pose, step * scales * min(1.0, 3 / max(last, 1e-12)), pose.apply(middle_mm))
+        pose = nudge(pose, step * scales * min(1.0, longest / max(last, 1e-12)), pose.apply(middle_mm))
         if last < 0.004:
             break
     return pose

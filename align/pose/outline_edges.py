@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from align.pose.appearance import Appearance, Lit
 from align.pose.motion import robust_sigma
 from align.pose.photographed import Photographs, box_of
-from align.pose.scan_outline import Outline, sample
-from align.pose.scan_view import View
+from align.pose.scan_view import Outline, View, sample
 from scene.lights import Lights
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.scan_outline import signed_distance
+from align.pose.scan_view import signed_distance
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.frames import Frames

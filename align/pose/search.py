@@ -11,7 +11,6 @@ from align.pose.full_resolution import NEAREST_PX, FinalEvidence, ObservedObject
 from align.pose.motion import apart_px, distinct
 from align.pose.outline_edges import EdgePictures
 from align.pose.photographed import Photographs, longer_side
-from align.pose.scan_outline import silhouette
 from align.pose.scan_view import View
 from align.pose.shading import FEWEST, cosines, explain
 from align.pose.start import find_starts
@@ -114,7 +113,7 @@ def search(
     pictures = EdgePictures.of(photographs)
 
     def observed(pixels: int, cells: int, pose: Pose | None = None) -> ObservedObject:
-        seen = None if pose is None else silhouette(View(caster, camera, pose))
+        seen = None if pose is None else View(caster, camera, pose).silhouette()
         return ObservedObject.of(caster, photographs, pictures, count=pixels, cells=cells, silhouette=seen)
 
     finalists = [one for one in rough if compare_poses(rough[0], one).deviations < CLEAR][:most]

@@ -120,8 +120,8 @@ def explain(
     """Explain samples by normals (P, 3), NaN where the scan is missed, with the best albedo for each pixel.
 
     `used` (N, P), of `choose`, is held while the pose moves, so that the cost does not jump, and so is the appearance;
-    `slopes` (P, 3, 6): the normals', see `normal_slopes`. With them there is a Jacobian; residuals and Jacobian are
-    then freed of what another appearance would make of them: it follows the pose, as the albedo does.
+    `slopes` (P, 3, 6): the normals', see `View.normal_slopes`. With them there is a Jacobian; residuals and Jacobian
+    are then freed of what another appearance would make of them: it follows the pose, as the albedo does.
 
     With b = predicted and weights w: albedo = sum w b E / sum w b^2 (variable projection [Golub1973]); w falls off for
     samples that the rest of their pixel contradicts. The albedo's slope: sum w (E - 2 albedo b) db / sum w b^2.

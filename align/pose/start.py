@@ -45,28 +45,19 @@ class Aim:
 
     @classmethod
     def at(cls, camera: Camera, mask: NDArray[np.bool_]) -> "Aim":
-        """Aim at a mask (H, W)."""
+        """Aim at a mask (H, W), along the mean of its pixels' rays."""
         from scipy.spatial.transform import Rotation
 
         v, u = np.nonzero(mask)
         origins, directions = camera.rays(np.stack([u, v], -1))
-        if camera.is_orthographic:
-            shift = np.array([*origins[:, :2].mean(0), 0.0])
-            reach = np.linalg.norm(origins[:, :2] - shift[:2], axis=1).max()
-            pose = Pose.from_rotation_translation(np.eye(3), shift)
-            return cls(camera, pose, len(u) / (camera.fx * camera.fy), float(reach))
-        rotation = np.eye(3)
+        # The smallest turn that takes -z to that ray: none under an orthographic camera, which is shifted.
+        rotation = Rotation.align_vectors(directions.mean(0), [0.0, 0.0, -1.0])[0].as_matrix()
+        pose = Pose.from_rotation_translation(rotation, [*origins[:, :2].mean(0), 0.0])
+        turned = directions @ rotation
+        xy = pose.inverse().apply(origins)[:, :2] + turned[:, :2] / -turned[:, 2:]
         # A pixel covers cos^3 / f^2 of solid angle, and 1 / cos^3 of that in the turned image.
-        solid = (-directions[:, 2]) ** 3 / (camera.fx * camera.fy)
-        for _ in range(5):
-            turned = directions @ rotation
-            xy = turned[:, :2] / -turned[:, 2:]
-            weight = solid / (-turned[:, 2]) ** 3
-            middle = np.array([*(weight @ xy / weight.sum()), -1.0])
-            # The smallest turn that takes -z to the centroid's ray.
-            rotation = rotation @ Rotation.align_vectors(middle, [0.0, 0.0, -1.0])[0].as_matrix()
-        pose = Pose.from_rotation_translation(rotation, np.zeros(3))
-        return cls(camera, pose, float(weight.sum()), float(np.linalg.norm(xy, axis=1).max()))
+        area = ((directions[:, 2] / turned[:, 2]) ** 3).sum() / (camera.fx * camera.fy)
+        return cls(camera, pose, float(area), float(np.linalg.norm(xy, axis=1).max()))
 
     def rays(self, xy: NDArray) -> tuple[Array, Array]:
         """Return origins and unit directions (P, 3), aim frame, of image coordinates (P, 2)."""
@@ -116,36 +107,29 @@ def find_starts(
 
 def _place(caster: RayCaster, aim: Aim, views: Array) -> Array:
     """Return translations (V, 3), aim frame, that give each view the mask's centroid and area."""
-    mesh = caster.mesh
-    orthographic = aim.camera.is_orthographic
+    mesh, is_flat = caster.mesh, aim.camera.is_orthographic
     side = (np.arange(RASTER) + 0.5) / RASTER * 2 - 1
     raster = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
     centers = views @ mesh.center_mm
     # A first distance from the mean projected area of a convex body, a quarter of its surface.
     first, second, third = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
     surface = np.linalg.norm(np.cross(second - first, third - first), axis=1).sum() / 2
-    distance = np.full(len(views), max(np.sqrt(surface / 4 / aim.area), 1.5 * mesh.radius_mm))
+    near = 1.5 * mesh.radius_mm
+    distance = np.full(len(views), near if is_flat else max(np.sqrt(surface / 4 / aim.area), near))
     middle = np.zeros((len(views), 2))
-    for _ in range(1 if orthographic else 2):
-        if orthographic:
-            distance[:] = 1.5 * mesh.radius_mm
+    for _ in range(2):
         offsets = np.concatenate([middle, -distance[:, None]], 1) - centers
-        extent = mesh.radius_mm if orthographic else mesh.radius_mm / np.sqrt(distance**2 - mesh.radius_mm**2)
         # The raster follows the mesh: it must hold all of it, wherever the last round put it.
-        origin_xy = middle if orthographic else middle / distance[:, None]
-        wide = np.broadcast_to(extent, len(views)) * (1 if orthographic else 1.15)
-        xy = origin_xy[:, None] + wide[:, None, None] * raster
+        away = np.ones(len(views)) if is_flat else distance
+        wide = 1.15 * mesh.radius_mm / (away if is_flat else np.sqrt(distance**2 - mesh.radius_mm**2))
+        xy = (middle / away[:, None])[:, None] + wide[:, None, None] * raster
         hits = _cast_views(caster, aim, views, offsets, xy, with_normals=False)[0]
         share = hits.mean(1)
         if not share.all():
             raise AlignError("the scan cannot be seen from some side: it is no surface. Export it again.")
-        centroid = (hits[..., None] * xy).sum(1) / hits.sum(1)[:, None]
-        if orthographic:
-            middle = middle - centroid
-        else:
-            area = share * (2 * wide) ** 2
-            middle = middle - centroid * distance[:, None]
-            distance = np.maximum(distance * np.sqrt(area / aim.area), 1.2 * mesh.radius_mm)
+        middle = middle - (hits[..., None] * xy).sum(1) / hits.sum(1)[:, None] * away[:, None]
+        if not is_flat:
+            distance = np.maximum(distance * 2 * wide * np.sqrt(share / aim.area), 1.2 * mesh.radius_mm)
     return np.concatenate([middle, -distance[:, None]], 1) - centers
 
 

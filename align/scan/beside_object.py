@@ -1,9 +1,11 @@
 """What was scanned beside the object: a calibration ball, which gives the scale, and a table, told from a flat base."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from align.scan.scan_surface import ScanSurface
+from align.scan.scan_surface import border_of, pieces_of
 from scene.robust import spread
 
 ROUND = 0.01
@@ -20,16 +22,16 @@ BENEATH = 0.02
 """At most this share of the rest's area lies beneath a table: a plinth has sides, a table seen from above none."""
 
 
-def find_balls(surface: ScanSurface) -> list[tuple[int, float]]:
+def find_balls(surface: Any) -> list[tuple[int, float]]:
     """Return the number and the radius of each piece that is a ball, at least half of it."""
     from trimesh.nsphere import fit_nsphere
 
-    balls = []
-    order = np.argsort(surface.piece, kind="stable")
-    for own in np.split(order, np.flatnonzero(np.diff(surface.piece[order])) + 1):
+    balls, piece, vertices = [], pieces_of(surface), np.asarray(surface.vertices)
+    order = np.argsort(piece, kind="stable")
+    for own in np.split(order, np.flatnonzero(np.diff(piece[order])) + 1):
         if len(own) < 50:
             continue
-        points = surface.vertices[np.unique(surface.faces[own])]
+        points = vertices[np.unique(surface.faces[own])]
         middle, radius, _ = fit_nsphere(points)
         misfit = np.abs(np.linalg.norm(points - middle, axis=1) - radius)
         # The foot on the table and a rim of noise are no part of the ball.
@@ -38,25 +40,22 @@ def find_balls(surface: ScanSurface) -> list[tuple[int, float]]:
         misfit = np.linalg.norm(points - middle, axis=1) - radius
         wide = np.ptp(points, axis=0).max() > 1.8 * radius
         if wide and near.mean() > 0.9 and np.sqrt((misfit**2).mean()) < ROUND * radius:
-            balls.append((int(surface.piece[own[0]]), float(radius)))
+            balls.append((int(piece[own[0]]), float(radius)))
     return balls
 
 
-def find_table(surface: ScanSurface) -> tuple[NDArray[np.bool_], str]:
+def find_table(surface: Any) -> tuple[NDArray[np.bool_], str]:
     """Return which faces (T,) are table, and what to say of it ("" where there is nothing to say).
 
     A table is flat; everything else stands on one side of it; it reaches well beyond the rest's outline, most ways
     round; its own outline is open (nobody scans a table from below), and what stands on it is no shallow relief.
     So the base of a vase, the side of a brick, a plate, a plinth with sides and the ground of a relief stay.
     """
-    vertices, faces, area = surface.vertices, surface.faces, surface.area
-    nothing = np.zeros(len(faces), bool), ""
-    if not len(surface.edges.border):
-        return nothing
+    vertices, faces, area = np.asarray(surface.vertices), np.asarray(surface.faces), surface.area_faces
+    nothing, border = (np.zeros(len(faces), bool), ""), np.unique(border_of(surface))
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    border = vertices[surface.ends(surface.edges.border).ravel()]
     # Small holes only: a table's outline goes around all that stands on it.
-    if np.linalg.norm(np.ptp(border, axis=0)) < 0.1 * size:
+    if not len(border) or np.linalg.norm(np.ptp(vertices[border], axis=0)) < 0.1 * size:
         return nothing
     generator = np.random.default_rng(0)
     total = np.cumsum(area)
@@ -70,16 +69,16 @@ def find_table(surface: ScanSurface) -> tuple[NDArray[np.bool_], str]:
     height = vertices @ normal - offset
     low = np.abs(height) < tolerance
     flat = low[faces[:, 0]] & low[faces[:, 1]] & low[faces[:, 2]]
-    face_height = surface.middle @ normal - offset
+    face_height = surface.triangles_center @ normal - offset
     above, beneath = face_height > 2 * tolerance, face_height < -2 * tolerance
     if not flat.any() or not above.any() or area[beneath].sum() > BENEATH * area[above].sum():
         return nothing
 
     across = np.linalg.svd(normal[None])[2][1:]
-    ours, rest = (_outline(surface.middle[_some(part)] @ across.T) for part in (flat, above))
+    ours, rest = (_outline(surface.triangles_center[_some(part)] @ across.T) for part in (flat, above))
     width = float((rest + np.roll(rest, len(rest) // 2)).max())
     margin = (ours - rest) / width
-    if np.mean(margin > BEYOND) < SIDES or not _is_open(surface, across, flat):
+    if np.mean(margin > BEYOND) < SIDES or not _is_open(vertices @ across.T, faces[flat], border):
         return nothing
     tall = float(np.quantile(face_height[_some(above)], 0.995))
     share = 100 * area[flat].sum() / area.sum()
@@ -144,10 +143,9 @@ def _plane(
     return normal, offset, tolerance
 
 
-def _is_open(surface: ScanSurface, across: NDArray, flat: NDArray[np.bool_]) -> bool:
-    """Whether most corners of the flat part's hull, in its plane's axes `across` (2, 3), are the mesh's own border."""
+def _is_open(places: NDArray, flat: NDArray, border: NDArray) -> bool:
+    """Whether most corners of the hull of faces `flat` (K, 3), of vertices at `places` (V, 2), are of the `border`."""
     from scipy.spatial import ConvexHull
 
-    used = np.unique(surface.faces[flat])
-    hull = used[ConvexHull(surface.vertices[used] @ across.T).vertices]
-    return bool(np.isin(hull, surface.ends(surface.edges.border)).mean() >= 0.5)
+    used = np.unique(flat)
+    return bool(np.isin(used[ConvexHull(places[used]).vertices], border).mean() >= 0.5)

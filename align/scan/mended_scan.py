@@ -1,12 +1,13 @@
 """The scan as the scanner wrote it, read and mended: docs/reference/file-formats.md says the same for users."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from align.scan.beside_object import find_balls, find_table
-from align.scan.scan_surface import ScanSurface, connected, orient, weld
+from align.scan.scan_surface import border_of, connected, orient, pieces_of, surface_of, weld
 from formats.meshes.scan_files import SUFFIXES, read_scan
 from scene.errors import AlignError
 from scene.length_units import UNITS_MM
@@ -52,13 +53,13 @@ def load_scan(path: Path, unit: str, *, ball_diameter_mm: float | None = None) -
     if unit not in UNITS_MM:
         raise AlignError(f"scan_unit: found {unit!r}, expected one of {', '.join(UNITS_MM)}.")
     repairs: list[str] = []
-    surface = weld(ScanSurface(*read_scan(path)), repairs)
+    surface = weld(surface_of(*read_scan(path)), repairs)
     _check_left(path, surface)
     _check_manifold(path, surface, repairs)
     table, words = find_table(surface)
     if words:
         repairs.append(words)
-    surface = surface.with_faces(~table)
+    surface = surface_of(surface.vertices, surface.faces[~table])
     scale = UNITS_MM[unit]
     kept = np.ones(len(surface.faces), bool)
     if ball_diameter_mm is not None:
@@ -69,75 +70,77 @@ def load_scan(path: Path, unit: str, *, ball_diameter_mm: float | None = None) -
         else:
             found = 2 * radius * scale
             repairs.append(f"the ball in the scan measures {found:.4g} mm, {ball_diameter_mm:.4g} mm were said")
-    surface = surface.with_faces(kept & _large(surface, kept, repairs))
+    surface = surface_of(surface.vertices, surface.faces[kept & _large(surface, kept, repairs)])
     _check_left(path, surface)
     in_mm = unit != "unknown" or ball_diameter_mm is not None
     _report_borders(surface, scale, "mm" if in_mm else "units of the file", repairs)
+    surface = orient(surface, repairs)
     # What a table, a ball or dust leaves behind.
-    surface = orient(surface, repairs).without_unused()
-    vertices = surface.vertices * scale
+    surface.remove_unreferenced_vertices()
+    vertices = np.array(surface.vertices) * scale
     _report_size(vertices, unit, in_mm, repairs)
-    return Mesh(vertices, surface.faces, tuple(repairs))
+    return Mesh(vertices, np.array(surface.faces), tuple(repairs))
 
 
-def _check_left(path: Path, surface: ScanSurface) -> None:
+def _check_left(path: Path, surface: Any) -> None:
     if len(surface.faces) < 4:
         raise AlignError(f"{path}: only {len(surface.faces)} faces with an area are left of the scan. Export it again.")
 
 
-def _check_manifold(path: Path, surface: ScanSurface, repairs: list[str]) -> None:
-    edges, vertices = surface.edges, surface.vertices
-    if not len(edges.crowded):
+def _check_manifold(path: Path, surface: Any, repairs: list[str]) -> None:
+    crowded, total = surface.edges_unique[np.bincount(surface.edges_unique_inverse) > 2], len(surface.edges_unique)
+    if not len(crowded):
         return
-    share = len(edges.crowded) / edges.total
+    share = len(crowded) / total
     places = "; ".join(
-        f"edge {one}-{two} at ({', '.join(f'{x:.4g}' for x in (vertices[one] + vertices[two]) / 2)})"
-        for one, two in np.sort(surface.ends(edges.crowded[:3]), axis=1)
+        f"edge {one}-{two} at ({', '.join(f'{x:.4g}' for x in surface.vertices[[one, two]].mean(0))})"
+        for one, two in crowded[:3]
     )
-    what = f"{len(edges.crowded)} of {edges.total} edges ({100 * share:.2g} %) have three or more faces: {places}"
+    what = f"{len(crowded)} of {total} edges ({100 * share:.2g} %) have three or more faces: {places}"
     if share > 0.02:
         raise AlignError(
-            f"{path}: not the surface of one object: {what}{' ...' if len(edges.crowded) > 3 else ''}. At most 2 % can "
+            f"{path}: not the surface of one object: {what}{' ...' if len(crowded) > 3 else ''}. At most 2 % can "
             "be worked with. Repair the scan (for example with MeshLab's 'Repair non manifold edges') and try again."
         )
     repairs.append(f"non-manifold, used as it is: {what}")
 
 
-def _without_ball(path: Path, surface: ScanSurface, repairs: list[str]) -> tuple[NDArray[np.bool_], float]:
+def _without_ball(path: Path, surface: Any, repairs: list[str]) -> tuple[NDArray[np.bool_], float]:
     """Return which faces (T,) are not the calibration ball, and its radius in the file's unit."""
-    balls = find_balls(surface)
-    if len(balls) != 1 or (surface.piece == balls[0][0]).all():
+    balls, piece = find_balls(surface), pieces_of(surface)
+    if len(balls) != 1 or (piece == balls[0][0]).all():
         found = f"balls with diameters {', '.join(f'{2 * r:.4g}' for _, r in balls)}" if balls else "none"
         raise AlignError(
             f"{path}: object.scan_ball_diameter_mm expects one ball apart from the object; found {found}. "
             "Scan the ball with a gap beside the object, or drop the key."
         )
-    kept = surface.piece != balls[0][0]
+    kept = piece != balls[0][0]
     repairs.append(f"dropped the calibration ball ({(~kept).sum()} faces)")
     return kept, balls[0][1]
 
 
-def _large(surface: ScanSurface, kept: NDArray[np.bool_], repairs: list[str]) -> NDArray[np.bool_]:
+def _large(surface: Any, kept: NDArray[np.bool_], repairs: list[str]) -> NDArray[np.bool_]:
     """Return which faces (T,) belong to pieces that are no dust."""
-    area = np.bincount(surface.piece, np.where(kept, surface.area, 0))
+    piece = pieces_of(surface)
+    area = np.bincount(piece, np.where(kept, surface.area_faces, 0))
     large = area >= SMALLEST_PIECE * area.max()
     dust = (area > 0) & ~large
     if dust.any():
         repairs.append(f"dropped {dust.sum()} loose pieces ({100 * area[dust].sum() / area.sum():.2g} % of the area)")
     if large.sum() > 1:
         repairs.append(f"kept {large.sum()} separate pieces")
-    return large[surface.piece]
+    return large[piece]
 
 
-def _report_borders(surface: ScanSurface, scale: float, unit: str, repairs: list[str]) -> None:
+def _report_borders(surface: Any, scale: float, unit: str, repairs: list[str]) -> None:
     """Say how many holes and outer borders there are, and how large the largest is."""
-    ends = surface.ends(surface.edges.border)
+    ends = border_of(surface)
     if not len(ends):
         return
     names, index = np.unique(ends, return_inverse=True)
     one, two = index.reshape(-1, 2).T
     loop = connected(one, two, len(names))
-    places = scale * surface.vertices[names]
+    places = scale * np.asarray(surface.vertices)[names]
     length = np.bincount(loop[one], np.linalg.norm(places[one] - places[two], axis=1))
     across = np.linalg.norm(np.ptp(places[loop == length.argmax()], axis=0))
     repairs.append(

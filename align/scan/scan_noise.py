@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, csr_matrix, diags, eye
 
+from align.pose.motion import looking_along
 from align.scan.jets import Fits, Graph, fit_normals
 from scene.fan_out import fan_out
 from scene.mesh import Mesh
@@ -73,6 +74,27 @@ class Neighbours:
         for _ in range(rounds):
             values = self.average @ values
         return values
+
+    def bend(self, normals: Array) -> Array:
+        """Return (V,) the rms by which the neighbours' normals miss a linear law of place about each vertex's."""
+        vertices, first, other = self.graph
+        degree = np.diff(first)
+        own = np.repeat(np.arange(len(degree)), degree)
+        x, y = np.einsum("eak,ek->ae", looking_along(normals)[own, :2], vertices[other] - vertices[own])
+        turned = (normals[other] - normals[own]).T
+
+        def total(values: Array) -> NDArray:
+            return np.bincount(own, values, len(degree))
+
+        a, b, c, square = total(x * x), total(x * y), total(y * y), total((turned**2).sum(0))
+        determinant = a * c - b * b
+        # Four or more neighbours share two slopes.
+        known = (degree >= 4) & (determinant > 1e-6 * a * c)
+        for u, v in ((total(x * axis), total(y * axis)) for axis in turned):
+            # What the law explains: s M^-1 s for each axis' slopes s.
+            explained = c * u * u - 2 * b * u * v + a * v * v
+            square -= np.divide(explained, determinant, out=np.zeros_like(a), where=known)
+        return np.where(known, np.sqrt(np.maximum(square, 0) / np.maximum(degree - 2, 1)), 0.0)
 
     def fit(self, start: Array, chosen: NDArray, step: float, heights: Array | None = None) -> Fits:
         """Fit around the vertices `chosen` (K,) within `step` spacings, on all cores; see `jets.fit_normals`."""

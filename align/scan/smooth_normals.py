@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.scan.creases import cross_creases
-from align.scan.jets import ring_bend
 from align.scan.scan_noise import STEPS, Neighbours, ScanNoise, plain_normal_gain, scan_noise
 from scene.mesh import Mesh
 
@@ -64,7 +63,7 @@ def smooth_normals(mesh: Mesh) -> tuple[Array, Array]:
     noise = scan_noise(mesh, near)
     everywhere = np.ones(len(mesh.vertices), bool)
     normals, sigma, misfit = _adapt(mesh, near, noise, mesh.vertex_normals, everywhere)
-    bend = ring_bend(near.graph, normals)
+    bend = near.bend(normals)
     unsure = np.hypot(sigma, bend) > np.radians(SUSPECT_DEG)
     cut, side = cross_creases(mesh, near, near.smooth(unsure.astype(float), 1) > 0)
     if cut.any():
@@ -77,11 +76,10 @@ def smooth_normals(mesh: Mesh) -> tuple[Array, Array]:
         explained = reached & (left < EXPLAINED * misfit)
         normals[explained], sigma[explained] = again[explained], doubt[explained]
     # Where faces are large for the noise, no fit over far neighbours is as good as the faces themselves.
-    bent = ring_bend(near.graph, mesh.vertex_normals)
-    plain = np.hypot(noise.sigma_mm * plain_normal_gain(mesh), UNEVEN * bent)
+    plain = np.hypot(noise.sigma_mm * plain_normal_gain(mesh), UNEVEN * near.bend(mesh.vertex_normals))
     better = plain < sigma
     normals[better], sigma[better] = mesh.vertex_normals[better], plain[better]
-    return normals, np.degrees(np.hypot(sigma, BETWEEN * ring_bend(near.graph, normals)))
+    return normals, np.degrees(np.hypot(sigma, BETWEEN * near.bend(normals)))
 
 
 @dataclass

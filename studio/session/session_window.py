@@ -211,7 +211,7 @@ class SessionWindow(PhotographWindow):
 
     def pose_from_picks(self) -> None:
         """Draw the scan's outline at the pose that the picks give."""
-        from align.pose.scan_outline import outline_strokes
+        from align.pose.scan_view import outline_strokes
 
         review = self.review
         found = self.picked_pose = pose_of(review, self.picks, review.scan_mesh)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from align.registered_normals import read_normals
+from align.truth import read_normals
 from scene.errors import AlignError
 from scene.normals import angular_error_deg, unit
 

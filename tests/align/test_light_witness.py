@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from align.light_witness import ask_scan, refined
+from align.light_probe.joint_fit import ask_scan, refined
 from align.pose.scan_view import View
 from lab.registration import _by_the_scan
 from scene.normals import angular_error_deg, unit

@@ -6,7 +6,6 @@ import pytest
 from align.pose.appearance import Appearance
 from align.pose.motion import nudge
 from align.pose.outline_edges import SECTORS, EdgePictures
-from align.pose.scan_outline import find_outline
 from align.pose.scan_view import View
 from scene.rays import RayCaster
 
@@ -18,7 +17,7 @@ def pictures(world):
 
 def offsets(world, pictures, pose):
     view = View(RayCaster(world.mesh), world.camera, pose)
-    outline = find_outline(view, cells=200)
+    outline = view.outline(cells=200)
     located = pictures.locate(outline.pixels, outline.outward, reach_px=4.0)
     return outline, located, pictures.expect(view, world.lights, Appearance.matte(), outline, located)
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from align.pose.motion import image_flow, nudge
-from align.pose.scan_outline import sample
-from align.pose.scan_view import View, normal_slopes, probe_rays
+from align.pose.scan_view import View, probe_rays, sample
 from align.pose.shading import find_shadows
 from scene.camera import Camera
 from scene.mesh import Mesh
@@ -27,7 +26,7 @@ def test_slopes_of_the_normals_are_what_moving_the_scan_shows(world, probed, axi
     caster, rays = probed
     here = View(caster, world.camera, world.pose)
     points, normals = here.surface(rays[0][0], rays[1][0])
-    slopes = normal_slopes(here, rays, points, normals)[:, :, axis]
+    slopes = here.normal_slopes(rays, points, normals)[:, :, axis]
     twist = np.eye(6)[axis] * (1e-3 if axis < 3 else 0.1)
     moved = (replace(here, pose=nudge(world.pose, sign * twist, here.pivot)) for sign in (1, -1))
     after, before = (view.surface(rays[0][0], rays[1][0])[1] for view in moved)

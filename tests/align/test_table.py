@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from align.scan.beside_object import find_table
-from align.scan.scan_surface import ScanSurface
+from align.scan.scan_surface import surface_of
 
 SPAN = np.linspace(-100, 100, 161)
 
@@ -45,7 +45,7 @@ def box(size, *, open_below=False):
 def found(vertices, faces, rotation, noise_mm=0.05):
     generator = np.random.default_rng(0)
     moved = (vertices + noise_mm * generator.standard_normal(vertices.shape)) @ rotation.T + [300, -40, 900]
-    return find_table(ScanSurface(moved, faces))
+    return find_table(surface_of(moved, faces))
 
 
 TABLES = {

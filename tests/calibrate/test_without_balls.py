@@ -186,7 +186,7 @@ def test_diligent_with_its_lights_withheld(name, angle_deg, strength):
     """Mean angle to the published directions, rms to the published intensities; taken as equal they are 58 % off."""
     import cv2
 
-    from align.registered_normals import read_normals
+    from align.truth import read_normals
 
     folder = DILIGENT / f"{name}PNG"
     files = (folder / "filenames.txt").read_text().split()[::3]
