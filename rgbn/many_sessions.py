@@ -22,7 +22,10 @@ COLUMNS = {
 
 
 def sessions_below(parent: Path) -> list[Path]:
-    """Return the folders of the sessions below a folder that is none itself, in their names' order."""
+    """Return the folders of the sessions below a folder that is none itself, in their names' order.
+
+    Nothing where there is but one: then the folder above it was given by mistake, and a message says so.
+    """
     if not parent.is_dir() or is_session(parent):
         return []
     # A twin is a session, too: it lies in an output folder, which has a record.
@@ -34,7 +37,7 @@ def sessions_below(parent: Path) -> list[Path]:
         inside = any((place / ".rgbn").is_dir() for place in (folder, *folder.parents) if place.is_relative_to(parent))
         if is_session(folder) and not inside and not any(folder.is_relative_to(one) for one in found):
             found.append(folder)
-    return found
+    return found if len(found) > 1 else []
 
 
 def process_all(
