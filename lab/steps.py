@@ -131,7 +131,7 @@ def _lights_from_normals(job: Job, frames: Frames, camera: Camera, without: str)
 def align(job: Job) -> Outcome:
     """Find the object; register the scan; write the ground truth."""
     from align.mask.object_mask import find_object
-    from align.registered_normals import read_normals
+    from align.truth import read_normals
     from capture.audit.part_movement import part_warnings, parts_of
     from capture.session.requests import object_box, read_mask
     from solve.axes import lights_in_other_axes
