@@ -23,13 +23,17 @@ from scene.store import Store
 HISTOGRAM_BINS = 60
 BAND_PIXELS = 1 << 21
 """Pixels worked on at a time: float64 crosses of a whole 24-megapixel map would take gigabytes."""
+LEAST_SHARE = 0.9
+"""Of the object, that must lie within a tolerance."""
 PLACES = {"real": "normals", "twin": "twin/normals"}
 
 Normals = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 
-def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, Any]:
+def compare(
+    store: Store, *, methods: Sequence[str] | None = None, tolerance_deg: float | None = None
+) -> dict[str, Any]:
     """Compare all estimates in the output folder with the truth in it, and write error maps to compare/.
 
     Parameters
@@ -40,6 +44,8 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         degrees, NaN where unknown, and .png with its colour scale drawn below.
     methods : sequence of str, optional
         The methods of this run. Without it, all whose normals are in the folder; an older run's may be among them.
+    tolerance_deg : float, optional
+        The error that the user's purpose allows.
 
     Returns
     -------
@@ -52,7 +58,9 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         once it is undone), real/twin_four_ways (`FourWays`, of methods that leave an ambiguity and of other programs),
         median_to_others_deg (the median of its median angles to the other methods), histogram (pixels per bin, the
         last one: beyond the last edge), median_sigma_deg (of the median on the photographs); level: best, and the
-        methods that are level with it (`level_methods`); histogram_edges_deg; error_scale_deg (the colour scale's end);
+        methods that are level with it (`level_methods`); tolerance: deg; method and share, the method that has most of
+        the object within it, and how much (unanswered pixels are not); least_share, what is asked for; passes; None
+        without a tolerance or a truth; histogram_edges_deg; error_scale_deg (the colour scale's end);
         frames_alike: psnr_db and ssim of the photographs and their twins (`frames_alike`);
         between_methods: a, b, pixels and statistics of the angle between each two methods on the real frames; lights,
         spheres, pose for the report; notes (plain statements, such as that there is no truth); warnings.
@@ -73,6 +81,7 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         "mask_pixels": None if mask is None else int(mask.sum()),
         "methods": {name: {"real": None, "twin": None, "median_to_others_deg": None} for name in names},
         "level": {"best": None, "level": []},
+        "tolerance": None,
         "histogram_edges_deg": None,
         "error_scale_deg": None,
         "between_methods": between,
@@ -104,6 +113,8 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
             # The median over maps: one method that fails everywhere must not darken all the others.
             written = _histograms(store, result, colour_scale_end(float(np.median(spread))))
             _level(store, result)
+            if tolerance_deg is not None:
+                result["tolerance"] = _tolerance(store, result, tolerance_deg)
     # A map that a former run left would speak of normals that are gone.
     for stale in store.path("compare").glob("error_*"):
         if stale.name not in written:
@@ -173,6 +184,21 @@ def _level(store: Store, result: dict[str, Any]) -> None:
     result["level"] = level_methods(errors, result["truth"]["sigma_deg_median"])
     for name, sigma in result["level"].pop("median_sigma_deg").items():
         result["methods"][name]["median_sigma_deg"] = sigma
+
+
+def _tolerance(store: Store, result: dict[str, Any], tolerance_deg: float) -> dict[str, Any]:
+    """Return how much of the object is within a tolerance, by the method that has most of it there."""
+    judged = [name for name, row in result["methods"].items() if row["real"]]
+    maps = {name: np.load(store.path("compare", f"error_real_{name}.npy"), mmap_mode="r") for name in judged}
+    shares = {
+        name: np.count_nonzero(error <= tolerance_deg) / result["truth"]["pixels"] for name, error in maps.items()
+    }
+    method = max(shares, key=lambda name: shares[name], default=None)
+    share = 0.0 if method is None else shares[method]
+    return {
+        "deg": tolerance_deg, "method": method, "share": share, "least_share": LEAST_SHARE,
+        "passes": share >= LEAST_SHARE,
+    }  # fmt: skip
 
 
 def _open(store: Store, place: str, name: str) -> Normals | None:

@@ -1,6 +1,7 @@
 """How the steps of an output folder run: what the command line says, and what the folder's record keeps of it."""
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
@@ -44,6 +45,15 @@ def named(option: str, text: str, known: Iterable[str]) -> tuple[str, ...]:
 def in_any_case(_: Any, tokens: Sequence[Any]) -> str:
     """Return a word of the command line in small letters, as all our names are."""
     return tokens[0].value.casefold()
+
+
+def degrees_of(_: Any, tokens: Sequence[Any]) -> float:
+    """Return an angle of the command line, as 3, 3deg or 3°; SceneError for what no error can be."""
+    text = tokens[0].value
+    with suppress(ValueError):
+        if 0 < (value := float(text.strip().removesuffix("deg").removesuffix("°"))) <= 180:
+            return value
+    raise SceneError(f"--tolerance {text}: expected degrees above 0, up to 180, such as 3deg.")
 
 
 def one_of(option: str, known: Any) -> Callable[[Any, Sequence[Any]], str]:
@@ -200,6 +210,14 @@ class Settings(TwinSettings, SessionSolving):
     `truth`: folder of a known truth (truth.json, truth.npz) to judge the results by.
     """
 
+    tolerance_deg: Annotated[
+        float | None,
+        Parameter(
+            name="--tolerance",
+            help="The error of normals that your purpose allows, such as 3deg: the verdict is pass or fail.",
+            converter=degrees_of,
+        ),
+    ] = None
     truth: Annotated[Path | None, Parameter(parse=False)] = None
 
     @classmethod

@@ -113,6 +113,7 @@ def run_session(
             "refine_lights": bool(job.settings.refine_lights),
             "trust": job.settings.trust,
             "truth": job.settings.truth,
+            "tolerance_deg": job.settings.tolerance_deg,
         }
         summary = write_summary(job, arguments)
         if wanted == "compare":

@@ -257,7 +257,7 @@ def compare(job: Job) -> Outcome:
     from compare.compare import compare as judge
     from compare.statistics.known_truth import known_truth
 
-    result = judge(job.store, methods=job.methods)
+    result = judge(job.store, methods=job.methods, tolerance_deg=job.settings.tolerance_deg)
     if job.settings.truth:
         mesh = job.load_scan() if job.session.scan else None
         result["truth_check"] = known_truth(job.store, job.settings.truth, methods=job.methods, mesh=mesh)

@@ -39,6 +39,9 @@ NEXT = {
     "align": "rgbn solve {0}", "solve": "rgbn twin {0}", "twin": "rgbn compare {0}",
     "compare": "look at {0}/report.html; rgbn studio {0}",
 }  # fmt: skip
+TOLERANCE = {
+    "tolerance": "{word}: {share:.0%} of the object is within {deg:g} deg by {method}; {least_share:.0%} are asked for"
+}
 MOST, WORST = 24, 12
 """More lights are not all listed, but so many: those that are flagged, then the least certain."""
 LIGHTS = {
@@ -200,6 +203,8 @@ def compare_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield the errors, and against a known truth what each step is off."""
     from compare.statistics.statistics import statistics_rows
 
+    if found := summary["compare"].get("tolerance"):
+        yield fact_table("compare", TOLERANCE, {**found, "word": "pass" if found["passes"] else "fail"})
     if rows := statistics_rows(summary["compare"]):
         yield number_table("compare: angular error, degrees", ERRORS, rows)
     else:

@@ -36,17 +36,20 @@ def family(method: str) -> str:
 
 
 def by_error(compared: dict[str, Any]) -> list[str]:
-    """Return the methods of a comparison, the smallest median error of the photographs first.
+    """Return the methods of a comparison, the best on the photographs first.
 
-    Those without an error follow in the order in which they are.
+    Those whose medians are not told apart from the least (`level`) by their mean, which counts the tail, the others by
+    their median. Those without an error follow in the order in which they are.
     """
-    methods = compared.get("methods") or {}
+    methods, level = compared.get("methods") or {}, compared.get("level") or {}
+    tied = {level.get("best"), *(level.get("level") or ())}
 
-    def median(name: str) -> float:
-        value = (methods[name].get("real") or {}).get("median_deg")
-        return np.inf if value is None else value
+    def error(name: str) -> tuple[bool, float]:
+        found = methods[name].get("real") or {}
+        value = found.get("mean_deg" if name in tied else "median_deg")
+        return name not in tied, np.inf if value is None else value
 
-    return sorted(methods, key=median)
+    return sorted(methods, key=error)
 
 
 def read_optional(store: Store, name: str) -> Any:

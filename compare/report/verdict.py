@@ -29,6 +29,8 @@ class Statement:
     topic: str
     level: str
     html: Markup
+    word: str = ""
+    """On the badge, in place of the level's own."""
 
     @property
     def text(self) -> str:
@@ -49,6 +51,7 @@ def verdict(summary: Summary) -> list[Statement]:
     best = min(judged, key=lambda name: methods[name]["real"]["median_deg"], default=None)
     camera, capture = summary.get("camera") or {}, summary.get("capture") or {}
     statements = [
+        _tolerance(summary, compared),
         _normals(summary, compared),
         _truth(summary, compared, None if best is None else methods[best]["real"]["median_deg"]),
         None if best is None else _tilt(best, methods[best]),
@@ -64,10 +67,23 @@ def verdict(summary: Summary) -> list[Statement]:
     return [statement for statement in statements if statement is not None]
 
 
+def _tolerance(summary: Summary, compared: Summary) -> Statement | None:
+    """Say whether the normals are good enough for the user's purpose."""
+    wanted = (summary.get("arguments") or {}).get("tolerance_deg")
+    found = compared.get("tolerance")
+    if not found:
+        html = say("tolerance", "without truth", wanted=wanted)
+        return Statement("Tolerance", "unknown", html) if is_number(wanted) else None
+    level, word = ("good", "pass") if found["passes"] else ("bad", "fail")
+    return Statement("Tolerance", level, say("tolerance", word, **found), word)
+
+
 def _normals(summary: Summary, compared: Summary) -> Statement:
     best = next((row for row in ranking(summary) if is_number(row.get("median_deg"))), None)
     if best is not None:
-        others = (compared.get("level") or {}).get("level") or []
+        level = compared.get("level") or {}
+        others = [name for name in (level.get("best"), *(level.get("level") or ())) if name and name != best["name"]]
+        others = others if best["name"] in (level.get("best"), *(level.get("level") or ())) else []
         text = say("normals", "level" if others else "best", **{**best, "others": ", ".join(others)})
         if is_number(best.get("coverage")) and best["coverage"] < COVERAGE_BAR:
             text += say("normals", "few", **best)

@@ -141,6 +141,22 @@ def test_an_unanswered_half_shows_as_coverage_and_a_method_without_answers_is_na
     assert any("tv (real): no pixel" in text for text in result["warnings"])
 
 
+def test_a_tolerance_counts_what_is_not_answered_as_outside(store, write_normals):
+    truth = some_truth()
+    save_truth(store, truth)
+    half = tilted(truth, 2.0)
+    half[:, : truth.shape[1] // 2] = np.nan
+    write_normals(store, "ls", half)
+    write_normals(store, "iterative", tilted(truth, 2.5))
+    found = compare(store, tolerance_deg=3.0)["tolerance"]
+    assert (found["method"], found["passes"]) == ("iterative", True)
+    assert found["share"] == pytest.approx(1.0)
+    closer = compare(store, tolerance_deg=2.2)["tolerance"]
+    assert (closer["method"], closer["passes"]) == ("ls", False)
+    assert closer["share"] == pytest.approx(0.5, abs=0.05)
+    assert compare(store)["tolerance"] is None
+
+
 def test_maps_of_a_former_run_do_not_stay(store, write_normals):
     save_truth(store, some_truth())
     for name in ("ls", "hsh"):

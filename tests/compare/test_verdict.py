@@ -240,3 +240,28 @@ def test_every_sentence_and_every_table_of_the_words_can_be_filled_in_with_nothi
     found = [text for text in templates(words()) if "{:" not in text]
     assert len(found) > 100
     assert all(Sentence().vformat(text, (), {}) or not text for text in found)
+
+
+@pytest.mark.parametrize(("share", "word", "level"), [(0.93, "pass", "good"), (0.61, "fail", "bad")])
+def test_a_tolerance_is_passed_or_not_and_is_said_first(share, word, level):
+    summary = summary_of()
+    found = {"deg": 3.0, "method": "ls", "share": share, "least_share": 0.9, "passes": share >= 0.9}
+    summary["compare"]["tolerance"], summary["arguments"] = found, {"tolerance_deg": 3.0}
+    first = verdict(summary)[0]
+    assert (first.topic, first.word, first.level) == ("Tolerance", word, level)
+    assert f"{share:.0%}".replace("%", "\u202f%") in first.text
+    assert word in words("advice")
+    # A tolerance that nothing can be held against is neither passed nor failed.
+    unknown = verdict({"arguments": {"tolerance_deg": 3.0}, "compare": {"methods": {"ls": {}}}})[0]
+    assert (unknown.topic, unknown.level) == ("Tolerance", "unknown")
+
+
+def test_of_methods_that_are_not_told_apart_the_one_with_the_lighter_tail_stands_first():
+    summary = summary_of()
+    methods = summary["compare"]["methods"]
+    for name, median, mean in (("ls", 2.0, 3.5), ("iterative", 2.1, 3.1), ("l1", 2.5, 2.6)):
+        methods[name] = {**methods["ls"], "real": {**statistics(median), "mean_deg": mean}}
+    assert [row["name"] for row in ranking(summary)] == ["ls", "iterative", "l1"]
+    summary["compare"]["level"] = {"best": "ls", "level": ["iterative"]}
+    assert [row["name"] for row in ranking(summary)] == ["iterative", "ls", "l1"]
+    assert "with ls as good" in text_of(summary, "Normals")
