@@ -35,7 +35,7 @@ def sphere():
     return (points - CENTER) / RADIUS, points
 
 
-def made(tmp_path, *, normals="opengl", z_mm=-1000.0, done=None, ball=BALL):
+def made(tmp_path, *, normals="opengl", z_mm=-1000.0, done=None, ball=BALL, without=()):
     store, (true, points) = Store(tmp_path), sphere()
     mask, rng = np.isfinite(true[..., 0]), np.random.default_rng(0)
     albedo = np.where(mask[..., None], rng.uniform(0.1, 0.9, (50, 60, 3)), np.nan).astype(np.float32)
@@ -46,7 +46,8 @@ def made(tmp_path, *, normals="opengl", z_mm=-1000.0, done=None, ball=BALL):
         Lights(("a", "b", "c"), np.eye(3), np.ones((3, 3)), None, np.array([0, 0, z_mm]), white_value=ball)
     )
     for name in ("ls", "iterative"):
-        store.save_estimate(Estimate(name, true.astype(np.float32), albedo, mask.astype(np.uint16), sigma_deg=sigma))
+        found = np.full(true.shape, np.nan) if name in without else true
+        store.save_estimate(Estimate(name, found.astype(np.float32), albedo, mask.astype(np.uint16), sigma_deg=sigma))
     job = SimpleNamespace(store=store, settings=Settings(normals=normals), methods=("ls", "iterative"), done=done or {})
     return store, results(job), true, points, albedo, sigma
 
@@ -93,6 +94,15 @@ def test_the_surface_is_read_by_others(tmp_path):
     assert (np.diff(shown[order, 1]) >= 0).all()
     depth = tifffile.imread(store.path("results", "depth_iterative.tif"))
     np.testing.assert_allclose(depth[known], ply.vertices[:, 2], rtol=1e-6)
+
+
+def test_methods_that_found_no_normal_stop_nothing(tmp_path):
+    """Where all is clipped there is no surface, and a report of that all the same."""
+    assert made(tmp_path / "one", without=("ls",))[1].result["surface"]["method"] == "iterative"
+    store, said, *_ = made(tmp_path / "none", without=("ls", "iterative"))
+    assert said.result["surface"] is None
+    assert said.warnings == ["results: no method found a normal: there is no surface."]
+    assert not tifffile.imread(store.path("results", "normals_ls.tif")).any()
 
 
 def test_green_is_down_where_it_is_asked_for(tmp_path):
