@@ -88,7 +88,7 @@ def watch_folder(
         with _ended_by_signals() as is_ended:
             say(f"watching {folder}; Ctrl-C ends the shoot and writes its session")
             _loop(folder, taken, shoot, screen, until_idle_s, clock, is_ended)
-            say("the shoot is over; its session is written")
+            say("the shoot is over; writing its session ...")
             screen.renew(is_over=True)
             draft = _draft_of(folder, shoot, answers, taken)
             # What stood there first, perhaps an ambient frame alone, is no longer what tells the session from others.
