@@ -36,6 +36,8 @@ def results(job: Job) -> Outcome:
     warnings = [] if pixel_mm else ["results: nothing tells how large a pixel is on the object: the maps do not say."]
     known = [name for name in best_first(job) if np.isfinite(store.load_normals(name)).any()]
     warnings += [] if known else ["results: no method found a normal: there is no surface."]
+    # What trust recommends comes before what found its depth itself.
+    known = [name for name in known if name == _recommended(job)] or known
     surface = _write_surface(job, known, pixel_mm, written) if known else None
     facts = {
         "files": [path.relative_to(store.folder).as_posix() for path in written],
@@ -49,8 +51,11 @@ def results(job: Job) -> Outcome:
 
 def best_first(job: Job) -> tuple[str, ...]:
     """Return the methods, that which trust recommends first."""
-    recommended = job.done.get("trust", {}).get("result", {}).get("recommended")
-    return tuple(sorted(job.methods, key=lambda name: name != recommended))
+    return tuple(sorted(job.methods, key=lambda name: name != _recommended(job)))
+
+
+def _recommended(job: Job) -> str | None:
+    return job.done.get("trust", {}).get("result", {}).get("recommended")
 
 
 def pixel_size_mm(camera: Camera, lights: Lights) -> float | None:
