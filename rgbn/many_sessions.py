@@ -151,7 +151,8 @@ def _work(told: Any, session: Path, out: Path, said: Settings, scheduler: str | 
     except KeyboardInterrupt:
         os._exit(STOPPED)
     except Exception as error:
-        told.send(f"a fault of rgbn's own, {type(error).__name__}: {error}; please report it.")
+        log = out / "rgbn.log"
+        told.send(f"a fault of rgbn's own, {type(error).__name__}: {error}; please report it with the end of {log}.")
 
 
 def _row(folder: Path, name: str, fault: str) -> dict[str, Any]:
