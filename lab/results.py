@@ -34,7 +34,11 @@ def results(job: Job) -> Outcome:
     ball = lights.white_value
     whites = {name: _write_maps(store, name, pixel_mm, axes, ball, written) for name in job.methods}
     warnings = [] if pixel_mm else ["results: nothing tells how large a pixel is on the object: the maps do not say."]
-    surface = _write_surface(job, pixel_mm, written)
+    known = [name for name in best_first(job) if np.isfinite(store.load_normals(name)).any()]
+    warnings += [] if known else ["results: no method found a normal: there is no surface."]
+    # What trust recommends comes before what found its depth itself.
+    known = [name for name in known if name == _recommended(job)] or known
+    surface = _write_surface(job, known, pixel_mm, written) if known else None
     facts = {
         "files": [path.relative_to(store.folder).as_posix() for path in written],
         "pixel_mm": pixel_mm,
@@ -47,8 +51,11 @@ def results(job: Job) -> Outcome:
 
 def best_first(job: Job) -> tuple[str, ...]:
     """Return the methods, that which trust recommends first."""
-    recommended = job.done.get("trust", {}).get("result", {}).get("recommended")
-    return tuple(sorted(job.methods, key=lambda name: name != recommended))
+    return tuple(sorted(job.methods, key=lambda name: name != _recommended(job)))
+
+
+def _recommended(job: Job) -> str | None:
+    return job.done.get("trust", {}).get("result", {}).get("recommended")
 
 
 def pixel_size_mm(camera: Camera, lights: Lights) -> float | None:
@@ -94,7 +101,7 @@ def _up(axes: Axes) -> str:
     return "up" if axes == "opengl" else "down"
 
 
-def _write_surface(job: Job, pixel_mm: float | None, written: list[Path]) -> dict[str, Any]:
+def _write_surface(job: Job, methods: list[str], pixel_mm: float | None, written: list[Path]) -> dict[str, Any]:
     """Write one method's surface as PLY and GLB, and its depth as a map; return what is to be said of it."""
     from formats.map_tiff import write_map
     from formats.meshes.textured_glb import write_glb
@@ -102,7 +109,7 @@ def _write_surface(job: Job, pixel_mm: float | None, written: list[Path]) -> dic
     from solve.surface.solved_surface import solved_surface
 
     store = job.store
-    found = solved_surface(store, best_first(job), most_pixels=VERTICES)
+    found = solved_surface(store, methods, most_pixels=VERTICES)
     mesh, name = found.mesh(), f"surface_{found.method}"
     ply, glb = (store.path(FOLDER, f"{name}.{kind}") for kind in ("ply", "glb"))
     mesh.write(ply)

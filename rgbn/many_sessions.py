@@ -2,18 +2,24 @@
 
 import json
 import multiprocessing
+import os
+import threading
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from html import escape
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from lab.options import Settings
-from lab.session_place import is_session
+from lab.session_place import default_out, is_session
 from scene.errors import SceneError
+from scene.record import PLACE
 
 PAGE, TABLE = "index.html", "sessions.csv"
 PICTURE_PX = 160
+STOPPED = 130
+"""Exit code of a process that Ctrl-C, or the end of the one that began it, stops."""
 COLUMNS = {
     "session": "{name}", "normals": "{level}", "method": "{method}", "median error, deg": "{median_deg:.2f}",
     "warnings": "{warnings:d}", "seconds": "{seconds:.0f}",
@@ -26,18 +32,19 @@ def sessions_below(parent: Path) -> list[Path]:
 
     Nothing where there is but one: then the folder above it was given by mistake, and a message says so.
     """
-    if not parent.is_dir() or is_session(parent):
+    if not parent.is_dir() or is_session(parent) or (parent / PLACE).is_dir():
         return []
-    # A twin is a session, too: it lies in an output folder, which has a record.
-    folders = sorted(
-        path for path in parent.rglob("*") if path.is_dir() and not any(part.startswith(".") for part in path.parts)
-    )
     found: list[Path] = []
-    for folder in folders:
-        inside = any((place / ".rgbn").is_dir() for place in (folder, *folder.parents) if place.is_relative_to(parent))
-        if is_session(folder) and not inside and not any(folder.is_relative_to(one) for one in found):
-            found.append(folder)
-    return found if len(found) > 1 else []
+    for place, names, _ in os.walk(parent):
+        # Folders that nobody may look into, as a disk's lost+found, hold none; a twin lies in an output folder.
+        folders = [
+            folder
+            for folder in (Path(place, name) for name in names if not name.startswith("."))
+            if os.access(folder, os.R_OK | os.X_OK) and not (folder / PLACE).is_dir()
+        ]
+        found += filter(is_session, folders)
+        names[:] = (folder.name for folder in folders if not is_session(folder))
+    return sorted(found) if len(found) > 1 else []
 
 
 def process_all(
@@ -58,7 +65,7 @@ def process_all(
         The folder above the sessions.
     sessions : sequence of Path
     out : Path or None
-        Gets a folder for each session, of its own name below the parent. None: out/NAME, by the parent's name.
+        Gets a folder for each session, at its own place below the parent. None: out/NAME, by the parent's name.
     said : Settings
         As in `lab.run.open_job`, of every session.
     jobs : int
@@ -80,10 +87,9 @@ def process_all(
     from scene.output_folder import open_record
 
     place = parent.resolve()
-    with open_record(
-        out or Path("out") / place.name, origin=Origin("sessions", place), input_folders=sessions
-    ) as record:
-        names = ["-".join(session.relative_to(parent).parts) for session in sessions]
+    origin = Origin("sessions", place)
+    with open_record(out or default_out(origin, place.name), origin=origin, input_folders=sessions) as record:
+        names = [session.relative_to(parent).as_posix() for session in sessions]
         faults: dict[str, str] = {}
 
         def one(name: str, session: Path) -> None:
@@ -91,9 +97,14 @@ def process_all(
             say(f"{name}: {faults[name] or 'done'}")
             tell(len(faults), len(sessions))
 
-        with progress_bar("sessions") as tell, ThreadPoolExecutor(jobs) as pool:
-            for _ in pool.map(one, names, sessions):
-                pass
+        pool = ThreadPoolExecutor(jobs)
+        try:
+            with progress_bar("sessions") as tell:
+                for _ in pool.map(one, names, sessions):
+                    pass
+        finally:
+            # Where Ctrl-C ends this process, its children end with it, see `_work`.
+            pool.shutdown(wait=False, cancel_futures=True)
         rows = [_row(record.folder, name, faults[name]) for name in names]
         write_text(record.folder / TABLE, csv_text(rows))
         write_text(record.folder / PAGE, _page(record.folder, place.name, rows))
@@ -118,7 +129,7 @@ def _in_its_own_process(session: Path, out: Path, said: Settings, scheduler: str
             fault = str(here.recv())
     except EOFError:
         process.join()
-        fault = f"its process ended with code {process.exitcode}; {out / 'rgbn.log'} tells how far it came."
+        fault = f"its process ended with code {process.exitcode}; {out / PLACE / 'running.log'} tells how far it came."
     finally:
         if process.is_alive():
             process.join()
@@ -126,17 +137,25 @@ def _in_its_own_process(session: Path, out: Path, said: Settings, scheduler: str
 
 
 def _work(told: Any, session: Path, out: Path, said: Settings, scheduler: str | None) -> None:
-    from lab.progress import keep_quiet
+    from lab.progress import keep_quiet, log_to
     from lab.run import run_session
 
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    # Whatever ends the command line, no session goes on without it.
+    threading.Thread(target=lambda: (parent.join(), os._exit(STOPPED)), daemon=True).start()
     keep_quiet(True)
+    log_to(verbose=False)
     try:
         run_session(session, "compare", out=out, said=said, scheduler=scheduler)
         told.send("")
     except SceneError as error:
         told.send(str(error))
+    except KeyboardInterrupt:
+        os._exit(STOPPED)
     except Exception as error:
-        told.send(f"a fault of rgbn's own, {type(error).__name__}: {error}; please report it.")
+        log = out / "rgbn.log"
+        told.send(f"a fault of rgbn's own, {type(error).__name__}: {error}; please report it with the end of {log}.")
 
 
 def _row(folder: Path, name: str, fault: str) -> dict[str, Any]:
@@ -145,7 +164,8 @@ def _row(folder: Path, name: str, fault: str) -> dict[str, Any]:
     from compare.report.verdict import ranking, verdict
     from scene.store import Store
 
-    summary = read_optional(Store(folder / name), "summary.json") or {}
+    # What lies there from before is not what was asked for now.
+    summary = {} if fault else read_optional(Store(folder / name), "summary.json") or {}
     best = next(iter(ranking(summary)), {})
     method = (summary.get("trust") or {}).get("recommended") if best.get("median_deg") is None else best.get("name")
     statement = verdict(summary)[0]
@@ -166,7 +186,7 @@ def _page(folder: Path, title: str, rows: Sequence[dict[str, Any]]) -> str:
 
     lines = []
     for row in rows:
-        name, link = escape(row["name"]), escape(f"{row['name']}/report.html")
+        name, link = escape(row["name"]), quote(f"{row['name']}/report.html")
         said = badge("bad", row["level"]) if row["fault"] else badge(row["level"])
         words = escape(row["fault"] or row["verdict"])
         head = name if row["fault"] else f'<a href="{link}">{name}</a>'

@@ -248,7 +248,7 @@ def tell(job: Job, summary: dict[str, Any], *, verb: str, as_json: bool = False,
         return
     if not is_quiet():
         _print(tables)
-    before = {*_before(verb), *steps}
+    before = {*_before(verb), *steps, *job.wanted(verb)}
     for warning in summary["warnings"]:
         if warning["step"] in before:
             say(f"warning ({warning['step']}): {warning['text']}", always=True)

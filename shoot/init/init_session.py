@@ -75,22 +75,22 @@ def init_sessions(
         origin = Origin("session", draft.folder, tuple(draft.photographs["flash"]))
         out = default_out(origin, draft.folder.name)
         with open_record(out, origin=origin, input_folders=[draft.folder]) as record:
-            made.append(write_session(draft, record))
+            sheet = write_sheet(draft, record)
+        made.append(Made(draft, write_manifest(draft, signed(session_text(draft))), sheet))
     return made
 
 
-def write_session(draft: Draft, record: Record) -> Made:
-    """Write session.toml into the folder, and the contact sheet into its output folder, which is held."""
+def write_sheet(draft: Draft, record: Record) -> Path:
+    """Write the contact sheet into the session's output folder, which is held, and return its path."""
     sheet = record.folder / SHEET
     record.forget([PART])
     with record.part_of(PART):
         write_png(sheet, contact_sheet(draft))
-    # Last, and outside of the output folder's record: from here on it is the user's.
-    return Made(draft, write_manifest(draft, signed(session_text(draft))), sheet)
+    return sheet
 
 
 def write_manifest(draft: Draft, text: str) -> Path:
-    """Write a draft's session.toml, and return its path.
+    """Write a draft's session.toml, and return its path. No output folder is held: the file is the user's from then on.
 
     Raises SceneError, and leaves what was there: the lens is known in part, or what was written cannot be read again.
     """

@@ -5,7 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,9 +22,9 @@ from scene.origin import Origin
 from scene.output_folder import open_record
 from shoot.init.answers import Answers, Asking
 from shoot.init.draft import Draft
-from shoot.init.init_session import check_free, check_layout, write_session
+from shoot.init.init_session import check_free, check_layout, write_manifest, write_sheet
 from shoot.init.prepare import prepare
-from shoot.init.session_text import notes_of
+from shoot.init.session_text import notes_of, session_text, signed
 from shoot.watch.shoot import Shoot
 from shoot.watch.status import Screen
 from shoot.watch.taken import Taken
@@ -79,24 +79,26 @@ def watch_folder(
     asking = Asking(answers, silent=True)
     origin = Origin("session", folder, whole_photographs(folder))
     out = out or default_out(origin, folder.name)
-    with open_record(out, origin=origin, input_folders=[folder]) as record, logged(record):
-        # By it the studio knows the folder, before there is a session.
-        note_session(record, folder)
-        shoot = Shoot(folder, asking)
-        screen = Screen(shoot, out, wanted_deg)
-        taken = Taken(folder, kept_folder(record.folder), asking, screen.note, screen.warn)
-        with _ended_by_signals() as is_ended:
+    with ExitStack() as until_written:
+        with open_record(out, origin=origin, input_folders=[folder]) as record, logged(record):
+            # By it the studio knows the folder, before there is a session.
+            note_session(record, folder)
+            shoot = Shoot(folder, asking)
+            screen = Screen(shoot, out, wanted_deg)
+            taken = Taken(folder, kept_folder(record.folder), asking, screen.note, screen.warn)
+            is_ended = until_written.enter_context(_ended_by_signals())
             say(f"watching {folder}; Ctrl-C ends the shoot and writes its session")
             _loop(folder, taken, shoot, screen, until_idle_s, clock, is_ended)
-            say("the shoot is over; its session is written")
+            say("the shoot is over; writing its session ...")
             screen.renew(is_over=True)
             draft = _draft_of(folder, shoot, answers, taken)
             # What stood there first, perhaps an ambient frame alone, is no longer what tells the session from others.
             Origin("session", folder, tuple(shot.path for shot in taken.shots.values())).claim(record, out)
-            made = write_session(draft, record)
+            write_sheet(draft, record)
+        manifest = write_manifest(draft, signed(session_text(draft)))
     for note in notes_of(draft):
         say(f"note: {note}")
-    say(f"written  {made.manifest}")
+    say(f"written  {manifest}")
     run_session(folder, "check", out=out)
     say(f"next     rgbn process {folder} --out {out}")
 

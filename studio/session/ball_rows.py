@@ -8,7 +8,7 @@ from typing import Any
 
 from lab.session_place import MANIFEST
 from scene.spheres import KINDS, Kind
-from studio.session.photograph_window import Balls, PhotographWindow, added, changed, circle_of, moved, resized
+from studio.session.photograph_window import Balls, PhotographWindow, added, circle_of, moved, of_kind, resized
 from studio.widgets import Row, button, text
 
 ALL = "(all)"
@@ -105,8 +105,7 @@ BALL_ROWS = (
             partial(_correct, moved), {"initial_value": (0.0, 0.0), "step": 0.1}),
         Row("number", "radius, px", _of_ball(lambda ball: round(circle_of(ball)[1], 2)), partial(_correct, resized),
             {"initial_value": 1.0, "min": 0.1, "step": 0.1}),
-        Row("dropdown", "kind", _of_ball(lambda ball: ball.kind), partial(
-            _correct, lambda balls, index, kind, plane: changed(balls, index, kind=kind)),
+        Row("dropdown", "kind", _of_ball(lambda ball: ball.kind), partial(_correct, of_kind),
             {"options": KINDS, "hint": "chrome: a mirror; white: any matte ball"}),
         Row("number", "diameter, mm", _of_ball(lambda ball: ball.diameter_mm or 0.0),
             lambda window, value: None if window.ball is None else window.measure(window.ball, value),

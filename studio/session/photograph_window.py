@@ -69,14 +69,18 @@ def under(balls: Balls, pixel: tuple[float, float]) -> int | None:
     return int(np.argmin(away)) if away and min(away) < 1 else None
 
 
+def of_kind(balls: Balls, index: int, kind: Kind, plane: Plane) -> Balls:
+    """Return the balls, one of them of this kind: of another one it was another size."""
+    return balls if balls[index].kind == kind else changed(balls, index, kind=kind, diameter_mm=None)
+
+
 def with_usual_diameters(balls: Balls, before: Sequence[SphereTable]) -> Balls:
-    """Return the balls; a new one, or one that was of another kind before, is as large as all of its kind."""
+    """Return the balls; one of unknown size is as large as all of its kind were before."""
     found = []
-    for ball, was in zip(balls, before if len(before) == len(balls) else balls, strict=True):
+    for ball in balls:
         alike = {one.diameter_mm for one in before if one.kind == ball.kind}
         usual = alike.pop() if len(alike) == 1 else None
-        own = ball.diameter_mm if ball.kind == was.kind else None
-        found.append(ball.model_copy(update={"diameter_mm": own or usual}))
+        found.append(ball.model_copy(update={"diameter_mm": ball.diameter_mm or usual}))
     return tuple(found)
 
 

@@ -35,7 +35,7 @@ def sphere():
     return (points - CENTER) / RADIUS, points
 
 
-def made(tmp_path, *, normals="opengl", z_mm=-1000.0, done=None, ball=BALL):
+def made(tmp_path, *, normals="opengl", z_mm=-1000.0, done=None, ball=BALL, without=(), deep=()):
     store, (true, points) = Store(tmp_path), sphere()
     mask, rng = np.isfinite(true[..., 0]), np.random.default_rng(0)
     albedo = np.where(mask[..., None], rng.uniform(0.1, 0.9, (50, 60, 3)), np.nan).astype(np.float32)
@@ -46,7 +46,9 @@ def made(tmp_path, *, normals="opengl", z_mm=-1000.0, done=None, ball=BALL):
         Lights(("a", "b", "c"), np.eye(3), np.ones((3, 3)), None, np.array([0, 0, z_mm]), white_value=ball)
     )
     for name in ("ls", "iterative"):
-        store.save_estimate(Estimate(name, true.astype(np.float32), albedo, mask.astype(np.uint16), sigma_deg=sigma))
+        found = np.full(true.shape, np.nan) if name in without else true
+        maps = {"sigma_deg": sigma, "z_mm": points[..., 2] if name in deep else None}
+        store.save_estimate(Estimate(name, found.astype(np.float32), albedo, mask.astype(np.uint16), **maps))
     job = SimpleNamespace(store=store, settings=Settings(normals=normals), methods=("ls", "iterative"), done=done or {})
     return store, results(job), true, points, albedo, sigma
 
@@ -93,6 +95,25 @@ def test_the_surface_is_read_by_others(tmp_path):
     assert (np.diff(shown[order, 1]) >= 0).all()
     depth = tifffile.imread(store.path("results", "depth_iterative.tif"))
     np.testing.assert_allclose(depth[known], ply.vertices[:, 2], rtol=1e-6)
+
+
+@pytest.mark.parametrize(("recommended", "method"), [("ls", "ls"), ("iterative", "iterative"), (None, "iterative")])
+def test_the_surface_is_of_what_trust_recommends_else_of_what_found_its_depth(tmp_path, recommended, method):
+    done = {"trust": {"result": {"recommended": recommended}}} if recommended else None
+    store, said, _, points, *_ = made(tmp_path, deep=("iterative",), done=done)
+    assert said.result["surface"]["method"] == method
+    assert store.path("results", f"surface_{method}.glb").exists()
+    depth = tifffile.imread(store.path("results", "depth_iterative.tif"))
+    np.testing.assert_array_equal(depth, points[..., 2].astype(np.float32))
+
+
+def test_methods_that_found_no_normal_stop_nothing(tmp_path):
+    """Where all is clipped there is no surface, and a report of that all the same."""
+    assert made(tmp_path / "one", without=("ls",))[1].result["surface"]["method"] == "iterative"
+    store, said, *_ = made(tmp_path / "none", without=("ls", "iterative"))
+    assert said.result["surface"] is None
+    assert said.warnings == ["results: no method found a normal: there is no surface."]
+    assert not tifffile.imread(store.path("results", "normals_ls.tif")).any()
 
 
 def test_green_is_down_where_it_is_asked_for(tmp_path):

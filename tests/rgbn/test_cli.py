@@ -45,8 +45,11 @@ def test_each_verb_shows_its_own_findings_and_leads_to_the_next(run, session):
         words = ends["next"].split()[2:]
         assert words == ["out/pear"]
     assert ends["next"] == "rgbn compare out/pear", "there is no scan to render"
-    code, out, _ = run("compare", *words, "-m", "LS,Iterative")
+    code, out, said = run("compare", *words, "-m", "LS,Iterative")
     assert code == 0
+    warned = {(one["step"], one["text"]) for one in json.loads(Path("out/pear/summary.json").read_text())["warnings"]}
+    assert {"check", "results"} <= {step for step, _ in warned}
+    assert all(f"warning ({step}): {text}" in said for step, text in warned), "each is said"
     assert "report.html" in last_lines(out)["written"]
     code, out, _ = run("process", *words, "-m", "ls,iterative")
     assert all(any(line.startswith(text) for line in out.splitlines()) for text in titles.values())

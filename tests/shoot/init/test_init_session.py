@@ -1,6 +1,7 @@
 """A folder of photographs to its session.toml, and on."""
 
 import io
+import json
 import shutil
 import sys
 
@@ -108,6 +109,10 @@ def test_only_its_own_file_is_written_anew(mine, tmp_path, monkeypatch):
     assert made.sheet == tmp_path / "out" / mine.name / "contact-sheet.png"
     assert made.sheet.is_file()
     assert sorted(path.name for path in mine.iterdir()) == [*(f"{n}.png" for n in range(4)), "session.toml"]
+    # The file is the user's: no output folder's record has it, and it is written anew when its results are gone.
+    assert list(json.loads((made.sheet.parent / ".rgbn" / "record.json").read_text())["files"]) == [made.sheet.name]
+    shutil.rmtree(tmp_path / "out")
+    init_sessions(mine, said, silent=True)
     written = manifest.read_text()
     manifest.write_text(written.replace("50.0", "51.0", 1))
     with pytest.raises(SessionError, match="is there already"):

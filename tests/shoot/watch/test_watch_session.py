@@ -1,5 +1,6 @@
 """A whole shoot: the virtual photographer's mistakes are told, and `process` goes on with the session as it lies."""
 
+import json
 import os
 import shutil
 import signal
@@ -121,6 +122,8 @@ def test_a_watch_that_is_told_to_end_leaves_its_session(tmp_path):
     said += run.communicate(timeout=120)[1]
     assert run.returncode == 0, said
     assert (tmp_path / "hot" / MANIFEST).is_file()
+    files = json.loads((tmp_path / "out" / ".rgbn" / "record.json").read_text())["files"]
+    assert not [name for name in files if MANIFEST in name], "it is the user's"
     assert len(Store(tmp_path / "out").load_frames()) == 12
 
 

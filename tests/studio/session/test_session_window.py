@@ -156,6 +156,26 @@ def test_a_drag_is_undone_as_one_however_slow_it_is(reviewing, settle, monkeypat
     assert window.outlines[0] == found
 
 
+def test_balls_are_as_found_again_whatever_was_done_to_them(reviewing, settle):
+    """The only white ball is taken for a mirror, and moved: its diameter comes back with it."""
+    window = reviewing(PhotographView)
+    found = window.outlines
+    window.choose_ball(2)
+    for label, value in (("kind", "chrome"), ("centre, px", (30.0, 80.0))):
+        window.client.says(label, value)
+        settle(window)
+    assert [ball.diameter_mm for ball in window.outlines] == [100.0] * 3, "as large as all of its kind"
+    window.client.says("Back to the balls as found")
+    settle(window)
+    assert window.outlines == found
+    assert all(map(window.is_found, window.outlines))
+    window.choose_ball(2)
+    for kind in ("chrome", "white"):
+        window.client.says("kind", kind)
+        settle(window)
+    assert window.outlines[2].diameter_mm is None, "of another kind it was another size"
+
+
 def test_a_diameter_that_was_kept_stays_when_the_balls_are_found_with_it(reviewing, made, settle):
     """The session itself states none: what was typed is known from what was kept."""
     path = made.session / "session.toml"

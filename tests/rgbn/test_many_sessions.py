@@ -1,0 +1,272 @@
+"""`rgbn process PARENT`: which folders are sessions, what is told of each, and that none outlives the command."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+
+from lab.options import AS_BEFORE
+from lab.run import run_session
+from rgbn import many_sessions
+from rgbn.many_sessions import sessions_below
+from scene.errors import SceneError
+from tests.lab.test_foreign_files import make_session
+
+ROOT = Path(__file__).parents[2]
+ODD = 'b #1 100%25 [red]<i>"x"&'
+"""A folder's name that means something else in HTML, in an address, and in the tables' own markup."""
+NAMES = ["a", ODD, "broken", "x/y", "x-y"]
+
+
+@pytest.fixture
+def captures(tmp_path, monkeypatch):
+    """A folder with sessions, two of them below folders of like names, and one that cannot be read."""
+    parent = tmp_path / "captures"
+    for name in NAMES:
+        if name != "broken":
+            make_session(parent / name)
+    (parent / "broken").mkdir()
+    (parent / "broken" / "session.toml").write_text("[frames\n")
+    monkeypatch.chdir(tmp_path)
+    return parent
+
+
+@pytest.fixture
+def here(monkeypatch):
+    """Sessions are processed in this process, which costs no imports; give those that were begun."""
+    begun = []
+
+    def process(session, out, said, scheduler):
+        begun.append(session.name)
+        try:
+            run_session(session, "compare", out=out, said=said, scheduler=scheduler)
+        except SceneError as error:
+            return str(error)
+        return ""
+
+    monkeypatch.setattr(many_sessions, "_in_its_own_process", process)
+    return begun
+
+
+class Page(HTMLParser):
+    """The links and the words of a page."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.links, self.tags, self.words = [], set(), []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        self.links += [dict(attrs)["href"]] if tag == "a" else []
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+
+def marks(out):
+    """Return what the record of each session's folder keeps of its steps."""
+    records = sorted(out.rglob(".rgbn/record.json"))
+    done = {path.parents[1].relative_to(out).as_posix(): json.loads(path.read_text())["done"] for path in records}
+    return {name: found for name, found in done.items() if found}
+
+
+def names_of(parent):
+    return [path.relative_to(parent).as_posix() for path in sessions_below(parent)]
+
+
+def test_sessions_are_found_wherever_one_stands(captures, monkeypatch):
+    assert names_of(captures) == NAMES
+    for place, said in ((captures, "."), (captures / "a", ".."), (captures / "x" / "y", "../..")):
+        monkeypatch.chdir(place)
+        assert names_of(Path(said)) == NAMES, said
+    hidden = captures.parent / ".private"
+    captures.rename(hidden)
+    assert names_of(hidden) == NAMES, "the parent itself may be hidden"
+
+
+def test_no_twin_no_output_and_no_hidden_folder_is_a_session(captures):
+    for place in ("out/pear/twin", ".trash/old", "x/.kept/old", "a/within", "out/pear/.rgbn/tmp/one"):
+        make_session(captures / place)
+    (captures / "link").symlink_to(captures / "a")
+    (captures / "round").symlink_to(captures)
+    assert names_of(captures) == [*NAMES[:3], "link", *NAMES[3:]]
+    assert sessions_below(captures / "a") == [], "a session itself"
+    assert sessions_below(captures / "out" / "pear") == [], "an output folder"
+    assert sessions_below(captures / "a" / "session.toml") == sessions_below(captures / "nowhere") == []
+
+
+def test_a_folder_that_may_not_be_looked_into_is_passed_over(captures, monkeypatch):
+    # For root all may be looked into.
+    access, is_session = os.access, many_sessions.is_session
+
+    def refusing(path):
+        if Path(path).name == "lost+found":
+            raise PermissionError(13, "Permission denied")
+        return is_session(path)
+
+    (captures / "lost+found").mkdir()
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path).name != "lost+found" and access(path, mode))
+    monkeypatch.setattr(many_sessions, "is_session", refusing)
+    assert names_of(captures) == NAMES
+
+
+def test_one_that_is_refused_stops_no_other(captures, here, run_rgbn):
+    code, printed, said = run_rgbn("process", "captures", "--json")
+    assert code == 2
+    last = said.strip().splitlines()[-1]
+    assert last.startswith("rgbn: captures: 1 of 5 sessions could not be processed: broken (")
+    assert "line 1 is not TOML" in last
+    assert here == [Path(name).name for name in NAMES]
+    out = Path("out/captures")
+    rows = json.loads(printed)
+    assert [row["name"] for row in rows] == NAMES
+    assert {row["name"] for row in rows if row["fault"]} == {"broken"}
+    assert {row["level"] for row in rows if not row["fault"]} == {"unknown"}, "there is nothing to judge them by"
+    table = list(csv.DictReader((out / "sessions.csv").read_text().splitlines()))
+    assert [row["name"] for row in table] == NAMES
+    page = Page((out / "index.html").read_text())
+    reports = [out / unquote(link) for link in page.links if link.endswith("report.html")]
+    assert reports == [out / name / "report.html" for name in NAMES if name != "broken"]
+    assert all(path.is_file() for path in reports)
+    assert ODD in page.words
+    assert "i" not in page.tags
+
+    before = marks(out)
+    assert set(before) == set(NAMES) - {"broken"}
+    code, printed, said = run_rgbn("process", "captures")
+    assert code == 2
+    assert marks(out) == before, "a second call does nothing again"
+    assert "[red]<i>" in printed
+    assert "not processed" in printed
+
+
+def test_of_one_that_can_no_longer_be_processed_nothing_old_is_told(captures, here, run_rgbn):
+    for name in ("broken", ODD, "x-y", "x/y"):
+        (captures / name / "session.toml").unlink()
+    assert run_rgbn("process", "captures")[0] == 0
+    (captures / "a" / "session.toml").write_text("[frames\n")
+    code, printed, _ = run_rgbn("process", "captures", "--json")
+    (row,) = json.loads(printed)
+    assert code == 2
+    assert (row["level"], row["method"], row["median_deg"], row["warnings"], row["seconds"]) == (
+        "not processed", "", None, 0, 0,
+    )  # fmt: skip
+
+
+def test_a_folder_of_another_keeps_its_results(captures, here, run_rgbn, tmp_path):
+    """The usual output folder is a session's of the same name; that given is another's."""
+    make_session(tmp_path / "else" / "captures")
+    assert run_rgbn("check", tmp_path / "else" / "captures")[0] == 0
+    code, _, said = run_rgbn("process", "captures")
+    assert code == 2
+    assert "go to out/captures-2" in said
+    assert Path("out/captures-2/index.html").is_file()
+    before = here[:]
+    code, _, said = run_rgbn("process", "captures", "-o", "out/captures")
+    assert code == 2
+    assert "it holds the results of the session" in said
+    assert here == before
+    code, _, said = run_rgbn("process", "captures", "-o", captures / "a" / "out")
+    assert code == 2
+    assert "rgbn writes nothing there" in said
+    assert here == before
+
+
+@pytest.mark.parametrize("jobs", ["0", "-1", "many"])
+def test_a_number_of_jobs_that_cannot_be_is_refused(captures, here, run_rgbn, jobs):
+    code, _, said = run_rgbn("process", "captures", "--jobs", jobs)
+    assert code == 2
+    assert "jobs" in said.lower()
+    assert here == []
+
+
+def die(*_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_process_that_dies_is_told(monkeypatch, tmp_path):
+    monkeypatch.setattr(many_sessions, "_work", die)
+    fault = many_sessions._in_its_own_process(tmp_path, tmp_path / "out", AS_BEFORE, None)
+    assert fault.startswith("its process ended with code -9; ")
+    assert str(tmp_path / "out" / ".rgbn" / "running.log") in fault, "where a killed run leaves what it had said"
+
+
+def children_of(process):
+    return [int(pid) for path in Path(f"/proc/{process}/task").glob("*/children") for pid in path.read_text().split()]
+
+
+def is_alive(process):
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def wait_for(what, seconds=120):
+    end = time.monotonic() + seconds
+    while not (found := what()):
+        assert time.monotonic() < end, "it took too long"
+        time.sleep(0.02)
+    return found
+
+
+COMMAND = """
+import signal
+from rgbn.cli import main
+# Where tests run in a shell's background, Ctrl-C is another program's.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+main()
+"""
+
+
+def start(*words, **how):
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.Popen(
+        [sys.executable, "-c", COMMAND, "process", "captures", *words], env=environment, **pipes, **how
+    )
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_no_session_goes_on_without_the_command(captures, number):
+    command = start("--jobs", "2")
+    wait_for(lambda: len(list(Path("out").glob("captures/*/.rgbn/running.log"))) == 2)
+    children = children_of(command.pid)
+    assert len(children) >= 2
+    # To the command alone, as a service's end is; a terminal tells all.
+    command.send_signal(number)
+    _, said = command.communicate(timeout=60)
+    assert command.returncode == (130 if number == signal.SIGINT else -number)
+    wait_for(lambda: not any(map(is_alive, children)), 30)
+    assert not list(Path("out").rglob("summary.json")), "they were ended, not waited for"
+    assert "Traceback" not in said
+    if number == signal.SIGINT:
+        assert said.strip().endswith("the same command goes on from there.")
+    assert not Path("out/captures/x-y").exists(), "none is begun any more"
+
+
+@pytest.mark.full
+def test_processes_of_their_own_go_on_where_they_were_stopped(captures):
+    """Ctrl-C as a terminal sends it, to all; then the same command does the rest, two at a time."""
+    command = start(start_new_session=True)
+    wait_for(lambda: list(Path("out").glob("captures/a/.rgbn/running.log")))
+    os.killpg(command.pid, signal.SIGINT)
+    said = command.communicate(timeout=60)[1]
+    assert command.returncode == 130
+    assert "Traceback" not in said
+    again = start("--jobs", "2", "--json")
+    printed, said = again.communicate(timeout=300)
+    assert again.returncode == 2
+    rows = json.loads(printed)
+    assert {row["name"]: bool(row["fault"]) for row in rows} == {name: name == "broken" for name in NAMES}
+    assert "Traceback" not in said
