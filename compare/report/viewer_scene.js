@@ -38,7 +38,7 @@ async function addSurface(points) {
     const here = point(x, y), down = point(x, y + step), right = point(x + step, y);
     // Across an edge of the object nothing is known of the normal.
     if (!here || !down || !right || Math.max(Math.abs(down[2] - here[2]), Math.abs(right[2] - here[2])) > span / 8) continue;
-    const ways = [minus(down, here), minus(right, here)], normal = unitOf(cross(...ways)), flat = step * -here[2] / camera.fx;
+    const ways = [minus(down, here), minus(right, here)], normal = unitOf(cross(...ways)), flat = step * info.step * -here[2] / camera.fx;
     // Down a steep place more points, not larger ones.
     const [far, way] = ways.map((each) => [Math.hypot(...each), each]).sort((a, b) => b[0] - a[0])[0], count = Math.max(1, Math.round(far / flat));
     for (let k = 0; k < count; k++) addPoint(points, here.map((value, i) => value + way[i] * k / count), normal, far / count, [0.8, 0.78, 0.74]);
