@@ -164,8 +164,7 @@ class External:
                 )
             files += found
         tried = [Path(os.path.expanduser(words[1]))] if len(words) == 2 else [program / python for python in PYTHONS]
-        # By `os.path`: what is too long for a name, or the home of nobody, is not there, and no failure.
-        # Not resolved: a virtual environment's python is a link, and knows itself by where it lies.
+        # By os.path: a name may be too long. Not resolved: a virtual environment's python knows itself by its place.
         python = next((path.absolute() for path in tried if os.path.isfile(path)), None)
         if python is None:
             raise SceneError(
