@@ -34,7 +34,10 @@ def results(job: Job) -> Outcome:
     ball = lights.white_value
     whites = {name: _write_maps(store, name, pixel_mm, axes, ball, written) for name in job.methods}
     warnings = [] if pixel_mm else ["results: nothing tells how large a pixel is on the object: the maps do not say."]
-    surface = _write_surface(job, pixel_mm, written)
+    known = [name for name in best_first(job) if np.isfinite(store.load_normals(name)[store.load_mask()]).all(-1).any()]
+    surface = _write_surface(job, known, pixel_mm, written) if known else None
+    if not known:
+        warnings.append("results: no method found a normal: no surface is written.")
     facts = {
         "files": [path.relative_to(store.folder).as_posix() for path in written],
         "pixel_mm": pixel_mm,
@@ -94,15 +97,15 @@ def _up(axes: Axes) -> str:
     return "up" if axes == "opengl" else "down"
 
 
-def _write_surface(job: Job, pixel_mm: float | None, written: list[Path]) -> dict[str, Any]:
-    """Write one method's surface as PLY and GLB, and its depth as a map; return what is to be said of it."""
+def _write_surface(job: Job, methods: list[str], pixel_mm: float | None, written: list[Path]) -> dict[str, Any]:
+    """Write the surface of one of the methods as PLY and GLB, its depth as a map; return what is to be said of it."""
     from formats.map_tiff import write_map
     from formats.meshes.textured_glb import write_glb
     from formats.picture_files import srgb_from_linear
     from solve.surface.solved_surface import solved_surface
 
     store = job.store
-    found = solved_surface(store, best_first(job), most_pixels=VERTICES)
+    found = solved_surface(store, methods, most_pixels=VERTICES)
     mesh, name = found.mesh(), f"surface_{found.method}"
     ply, glb = (store.path(FOLDER, f"{name}.{kind}") for kind in ("ply", "glb"))
     mesh.write(ply)
