@@ -15,7 +15,7 @@ from compare.compare import compare
 from compare.report.facts import all_warnings
 from compare.report.report import write_report
 from scene.camera import Camera
-from scene.files import write_json
+from scene.files import write_json, write_png
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
@@ -117,6 +117,14 @@ def test_pictures_are_all_there_each_with_words_for_it(page):
     assert len(images) == 3 + 2 * 12 + (1 + 4) + 4 + 2 + 1 + 3 + 3 + 1
     assert all(image["alt"] for image in images)
     assert all(values.get("aria-label") for values in page.all("svg"))
+
+
+def test_what_align_drew_of_a_registered_scan_is_shown(session, tmp_path):
+    store = Store(shutil.copytree(session.store.folder, tmp_path / "drawn"))
+    for name in ("outline_zoom", "sigma"):
+        write_png(store.path("align", f"{name}.png"), np.zeros((20, 30, 3), np.uint8))
+    shown = [image["alt"] for image in Page(write_report(store, session.summary)).all("img")]
+    assert {"four stretches of the outline", "map of the ground truth’s sigma"} <= set(shown)
 
 
 def test_names_are_escaped_wherever_they_go(page, session):
