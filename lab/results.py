@@ -34,7 +34,8 @@ def results(job: Job) -> Outcome:
     ball = lights.white_value
     whites = {name: _write_maps(store, name, pixel_mm, axes, ball, written) for name in job.methods}
     warnings = [] if pixel_mm else ["results: nothing tells how large a pixel is on the object: the maps do not say."]
-    known = [name for name in best_first(job) if np.isfinite(store.load_normals(name)).any()]
+    mask = store.load_mask()
+    known = [name for name in best_first(job) if np.isfinite(store.load_normals(name)[mask]).all(-1).any()]
     warnings += [] if known else ["results: no method found a normal: there is no surface."]
     # What trust recommends comes before what found its depth itself.
     known = [name for name in known if name == _recommended(job)] or known
@@ -102,7 +103,7 @@ def _up(axes: Axes) -> str:
 
 
 def _write_surface(job: Job, methods: list[str], pixel_mm: float | None, written: list[Path]) -> dict[str, Any]:
-    """Write one method's surface as PLY and GLB, and its depth as a map; return what is to be said of it."""
+    """Write the surface of one of the methods as PLY and GLB, its depth as a map; return what is to be said of it."""
     from formats.map_tiff import write_map
     from formats.meshes.textured_glb import write_glb
     from formats.picture_files import srgb_from_linear

@@ -144,7 +144,7 @@ class External:
             raise SceneError(f"--external {name}: {command!r} cannot be read as a command ({error}).") from None
         if is_preset:
             return cls._of_preset(name, words, timeout_s, where)
-        return cls(name, command, timeout_s, tuple(words), tuple(path for path in map(Path, words) if path.is_file()))
+        return cls(name, command, timeout_s, tuple(words), tuple(map(Path, filter(os.path.isfile, words))))
 
     @classmethod
     def _of_preset(cls, name: str, words: list[str], timeout_s: float, where: str) -> "External":
@@ -155,17 +155,17 @@ class External:
                 f"{where}: found {' '.join(words)!r}; expected PRESET:FOLDER, then, where it is not in the folder, the "
                 f"Python that runs it. Presets are {', '.join(PRESETS)}."
             )
-        preset, program, files = PRESETS[called.casefold()], Path(folder).expanduser().absolute(), []
+        preset, program, files = PRESETS[called.casefold()], Path(os.path.expanduser(folder)).absolute(), []
         for what, pattern in (("", preset.entry), ("weights ", preset.weights)):
-            found = sorted(program.glob(pattern)) if pattern else []
+            found = sorted(program.glob(pattern)) if pattern and os.path.isdir(program) else []
             if pattern and not found:
                 raise SceneError(
                     f"{where}: {program} has no {what}{pattern}. Its page says where it is: {preset.source}."
                 )
             files += found
-        tried = [Path(words[1]).expanduser()] if len(words) == 2 else [program / python for python in PYTHONS]
-        # Not resolved: a virtual environment's python is a link, and knows itself by where it lies.
-        python = next((path.absolute() for path in tried if path.is_file()), None)
+        tried = [Path(os.path.expanduser(words[1]))] if len(words) == 2 else [program / python for python in PYTHONS]
+        # By os.path: a name may be too long. Not resolved: a virtual environment's python knows itself by its place.
+        python = next((path.absolute() for path in tried if os.path.isfile(path)), None)
         if python is None:
             raise SceneError(
                 f"{where}: found no {', '.join(map(str, tried))}. Name the Python that has its libraries as a second "

@@ -31,7 +31,8 @@ CHAPTERS = {
 SCRIPTS = ("report_page.js", "viewer_values.js", "viewer_pixel.js", "viewer_scene.js", "viewer.js")
 """The page's program in parts, each reading none that follows it."""
 PARTS = (
-    "capture", "calibrate", "align", "solve", "twin", "compare", "trust", "truth_check", "versions", "created",
+    "capture", "calibrate", "align", "solve", "twin", "compare", "trust", "results", "truth_check", "versions",
+    "created",
 )  # fmt: skip
 """Of the summary, that the templates read."""
 ELSEWHERE = ("warnings", "material", "held_out")

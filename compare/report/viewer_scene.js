@@ -38,8 +38,10 @@ async function addSurface(points) {
     const here = point(x, y), down = point(x, y + step), right = point(x + step, y);
     // Across an edge of the object nothing is known of the normal.
     if (!here || !down || !right || Math.max(Math.abs(down[2] - here[2]), Math.abs(right[2] - here[2])) > span / 8) continue;
-    const [along, across] = [minus(down, here), minus(right, here)], spacing = Math.max(Math.hypot(...along), Math.hypot(...across));
-    addPoint(points, here, unitOf(cross(along, across)), spacing, [0.8, 0.78, 0.74]);
+    const ways = [minus(down, here), minus(right, here)], normal = unitOf(cross(...ways)), flat = step * info.step * -here[2] / camera.fx;
+    // Down a steep place more points, not larger ones.
+    const [far, way] = ways.map((each) => [Math.hypot(...each), each]).sort((a, b) => b[0] - a[0])[0], count = Math.max(1, Math.round(far / flat));
+    for (let k = 0; k < count; k++) addPoint(points, here.map((value, i) => value + way[i] * k / count), normal, far / count, [0.8, 0.78, 0.74]);
   }
 }
 
@@ -73,7 +75,7 @@ async function startScene(canvas) {
     pixels.fill(0xff2e2926);
     nearest.fill(-Infinity);
     for (let k = 0; k < points.length; k += 5) {
-      const from = [points[k] - middle[0], points[k + 1] - middle[1], points[k + 2] - middle[2]], half = Math.max(0.5, 0.55 * scale * points[k + 3]);
+      const from = [points[k] - middle[0], points[k + 1] - middle[1], points[k + 2] - middle[2]], half = Math.max(0.5, 0.75 * scale * points[k + 3]);
       const x = width / 2 + scale * dot(rows[0], from), y = height / 2 - scale * dot(rows[1], from), z = dot(rows[2], from);
       for (let v = Math.max(0, Math.ceil(y - half)); v < Math.min(height, y + half); v++) {
         for (let u = Math.max(0, Math.ceil(x - half)); u < Math.min(width, x + half); u++) {

@@ -167,7 +167,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
             "residual_px": 0.62, "sigma_mm": 0.11, "sigma_deg": 0.21, "truth_sigma_deg_median": 0.4,
             "evidence": ["3 starts of 40 reached the same pose"],
         },
-        "solve": {"methods": solved},
+        "solve": {"methods": solved}, "results": {"files": ["results/normals_ls.tif"]},
         "twin": {"engine": "many", "reason": "light went on", "seconds": 20.5, "warnings": []},
         "truth_check": {"light direction, median": {"value": 0.31, "unit": "°", "bar": 1.0}},
     }  # fmt: skip

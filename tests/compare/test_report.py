@@ -15,7 +15,7 @@ from compare.compare import compare
 from compare.report.facts import all_warnings
 from compare.report.report import write_report
 from scene.camera import Camera
-from scene.files import write_json
+from scene.files import write_json, write_png
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
@@ -119,6 +119,14 @@ def test_pictures_are_all_there_each_with_words_for_it(page):
     assert all(values.get("aria-label") for values in page.all("svg"))
 
 
+def test_what_align_drew_of_a_registered_scan_is_shown(session, tmp_path):
+    store = Store(shutil.copytree(session.store.folder, tmp_path / "drawn"))
+    for name in ("outline_zoom", "sigma"):
+        write_png(store.path("align", f"{name}.png"), np.zeros((20, 30, 3), np.uint8))
+    shown = [image["alt"] for image in Page(write_report(store, session.summary)).all("img")]
+    assert {"four stretches of the outline", "map of the ground truth’s sigma"} <= set(shown)
+
+
 def test_names_are_escaped_wherever_they_go(page, session):
     assert "<script>alert" not in page.source
     assert "<b>no highlight</b>" not in page.source
@@ -157,6 +165,14 @@ def test_hostile_names_of_frames_methods_and_settings_stay_text(session, tmp_pat
     assert "<script>evil" not in page.source
     assert not [values for _, values in page.tags if "onerror" in values]
     assert all(evil not in script for script in page.scripts)
+
+
+def test_the_first_screen_says_where_files_for_other_programs_are_if_there_are_any(page, session, tmp_path):
+    for word in ("results/ in the output folder", "rgbn export SESSION --format relight"):
+        assert word in page.texts["verdict"]
+    older = {key: part for key, part in session.summary.items() if key != "results"}
+    store = Store(shutil.copytree(session.store.folder, tmp_path / "older"))
+    assert "results/" not in Page(write_report(store, older)).texts["verdict"]
 
 
 def test_every_warning_is_shown_with_its_step_and_counted(page):

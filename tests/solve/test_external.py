@@ -191,6 +191,13 @@ def test_what_is_wrong_with_a_command_is_said(text, words, scene, tmp_path):
         solve_external(External.parse(text, 5), frames, lights, camera, mask, tmp_path / "x")
 
 
+def test_a_word_may_be_longer_than_a_files_name():
+    program = f"print('{300 * 'x'}')"
+    found = External.parse(f'LINO={sys.executable} -c "{program}" {{data}} {{out}}', 5)
+    assert found.words == (sys.executable, "-c", program, "{data}", "{out}")
+    assert [str(path) for path in found.files] == [sys.executable]
+
+
 def test_the_48_axes_are_all_and_name_themselves():
     assert len({axes_words(matrix) for matrix in AXES}) == 48
     assert axes_words(AXES[0]) == "(x, y, z)"

@@ -228,6 +228,8 @@ def test_of_many_photographs_some_are_given_evenly_spread(tmp_path):
         ("Learned=sdm-unips:'{1}/lacks weights'", ["has no weights checkpoint", "checkpoint/normal/*.pytmodel"]),
         ("Learned=lino-unips:'{1}/lacks python'", ["lacks python/.venv/bin/python", "second word"]),
         ("Learned=lino-unips:'{1}/lacks python' {0}/nothing", ["found no ", "nothing"]),
+        ("Learned=lino-unips:" + 300 * "y", ["has no hubconf.py"]),
+        ("Learned=lino-unips:~nobody_of_this_name/x", ["has no hubconf.py"]),
         ("Learned=run it", ["{data} and {out} missing", "PRESET:FOLDER"]),
     ],
 )
