@@ -132,16 +132,3 @@ def test_a_size_that_nothing_tells_is_not_written(tmp_path):
     with tifffile.TiffFile(store.path("results", "albedo_ls.tif")) as file:
         assert file.pages[0].tags["ResolutionUnit"].value == 1
     assert pixel_size_mm(Camera.orthographic(60, 50), store.load_lights()) is None
-
-
-def test_a_method_without_normals_has_no_surface_and_stops_nothing(tmp_path):
-    store, *_ = made(tmp_path)
-    job = SimpleNamespace(store=store, settings=Settings(), methods=("ls", "iterative"), done={})
-    nothing = np.full((50, 60, 3), np.nan, np.float32)
-    store.save_estimate(Estimate("ls", nothing, nothing, np.zeros((50, 60), np.uint16)))
-    assert results(job).result["surface"]["method"] == "iterative"
-    store.save_estimate(Estimate("iterative", nothing, nothing, np.zeros((50, 60), np.uint16)))
-    said = results(job)
-    assert said.result["surface"] is None
-    assert any("no surface is written" in text for text in said.warnings)
-    assert "results/normals_ls.tif" in said.result["files"]

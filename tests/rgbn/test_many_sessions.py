@@ -150,13 +150,14 @@ def test_one_that_is_refused_stops_no_other(captures, here, run_rgbn):
 
 
 def test_of_one_that_can_no_longer_be_processed_nothing_old_is_told(captures, here, run_rgbn):
-    for name in ("broken", ODD, "x-y", "x/y"):
+    for name in ("broken", ODD, "x/y"):
         (captures / name / "session.toml").unlink()
     assert run_rgbn("process", "captures")[0] == 0
     (captures / "a" / "session.toml").write_text("[frames\n")
     code, printed, _ = run_rgbn("process", "captures", "--json")
-    (row,) = json.loads(printed)
+    row, other = json.loads(printed)
     assert code == 2
+    assert (row["name"], other["fault"]) == ("a", "")
     assert (row["level"], row["method"], row["median_deg"], row["warnings"], row["seconds"]) == (
         "not processed", "", None, 0, 0,
     )  # fmt: skip
