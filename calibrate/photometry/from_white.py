@@ -103,10 +103,16 @@ def _doubt(
     """
     misses = f"{name} misses n.l by {read.residual:.1%} of the flash"
     is_near = lights.positions_mm is not None
-    if read.rms > DOUBTFUL and (lamp := without_lamp(surface, lights)) is not None:
-        first, dark = lamp
-        without = measure(dark, lights, covariance)
-        if without.rms < EXPLAINED * read.rms:
+    if read.rms > DOUBTFUL:
+        coded = {power: measure(_decoded(surface, power), lights) for power in (GAMMA, 1 / GAMMA)}
+        other = {factor: measure(_scaled(surface, factor), lights) for factor in DIAMETERS if is_near}
+        trials = coded | other
+        best = min(trials, key=lambda one: trials[one].residual)
+        left, lamp = f"{trials[best].residual:.1%}", without_lamp(surface, lights)
+        without = None if lamp is None else measure(lamp[1], lights, covariance)
+        # It has four numbers to fit with: what explains as much with one is likelier.
+        if lamp and without and without.rms < min(EXPLAINED * read.rms, trials[best].rms):
+            first = lamp[0]
             return [
                 f"{lights.names[first]}: from here on {name} is lit by more than the flash, or by less: it misses n.l "
                 f"by {read.rms:.1%} of the flash, but by {without.rms:.1%} without a light that changed here: a lamp "
@@ -114,19 +120,14 @@ def _doubt(
                 "object all the same. Darken the room and reshoot, or list the frames before or after it under "
                 "frames.skip."
             ], without
-    if read.residual > DOUBTFUL:
-        coded = {power: measure(_decoded(surface, power), lights) for power in (GAMMA, 1 / GAMMA)}
-        other = {factor: measure(_scaled(surface, factor), lights) for factor in DIAMETERS if is_near}
-        trials = coded | other
-        best = min(trials, key=lambda one: trials[one].residual)
-        left = f"{trials[best].residual:.1%}"
-        if trials[best].residual < EXPLAINED * read.residual and best in coded:
+        is_explained = read.residual > DOUBTFUL and trials[best].residual < EXPLAINED * read.residual
+        if is_explained and best in coded:
             right = "true" if best < 1 else "false (sRGB) or gamma = 2.2, or give the RAW files"
             return [
                 f"frames.linear: {misses}, but by {left} if the values are raised to {best:.2g}: the files are coded "
                 f"otherwise than frames says. Set frames.linear = {right}."
             ], read
-        if trials[best].residual < EXPLAINED * read.residual:
+        if is_explained:
             size = 2 * surface.radius
             return [
                 f"{name} contradicts the lights' positions: {misses}, unless it is about {size * best:.1f} mm across, "
