@@ -177,8 +177,9 @@ def solve(job: Job) -> Outcome:
     from solve.frames_at_odds import at_odds
 
     result, warnings, lights = solve_all(job, job.store, "solve", job.methods)
-    store = job.store
-    return Outcome(result, at_odds(store.load_frames(), lights, store.load_camera(), store.load_mask()) + warnings)
+    store, warned = job.store, any(job.done[step]["warnings"] for step in ("check", "calibrate"))
+    frames, camera, mask = store.load_frames(), store.load_camera(), store.load_mask()
+    return Outcome(result, at_odds(frames, lights, camera, mask, warned=warned) + warnings)
 
 
 def solve_all(job: Job, store: Store, label: str, methods: Sequence[str]) -> tuple[dict, list[str], Lights]:

@@ -32,10 +32,13 @@ SWITCHED, ALIKE = 0.12, 0.8
 one sign. Sound captures have up to 0.07 and 0.7; a lamp of a third of the flash 0.15 to 0.24 and 0.82 to 0.94."""
 
 
-def at_odds(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]) -> list[str]:
+def at_odds(
+    frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_], *, warned: bool = False
+) -> list[str]:
     """Return what is to be said of frames that the others contradict over a large part of the object.
 
-    Nothing of fewer than six frames, or of lights without directions.
+    Nothing of fewer than six frames, or of lights without directions. `warned`: capture or balls were warned of; wrong
+    coding, a wrong focal length or a camera that moved may look like a lamp.
 
     Notes
     -----
@@ -52,7 +55,7 @@ def at_odds(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.boo
     toward, value = np.array(samples.toward(), np.float64), samples.gray.astype(np.float64)
     told, odd = _hidden_or_lit(lights.names, value, samples.valid, toward)
     # What one frame shows of itself is not to be taken for a change in all that follow.
-    return [*told, *_switched(lights.names, value, samples.valid & ~odd, toward)]
+    return [*told, *_switched(lights.names, value, samples.valid & ~odd, toward, warned=warned)]
 
 
 def _fitted(value: Array, use: NDArray[np.bool_], design: Array) -> tuple[Array, Array]:
@@ -98,7 +101,9 @@ def _hidden_or_lit(
     return said, (dark > LARGE) | (bright > LARGE)
 
 
-def _switched(names: tuple[str, ...], value: Array, valid: NDArray[np.bool_], toward: Array) -> list[str]:
+def _switched(
+    names: tuple[str, ...], value: Array, valid: NDArray[np.bool_], toward: Array, *, warned: bool
+) -> list[str]:
     """Return what is to be said of light that came or went and stayed so."""
     lit = valid & (value > LIT * np.quantile(value, 0.9, axis=1, keepdims=True))
     seen = lit.sum(1) >= SWITCHED_FEWEST - 1
@@ -123,8 +128,9 @@ def _switched(names: tuple[str, ...], value: Array, valid: NDArray[np.bool_], to
     if not first:
         return []
     how, word = ("brighter", "on") if more > 0 else ("darker", "off")
+    unless = ", unless what is warned of photographs and balls makes it" if warned else ""
     return [
         f"{names[first]}: from about here on the object is {how} by {abs(more):.0%} of a flash, whichever way it "
-        f"faces: a lamp was switched {word} after {names[first - 1]}. Darken the room and reshoot, or list the frames "
-        "before or after under frames.skip."
+        f"faces: a lamp was switched {word} after {names[first - 1]}{unless}. Darken the room and reshoot, or list "
+        "the frames before or after under frames.skip."
     ]

@@ -89,3 +89,7 @@ def test_photographs_of_a_real_cat_are_sound_until_a_lamp_is_added():
     images[8:] += 0.2 * images[1]
     (told,) = at_odds(as_floats(lights, images), lights, camera, mask)
     assert "a lamp was switched on" in told
+    # Wrong coding and the like look so, too: what was warned of before is not forgotten.
+    (doubted,) = at_odds(as_floats(lights, images), lights, camera, mask, warned=True)
+    assert "unless what is warned of photographs and balls makes it" in doubted
+    assert "unless" not in told
