@@ -91,8 +91,7 @@ def ground_truth(
     found = np.full((height, width, 3), np.nan, np.float32)
     depth = np.full((height, width), np.nan, np.float32)
     sigma = np.full((height, width), np.nan, np.float32)
-    (_, top), (_, tall) = view.box()
-    top, bottom = max(int(top), 0), min(int(top + tall) + 1, height)
+    top, bottom = _rows(view)
     step = max(1, BAND_PIXELS // width)
     for first in range(top, bottom, step):
         last = min(first + step, bottom)
@@ -140,6 +139,14 @@ def _average(view: View, pixels: NDArray, face: NDArray, depth: NDArray, middle:
     out = middle.copy()
     out[fine] = unit(total)
     return out
+
+
+def _rows(view: View) -> tuple[int, int]:
+    """Return the range of rows that can see the mesh: of all its vertices, where `View.box` takes some."""
+    v = view.camera.project(view.pose.apply(view.caster.mesh.vertices))[:, 1]
+    if np.isnan(v).any():
+        return 0, view.camera.height
+    return max(int(v.min()) - 2, 0), min(int(v.max()) + 3, view.camera.height)
 
 
 def _reliable(view: View, hits: Hits, points: Array, normals: Array, directions: Array) -> NDArray[np.bool_]:

@@ -59,6 +59,21 @@ def test_orthographic_rays_are_parallel_wherever_the_scan_stands(z_mm):
     assert angular_error_deg(truth.normals, np.stack([x, y, z], -1))[known].max() < 0.35
 
 
+def test_the_tip_of_a_needle_is_in_the_truth():
+    """One vertex of fifty thousand, far above all others: every row that sees the scan has its normals."""
+    u, v = np.meshgrid(np.arange(250), np.arange(200))
+    first = (v[:-1, :-1] * 250 + u[:-1, :-1]).ravel()
+    faces = np.concatenate([np.stack(three, 1) for three in ((first, first + 250, first + 1),
+                                                             (first + 1, first + 250, first + 251))])  # fmt: skip
+    plane = np.stack([u.ravel() * 0.2 - 25, -v.ravel() * 0.2 - 5, 0 * u.ravel()], 1)
+    needle = np.array([[-2.0, -5.0, 1.0], [0.0, 45.0, 1.0], [2.0, -5.0, 1.0]])
+    mesh = Mesh(np.concatenate([plane, needle]), np.concatenate([faces, [[50000, 50002, 50001]]]))
+    assert len(mesh.vertices) // 20000 > 1
+    truth = ground_truth(mesh, Pose.from_rotation_translation(np.eye(3), [0, 0, -400]), PERSPECTIVE)
+    tip = PERSPECTIVE.project(np.array([0.0, 45.0, -399.0]))[1]
+    assert np.flatnonzero(truth.mask.any(1)).min() <= tip + 12
+
+
 def test_moving_the_scan_and_undoing_it_in_the_pose_changes_nothing(bumpy, rotations):
     pose = Pose.from_rotation_translation(rotations[0], [5, -3, -600])
     plain = ground_truth(bumpy, pose, PERSPECTIVE)
