@@ -4,6 +4,7 @@ import json
 import multiprocessing
 import os
 import threading
+from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from html import escape
@@ -21,7 +22,7 @@ PICTURE_PX = 160
 STOPPED = 130
 """Exit code of a process that Ctrl-C, or the end of the one that began it, stops."""
 COLUMNS = {
-    "session": "{name}", "normals": "{level}", "method": "{method}", "median error, deg": "{median_deg:.2f}",
+    "session": "{name}", "normals": "{badge}", "method": "{method}", "median error, deg": "{median_deg:.2f}",
     "warnings": "{warnings:d}", "seconds": "{seconds:.0f}",
 }  # fmt: skip
 """Of the table on the terminal."""
@@ -161,6 +162,7 @@ def _work(told: Any, session: Path, out: Path, said: Settings, scheduler: str | 
 def _row(folder: Path, name: str, fault: str) -> dict[str, Any]:
     """Return a session's row: the verdict on its normals, and what it is by."""
     from compare.report.facts import all_warnings, read_optional
+    from compare.report.page import LEVELS
     from compare.report.verdict import ranking, verdict
     from scene.store import Store
 
@@ -172,6 +174,7 @@ def _row(folder: Path, name: str, fault: str) -> dict[str, Any]:
     return {
         "name": name,
         "level": "not processed" if fault else statement.level,
+        "badge": "not processed" if fault else statement.word or LEVELS[statement.level],
         "verdict": "" if fault else statement.text,
         "method": method or "",
         "median_deg": best.get("median_deg"),
@@ -182,32 +185,31 @@ def _row(folder: Path, name: str, fault: str) -> dict[str, Any]:
 
 
 def _page(folder: Path, title: str, rows: Sequence[dict[str, Any]]) -> str:
-    from compare.report.page import LEVELS, badge, section, table, whole_page
+    from compare.report.page import badge, section, table, whole_page
 
     lines = []
     for row in rows:
         name, link = escape(row["name"]), quote(f"{row['name']}/report.html")
-        said = badge("bad", row["level"]) if row["fault"] else badge(row["level"])
+        said = badge("bad" if row["fault"] else row["level"], row["badge"])
         words = escape(row["fault"] or row["verdict"])
         head = name if row["fault"] else f'<a href="{link}">{name}</a>'
         lines.append((head, _picture(folder, row), f"{said} {words}", str(row["warnings"])))
-    count = {level: sum(row["level"] == level for row in rows) for level in LEVELS}
-    told = ", ".join(f"{number} {LEVELS[level]}" for level, number in count.items() if number)
-    lost = sum(bool(row["fault"]) for row in rows)
-    said = f"{len(rows)} sessions: {told}{f', {lost} not processed' if lost else ''}"
+    count = Counter(row["badge"] for row in rows)
+    said = f"{len(rows)} sessions: {', '.join(f'{number} {words}' for words, number in count.most_common())}"
     body = table(("session", "normals", "verdict", "warnings"), lines)
     return whole_page(title, "sessions", said, {"Sessions": section("sessions", "Sessions", body)})
 
 
 def _picture(folder: Path, row: dict[str, Any]) -> str:
+    from compare.report.pictures import PixelBox
     from scene.map_pictures import data_uri, normal_picture
     from scene.store import Store
 
     store = Store(folder / row["name"])
     if row["fault"] or not row["method"] or not store.path("normals", f"{row['method']}.npy").exists():
         return ""
-    rows, columns = (slice(int(at.min()), int(at.max()) + 1) for at in store.load_mask().nonzero())
-    picture = normal_picture(store.load_normals(row["method"])[rows, columns], PICTURE_PX)
+    box = PixelBox.of_mask(store.load_mask(), margin=0)
+    picture = normal_picture(box.of(store.load_normals(row["method"])), PICTURE_PX)
     alt = escape(f"normals of {row['name']} by {row['method']}")
     return f'<img src="{data_uri(picture, photograph=False)}" alt="{alt}" width="{picture.shape[1]}">'
 

@@ -18,6 +18,7 @@ from lab.run import run_session
 from rgbn import many_sessions
 from rgbn.many_sessions import sessions_below
 from scene.errors import SceneError
+from scene.files import write_json
 from tests.lab.test_foreign_files import make_session
 
 ROOT = Path(__file__).parents[2]
@@ -147,6 +148,22 @@ def test_one_that_is_refused_stops_no_other(captures, here, run_rgbn):
     assert marks(out) == before, "a second call does nothing again"
     assert "[red]<i>" in printed
     assert "not processed" in printed
+
+
+def test_a_tolerance_is_passed_or_failed_on_the_page(captures, monkeypatch, run_rgbn):
+    shares = dict(zip(NAMES, (0.95, 0.95, 0.4, 0.95, 0.95), strict=True))
+
+    def process(session, out, said, scheduler):
+        share = shares[session.relative_to(captures).as_posix()]
+        found = {"deg": 3.0, "method": "ls", "share": share, "least_share": 0.9, "passes": share >= 0.9}
+        write_json(out / "summary.json", {"compare": {"tolerance": found}})
+        return ""
+
+    monkeypatch.setattr(many_sessions, "_in_its_own_process", process)
+    assert run_rgbn("process", captures, "--tolerance", "3deg", "-o", "out/captures")[0] == 0
+    text = Path("out/captures/index.html").read_text()
+    assert "5 sessions: 4 pass, 1 fail" in text
+    assert Page(text).words.count("fail") == 1
 
 
 def test_of_one_that_can_no_longer_be_processed_nothing_old_is_told(captures, here, run_rgbn):
