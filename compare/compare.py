@@ -54,7 +54,8 @@ def compare(
         real and twin (`angular_statistics`, or None), coverage and twin_coverage (share of the true pixels that
         were answered), pearson, spearman, correlation_pixels, median_difference_deg with its interval's ends,
         median_difference_low_deg and median_difference_high_deg (`compare.statistics.counterparts.difference`),
-        real/twin_rotation_deg (the turn common to all normals) and real/twin_median_unrotated_deg (the median error
+        real/twin_within_tolerance (share of the true pixels, where a tolerance is given), real/twin_rotation_deg (the
+        turn common to all normals) and real/twin_median_unrotated_deg (the median error
         once it is undone), real/twin_four_ways (`FourWays`, of methods that leave an ambiguity and of other programs),
         median_to_others_deg (the median of its median angles to the other methods), histogram (pixels per bin, the
         last one: beyond the last edge), median_sigma_deg (of the median on the photographs); level: best, and the
@@ -108,13 +109,12 @@ def compare(
             result["warnings"].append(
                 "ground truth: not one pixel of it lies on the object's mask; no error can be given"
             )
-        spread = [end for name in names for end in _errors(store, name, truth, mask, result)]
+        spread = [end for name in names for end in _errors(store, name, truth, mask, result, tolerance_deg)]
         if spread:
             # The median over maps: one method that fails everywhere must not darken all the others.
             written = _histograms(store, result, colour_scale_end(float(np.median(spread))))
             _level(store, result)
-            if tolerance_deg is not None:
-                result["tolerance"] = _tolerance(store, result, tolerance_deg)
+            result["tolerance"] = None if tolerance_deg is None else _tolerance(result["methods"], tolerance_deg)
     # A map that a former run left would speak of normals that are gone.
     for stale in store.path("compare").glob("error_*"):
         if stale.name not in written:
@@ -130,7 +130,9 @@ def _frames_alike(store: Store, mask: Mask | None) -> dict[str, Any] | None:
     return frames_alike(store.load_frames(), twin.load_frames(), mask)
 
 
-def _errors(store: Store, name: str, truth: Normals, mask: Mask | None, result: dict[str, Any]) -> list[float]:
+def _errors(
+    store: Store, name: str, truth: Normals, mask: Mask | None, result: dict[str, Any], tolerance_deg: float | None
+) -> list[float]:
     """Write a method's error maps and fill in its row; return the error that 95 % of each map's pixels stay under."""
     row, maps, spread, pixels = result["methods"][name], {}, [], result["truth"]["pixels"]
     for kind, place in PLACES.items():
@@ -148,6 +150,8 @@ def _errors(store: Store, name: str, truth: Normals, mask: Mask | None, result: 
         row[f"{kind}_rotation_deg"], row[f"{kind}_median_unrotated_deg"] = angle, median
         if is_measured_so(name):
             row[f"{kind}_four_ways"] = asdict(four_ways(estimate, truth, mask))
+        if tolerance_deg is not None:
+            row[f"{kind}_within_tolerance"] = np.count_nonzero(error <= tolerance_deg) / pixels
         spread.append(float(np.nanquantile(error, 0.95)))
         write_npy(store.path("compare", f"error_{kind}_{name}.npy"), error)
     if len(maps) == 2:
@@ -186,18 +190,15 @@ def _level(store: Store, result: dict[str, Any]) -> None:
         result["methods"][name]["median_sigma_deg"] = sigma
 
 
-def _tolerance(store: Store, result: dict[str, Any], tolerance_deg: float) -> dict[str, Any]:
-    """Return how much of the object is within a tolerance, by the method that has most of it there."""
-    judged = [name for name, row in result["methods"].items() if row["real"]]
-    maps = {name: np.load(store.path("compare", f"error_real_{name}.npy"), mmap_mode="r") for name in judged}
-    shares = {
-        name: np.count_nonzero(error <= tolerance_deg) / result["truth"]["pixels"] for name, error in maps.items()
-    }
+def _tolerance(rows: dict[str, dict[str, Any]], tolerance_deg: float) -> dict[str, Any] | None:
+    """Return how much of the object is within a tolerance, by the method that has most of it there; None of none."""
+    shares = {name: row["real_within_tolerance"] for name, row in rows.items() if row["real"]}
     method = max(shares, key=lambda name: shares[name], default=None)
-    share = 0.0 if method is None else shares[method]
+    if method is None:
+        return None
     return {
-        "deg": tolerance_deg, "method": method, "share": share, "least_share": LEAST_SHARE,
-        "passes": share >= LEAST_SHARE,
+        "deg": tolerance_deg, "method": method, "share": shares[method], "least_share": LEAST_SHARE,
+        "passes": shares[method] >= LEAST_SHARE,
     }  # fmt: skip
 
 

@@ -35,14 +35,19 @@ def family(method: str) -> str:
     return "uncalibrated" if method in UNCALIBRATED else "calibrated"
 
 
+def tied_methods(compared: dict[str, Any]) -> list[str]:
+    """Return the method of the least median error with those that are not told apart from it (`level`)."""
+    level = compared.get("level") or {}
+    return [name for name in (level.get("best"), *(level.get("level") or ())) if name]
+
+
 def by_error(compared: dict[str, Any]) -> list[str]:
     """Return the methods of a comparison, the best on the photographs first.
 
-    Those whose medians are not told apart from the least (`level`) by their mean, which counts the tail, the others by
-    their median. Those without an error follow in the order in which they are.
+    The `tied_methods` by their mean, which counts the tail, then the others by their median. Those without an error
+    follow in the order in which they are.
     """
-    methods, level = compared.get("methods") or {}, compared.get("level") or {}
-    tied = {level.get("best"), *(level.get("level") or ())}
+    methods, tied = compared.get("methods") or {}, tied_methods(compared)
 
     def error(name: str) -> tuple[bool, float]:
         found = methods[name].get("real") or {}

@@ -6,7 +6,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from compare.report.facts import Summary, all_warnings, by_error, family
+from compare.report.facts import Summary, all_warnings, by_error, family, tied_methods
 from compare.report.page import badge, is_number, plain, say, words
 from compare.statistics.counterparts import likeness
 
@@ -38,7 +38,7 @@ class Statement:
 
 
 def verdict(summary: Summary) -> list[Statement]:
-    """Return what the summary's numbers say of each result, the most important first.
+    """Return what the summary's numbers say of each result, the most important first; a tolerance before all else.
 
     Any part of the summary may be missing, and what is missing is said to be unknown. Bars: normals are called good up
     to 5 degrees median error, not to be relied on beyond 10; light directions 1 and 3 degrees (one sigma);
@@ -46,15 +46,15 @@ def verdict(summary: Summary) -> list[Statement]:
     of 0.6, unlike below 0.3. No result is called good beside a warning of the step that made it.
     """
     compared = summary.get("compare") or {}
-    methods = compared.get("methods") or {}
+    methods = {name: compared["methods"][name] for name in by_error(compared)}
     judged = [name for name, row in methods.items() if row.get("real")]
-    best = min(judged, key=lambda name: methods[name]["real"]["median_deg"], default=None)
+    least = min((methods[name]["real"]["median_deg"] for name in judged), default=None)
     camera, capture = summary.get("camera") or {}, summary.get("capture") or {}
     statements = [
         _tolerance(summary, compared),
         _normals(summary, compared),
-        _truth(summary, compared, None if best is None else methods[best]["real"]["median_deg"]),
-        None if best is None else _tilt(best, methods[best]),
+        _truth(summary, compared, least),
+        _tilt(judged[0], methods[judged[0]]) if judged else None,
         _twin(summary.get("twin") or {}, methods),
         _lights(summary, compared),
     ]
@@ -81,9 +81,8 @@ def _tolerance(summary: Summary, compared: Summary) -> Statement | None:
 def _normals(summary: Summary, compared: Summary) -> Statement:
     best = next((row for row in ranking(summary) if is_number(row.get("median_deg"))), None)
     if best is not None:
-        level = compared.get("level") or {}
-        others = [name for name in (level.get("best"), *(level.get("level") or ())) if name and name != best["name"]]
-        others = others if best["name"] in (level.get("best"), *(level.get("level") or ())) else []
+        tied = tied_methods(compared)
+        others = [name for name in tied if name != best["name"]] if best["name"] in tied else []
         text = say("normals", "level" if others else "best", **{**best, "others": ", ".join(others)})
         if is_number(best.get("coverage")) and best["coverage"] < COVERAGE_BAR:
             text += say("normals", "few", **best)
@@ -124,12 +123,13 @@ def _tilt(name: str, row: Summary) -> Statement | None:
 
 
 def _twin(twin: Summary, methods: Summary) -> Statement | None:
+    """Say whether real and twin err alike; `methods`: the rows, the best first."""
     both = [name for name, row in methods.items() if row.get("real") and row.get("twin")]
     both = [name for name in both if is_number(methods[name].get("pearson"))]
     if not both:
         return None
     # The best method leaves the least for calibration and scan to hide behind.
-    name = min(both, key=lambda name: methods[name]["real"]["median_deg"])
+    name = both[0]
     row = methods[name]
     real, twins = row["real"]["median_deg"], row["twin"]["median_deg"]
     level = LIKENESS[likeness(row["pearson"])]

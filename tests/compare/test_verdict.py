@@ -265,3 +265,5 @@ def test_of_methods_that_are_not_told_apart_the_one_with_the_lighter_tail_stands
     summary["compare"]["level"] = {"best": "ls", "level": ["iterative"]}
     assert [row["name"] for row in ranking(summary)] == ["iterative", "ls", "l1"]
     assert "with ls as good" in text_of(summary, "Normals")
+    # What is said of the twin is said of the same method.
+    assert "The error patterns of iterative" in text_of(summary, "Twin")
