@@ -4,7 +4,7 @@ from typing import Any
 
 from lab import steps
 from lab.job import Job, Step
-from lab.results import FOLDER, best_first, results
+from lab.results import FOLDER, recommended, results
 from lab.twin_step import twin
 from scene.light_text import FILENAMES, INTENSITIES
 
@@ -58,7 +58,7 @@ STEPS = {
         Step("align", steps.align, ("calibrate",), _object_inputs, (EXPORTED,)),
         Step("solve", steps.solve, ("align",), _methods),
         Step("trust", steps.trust, ("solve",), lambda job: []),
-        Step(FOLDER, results, ("solve",), lambda job: [job.settings.normals, best_first(job)]),
+        Step(FOLDER, results, ("solve",), lambda job: [job.settings.normals, recommended(job)]),
         Step("twin", twin, ("solve",), lambda job: [*_methods(job), job.twin]),
         Step("compare", steps.compare, ("twin",), _judged_by, (REPORTED,)),
     )

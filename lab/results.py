@@ -1,12 +1,13 @@
 """`results/`: what was found, in files that other programs open: TIFF maps, and the surface as PLY and GLB."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lab.job import Job, Outcome
+from lab.options import GreenAxis
 from lab.progress import alive
 from scene.camera import Camera
 from scene.lights import Lights
@@ -14,8 +15,6 @@ from scene.normals import encode_normals
 from scene.store import Store
 
 FOLDER = "results"
-Axes = Literal["opengl", "directx"]
-"""Of pictures of normals: green grows where the surface faces up, or down."""
 VERTICES = 1_000_000
 """Of the surface, about: what viewers still turn."""
 TEXTURE_PX = 4096
@@ -35,10 +34,11 @@ def results(job: Job) -> Outcome:
     whites = {name: _write_maps(store, name, pixel_mm, axes, ball, written) for name in job.methods}
     warnings = [] if pixel_mm else ["results: nothing tells how large a pixel is on the object: the maps do not say."]
     mask = store.load_mask()
-    known = [name for name in best_first(job) if np.isfinite(store.load_normals(name)[mask]).all(-1).any()]
+    known = [name for name in job.methods if np.isfinite(store.load_normals(name)[mask]).all(-1).any()]
     warnings += [] if known else ["results: no method found a normal: there is no surface."]
+    best = recommended(job)
     # What trust recommends comes before what found its depth itself.
-    known = [name for name in known if name == _recommended(job)] or known
+    known = [best] if best in known else known
     surface = _write_surface(job, known, pixel_mm, written) if known else None
     facts = {
         "files": [path.relative_to(store.folder).as_posix() for path in written],
@@ -50,25 +50,20 @@ def results(job: Job) -> Outcome:
     return Outcome(facts, warnings)
 
 
-def best_first(job: Job) -> tuple[str, ...]:
-    """Return the methods, that which trust recommends first."""
-    return tuple(sorted(job.methods, key=lambda name: name != _recommended(job)))
-
-
-def _recommended(job: Job) -> str | None:
+def recommended(job: Job) -> str | None:
+    """Return the method that trust recommends; None where it was not asked."""
     return job.done.get("trust", {}).get("result", {}).get("recommended")
 
 
 def pixel_size_mm(camera: Camera, lights: Lights) -> float | None:
     """Return how large a pixel is on a surface that faces the camera at the object's distance; None: not known."""
     z_mm = float(lights.reference_point_mm[2])
-    if camera.is_orthographic:
-        return 1 / camera.fx if lights.positions_mm is not None else None
-    return -z_mm / float(np.sqrt(camera.fx * camera.fy)) if z_mm < 0 else None
+    # Nothing tells an orthographic camera's scale.
+    return -z_mm / float(np.sqrt(camera.fx * camera.fy)) if z_mm < 0 and not camera.is_orthographic else None
 
 
 def _write_maps(
-    store: Store, method: str, pixel_mm: float | None, axes: Axes, ball: NDArray | None, written: list[Path]
+    store: Store, method: str, pixel_mm: float | None, axes: GreenAxis, ball: NDArray | None, written: list[Path]
 ) -> float:
     """Write a method's maps; return the albedo that is white in its file.
 
@@ -82,7 +77,8 @@ def _write_maps(
 
     normals = np.asarray(store.load_normals(method))
     turned = normals if axes == "opengl" else normals * np.array([1, -1, 1], np.float32)
-    told = {"value": "n = 2 code / 65535 - 1; 0 0 0: unknown", "axes": f"x right, y {_up(axes)}, z toward the camera"}
+    up = "up" if axes == "opengl" else "down"
+    told = {"value": "n = 2 code / 65535 - 1; 0 0 0: unknown", "axes": f"x right, y {up}, z toward the camera"}
     write("normals", encode_normals(turned), **told)
     albedo = np.asarray(store.read_array("albedo", f"{method}.npy"))
     albedo = albedo if ball is None else albedo / ball.astype(np.float32)
@@ -98,14 +94,11 @@ def _write_maps(
     return white
 
 
-def _up(axes: Axes) -> str:
-    return "up" if axes == "opengl" else "down"
-
-
 def _write_surface(job: Job, methods: list[str], pixel_mm: float | None, written: list[Path]) -> dict[str, Any]:
     """Write the surface of one of the methods as PLY and GLB, its depth as a map; return what is to be said of it."""
+    from compare.report.pictures import PixelBox
     from formats.map_tiff import write_map
-    from formats.meshes.textured_glb import write_glb
+    from formats.meshes.glb_files import textured, write_glb
     from formats.picture_files import srgb_from_linear
     from solve.surface.solved_surface import solved_surface
 
@@ -115,25 +108,22 @@ def _write_surface(job: Job, methods: list[str], pixel_mm: float | None, written
     ply, glb = (store.path(FOLDER, f"{name}.{kind}") for kind in ("ply", "glb"))
     mesh.write(ply)
     # The picture's part that holds the object, at full size.
-    albedo = store.read_array("albedo", f"{found.method}.npy")
     v, u = (found.step * at for at in np.nonzero(np.isfinite(found.surface.z_mm)))
-    rows, columns = (slice(int(at.min()), int(at.max()) + 1) for at in (v, u))
-    part = np.asarray(albedo[rows, columns])
+    box = PixelBox(int(u.min()), int(v.min()), int(u.max()) + 1, int(v.max()) + 1)
+    part = np.asarray(box.of(store.read_array("albedo", f"{found.method}.npy")))
     shrink = -(-max(part.shape[:2]) // TEXTURE_PX)
     white = float(np.nanquantile(part, MOST)) if np.isfinite(part).any() else 1.0
-    picture = np.round(255 * srgb_from_linear(np.nan_to_num(part[::shrink, ::shrink] / max(white, 1e-9)))).astype(
-        np.uint8
-    )
+    shown = srgb_from_linear(np.nan_to_num(part[::shrink, ::shrink] / max(white, 1e-9)))
+    picture = np.round(255 * shown).astype(np.uint8)
     size = shrink * np.array([picture.shape[1], picture.shape[0]])
-    texcoords = (np.stack([u - columns.start, v - rows.start], 1) + 0.5 * shrink) / size
-    write_glb(glb, mesh.vertices, mesh.normals, mesh.faces, texcoords, picture)
+    texcoords = (np.stack([u - box.left, v - box.top], 1) + 0.5 * shrink) / size
+    write_glb(glb, textured(mesh.vertices, mesh.faces, mesh.normals, texcoords, {"baseColorTexture": picture}))
     written += [ply, glb]
     if not store.path("depth", f"{found.method}.npy").exists():
         told = {"map": "depth", "method": found.method, "value": f"mm, z; {found.scale}"}
+        depth = store.path(FOLDER, f"depth_{found.method}.tif")
         size_mm = pixel_mm and pixel_mm * found.step
-        written += write_map(
-            store.path(FOLDER, f"depth_{found.method}.tif"), found.surface.z_mm.astype(np.float32), told, size_mm
-        )
+        written += write_map(depth, found.surface.z_mm.astype(np.float32), told, size_mm)
     torn = found.surface.torn_share()
     facts = {"method": found.method, "scale": found.scale, "vertices": len(mesh.vertices), "torn_share": torn}
     return {**facts, "every_nth_pixel": found.step}

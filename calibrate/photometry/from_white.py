@@ -108,18 +108,18 @@ def _doubt(
         other = {factor: measure(_scaled(surface, factor), lights) for factor in DIAMETERS if is_near}
         trials = coded | other
         best = min(trials, key=lambda one: trials[one].residual)
-        left, lamp = f"{trials[best].residual:.1%}", without_lamp(surface, lights)
-        without = None if lamp is None else measure(lamp[1], lights, covariance)
-        # It has four numbers to fit with: what explains as much with one is likelier.
-        if lamp and without and without.rms < min(EXPLAINED * read.rms, trials[best].rms):
-            first = lamp[0]
-            return [
-                f"{lights.names[first]}: from here on {name} is lit by more than the flash, or by less: it misses n.l "
-                f"by {read.rms:.1%} of the flash, but by {without.rms:.1%} without a light that changed here: a lamp "
-                f"was switched after {lights.names[first - 1]}. The intensities are without it, but it lights the "
-                "object all the same. Darken the room and reshoot, or list the frames before or after it under "
-                "frames.skip."
-            ], without
+        left = f"{trials[best].residual:.1%}"
+        if (lamp := without_lamp(surface, lights)) is not None:
+            first, without = lamp[0], measure(lamp[1], lights, covariance)
+            # It has four numbers to fit with: what explains as much with one is likelier.
+            if without.rms < min(EXPLAINED * read.rms, trials[best].rms):
+                return [
+                    f"{lights.names[first]}: from here on {name} is lit by more than the flash, or by less: it misses "
+                    f"n.l by {read.rms:.1%} of the flash, but by {without.rms:.1%} without a light that changed here: "
+                    f"a lamp was switched after {lights.names[first - 1]}. The intensities are without it, but it "
+                    "lights the object all the same. Darken the room and reshoot, or list the frames before or after "
+                    "it under frames.skip."
+                ], without
         is_explained = read.residual > DOUBTFUL and trials[best].residual < EXPLAINED * read.residual
         if is_explained and best in coded:
             right = "true" if best < 1 else "false (sRGB) or gamma = 2.2, or give the RAW files"

@@ -18,7 +18,7 @@ UNKNOWN_MM = -1000.0
 class SolvedSurface(NamedTuple):
     """A method's surface, on every n-th pixel of the picture.
 
-    scale: What tells its size and place, in words. is_sized: Something does.
+    scale: What tells its size and place, in words.
     """
 
     method: str
@@ -28,7 +28,6 @@ class SolvedSurface(NamedTuple):
     camera: Camera
     step: int
     scale: str
-    is_sized: bool
 
     def mesh(self) -> SurfaceMesh:
         """Return it as triangles."""
@@ -63,11 +62,11 @@ def solved_surface(store: Store, methods: Sequence[str], *, most_pixels: int | N
     if store.path("depth", f"{method}.npy").exists():
         depth = store.read_array("depth", f"{method}.npy")[every].astype(np.float64)
         surface, scale = surface_at(depth, normals, camera), "the distance was found by the shading"
-        return SolvedSurface(method, surface, normals, albedo, camera, step, scale, True)
+        return SolvedSurface(method, surface, normals, albedo, camera, step, scale)
     z_mm = float(lights.reference_point_mm[2])
-    scale, is_sized = f"the surface's middle was put at the lights' reference point, z = {z_mm:.0f} mm", True
+    scale = f"the surface's middle was put at the lights' reference point, z = {z_mm:.0f} mm"
     if z_mm >= 0 and not camera.is_orthographic:
-        z_mm, is_sized = UNKNOWN_MM, False
+        z_mm = UNKNOWN_MM
         scale = f"nothing tells the distance: it was put at z = {z_mm:.0f} mm, and its size is as arbitrary"
     surface = integrate(normals, mask[every], camera, z_mm=z_mm)
-    return SolvedSurface(method, surface, normals, albedo, camera, step, scale, is_sized)
+    return SolvedSurface(method, surface, normals, albedo, camera, step, scale)

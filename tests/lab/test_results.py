@@ -131,4 +131,7 @@ def test_a_size_that_nothing_tells_is_not_written(tmp_path):
     assert not list(store.path("results").glob("*.tfw"))
     with tifffile.TiffFile(store.path("results", "albedo_ls.tif")) as file:
         assert file.pages[0].tags["ResolutionUnit"].value == 1
-    assert pixel_size_mm(Camera.orthographic(60, 50), store.load_lights()) is None
+    # Of an orthographic camera a pixel counts as a millimetre where nothing is known.
+    near = Lights(("a",), np.array([[0, 0, 1.0]]), np.ones((1, 3)), np.array([[0, 0, 500.0]]), np.array([0, 0, -9.0]))
+    assert pixel_size_mm(CAMERA, near) == pytest.approx(9 / 500)
+    assert pixel_size_mm(Camera.orthographic(60, 50, source="DiLiGenT layout"), near) is None

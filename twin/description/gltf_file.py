@@ -6,16 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from formats.meshes.glb_files import textured, write_glb
 from formats.picture_files import srgb_from_linear
 from scene.errors import RenderError
-from scene.files import write_whole
 from scene.normals import unit
 from twin.description.description import TwinScene
 from twin.description.materials import Diffuse, RoughPlastic, Texture
 from twin.description.object_mesh import ObjectMesh
-
-MM = 1e-3
-"""glTF counts in metres."""
 
 
 def write_gltf(scene: TwinScene, path: Path, told: dict[str, Any]) -> list[str]:
@@ -52,34 +49,24 @@ def write_gltf(scene: TwinScene, path: Path, told: dict[str, Any]) -> list[str]:
             )
         made.add_geometry(_geometry(one.placed, material), node_name=one.name, geom_name=one.name)
         notes.update(_lost(material))
-    data = made.export(file_type="glb")
-    assert isinstance(data, bytes)
-    with write_whole(path) as file:
-        file.write(data)
+    write_glb(path, made)
     return [f"{path.name}: {note}" for note in sorted(notes)]
 
 
 def _geometry(mesh: ObjectMesh, material: Diffuse | RoughPlastic) -> Any:
-    import trimesh
-    from PIL import Image
-    from trimesh.visual import TextureVisuals
-    from trimesh.visual.material import PBRMaterial
-
     reflectance = material.reflectance
     # A matte surface is the roughest one, its coat still there: glTF has no other.
     alpha = min(getattr(material, "roughness", 1.0), 1.0)
-    surface: dict[str, Any] = {"roughnessFactor": float(np.sqrt(alpha)), "metallicFactor": 0.0}
+    surface: dict[str, Any] = {"roughnessFactor": float(np.sqrt(alpha))}
     if isinstance(reflectance, Texture):
         codes = np.round(255 * srgb_from_linear(reflectance.values)).astype(np.uint8)
-        surface["baseColorTexture"] = Image.fromarray(np.broadcast_to(codes, (*codes.shape[:2], 3)).copy())
+        surface["baseColorTexture"] = np.broadcast_to(codes, (*codes.shape[:2], 3)).copy()
     elif reflectance != "vertex":
         # The factor is linear in the file, and trimesh takes it as it is.
         surface["baseColorFactor"] = [*(float(value) for value in reflectance), 1.0]
     normals = None if mesh.normals is None else np.nan_to_num(unit(mesh.normals))
-    shape = trimesh.Trimesh(MM * mesh.vertices, mesh.faces, vertex_normals=normals, process=False)
-    # trimesh counts t upward and turns it over as it writes.
-    texcoords = np.zeros((len(mesh.vertices), 2)) if mesh.texcoords is None else mesh.texcoords * [1, -1] + [0, 1]
-    shape.visual = TextureVisuals(texcoords, material=PBRMaterial(**surface))
+    texcoords = np.zeros((len(mesh.vertices), 2)) if mesh.texcoords is None else mesh.texcoords
+    shape = textured(mesh.vertices, mesh.faces, normals, texcoords, surface)
     if reflectance == "vertex" and mesh.colours is not None:
         linear = np.c_[np.clip(mesh.colours, 0, 1), np.ones(len(mesh.colours))]
         shape.visual.vertex_attributes["color"] = np.round(255 * linear).astype(np.uint8)
