@@ -42,7 +42,10 @@ def open_job(
     scheduler : str, optional
         Address of a Dask scheduler.
 
-    Raises SceneError: unknown solver or profile, an unreadable session, an output folder that is another's, or in use.
+    Raises
+    ------
+    SceneError
+        Unknown solver or profile, an unreadable session, an output folder that is another's, or in use.
     """
     from capture.session.session import load_session
     from lab.cluster import executor_of

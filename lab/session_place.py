@@ -32,8 +32,11 @@ def session_and_out(path: Path, out: Path | None = None) -> tuple[Path, Path]:
     session, out : Path
         The first absolute.
 
-    Raises SceneError: the session cannot be read or is no longer where the output folder says; `path` and `out` are two
-    output folders.
+    Raises
+    ------
+    SceneError
+        The session cannot be read or is no longer where the output folder says; `path` and `out` are two output
+        folders.
     """
     path = Path(path)
     if not is_output(path):

@@ -43,8 +43,11 @@ def export_session(source: Path, text: str, out: Path | None, sfm: Path | None) 
     notes : list of str
         What the files cannot say.
 
-    Raises SceneError: unknown format, or one that cannot hold these lights (of `all` such a one is left out with a
-    note) or this scene; a session without a scan has none.
+    Raises
+    ------
+    SceneError
+        Unknown format, or one that cannot hold these lights (of `all` such a one is left out with a note) or this
+        scene; a session without a scan has none.
     """
     names, paths, notes = formats_of(text), [], []
     if lights := [name for name in names if name not in SCENES]:

@@ -53,8 +53,11 @@ def init_sessions(
     shown : callable, optional
         Gets each draft before it is written.
 
-    Raises SessionError: there is a session.toml of a person's, or the folder is one in the DiLiGenT layout; no
-    photographs; answers do not fit.
+    Raises
+    ------
+    SessionError
+        There is a session.toml of a person's, or the folder is one in the DiLiGenT layout; no photographs; answers do
+        not fit.
     """
     check_layout(folder)
     found = survey(folder)

@@ -38,7 +38,10 @@ def run_plan(source: Path | None, options: PlanOptions, *, out: Path | None = No
     out : Path, optional
         Default: a session's own; out/plan-NAME by the scan's name.
 
-    Raises SceneError: an option or the source is at fault.
+    Raises
+    ------
+    SceneError
+        An option or the source is at fault.
     """
     name = f"sphere of {options.size_mm:g} mm" if source is None else source.resolve().stem
     if source is not None and (source.is_dir() or is_output(source) or source.suffix == ".toml"):

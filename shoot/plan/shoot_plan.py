@@ -135,7 +135,10 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> ShootPlan:
     options : PlanOptions
         How many flashes, where they can be, and the accuracy that is wanted.
 
-    Raises SceneError: too few places are in reach and out of the picture.
+    Raises
+    ------
+    SceneError
+        Too few places are in reach and out of the picture.
     """
     pixels, there, n = so_far.pixels, so_far.lights, len(so_far.lights)
     set_up, middle = pixels.set_up, pixels.set_up.middle_mm
@@ -191,7 +194,10 @@ def next_flash(so_far: UnderWay, camera: Camera, lights: Lights) -> tuple[dict[s
     sigma_deg : (P,) float64
         Without it, of each pixel.
 
-    Raises SceneError: no place in reach is out of the picture.
+    Raises
+    ------
+    SceneError
+        No place in reach is out of the picture.
     """
     pixels = so_far.pixels
     so_far = so_far._replace(pixels=replace(pixels, set_up=replace(pixels.set_up, camera=camera)))

@@ -115,7 +115,10 @@ def under_way(
     count : int
         Pixels at most.
 
-    Raises SceneError: no pixels to speak of have a normal.
+    Raises
+    ------
+    SceneError
+        No pixels to speak of have a normal.
     """
     from twin.camera.grain import sensor_like
 

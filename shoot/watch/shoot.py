@@ -136,11 +136,8 @@ class Shoot:
         ones, and finer.
         """
         small = frames_of([shot.small for shot in flash], [shot.small for shot in ambient])
-        small, found, self._step = (
-            replace(small, names=frames.names, gain=frames.gain),
-            self._found,
-            flash[0].small.step,
-        )
+        small, found = replace(small, names=frames.names, gain=frames.gain), self._found
+        self._step = flash[0].small.step
         parts = parts_of(found.spheres, found.camera, self._step) if found and found.camera else []
         told = self._renew_lights(small, self._camera(small, flash))
         if len(flash) < FEWEST:

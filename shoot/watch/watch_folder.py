@@ -66,8 +66,11 @@ def watch_folder(
     wanted_deg : float
         Sigma of the normals that is good enough.
 
-    Raises SceneError: the folder is not there, it has a session.toml of another's, `out` lies in it or is another's; in
-    the end too few photographs make no session.
+    Raises
+    ------
+    SceneError
+        The folder is not there, it has a session.toml of another's, `out` lies in it or is another's; in the end too
+        few photographs make no session.
     """
     folder = folder.resolve()
     if not folder.is_dir():
