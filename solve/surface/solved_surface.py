@@ -65,7 +65,9 @@ def solved_surface(store: Store, methods: Sequence[str], *, most_pixels: int | N
         return SolvedSurface(method, surface, normals, albedo, camera, step, scale)
     z_mm = float(lights.reference_point_mm[2])
     scale = f"the surface's middle was put at the lights' reference point, z = {z_mm:.0f} mm"
-    if z_mm >= 0 and not camera.is_orthographic:
+    if camera.is_orthographic:
+        scale = "nothing tells its size: a pixel was taken for a millimetre"
+    elif z_mm >= 0:
         z_mm = UNKNOWN_MM
         scale = f"nothing tells the distance: it was put at z = {z_mm:.0f} mm, and its size is as arbitrary"
     surface = integrate(normals, mask[every], camera, z_mm=z_mm)

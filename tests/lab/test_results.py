@@ -17,6 +17,7 @@ from scene.estimate import Estimate
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.store import Store
+from solve.surface.solved_surface import solved_surface
 
 CAMERA = Camera(60, 50, 500.0, 500.0, 29.5, 24.5)
 CENTER, RADIUS = np.array([0.0, 0.0, -1000.0]), 36.0
@@ -131,6 +132,9 @@ def test_a_size_that_nothing_tells_is_not_written(tmp_path):
     assert not list(store.path("results").glob("*.tfw"))
     with tifffile.TiffFile(store.path("results", "albedo_ls.tif")) as file:
         assert file.pages[0].tags["ResolutionUnit"].value == 1
+    assert "its size is as arbitrary" in said.result["surface"]["scale"]
+    store.save_camera(Camera.orthographic(60, 50))
+    assert "a pixel was taken for a millimetre" in solved_surface(store, ("ls",)).scale
     # Of an orthographic camera a pixel counts as a millimetre where nothing is known.
     near = Lights(("a",), np.array([[0, 0, 1.0]]), np.ones((1, 3)), np.array([[0, 0, 500.0]]), np.array([0, 0, -9.0]))
     assert pixel_size_mm(CAMERA, near) == pytest.approx(9 / 500)
