@@ -84,9 +84,13 @@ def _normals(summary: Summary, compared: Summary) -> Statement:
         tied = tied_methods(compared)
         others = [name for name in tied if name != best["name"]] if best["name"] in tied else []
         text = say("normals", "level" if others else "best", **{**best, "others": ", ".join(others)})
-        if is_number(best.get("coverage")) and best["coverage"] < COVERAGE_BAR:
+        if _is_few(best):
             text += say("normals", "few", **best)
-        return Statement("Normals", best["level"], text + (say("normals", "doubts", **best) if best["doubts"] else ""))
+        level = best["level"]
+        if tolerance := compared.get("tolerance"):
+            # The user's bar, not the habits of the trade: no page says "pass" and "do not rely on it".
+            level = "bad" if not tolerance["passes"] else "care" if _is_doubtful(best) else "good"
+        return Statement("Normals", level, text + (say("normals", "doubts", **best) if best["doubts"] else ""))
     found = "unjudged" if compared.get("has_truth") else "without truth"
     text = say("normals", found if compared.get("methods") else "none")
     if compared.get("methods") and not compared.get("has_truth") and (pairs := compared.get("between_methods")):
@@ -95,6 +99,16 @@ def _normals(summary: Summary, compared: Summary) -> Statement:
         # What explains the photographs best need not be good: no result is called so by that alone.
         text += say("normals", "predicted") + trust_sentence(trust)
     return Statement("Normals", "unknown", text)
+
+
+def _is_few(row: Summary) -> bool:
+    """Tell whether a method answers too little of the object."""
+    return is_number(row.get("coverage")) and row["coverage"] < COVERAGE_BAR
+
+
+def _is_doubtful(row: Summary) -> bool:
+    """Tell whether a method doubts itself, or answers too little: it is not called good."""
+    return bool(row["doubts"]) or _is_few(row)
 
 
 def _truth(summary: Summary, compared: Summary, least_deg: float | None) -> Statement | None:
@@ -219,9 +233,7 @@ def ranking(summary: Summary) -> list[Summary]:
         # Without the quotes that stand for code on a terminal.
         row |= {"doubts": " ".join(doubts).replace("`", ""), "own_sigma": found.get("sigma_deg_median")}
         row["level"] = level_of(row.get("median_deg"), MEDIAN_BARS_DEG)
-        is_few = is_number(row.get("coverage")) and row["coverage"] < COVERAGE_BAR
-        if row["level"] == "good" and (row["doubts"] or is_few):
-            row["level"] = "care"
+        row["level"] = _lowered(row["level"]) if _is_doubtful(row) else row["level"]
         rows.append({**row, "badge": badge(row["level"])})
     return rows
 

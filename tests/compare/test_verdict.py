@@ -251,6 +251,11 @@ def test_a_tolerance_is_passed_or_not_and_is_said_first(share, word, level):
     assert (first.topic, first.word, first.level) == ("Tolerance", word, level)
     assert f"{share:.0%}".replace("%", "\u202f%") in first.text
     assert word in words("advice")
+    # Whatever the usual bars say: no page says "pass" and "do not rely on it", or "fail" and "good".
+    for median in (2.0, 12.0):
+        methods = summary_of(median, median)["compare"]["methods"]
+        judged = {**summary, "compare": {**summary["compare"], "methods": methods}}
+        assert levels(judged)["Normals"] == level
     # A tolerance that nothing can be held against is neither passed nor failed.
     unknown = verdict({"arguments": {"tolerance_deg": 3.0}, "compare": {"methods": {"ls": {}}}})[0]
     assert (unknown.topic, unknown.level) == ("Tolerance", "unknown")
