@@ -177,7 +177,7 @@ def solve(job: Job) -> Outcome:
     from solve.frames_at_odds import at_odds
 
     result, warnings, lights = solve_all(job, job.store, "solve", job.methods)
-    store, warned = job.store, any(job.done[step]["warnings"] for step in ("check", "calibrate"))
+    store, warned = job.store, any(job.done.get(step, {}).get("warnings") for step in ("check", "calibrate"))
     frames, camera, mask = store.load_frames(), store.load_camera(), store.load_mask()
     return Outcome(result, at_odds(frames, lights, camera, mask, warned=warned) + warnings)
 
