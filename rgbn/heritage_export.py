@@ -1,0 +1,165 @@
+"""`rgbn export --format heritage`: what an archive takes in, as one bag of files with their SHA-256s [Kunze2018].
+
+In its `data/`: the photographs and one method's maps, under the names that the scanner Selene gives and Princeton's
+figgy reads; the same as tiles with a IIIF manifest; the lights, and every number of the summary.
+"""
+
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+from scipy.optimize import linear_sum_assignment
+from tifffile import imread
+
+from compare.report.pictures import Exposure, colour_scale_end, error_picture
+from formats.iiif_files import write_manifest, write_tiles
+from formats.light_files.light_formats import export_lights
+from formats.map_tiff import write_map
+from formats.picture_files import srgb_from_linear
+from lab.job import Job
+from lab.plan import ARCHIVED, STEPS
+from lab.results import FOLDER, method_maps, recommended
+from lab.summary import summary_of
+from scene.current import file_digest
+from scene.errors import SceneError
+from scene.files import move, write_json, write_text
+from scene.normals import angular_error_deg
+from scene.record import Record
+
+Pictures = dict[str, tuple[str, str, NDArray[np.uint8]]]
+"""By name: part in relighting, label, and the picture."""
+FIRST = np.array([[0, 1, 1], [1, 0, 1], [0, -1, 1], [-1, 0, 1]]) / np.sqrt(2)
+"""Lights of 1.TIF to 4.TIF: figgy notes them as from above, right, below and left, at 45 degrees."""
+BAND_BYTES = 32 << 20
+SHARE = 0.98
+"""Of the mean picture's pixels that are below white, and of sigma that its scale of colours reaches."""
+
+
+def export_heritage(job: Job, base: str) -> tuple[list[Path], list[str]]:
+    """Write OUT/export/heritage, after the steps that `process` takes to `results`; return the folder, and notes.
+
+    It takes its place whole. Raises SceneError: no method found a normal; or rgbn did not write what lies there.
+    """
+    folder, record = job.store.path("export", "heritage"), job.record
+    _check_own(record, folder)
+    for step in job.wanted("compare")[:-1]:
+        job.run(STEPS, step)
+    if job.done[FOLDER]["result"]["surface"] is None:
+        raise SceneError(f"{job.session.name}: no method found a normal, so there is nothing to archive.")
+    made, before = record.scratch("heritage"), record.scratch("heritage-before")
+    for place in (made, before):
+        shutil.rmtree(place, ignore_errors=True)
+    notes = _write_payload(job, made / "data", base)
+    write_text(made / "bagit.txt", "BagIt-Version: 1.0\nTag-File-Character-Encoding: UTF-8\n")
+    files = sorted(path for path in (made / "data").rglob("*") if path.is_file())
+    sums = [f"{file_digest(path)}  {path.relative_to(made).as_posix()}\n" for path in files]
+    write_text(made / "manifest-sha256.txt", "".join(sums))
+    _check_own(record, folder)
+    if folder.exists():
+        os.replace(folder, before)
+    record.forget([ARCHIVED])
+    with record.part_of(ARCHIVED):
+        move(made, folder)
+    shutil.rmtree(before, ignore_errors=True)
+    return [folder], [f"heritage: {note}" for note in notes]
+
+
+def _check_own(record: Record, folder: Path) -> None:
+    """Raise SceneError where something lies in a folder, or in its place, that rgbn did not write."""
+    for path in (folder, *folder.rglob("*")):
+        if not path.is_dir():
+            record.check_free(path)
+
+
+def _write_payload(job: Job, data: Path, base: str) -> list[str]:
+    """Write `data/`; return notes."""
+    store, lights, facts = job.store, job.store.load_lights(), job.done[FOLDER]["result"]
+    order, notes = _ordered(lights.directions)
+    pictures = {"picture": ("composite", "mean of the photographs", _write_photographs(job, data, order))}
+    pictures |= _write_maps(job, data / "Selene_Output", facts)
+    images = [write_tiles(data, base, shown, name, label, part) for name, (part, label, shown) in pictures.items()]
+    taken = {f"{place}.TIF": job.session.flash[index] for place, index in enumerate(order, 1)}
+    told = {name: {"photograph": path.name, "sha256": job.record.digest(path)} for name, path in taken.items()}
+    write_json(data / "summary.json", {**summary_of(job, "export"), "heritage": told})
+    write_json(data / "lights.json", store.read_json("lights.json"))
+    if not lights.is_unknown:
+        export_lights(data, "lp", lights.only(order), store.load_camera(), files=tuple(taken))
+    if facts["pixel_mm"] is None:
+        notes.append("nothing tells how large a pixel is: no .tfw and no depthmap_m1 are written; figgy asks for them.")
+    if "sigma" not in pictures:
+        notes.append(f"{facts['surface']['method']} knows no sigma: that layer is left out.")
+    maps = sorted(path.relative_to(data).as_posix() for path in data.glob("*/*.tif"))
+    address = write_manifest(data, base, job.session.name, images, facts["pixel_mm"], ["summary.json", *maps])
+    return [*notes, f"the manifest's address is {address}, with data/ served there; --base-url gives another."]
+
+
+def _ordered(directions: NDArray) -> tuple[list[int], list[str]]:
+    """Return the photographs' order, first the four whose lights come nearest to `FIRST`; and what to say of it."""
+    every = list(range(len(directions)))
+    if len(every) < len(FIRST) or not np.isfinite(directions).all():
+        return every, ["figgy asks for four photographs with known lights."]
+    angles = angular_error_deg(FIRST[:, None], directions[None])
+    rows, first = linear_sum_assignment(angles**2)
+    said = (
+        "figgy notes 1.TIF to 4.TIF as lit from above, right, below and left at 45 degrees; these lights are off by up "
+        f"to {angles[rows, first].max():.0f} degrees."
+    )
+    return [*first.tolist(), *(index for index in every if index not in first)], [said]
+
+
+def _write_photographs(job: Job, data: Path, order: list[int]) -> NDArray[np.uint8]:
+    """Write the photographs as people see them, all with one white; return their mean, each flash of strength 1."""
+    frames, lights = job.store.load_frames(), job.store.load_lights()
+    exposure = Exposure.for_frames(frames, white_value=lights.white_value)
+    white = (exposure.white * exposure.balance).astype(np.float32)
+    strengths = np.nan_to_num(lights.intensities, nan=1.0).astype(np.float32)
+    total = np.zeros((frames.height, frames.width, 3), np.float32)
+    codes = np.empty(total.shape, np.uint16)
+    for place, index in enumerate(order, 1):
+        for rows in frames.only([index]).bands(BAND_BYTES):
+            linear = frames.read(rows, [index])[0] / white
+            total[rows] += linear / strengths[index]
+            codes[rows] = np.round(65535 * srgb_from_linear(linear))
+        told = {"photograph": job.session.flash[index].name, "value": f"sRGB; white: {white.tolist()} of the sensor's"}
+        write_map(data / f"{place}.TIF", codes, told, None)
+    return Exposure(max(float(np.quantile(total, SHARE)), 1e-6), np.ones(3)).develop(total)
+
+
+def _write_maps(job: Job, folder: Path, facts: dict[str, Any]) -> Pictures:
+    """Write the method's maps as TIFF, lengths in metres; return their pictures."""
+    store, method, pixel_mm = job.store, facts["surface"]["method"], facts["pixel_mm"]
+
+    def write(name: str, values: NDArray, told: dict[str, Any]) -> None:
+        write_map(folder / f"{name}_m1.tif", values, {"method": method, **told}, pixel_mm, world_mm=1000)
+
+    maps = {kind: (values, told) for kind, values, told in method_maps(store, method, facts["normals_axes"])}
+    normals, albedo = maps["normals"][0], srgb_from_linear(maps["albedo"][0].astype(np.float32) / 65535)
+    write("normal", *maps["normals"])
+    write("albedo", np.round(65535 * albedo).astype(np.uint16), {"sRGB of": maps["albedo"][1]["value"]})
+    shown = {"albedo": ("albedo", f"albedo, {method}", np.round(255 * albedo).astype(np.uint8)),
+             "normal": ("normal", f"normals, {method}", np.round(normals / 257).astype(np.uint8))}  # fmt: skip
+    if pixel_mm is not None:
+        depth_mm = imread(store.path(FOLDER, f"depth_{method}.tif"))
+        metres = _enlarged(depth_mm, *normals.shape[:2]) / np.float32(1000)
+        write("depthmap", metres, {"value": "metres, z toward the camera; negative"})
+    words, path = "by noise alone", store.path("sigma", "recommended.npy")
+    if recommended(job) == method and path.exists():
+        words, maps["sigma"] = "wrong models included", (store.read_array("sigma", path.name), {})
+    sigma = np.asarray(maps["sigma"][0] if "sigma" in maps else np.nan, np.float32)
+    if (known := sigma[np.isfinite(sigma)]).size:
+        end = colour_scale_end(float(np.quantile(known, SHARE)), least=0.1)
+        write("sigma", sigma, {"value": f"degrees, one standard deviation of the normal, {words}"})
+        label = f"sigma of the normals, {words}: dark 0 to bright {end:g} degrees"
+        shown["sigma"] = ("", label, error_picture(sigma, end))
+    return shown
+
+
+def _enlarged(values: NDArray[np.float32], height: int, width: int) -> NDArray[np.float32]:
+    """Return a map of every n-th pixel at full size, linear between them."""
+    step = -(-width // values.shape[1])
+    at = np.meshgrid(np.arange(height) / step, np.arange(width) / step, indexing="ij")
+    return values if step == 1 else np.asarray(map_coordinates(values, at, order=1, mode="nearest"), np.float32)
