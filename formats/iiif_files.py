@@ -21,20 +21,13 @@ PHYSICAL = f"{API}/annex/services/physdim"
 
 
 def write_tiles(folder: Path, base: str, picture: NDArray[np.uint8], name: str, label: str, part: str) -> Any:
-    """Write iiif/image/NAME: a picture's tiles, those of its halves until one fits a tile, and info.json.
+    """Write iiif/image/NAME: a picture's tiles, and info.json; return what stands for it in a manifest.
 
-    Parameters
-    ----------
     folder : Path
         What is served at the address `base`.
     picture : (H, W, 3) uint8
     part : str
         Its part in relighting, by the extension LightingMap: albedo, normal, composite; or empty.
-
-    Returns
-    -------
-    resource : dict
-        What stands for it in a manifest.
     """
     from PIL import Image
 
@@ -77,8 +70,6 @@ def write_manifest(
 ) -> str:
     """Write iiif/manifest.json of one object; return its address.
 
-    Parameters
-    ----------
     images : sequence of dict
         By `write_tiles`, all of one size; the first is shown.
     pixel_mm : float or None

@@ -42,7 +42,7 @@ def export_session(
     sfm : Path or None
         AliceVision's .sfm of the photographs.
     base_url : str
-        Of `heritage`: the address at which its `data/` will be served.
+        At which `data/` of `heritage` will be served.
     said : Solving
         How the steps run.
 
@@ -61,8 +61,7 @@ def export_session(
     names, paths, notes = formats_of(text), [], []
     if not re.fullmatch(r"https?://[^\s/?#]+(/[^\s?#]*)?", base_url):
         raise SceneError(
-            f"--base-url {base_url}: expected the address at which the bag's data/ will be served, such as "
-            "https://iiif.example.org. IIIF allows no relative ids."
+            f"--base-url {base_url}: expected a whole address, such as {BASE_URL}: IIIF asks for such ids."
         )
     if lights := [name for name in names if name not in SCENES]:
         with open_job(source, out=out, said=said) as job:
@@ -75,7 +74,7 @@ def export_session(
             made, more = _lights(job, lights, sfm, left_out=text.strip().casefold() == "all")
             paths, notes = [*paths, *made], [*notes, *more]
     if scenes := [name for name in names if name in SCENES]:
-        made, more = _scenes(source, out, scenes)
+        made, more = _scenes(source, out, said, scenes)
         paths, notes = [*paths, *made], [*notes, *more]
     return paths, notes
 
@@ -119,7 +118,7 @@ def _lights(job: "Job", names: list[str], sfm: Path | None, *, left_out: bool) -
     return paths, notes
 
 
-def _scenes(source: Path, out: Path | None, names: list[str]) -> tuple[list[Path], list[str]]:
+def _scenes(source: Path, out: Path | None, said: Solving, names: list[str]) -> tuple[list[Path], list[str]]:
     """Write scene.xml with all that it names (mitsuba), scene.glb (gltf), of a scene description or a session's twin.
 
     The twin is the one that `rgbn twin` renders, registered and solved first if it is not yet.
@@ -136,7 +135,7 @@ def _scenes(source: Path, out: Path | None, names: list[str]) -> tuple[list[Path
         out = out or own_folder(Path("out") / source.stem, origin)
         with open_record(out, origin=origin, inputs=[source]) as record:
             return _written(scene, record.folder / "export", names, {})
-    with open_job(source, out=out) as job:
+    with open_job(source, out=out, said=said) as job:
         job.run(STEPS, "solve")
         if not job.store.path("pose.json").exists():
             raise SceneError(

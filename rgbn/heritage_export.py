@@ -5,13 +5,12 @@ figgy reads; the same as tiles with a IIIF manifest; the lights, and every numbe
 """
 
 import os
-import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import zoom
 from scipy.optimize import linear_sum_assignment
 from tifffile import imread
 
@@ -33,8 +32,12 @@ from scene.record import Record
 Pictures = dict[str, tuple[str, str, NDArray[np.uint8]]]
 """By name: part in relighting, label, and the picture."""
 FIRST = np.array([[0, 1, 1], [1, 0, 1], [0, -1, 1], [-1, 0, 1]]) / np.sqrt(2)
-"""Lights of 1.TIF to 4.TIF: figgy notes them as from above, right, below and left, at 45 degrees."""
+"""Lights that figgy notes of 1.TIF to 4.TIF: from above, right, below and left, at 45 degrees."""
 BAND_BYTES = 32 << 20
+SRGB = np.round(65535 * srgb_from_linear(np.arange(65536) / 65535)).astype(np.uint16)
+"""Of linear codes of 16 bits."""
+EIGHT_BITS = np.round(np.arange(65536) / 257).astype(np.uint8)
+"""Of codes of 16."""
 SHARE = 0.98
 """Of the mean picture's pixels that are below white, and of sigma that its scale of colours reaches."""
 
@@ -50,9 +53,7 @@ def export_heritage(job: Job, base: str) -> tuple[list[Path], list[str]]:
         job.run(STEPS, step)
     if job.done[FOLDER]["result"]["surface"] is None:
         raise SceneError(f"{job.session.name}: no method found a normal, so there is nothing to archive.")
-    made, before = record.scratch("heritage"), record.scratch("heritage-before")
-    for place in (made, before):
-        shutil.rmtree(place, ignore_errors=True)
+    made, before = record.scratch("tmp/heritage"), record.scratch("tmp/heritage-before")
     notes = _write_payload(job, made / "data", base)
     write_text(made / "bagit.txt", "BagIt-Version: 1.0\nTag-File-Character-Encoding: UTF-8\n")
     files = sorted(path for path in (made / "data").rglob("*") if path.is_file())
@@ -64,7 +65,6 @@ def export_heritage(job: Job, base: str) -> tuple[list[Path], list[str]]:
     record.forget([ARCHIVED])
     with record.part_of(ARCHIVED):
         move(made, folder)
-    shutil.rmtree(before, ignore_errors=True)
     return [folder], [f"heritage: {note}" for note in notes]
 
 
@@ -104,10 +104,7 @@ def _ordered(directions: NDArray) -> tuple[list[int], list[str]]:
         return every, ["figgy asks for four photographs with known lights."]
     angles = angular_error_deg(FIRST[:, None], directions[None])
     rows, first = linear_sum_assignment(angles**2)
-    said = (
-        "figgy notes 1.TIF to 4.TIF as lit from above, right, below and left at 45 degrees; these lights are off by up "
-        f"to {angles[rows, first].max():.0f} degrees."
-    )
+    said = f"1.TIF to 4.TIF are off by up to {angles[rows, first].max():.0f} degrees from the light that figgy notes."
     return [*first.tolist(), *(index for index in every if index not in first)], [said]
 
 
@@ -123,35 +120,34 @@ def _write_photographs(job: Job, data: Path, order: list[int]) -> NDArray[np.uin
         for rows in frames.only([index]).bands(BAND_BYTES):
             linear = frames.read(rows, [index])[0] / white
             total[rows] += linear / strengths[index]
-            codes[rows] = np.round(65535 * srgb_from_linear(linear))
+            codes[rows] = SRGB[np.round(np.clip(linear, 0, 1) * 65535).astype(np.uint16)]
         told = {"photograph": job.session.flash[index].name, "value": f"sRGB; white: {white.tolist()} of the sensor's"}
         write_map(data / f"{place}.TIF", codes, told, None)
-    return Exposure(max(float(np.quantile(total, SHARE)), 1e-6), np.ones(3)).develop(total)
+    total *= np.float32(65535 / max(float(np.quantile(total[::4, ::4], SHARE)), 1e-6))
+    return EIGHT_BITS[SRGB[np.clip(total, 0, 65535, out=total).astype(np.uint16)]]
 
 
 def _write_maps(job: Job, folder: Path, facts: dict[str, Any]) -> Pictures:
     """Write the method's maps as TIFF, lengths in metres; return their pictures."""
-    store, method, pixel_mm = job.store, facts["surface"]["method"], facts["pixel_mm"]
+    store, method, pixel_mm, shown = job.store, facts["surface"]["method"], facts["pixel_mm"], {}
 
     def write(name: str, values: NDArray, told: dict[str, Any]) -> None:
         write_map(folder / f"{name}_m1.tif", values, {"method": method, **told}, pixel_mm, world_mm=1000)
 
-    maps = {kind: (values, told) for kind, values, told in method_maps(store, method, facts["normals_axes"])}
-    normals, albedo = maps["normals"][0], srgb_from_linear(maps["albedo"][0].astype(np.float32) / 65535)
-    write("normal", *maps["normals"])
-    write("albedo", np.round(65535 * albedo).astype(np.uint16), {"sRGB of": maps["albedo"][1]["value"]})
-    shown = {"albedo": ("albedo", f"albedo, {method}", np.round(255 * albedo).astype(np.uint8)),
-             "normal": ("normal", f"normals, {method}", np.round(normals / 257).astype(np.uint8))}  # fmt: skip
+    for kind, values, told in method_maps(store, method, facts["normals_axes"]):
+        if kind in ("normals", "albedo"):
+            name, codes = kind.removesuffix("s"), SRGB[values] if kind == "albedo" else values
+            write(name, codes, {"sRGB of": told["value"]} if kind == "albedo" else told)
+            shown[name] = (name, f"{kind}, {method}", EIGHT_BITS[codes])
     if pixel_mm is not None:
-        depth_mm = imread(store.path(FOLDER, f"depth_{method}.tif"))
-        metres = _enlarged(depth_mm, *normals.shape[:2]) / np.float32(1000)
-        write("depthmap", metres, {"value": "metres, z toward the camera; negative"})
-    words, path = "by noise alone", store.path("sigma", "recommended.npy")
-    if recommended(job) == method and path.exists():
-        words, maps["sigma"] = "wrong models included", (store.read_array("sigma", path.name), {})
-    sigma = np.asarray(maps["sigma"][0] if "sigma" in maps else np.nan, np.float32)
-    if (known := sigma[np.isfinite(sigma)]).size:
-        end = colour_scale_end(float(np.quantile(known, SHARE)), least=0.1)
+        metres = np.asarray(imread(store.path(FOLDER, f"depth_{method}.tif")) / 1000, np.float32)
+        told = {"value": "metres, z toward the camera; negative"}
+        write("depthmap", _enlarged(metres, *shown["normal"][2].shape[:2]), told)
+    words, name = ("wrong models included", "recommended") if recommended(job) == method else ("by noise alone", method)
+    path = store.path("sigma", f"{name}.npy")
+    sigma = np.asarray(store.read_array("sigma", path.name) if path.exists() else np.nan, np.float32)
+    if (known := np.isfinite(sigma)).any():
+        end = colour_scale_end(float(np.quantile(sigma[known], SHARE)), least=0.1)
         write("sigma", sigma, {"value": f"degrees, one standard deviation of the normal, {words}"})
         label = f"sigma of the normals, {words}: dark 0 to bright {end:g} degrees"
         shown["sigma"] = ("", label, error_picture(sigma, end))
@@ -161,5 +157,5 @@ def _write_maps(job: Job, folder: Path, facts: dict[str, Any]) -> Pictures:
 def _enlarged(values: NDArray[np.float32], height: int, width: int) -> NDArray[np.float32]:
     """Return a map of every n-th pixel at full size, linear between them."""
     step = -(-width // values.shape[1])
-    at = np.meshgrid(np.arange(height) / step, np.arange(width) / step, indexing="ij")
-    return values if step == 1 else np.asarray(map_coordinates(values, at, order=1, mode="nearest"), np.float32)
+    fine = np.asarray(zoom(values, [((length - 1) * step + 1) / length for length in values.shape], order=1))
+    return np.pad(fine, [(0, height - fine.shape[0]), (0, width - fine.shape[1])], mode="edge")

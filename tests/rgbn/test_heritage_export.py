@@ -99,7 +99,7 @@ def test_maps_and_photographs_are_read_by_others(exported):
         np.testing.assert_allclose(linear, np.minimum(expected, white), atol=1e-4)
         assert rows[place][0] == f"{place + 1}.TIF"
         np.testing.assert_allclose(np.array(rows[place][1:], float), LIGHTS[index], atol=1e-6)
-    assert any("off by up to 0 degrees" in note for note in notes)
+    assert any("off by up to 0 degrees from" in note for note in notes)
 
 
 def test_tiles_are_the_picture(exported):
