@@ -67,12 +67,7 @@ def terms(kind: str, directions: Array) -> Array:
 
 
 def write_relight(
-    folder: Path,
-    title: str,
-    kind: str,
-    coefficients: NDArray[np.float32],
-    directions: Array,
-    pixel_mm: float | None = None,
+    folder: Path, title: str, kind: str, coefficients: NDArray[np.float32], directions: Array, pixel_mm: float | None
 ) -> list[Path]:
     """Write index.html, a page for OpenLIME, info.json, plane_0.jpg and so on.
 
@@ -80,7 +75,7 @@ def write_relight(
     directions : (F, 3)
         Of the lights that they were fitted to.
     pixel_mm : float or None
-        Size of a pixel of the planes, for OpenLIME's ruler; None: not known, and there is no ruler.
+        For OpenLIME's ruler; None: there is none.
     """
     from PIL import Image
 

@@ -27,13 +27,9 @@ from scene.current import file_digest
 from scene.errors import SceneError
 from scene.files import move, write_json, write_text
 from scene.normals import angular_error_deg
-from scene.record import Record
 
-Pictures = dict[str, tuple[str, str, NDArray[np.uint8]]]
-"""By name: part in relighting, label, and the picture."""
 FIRST = np.array([[0, 1, 1], [1, 0, 1], [0, -1, 1], [-1, 0, 1]]) / np.sqrt(2)
 """Lights that figgy notes of 1.TIF to 4.TIF: from above, right, below and left, at 45 degrees."""
-BAND_BYTES = 32 << 20
 SRGB = np.round(65535 * srgb_from_linear(np.arange(65536) / 65535)).astype(np.uint16)
 """Of linear codes of 16 bits."""
 EIGHT_BITS = np.round(np.arange(65536) / 257).astype(np.uint8)
@@ -48,18 +44,18 @@ def export_heritage(job: Job, base: str) -> tuple[list[Path], list[str]]:
     It takes its place whole. Raises SceneError: no method found a normal; or rgbn did not write what lies there.
     """
     folder, record = job.store.path("export", "heritage"), job.record
-    _check_own(record, folder)
+    _check_own(job, folder)
     for step in job.wanted("compare")[:-1]:
         job.run(STEPS, step)
     if job.done[FOLDER]["result"]["surface"] is None:
         raise SceneError(f"{job.session.name}: no method found a normal, so there is nothing to archive.")
     made, before = record.scratch("tmp/heritage"), record.scratch("tmp/heritage-before")
     notes = _write_payload(job, made / "data", base)
-    write_text(made / "bagit.txt", "BagIt-Version: 1.0\nTag-File-Character-Encoding: UTF-8\n")
-    files = sorted(path for path in (made / "data").rglob("*") if path.is_file())
+    files = sorted(path for path in made.rglob("*") if path.is_file())
     sums = [f"{file_digest(path)}  {path.relative_to(made).as_posix()}\n" for path in files]
     write_text(made / "manifest-sha256.txt", "".join(sums))
-    _check_own(record, folder)
+    write_text(made / "bagit.txt", "BagIt-Version: 1.0\nTag-File-Character-Encoding: UTF-8\n")
+    _check_own(job, folder)
     if folder.exists():
         os.replace(folder, before)
     record.forget([ARCHIVED])
@@ -68,11 +64,11 @@ def export_heritage(job: Job, base: str) -> tuple[list[Path], list[str]]:
     return [folder], [f"heritage: {note}" for note in notes]
 
 
-def _check_own(record: Record, folder: Path) -> None:
+def _check_own(job: Job, folder: Path) -> None:
     """Raise SceneError where something lies in a folder, or in its place, that rgbn did not write."""
     for path in (folder, *folder.rglob("*")):
         if not path.is_dir():
-            record.check_free(path)
+            job.record.check_free(path)
 
 
 def _write_payload(job: Job, data: Path, base: str) -> list[str]:
@@ -117,7 +113,7 @@ def _write_photographs(job: Job, data: Path, order: list[int]) -> NDArray[np.uin
     total = np.zeros((frames.height, frames.width, 3), np.float32)
     codes = np.empty(total.shape, np.uint16)
     for place, index in enumerate(order, 1):
-        for rows in frames.only([index]).bands(BAND_BYTES):
+        for rows in frames.only([index]).bands(32 << 20):
             linear = frames.read(rows, [index])[0] / white
             total[rows] += linear / strengths[index]
             codes[rows] = SRGB[np.round(np.clip(linear, 0, 1) * 65535).astype(np.uint16)]
@@ -127,8 +123,8 @@ def _write_photographs(job: Job, data: Path, order: list[int]) -> NDArray[np.uin
     return EIGHT_BITS[SRGB[np.clip(total, 0, 65535, out=total).astype(np.uint16)]]
 
 
-def _write_maps(job: Job, folder: Path, facts: dict[str, Any]) -> Pictures:
-    """Write the method's maps as TIFF, lengths in metres; return their pictures."""
+def _write_maps(job: Job, folder: Path, facts: dict[str, Any]) -> dict[str, tuple[str, str, NDArray[np.uint8]]]:
+    """Write the method's maps as TIFF, lengths in metres; return part in relighting, label and picture of each."""
     store, method, pixel_mm, shown = job.store, facts["surface"]["method"], facts["pixel_mm"], {}
 
     def write(name: str, values: NDArray, told: dict[str, Any]) -> None:
