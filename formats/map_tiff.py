@@ -14,7 +14,9 @@ CENTIMETRE = 3
 """ResolutionUnit [Adobe1992]."""
 
 
-def write_map(path: Path, values: NDArray, told: Mapping[str, Any], pixel_mm: float | None) -> list[Path]:
+def write_map(
+    path: Path, values: NDArray, told: Mapping[str, Any], pixel_mm: float | None, *, world_mm: float = 1.0
+) -> list[Path]:
     """Write a map as TIFF, and a world file beside it where a pixel has a size; return both.
 
     Parameters
@@ -26,8 +28,10 @@ def write_map(path: Path, values: NDArray, told: Mapping[str, Any], pixel_mm: fl
     told : mapping
         What the values mean: JSON in the tag ImageDescription.
     pixel_mm : float or None
-        On the object. It goes into XResolution and YResolution, pixels a centimetre, and into the .tfw: millimetres, x
-        to the right and y up, from the middle of the picture's first pixel.
+        On the object. It goes into XResolution and YResolution, pixels a centimetre, and into the .tfw: x to the right
+        and y up, from the middle of the picture's first pixel.
+    world_mm : float
+        Unit of the .tfw.
     """
     import tifffile
 
@@ -42,5 +46,6 @@ def write_map(path: Path, values: NDArray, told: Mapping[str, Any], pixel_mm: fl
     if pixel_mm is None:
         return [path]
     # Across, two turns, down, and the middle of the first pixel.
-    write_text(world, "".join(f"{number:.9g}\n" for number in (pixel_mm, 0, 0, -pixel_mm, 0, 0)))
+    pixel = pixel_mm / world_mm
+    write_text(world, "".join(f"{number:.9g}\n" for number in (pixel, 0, 0, -pixel, 0, 0)))
     return [path, world]

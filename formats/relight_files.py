@@ -30,7 +30,9 @@ PAGE = """<!DOCTYPE html>
 <script>
   const viewer = new OpenLIME.Viewer(".view");
   viewer.addLayer("rti", new OpenLIME.Layer({{ type: "rti", layout: "image", url: "info.json", normals: false }}));
-  new OpenLIME.UIBasic(viewer, {{ skin: "skin.svg" }}).actions.light.active = true;
+  const shown = new OpenLIME.UIBasic(viewer, {{ skin: "skin.svg", pixelSize: {pixel_mm} }});
+  shown.actions.light.active = true;
+  shown.actions.ruler.display = shown.pixelSize > 0;
 </script>
 </html>
 """
@@ -65,13 +67,15 @@ def terms(kind: str, directions: Array) -> Array:
 
 
 def write_relight(
-    folder: Path, title: str, kind: str, coefficients: NDArray[np.float32], directions: Array
+    folder: Path, title: str, kind: str, coefficients: NDArray[np.float32], directions: Array, pixel_mm: float | None
 ) -> list[Path]:
     """Write index.html, a page for OpenLIME, info.json, plane_0.jpg and so on.
 
     coefficients : (K, h, w, 3) float32
     directions : (F, 3)
         Of the lights that they were fitted to.
+    pixel_mm : float or None
+        For OpenLIME's ruler; None: there is none.
     """
     from PIL import Image
 
@@ -90,7 +94,7 @@ def write_relight(
             "lights": np.round(directions, 6).ravel().tolist(), "nplanes": 3 * len(coefficients), "quality": QUALITY,
             "materials": [material]}  # fmt: skip
     write_text(paths[1], json.dumps(info) + "\n")
-    write_text(paths[0], PAGE.format(title=escape(title)))
+    write_text(paths[0], PAGE.format(title=escape(title), pixel_mm=json.dumps(pixel_mm)))
     return paths
 
 

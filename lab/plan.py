@@ -48,6 +48,8 @@ def _judged_by(job: Job) -> list[Any]:
 
 EXPORTED = "export"
 """Files for other programs: `calibrate` finds the lights, `align` moves them to the object."""
+ARCHIVED = "heritage"
+"""The bag for an archive: of one method's maps in `results`."""
 REPORTED = "report"
 
 STEPS = {
@@ -58,7 +60,7 @@ STEPS = {
         Step("align", steps.align, ("calibrate",), _object_inputs, (EXPORTED,)),
         Step("solve", steps.solve, ("align",), _methods),
         Step("trust", steps.trust, ("solve",), lambda job: []),
-        Step(FOLDER, results, ("solve",), lambda job: [job.settings.normals, recommended(job)]),
+        Step(FOLDER, results, ("solve",), lambda job: [job.settings.normals, recommended(job)], (ARCHIVED,)),
         Step("twin", twin, ("solve",), lambda job: [*_methods(job), job.twin]),
         Step("compare", steps.compare, ("twin",), _judged_by, (REPORTED,)),
     )

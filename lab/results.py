@@ -1,5 +1,6 @@
 """`results/`: what was found, in files that other programs open: TIFF maps, and the surface as PLY and GLB."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +27,18 @@ HEADROOM, MOST = 1.25, 0.999
 @alive("results")
 def results(job: Job) -> Outcome:
     """Write each method's maps, and one method's surface."""
+    from formats.map_tiff import write_map
+
     store, axes = job.store, job.settings.normals or "opengl"
     camera, lights = store.load_camera(), store.load_lights()
     pixel_mm = pixel_size_mm(camera, lights)
     written: list[Path] = []
-    ball = lights.white_value
-    whites = {name: _write_maps(store, name, pixel_mm, axes, ball, written) for name in job.methods}
+    whites = {}
+    for name in job.methods:
+        for kind, values, told in method_maps(store, name, axes):
+            path = store.path(FOLDER, f"{kind}_{name}.tif")
+            written += write_map(path, values, {"map": kind, "method": name, **told}, pixel_mm)
+            whites[name] = told.get("white", whites.get(name))
     warnings = [] if pixel_mm else ["results: nothing tells how large a pixel is on the object: the maps do not say."]
     mask = store.load_mask()
     known = [name for name in job.methods if np.isfinite(store.load_normals(name)[mask]).all(-1).any()]
@@ -62,24 +69,17 @@ def pixel_size_mm(camera: Camera, lights: Lights) -> float | None:
     return -z_mm / float(np.sqrt(camera.fx * camera.fy)) if z_mm < 0 and not camera.is_orthographic else None
 
 
-def _write_maps(
-    store: Store, method: str, pixel_mm: float | None, axes: GreenAxis, ball: NDArray | None, written: list[Path]
-) -> float:
-    """Write a method's maps; return the albedo that is white in its file.
+def method_maps(store: Store, method: str, axes: GreenAxis) -> Iterator[tuple[str, NDArray, dict[str, Any]]]:
+    """Yield a method's maps as files hold them: kind, values (H, W) or (H, W, 3), and what the values mean.
 
-    ball (3,): The white ball's pixel value under a light of intensity 1; None: there is none.
+    Normals and albedo, uint16, with the albedo that is white; sigma and depth, float32, where the method has them.
     """
-    from formats.map_tiff import write_map
-
-    def write(kind: str, values: NDArray, **told: Any) -> None:
-        path = store.path(FOLDER, f"{kind}_{method}.tif")
-        written.extend(write_map(path, values, {"map": kind, "method": method, **told}, pixel_mm))
-
+    ball = store.load_lights().white_value
     normals = np.asarray(store.load_normals(method))
     turned = normals if axes == "opengl" else normals * np.array([1, -1, 1], np.float32)
     up = "up" if axes == "opengl" else "down"
     told = {"value": "n = 2 code / 65535 - 1; 0 0 0: unknown", "axes": f"x right, y {up}, z toward the camera"}
-    write("normals", encode_normals(turned), **told)
+    yield "normals", encode_normals(turned), told
     albedo = np.asarray(store.read_array("albedo", f"{method}.npy"))
     albedo = albedo if ball is None else albedo / ball.astype(np.float32)
     known = albedo[np.isfinite(albedo)]
@@ -87,11 +87,10 @@ def _write_maps(
     white = white if white > 0 else 1.0
     codes = np.nan_to_num(np.round(np.clip(albedo / white, 0, 1) * 65535)).astype(np.uint16)
     one = "a pixel value of 1 under a light of intensity 1" if ball is None else "as bright as the white ball"
-    write("albedo", codes, value=f"albedo = {white:.6g} code / 65535, linear; 1: {one}")
+    yield "albedo", codes, {"value": f"albedo = {white:.6g} code / 65535, linear; 1: {one}", "white": white}
     for kind, unit in (("sigma", "degrees, one standard deviation of the normal"), ("depth", "mm, z; negative")):
         if store.path(kind, f"{method}.npy").exists():
-            write(kind, np.asarray(store.read_array(kind, f"{method}.npy"), np.float32), value=unit)
-    return white
+            yield kind, np.asarray(store.read_array(kind, f"{method}.npy"), np.float32), {"value": unit}
 
 
 def _write_surface(job: Job, methods: list[str], pixel_mm: float | None, written: list[Path]) -> dict[str, Any]:

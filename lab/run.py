@@ -3,7 +3,6 @@
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -106,19 +105,7 @@ def run_session(
             job.run(STEPS, step)
         # The frames are in the store.
         shutil.rmtree(kept_folder(job.record.folder), ignore_errors=True)
-        arguments = {
-            "up_to": wanted,
-            "session": str(job.session.folder),
-            "methods": list(job.methods),
-            "profile": job.profile,
-            "external": {name: program.command for name, program in job.externals.items()},
-            "twin": asdict(job.twin),
-            "refine_lights": bool(job.settings.refine_lights),
-            "trust": job.settings.trust,
-            "truth": job.settings.truth,
-            "tolerance_deg": job.settings.tolerance_deg,
-        }
-        summary = write_summary(job, arguments)
+        summary = write_summary(job, wanted)
         if wanted == "compare":
             from compare.report.report import write_report
 

@@ -1,5 +1,6 @@
 """summary.json: every number of the report, with units in the key names; its tables for spreadsheets."""
 
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,28 @@ TWIN_TIME = "twin_processor_seconds"
 LIGHTS_TABLE, ERRORS_TABLE = "lights.csv", "statistics.csv"
 
 
-def write_summary(job: Job, arguments: dict[str, Any]) -> dict[str, Any]:
-    """Gather what the finished steps said, write summary.json, and return it."""
+def write_summary(job: Job, up_to: str) -> dict[str, Any]:
+    """Write summary.json of what the finished steps said, and its tables; return it."""
+    summary = summary_of(job, up_to)
+    write_json(job.store.path("summary.json"), summary)
+    write_tables(job.store, job.store.folder, summary["compare"])
+    return job.store.read_json("summary.json")
+
+
+def summary_of(job: Job, up_to: str) -> dict[str, Any]:
+    """Gather what the finished steps said; `up_to`: the verb."""
+    arguments = {
+        "up_to": up_to,
+        "session": str(job.session.folder),
+        "methods": list(job.methods),
+        "profile": job.profile,
+        "external": {name: program.command for name, program in job.externals.items()},
+        "twin": asdict(job.twin),
+        "refine_lights": bool(job.settings.refine_lights),
+        "trust": job.settings.trust,
+        "truth": job.settings.truth,
+        "tolerance_deg": job.settings.tolerance_deg,
+    }
     done = job.done
     result = {step: done.get(step, {}).get("result", {}) for step in STEPS}
     twin, compared = dict(result["twin"]), dict(result["compare"])
@@ -42,11 +63,7 @@ def write_summary(job: Job, arguments: dict[str, Any]) -> dict[str, Any]:
         "twin": twin if twin.get("rendered") else None,
         "compare": compared,
     }
-    if truth_check:
-        summary["truth_check"] = truth_check
-    write_json(job.store.path("summary.json"), summary)
-    write_tables(job.store, job.store.folder, compared)
-    return job.store.read_json("summary.json")
+    return {**summary, "truth_check": truth_check} if truth_check else summary
 
 
 def write_tables(store: Store, folder: Path, compared: dict[str, Any]) -> list[Path]:

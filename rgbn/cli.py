@@ -15,7 +15,7 @@ from lab.run import is_description, run_session
 from lab.session_place import is_output
 from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
-from rgbn.export_command import FORMATS, check_mesh_name, export_session, write_surface
+from rgbn.export_command import BASE_URL, FORMATS, check_mesh_name, export_session, write_surface
 from rgbn.shoot_commands import init, plan, watch
 from studio.studio_command import studio
 
@@ -202,14 +202,19 @@ def export(
             help=f"Formats, with commas: {', '.join(FORMATS)}. all: every one of the lights. csv: tables of the lights "
             "and, after compare, of the errors; mat: near_ps; meshroom: photographs and camera as "
             "SfMData, with AliceVision's lights; relight: the photographs as one relightable picture, for "
-            "OpenLIME and RelightLab; mitsuba, gltf: the twin's scene.",
+            "OpenLIME and RelightLab; heritage: photographs and maps for an archive, with a IIIF manifest; "
+            "mitsuba, gltf: the twin's scene.",
         ),
     ],
     out: Out = None,
     sfm: Annotated[Path | None, Parameter(help="AliceVision's .sfm of the photographs: its view ids.")] = None,
+    base_url: Annotated[str, Parameter(help="Address at which data/ of heritage will be served: in its IIIF ids.")] = (
+        BASE_URL
+    ),
+    said: SessionSolving = AS_BEFORE,
 ) -> None:
     """Write lights, a relightable picture or the twin's scene for another program, after the steps that it needs."""
-    paths, notes = export_session(session, format, out, sfm)
+    paths, notes = export_session(session, format, out, sfm, base_url, said)
     for note in notes:
         say(f"note: {note}")
     for path in () if is_quiet() else paths:

@@ -3,10 +3,11 @@
 `rgbn export --format`, and `rgbn solve --mesh`.
 """
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lab.options import named
+from lab.options import AS_BEFORE, Solving, named
 from lab.run import is_description, open_job
 from scene.errors import SceneError
 
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
 LIGHTS = ("alicevision", "csv", "diligent", "dome", "lp", "mat")
 """What `all` writes: the formats of `formats.light_files`, and tables. Here they are known without loading anything."""
 SCENES = ("gltf", "mitsuba")
-FORMATS = (*LIGHTS, "meshroom", "relight", *SCENES)
+HERITAGE, BASE_URL = "heritage", "http://localhost:8000"
+"""The address: that of `python -m http.server`."""
+FORMATS = (*LIGHTS, "meshroom", "relight", HERITAGE, *SCENES)
 
 
 def formats_of(text: str) -> tuple[str, ...]:
@@ -24,7 +27,9 @@ def formats_of(text: str) -> tuple[str, ...]:
     return LIGHTS if text.strip().casefold() == "all" else named("--format", text, (*FORMATS, "all"))
 
 
-def export_session(source: Path, text: str, out: Path | None, sfm: Path | None) -> tuple[list[Path], list[str]]:
+def export_session(
+    source: Path, text: str, out: Path | None, sfm: Path | None, base_url: str = BASE_URL, said: Solving = AS_BEFORE
+) -> tuple[list[Path], list[str]]:
     """Write what is asked for into OUT/export, after the steps that it needs.
 
     Parameters
@@ -36,6 +41,10 @@ def export_session(source: Path, text: str, out: Path | None, sfm: Path | None) 
     out : Path or None
     sfm : Path or None
         AliceVision's .sfm of the photographs.
+    base_url : str
+        At which `data/` of `heritage` will be served.
+    said : Solving
+        How the steps run.
 
     Returns
     -------
@@ -50,11 +59,22 @@ def export_session(source: Path, text: str, out: Path | None, sfm: Path | None) 
         scene; a session without a scan has none.
     """
     names, paths, notes = formats_of(text), [], []
+    if not re.fullmatch(r"https?://[^\s/?#]+(/[^\s?#]*)?", base_url):
+        raise SceneError(
+            f"--base-url {base_url}: expected a whole address, such as {BASE_URL}: IIIF asks for such ids."
+        )
     if lights := [name for name in names if name not in SCENES]:
-        with open_job(source, out=out) as job:
-            paths, notes = _lights(job, lights, sfm, left_out=text.strip().casefold() == "all")
+        with open_job(source, out=out, said=said) as job:
+            if HERITAGE in lights:
+                from rgbn.heritage_export import export_heritage
+
+                # First: it may take steps that remove what the others wrote.
+                lights.remove(HERITAGE)
+                paths, notes = export_heritage(job, base_url.rstrip("/"))
+            made, more = _lights(job, lights, sfm, left_out=text.strip().casefold() == "all")
+            paths, notes = [*paths, *made], [*notes, *more]
     if scenes := [name for name in names if name in SCENES]:
-        made, more = _scenes(source, out, scenes)
+        made, more = _scenes(source, out, said, scenes)
         paths, notes = [*paths, *made], [*notes, *more]
     return paths, notes
 
@@ -98,7 +118,7 @@ def _lights(job: "Job", names: list[str], sfm: Path | None, *, left_out: bool) -
     return paths, notes
 
 
-def _scenes(source: Path, out: Path | None, names: list[str]) -> tuple[list[Path], list[str]]:
+def _scenes(source: Path, out: Path | None, said: Solving, names: list[str]) -> tuple[list[Path], list[str]]:
     """Write scene.xml with all that it names (mitsuba), scene.glb (gltf), of a scene description or a session's twin.
 
     The twin is the one that `rgbn twin` renders, registered and solved first if it is not yet.
@@ -115,7 +135,7 @@ def _scenes(source: Path, out: Path | None, names: list[str]) -> tuple[list[Path
         out = out or own_folder(Path("out") / source.stem, origin)
         with open_record(out, origin=origin, inputs=[source]) as record:
             return _written(scene, record.folder / "export", names, {})
-    with open_job(source, out=out) as job:
+    with open_job(source, out=out, said=said) as job:
         job.run(STEPS, "solve")
         if not job.store.path("pose.json").exists():
             raise SceneError(

@@ -62,6 +62,7 @@ def export_relight(store: Any, name: str) -> tuple[list[Path], list[str]]:
     from compare.report.pictures import Exposure
     from formats.picture_files import srgb_from_linear
     from formats.relight_files import read_relight, tell, terms, write_relight
+    from lab.results import pixel_size_mm
 
     frames, lights, camera = store.load_frames(), store.load_lights(), store.load_camera()
     lights.check()
@@ -83,7 +84,8 @@ def export_relight(store: Any, name: str) -> tuple[list[Path], list[str]]:
     matrix = terms(kind, lights.directions).astype(np.float32)
     inverse, folder = np.linalg.pinv(matrix), store.path("export", "relight")
     coefficients = np.stack([np.einsum("kf,fwc->kwc", inverse, pictures(row)) for row in rows], 1)
-    paths = write_relight(folder, name, kind, coefficients, lights.directions)
+    pixel_mm = pixel_size_mm(camera, lights)
+    paths = write_relight(folder, name, kind, coefficients, lights.directions, pixel_mm and step * pixel_mm)
     del coefficients
     # By the files: what eight bits and JPEG cost is in it.
     _, shown = read_relight(folder)

@@ -78,6 +78,8 @@ def test_a_session_is_relit_to_the_stated_error(session):
     assert set(paths) == set(folder.iterdir())
     told = json.loads((folder / "info.json").read_text())["rgbn"]
     assert f"{100 * told['rms']:.1f} % of white" in notes[0]
+    # 500 mm before a lens of 400 px.
+    assert "pixelSize: 1.25 }" in (folder / "index.html").read_text()
     shown = np.stack([as_viewed(folder, light) for light in lights.directions])
     points = camera.points_at_depth(camera.grid().reshape(-1, 2), -500.0)
     fall_off = np.linalg.norm(lights.toward(points), axis=-1).reshape(COUNT, 64, 80, 1)
