@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks.calibration_sessions import directions_to, reflection_points, session
 from benchmarks.harness import ROOT, SHARED, Figures, Scale, Table, folded, markdown, opened, spread
 from calibrate.calibrate import calibrate
-from calibrate.calibration import Calibration
+from calibrate.calibration import Calibration, CrossValidation
 from calibrate.detection.balls import find_balls
 from fixtures.random_scenes import judge, random_scene
 from lab.plan import STEPS
@@ -35,6 +35,7 @@ SAME, SAME_PX = 0.04, 1.5
 """Share of the radius, and pixels at least, by which a found ball's circle may differ from the true one."""
 INSIDE_2 = 5.991
 """95 % quantile of chi-square with 2 degrees of freedom."""
+FAIR = 0.5, 1.5  # between which balls, each alone, differ by about what is stated of them
 OURS = {"two": "two chrome balls of 67 px, a white one", "four": "four of 67 px, a white one", "one": "one of 170 px",
         "far": "two of 67 px, a white one, distant flash"}  # fmt: skip
 COUNTS = {"two": 14, "four": 10, "one": 10, "far": 5}
@@ -62,6 +63,7 @@ class SessionRow:
     sigma_deg: tuple[float, ...]
     position_percent: tuple[float, ...]
     intensity_percent: tuple[float, ...]
+    alone: float | None  # what balls, each alone, differ by, over their stated doubt
     processor_s: float
 
 
@@ -119,7 +121,9 @@ def _row(
     """Hold a calibration, or the message that refused it, against the truth."""
     if isinstance(found, str):
         missed = tuple(map(_ball, truth.balls))
-        return SessionRow(group, name, asked, found, 0, len(truth.balls), (), missed, (), (), (), (), (), (), spent)
+        return SessionRow(
+            group, name, asked, found, 0, len(truth.balls), (), missed, (), (), (), (), (), (), None, spent
+        )
     left, missed, off, sigma = list(found.spheres), [], [], []
     for one in truth.balls:
         match = next((ball for ball in left if is_same(ball, one)), None)
@@ -133,7 +137,8 @@ def _row(
     direction, stated, position, intensity = of_lights(found.lights, truth) if asked else ((), (), (), ())
     return SessionRow(
         group, name, asked, "", len(found.warnings), len(truth.balls), tuple(map(_ball, left)), tuple(missed),
-        tuple(off), tuple(sigma), direction, stated, position, intensity, spent,
+        tuple(off), tuple(sigma), direction, stated, position, intensity,
+        found.cross_validation and found.cross_validation.ratio, spent,
     )  # fmt: skip
 
 
@@ -161,9 +166,10 @@ def _others(group: str, folder: str, mode: str) -> list[SessionRow]:
             job.run(STEPS, "check")
             start = now()
             job.run(STEPS, "calibrate")
-            store, warnings = job.store, job.done["calibrate"]["warnings"]
-            shown = np.zeros((0, len(truth.lights_mm), 2))
-            found = Calibration(store.load_spheres(), store.load_lights(), shown, warnings=tuple(warnings))
+            store, done = job.store, job.done["calibrate"]
+            shown, alone = np.zeros((0, len(truth.lights_mm), 2)), done["result"]["cross_validation"]
+            said = {"warnings": tuple(done["warnings"]), "cross_validation": alone and CrossValidation(**alone)}
+            found = Calibration(store.load_spheres(), store.load_lights(), shown, **said)
     except SceneError as error:
         found = str(error).replace(str(scene), scene.name)
     spent = since(start)["processor_seconds"]
@@ -220,6 +226,7 @@ def _summary(rows: Sequence[SessionRow]) -> dict[str, Any]:
     off, off_sigma = (
         np.array([x for row in rows for x in getattr(row, name)]) for name in ("radius_off_px", "radius_sigma_px")
     )
+    alone = np.array([row.alone for row in rows if row.alone is not None])
     there, missed = sum(row.balls for row in rows), sum(len(row.missed) for row in rows)
     silent = sum(bool(row.false or row.missed) and not (row.warnings or row.refused) for row in rows)
     return {
@@ -231,6 +238,7 @@ def _summary(rows: Sequence[SessionRow]) -> dict[str, Any]:
         "direction_median_deg": _or_none(np.median, direction), "direction_p95_deg": _or_none(_p95, direction),
         "worst_deg": _or_none(np.max, direction), "sigma_deg": _or_none(np.nanmedian, sigma),
         "inside": _or_none(np.mean, direction**2 < INSIDE_2 * sigma**2),
+        "alone": _or_none(np.median, alone), "alone_fair": _or_none(np.mean, (alone > FAIR[0]) & (alone < FAIR[1])),
         "position_percent": _or_none(np.median, np.array([x for row in rows for x in row.position_percent])),
         "intensity_rms_percent": _or_none(_rms, np.array([x for row in rows for x in row.intensity_percent])),
         "processor_s": _or_none(np.median, np.array([row.processor_s for row in rows])),
@@ -271,7 +279,8 @@ def _shown(rows: Sequence[SessionRow]) -> str:
         {
             "lights": "{group}", "direction, degrees: median": "{direction_median_deg:.3f}",
             "p95": "{direction_p95_deg:.2f}", "worst": "{worst_deg:.2f}", "stated sigma": "{sigma_deg:.3f}",
-            "inside the 95 % region": "{inside:.0%}", "position, of the distance": "{position_percent:.2f} %",
+            "inside the 95 % region": "{inside:.0%}", "balls alone, over stated": "{alone:.2f}",
+            "of these 0.5 to 1.5": "{alone_fair:.0%}", "position, of the distance": "{position_percent:.2f} %",
             "intensity, rms": "{intensity_rms_percent:.2f} %", "processor, s": "{processor_s:.0f}",
         },
         [{"group": name, **one} for name, one in groups.items() if one["direction_median_deg"] is not None],
@@ -297,7 +306,8 @@ def _wrong(row: SessionRow) -> str:
 
 def _figures(rows: Sequence[SessionRow]) -> Figures:
     kept = ("found", "false", "refused", "silent", "radius_median_px", "radius_inside", "direction_median_deg",
-            "worst_deg", "sigma_deg", "inside", "position_percent", "intensity_rms_percent")  # fmt: skip
+            "worst_deg", "sigma_deg", "inside", "alone", "alone_fair", "position_percent",
+            "intensity_rms_percent")  # fmt: skip
     found: Figures = {}
     for name, some in _groups(rows).items():
         one = _summary(some)

@@ -99,8 +99,10 @@ def lights_of_balls(
     notes.warnings.extend(told for ball in balls if (told := contradicts_kind(ball.coarse, ball.sphere)))
     shading = _shading(camera, [(balls[i], spheres[i]) for i in white], surfaces, len(frames))
     shown = np.full((len(balls), len(frames), 2), np.nan)
+    alone = None
     if chrome:
-        fit, chosen = lights_from_chrome(frames.names, camera, [balls[i] for i in chrome], shading, reference, notes)
+        of_chrome = [balls[i] for i in chrome]
+        fit, chosen, alone = lights_from_chrome(frames.names, camera, of_chrome, shading, reference, notes)
         for row, i in enumerate(chrome):
             spheres[i] = fit.spheres[row]
             shown[i] = np.where(fit.used[row][:, None], chosen[row], np.nan)
@@ -126,7 +128,7 @@ def lights_of_balls(
     lights = replace(lights, flags=flags).normalised()
     lights.check()
     said = tuple(notes.evidence), tuple(notes.warnings)
-    return Calibration(spheres, lights, shown, rejected, *said, covariance, adjusted)
+    return Calibration(spheres, lights, shown, rejected, *said, covariance, adjusted, alone)
 
 
 def _shading(camera: Camera, white: list[tuple[Ball, Sphere]], surfaces: list[MatteSurface], frames: int) -> Shading:

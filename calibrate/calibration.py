@@ -6,6 +6,7 @@ A flag stands beside its light in lights.json; whoever reads only the end of a r
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,19 @@ SAID_ELSEWHERE = (
 """Words of flags that are no warning: what notices them warns itself, or nothing is lost."""
 
 
+class CrossValidation(NamedTuple):
+    """How far apart two balls, each alone, place the lights: root mean square along one axis, over frames and pairs.
+
+    A `ratio` of 1: the doubt is as stated; 2: the true one is twice as large. Errors that all balls share, such as
+    that of a wrong focal length, do not show in it.
+    """
+
+    difference_deg: float
+    stated_deg: float  # what the two balls' own sigmas allow
+    ratio: float
+    balls: int
+
+
 @dataclass(frozen=True)
 class Calibration:
     """What the balls say.
@@ -76,6 +90,8 @@ class Calibration:
         Of each light's position; None for distant lights.
     camera : Camera or None
         The camera that spheres and positions belong to: adjusted within its sigmas, if it had any.
+    cross_validation : CrossValidation or None
+        Whether the directions' sigma is as large as chrome balls, each alone, differ; None for fewer than two.
     """
 
     spheres: list[Sphere]
@@ -86,6 +102,7 @@ class Calibration:
     warnings: tuple[str, ...] = ()
     position_covariance_mm2: Array | None = None
     camera: Camera | None = None
+    cross_validation: CrossValidation | None = None
 
 
 def leave_out(names: Sequence[str]) -> str:

@@ -107,6 +107,7 @@ def calibrate(job: Job) -> Outcome:
         "spheres": len(found.spheres),
         "direction_sigma_deg_median": median_or_none(lights.direction_sigma_deg),
         "intensity_sigma_median": median_or_none(lights.intensity_sigma),
+        "cross_validation": None if found.cross_validation is None else found.cross_validation._asdict(),
     }
     return Outcome(result, [*ball_warnings, *found.warnings])
 

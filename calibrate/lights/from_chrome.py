@@ -6,9 +6,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.calibration import Notes, leave_out
+from calibrate.calibration import CrossValidation, Notes, leave_out
 from calibrate.detection.balls import Ball
 from calibrate.lights.adjustment import ObservedSpots
+from calibrate.lights.cross_validation import cross_validate
 from calibrate.lights.directions import Shading, mean_directions, mirrored_rays, ray_meeting
 from calibrate.lights.highlight import Spots, find_spots, measure_spot
 from calibrate.lights.light_model import choose_model
@@ -30,6 +31,7 @@ AGREE_DEG, USUAL_TIMES = 2.0, 4
 """Miss between balls under which a frame's brightest points are the flash, and in that of the median frame."""
 BETTER, RANK_DEG = 0.4, 0.5  # share of the miss that other points may leave, and what each rank of brightness costs
 TRIED_BALLS, TRIED_SPOTS = 4, 3
+WIDER = 2.0  # times its stated doubt by which balls, each alone, may differ before somebody is told
 ODD = 0.6
 """Of the usual height and size: a point that is less than so much of both is a reflection of the flash in something
 else. A flash that is farther away is smaller, and as bright."""
@@ -37,8 +39,10 @@ else. A flash that is farther away is smaller, and as bright."""
 
 def lights_from_chrome(
     names: tuple[str, ...], camera: Camera, balls: list[Ball], shading: Shading, reference: Array, notes: Notes
-) -> tuple[LightFit, Array]:
-    """Fit the lights to the highlights and the white balls' shading; return the fit and the chosen highlights.
+) -> tuple[LightFit, Array, CrossValidation | None]:
+    """Fit the lights to the highlights and the white balls' shading.
+
+    Returns the fit, the chosen highlights, and whether each ball alone differs by what is stated.
 
     Raises
     ------
@@ -68,7 +72,15 @@ def lights_from_chrome(
         raise CalibrationError("spheres: no highlight of the flash was found on any chrome ball, in any frame.")
     _name_unseen(names, seen, shading, notes)
     covariances = [ball.covariance + (ROUND * ball.sphere.radius_px) ** 2 * np.eye(3) for ball in balls]
-    fit = choose_model(ObservedSpots(camera, spheres, covariances, chosen, sigma, reference, shading=shading), notes)
+    seen = ObservedSpots(camera, spheres, covariances, chosen, sigma, reference, shading=shading)
+    fit = choose_model(seen, notes)
+    apart = cross_validate(seen, fit)
+    if apart is not None and apart.ratio > WIDER:
+        notes.warnings.append(
+            f"each chrome ball alone places the lights {apart.difference_deg:.2g} degrees (rms) from where the others "
+            f"do; their stated doubts allow {apart.stated_deg:.2g}: take the lights' sigma {apart.ratio:.1f} times as "
+            "large. Is an outline wrong? Look at the circles in the report."
+        )
     if len(balls) == 1 and not camera.is_orthographic and not spheres[0].apart and fit.positions_mm is None:
         notes.warnings.append(
             "one chrome ball: the directions hold where it mirrors each flash. An object 100 mm beside it, under "
@@ -77,7 +89,7 @@ def lights_from_chrome(
         )
     for s, f in zip(*np.nonzero(np.isfinite(chosen[..., 0]) & ~fit.used), strict=True):
         notes.flags[f].append(f"highlight on chrome ball {s + 1} disagrees and is left out")
-    return _with_contradictions(fit, chosen, np.array(names), notes), chosen
+    return _with_contradictions(fit, chosen, np.array(names), notes), chosen, apart
 
 
 def _name_odd(names: tuple[str, ...], odd: NDArray[np.bool_], sound: NDArray[np.bool_], notes: Notes) -> None:

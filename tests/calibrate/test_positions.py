@@ -8,7 +8,8 @@ from scipy.optimize import minimize
 
 from calibrate.calibration import Notes
 from calibrate.lights.adjustment import Adjustment, ObservedSpots
-from calibrate.lights.directions import SURROUNDINGS_DEG, Shading
+from calibrate.lights.cross_validation import cross_validate
+from calibrate.lights.directions import SURROUNDINGS_DEG, Shading, mirrored_at
 from calibrate.lights.light_model import choose_model
 from calibrate.lights.positions import fit_lights
 from calibrate.silhouette.outline import moved, offset_jacobian, outline_with_normals
@@ -85,6 +86,33 @@ def test_stated_sigmas_are_honest(scene, count, stated):
     assert (share > 0.88).all()
     # Sigmas that were stated too large are not wholly believed, but not wholly forgotten either.
     assert stated > 0.15 or (share < 0.995).all()
+
+
+@pytest.mark.parametrize("near", [True, False])
+@pytest.mark.parametrize(
+    ("times", "low", "high"), [(1.0, 0.7, 1.3), (4.0, 2.0, 5.0), (0.25, 0.15, 0.5)], ids=["right", "small", "large"]
+)
+def test_balls_alone_differ_by_what_is_stated(scene, near, times, low, high):
+    """The true noise of outlines and highlights is `times` the stated one: so is the difference, in the median."""
+    rng, lights = np.random.default_rng(17), scene[0]
+    highlights = scene[1]
+    if not near:
+        far = [Sphere("chrome", CAMERA.project(c), CAMERA.fx * RADIUS / -c[2], 2 * RADIUS) for c in CENTERS]
+        along = unit(lights - REFERENCE)
+        highlights = np.stack([mirrored_at(CAMERA, ball, lambda points: along) for ball in far])
+    ratios = []
+    for _ in range(9):
+        noisy = highlights + 0.1 * times * rng.normal(size=highlights.shape)
+        spheres, covariances = _spheres(3, rng, 0.2 * times), [0.2**2 * np.eye(3)] * 3
+        seen = ObservedSpots(CAMERA, spheres, covariances, noisy, np.full((3, 8), 0.1), REFERENCE)
+        # The scatter that all together find is left out: it would be part of what is stated.
+        found = cross_validate(seen, replace(fit_lights(seen, near=near), scale=1.0))
+        ratios.append(found.ratio)
+    assert low < np.median(ratios) < high, ratios
+    assert found.ratio == pytest.approx(found.difference_deg / found.stated_deg)
+    alone = {"spheres": spheres[:1], "covariances": covariances[:1], "highlights": noisy[:1]}
+    one = replace(seen, **alone, sigma_px=seen.sigma_px[:1])
+    assert cross_validate(one, fit_lights(one, near=False)) is None
 
 
 def _as_outlined(camera, sphere):
