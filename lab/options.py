@@ -94,7 +94,7 @@ class Solving:
         tuple[str, ...] | None,
         Parameter(
             help="Another program as a method. A published one that you downloaded: NAME=PRESET:FOLDER, PRESET one of "
-            "lino-unips, sdm-unips, uni-ms-ps. Any other: NAME=COMMAND; it reads {data}, the photographs in the "
+            "lino-unips, sdm-unips, geo-unips, uni-ms-ps. Any other: NAME=COMMAND; it reads {data}, photographs in the "
             "DiLiGenT layout, and writes a normal map into {out}. May be given again. See "
             "docs/guide/learned-methods.md.",
             negative="--no-external",

@@ -78,6 +78,14 @@ cv2.imwrite(str(out / "tiled.png"), (images[0] // 257).astype(np.uint8))
 """
 )
 
+# Made of SDM-UniPS: the same folder and reader, other options and another place of the weights.
+GEO = (
+    SDM.replace('("target", "normal_and_brdf"), ', "")
+    .replace('assert args.target == "normal"\n', "")
+    .replace("/normal/*.pytmodel", "/*.pytmodel")
+    .replace('"--max_image_num"', '"--max_image_res", type=int, default=512)\nparser.add_argument("--max_image_num"')
+)
+
 UNI = (
     READ
     + """
@@ -153,9 +161,10 @@ def scene():
 
 @pytest.fixture
 def programs(scene, tmp_path):
-    """Folder with the three programs, each with its weights and its own Python."""
+    """Folder with the four programs, each with its weights and its own Python."""
     files = {
         "sdm-unips": {"sdm_unips/main.py": SDM, "checkpoint/normal/nml.pytmodel": "x"},
+        "geo-unips": {"geo_unips/main.py": GEO, "checkpoint/ckpt.pytmodel": "x"},
         "uni-ms-ps": {"inference_file.py": UNI, "weights/model_uncalibrated.pth": "x"},
         "lino-unips": {"hubconf.py": LINO, "stub/torch/__init__.py": "from . import hub\n", "stub/torch/hub.py": HUB},
     }
@@ -177,7 +186,9 @@ def external(programs, name, more=""):
 
 
 @pytest.mark.parametrize(
-    ("name", "error_deg"), [("lino-unips", 0.05), ("sdm-unips", 0.5), ("uni-ms-ps", 0.05)], ids=list(PRESETS)
+    ("name", "error_deg"),
+    [("lino-unips", 0.05), ("sdm-unips", 0.5), ("geo-unips", 0.5), ("uni-ms-ps", 0.05)],
+    ids=list(PRESETS),
 )
 def test_each_program_reads_its_folder_and_its_normals_come_back(name, error_deg, programs, scene, tmp_path):
     frames, lights, camera, mask, normals = scene
@@ -223,7 +234,7 @@ def test_of_many_photographs_some_are_given_evenly_spread(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("Learned=sdm:{0}", ["expected PRESET:FOLDER", "lino-unips, sdm-unips, uni-ms-ps"]),
+        ("Learned=sdm:{0}", ["expected PRESET:FOLDER", "lino-unips, sdm-unips, geo-unips, uni-ms-ps"]),
         ("Learned=sdm-unips:{0}", ["has no sdm_unips/main.py", "https://github.com/satoshi-ikehata"]),
         ("Learned=sdm-unips:'{1}/lacks weights'", ["has no weights checkpoint", "checkpoint/normal/*.pytmodel"]),
         ("Learned=lino-unips:'{1}/lacks python'", ["lacks python/.venv/bin/python", "second word"]),
