@@ -21,7 +21,7 @@ def pooled(values: Array, covariance: Array, shape: NDArray | None = None) -> tu
     Returns the mean (D,), or mean and change (2 D,), its covariance, and the chi-square that is left.
     """
     here = np.ones((len(values), 1)) if shape is None else np.stack([np.ones(len(values)), shape], 1)
-    slopes = np.stack([np.kron(row, np.eye(values.shape[1])) for row in here])
+    slopes = np.kron(here[:, None], np.eye(values.shape[1])[None])
     weight = np.linalg.inv(covariance)
     own = np.linalg.pinv(np.einsum("sij,sik,skl->jl", slopes, weight, slopes), hermitian=True)
     found = own @ np.einsum("sij,sik,sk->j", slopes, weight, values)

@@ -21,7 +21,7 @@ MISSING = -1  # in the place of a light's number
 BY_PLACE = 0.5  # share of the distances between lamps that another order must leave at most, to be believed
 RANGE_SIGMA = 0.1  # relative sigma of the range of near lights whose covariance is not known
 CAP = 25.0  # square of the sigmas from which on a lamp that is elsewhere says no more
-ELSEWHERE = 100.0  # square of the sigmas by which the median lamp of another set-up is elsewhere
+ELSEWHERE = 50.0  # square of the sigmas by which the median lamp of another set-up is elsewhere
 TURNS = 20  # of the iteration to the camera's turn
 
 
@@ -78,23 +78,25 @@ def of_one_set_up(
     The lamps are those of the session with the most frames; of several, of the one that lies nearest to the others.
     Raises CalibrationError: fewer than two are left.
     """
-    usual = sorted(sessions, key=lambda one: one.camera.fx / one.camera.width)[len(sessions) // 2 :][:1]
-    odd = {one.name: one.camera.difference(usual[0].camera) for one in sessions}
+    if len(sessions) < 2:
+        raise CalibrationError(f"rig: found {len(sessions)} session, expected two or more, of one set-up.")
+    usual = sorted(sessions, key=lambda one: one.camera.fx / one.camera.width)[len(sessions) // 2].camera
+    odd = {one.name: one.camera.difference(usual) for one in sessions}
     if any(one.lights.positions_mm is not None for one in sessions):
         odd |= {one.name: "its lights have no positions" for one in sessions if one.lights.positions_mm is None}
     alike = [one for one in sessions if not odd[one.name]]
     most = max((len(one.lights) for one in alike), default=0)
-    full = [one for one in alike if len(one.lights) == most]
+    full = [one for one in alike if len(one.lights) == most] or sessions[:1]
 
     def away(one: MeasuredLights) -> float:
         apart = [squares(other.vectors - one.vectors, other.covariance + one.covariance) for other in full]
         return round(float(np.minimum(apart, CAP).sum()), 6)
 
-    base = min(full, key=away, default=None)
-    odd |= {one.name: elsewhere(base, one, len(alike)) for one in alike if base is not None and one is not base}
+    base = min(full, key=away)
+    odd |= {one.name: elsewhere(base, one, len(alike)) for one in alike if one is not base}
     said = [f"{name}: {why}; left out." for name, why in odd.items() if why]
     kept = [one for one in sessions if not odd[one.name]]
-    if base is None or len(kept) < 2:
+    if len(kept) < 2:
         raise CalibrationError(" ".join([f"rig: {len(kept)} of {len(sessions)} sessions agree, two must.", *said]))
     warnings.extend(said)
     return kept, base

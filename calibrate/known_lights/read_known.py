@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from formats.light_files.light_formats import read_light_file
-from formats.light_files.light_names import keys_of, numbered, places
+from formats.light_files.light_names import keys_of, places
+from formats.light_files.light_programs import parsed
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
@@ -104,7 +105,11 @@ def _in_order(path: Path, lights: Lights, names: tuple[str, ...], skipped: tuple
     """Return the lights in the frames' order, under the frames' names."""
     found = places(names, lights.names)
     flag: tuple[str, ...] = ()
-    if all(len(rows) == 1 for rows in found):
+    is_named, is_rig = all(len(rows) == 1 for rows in found), path.suffix == ".json" and "sessions" in parsed(path)
+    if is_rig and not is_named:
+        # Of lamps that stay the order is known; a few names that are the same say nothing.
+        found = [[] for _ in names]
+    if is_named:
         order = [rows[0] for rows in found]
     elif not any(found) and len(lights) == len(names):
         order, flag = list(range(len(names))), ("taken in the file's order: its names are not the frames'",)
@@ -119,10 +124,9 @@ def _in_order(path: Path, lights: Lights, names: tuple[str, ...], skipped: tuple
             "needs its light, in order or by name: complete the file, take lights without a frame out of it, or list "
             f"frames without a light under frames.skip.{_encode(lights)}"
         )
-    if lights.names == numbered(len(lights)):
-        # A rig's lamps have no names but their order.
-        flag = ()
     as_frames = _by_number(names) if len(lights) == len(names) else list(range(len(lights)))
+    if is_rig:
+        flag = ()
     if flag and _by_number(lights.names) != as_frames:
         raise CalibrationError(
             f"{path}: its names ({listed(map(shortened, lights.names), 2)}) are not the frames' ({listed(names, 2)}), "

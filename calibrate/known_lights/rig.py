@@ -54,10 +54,11 @@ class Rig:
 
         Raises CalibrationError: its name ends otherwise, or another file than a rig is there.
         """
-        path, data = Path(path), lights_json(self.lights)
-        do = "Choose another name with --out, that ends in .json."
-        if path.suffix != ".json" or (path.exists() and "sessions" not in json_of(path, error=CalibrationError, do=do)):
-            raise CalibrationError(f"{path}: is there, and is no rig of rgbn, or no name for one. {do}")
+        path, data, do = Path(path), lights_json(self.lights), "Choose another name with --out."
+        if path.suffix != ".json":
+            raise CalibrationError(f"{path}: lamps are written as JSON; the name must end in .json. {do}")
+        if path.exists() and "sessions" not in json_of(path, error=CalibrationError, do=do):
+            raise CalibrationError(f"{path}: is there already, and holds no lamps of rgbn. {do}")
         name = "position_covariance_mm2" if self.lights.model == "near" else "direction_covariance"
         for row, own in zip(data["frames"], self.covariance, strict=True):
             row[name] = own
@@ -82,7 +83,10 @@ def rig(folders: Sequence[str | Path]) -> Rig:
     --------
     >>> rgbn.rig(["out/vase", "out/bowl", "out/tile"]).write("rig.json")
     """
-    return pool_sessions([MeasuredLights.read(folder) for folder in dict.fromkeys(folders)])
+    found = pool_sessions([MeasuredLights.read(folder) for folder in dict.fromkeys(folders)])
+    lacking = [name for name, s in zip(found.lights.names, found.lights.intensity_sigma, strict=True) if np.isnan(s)]
+    said = f"{listed(lacking)}: of unknown strength: no session has a white ball that shows it."
+    return replace(found, warnings=(*found.warnings, said)) if lacking else found
 
 
 def pool_sessions(sessions: Sequence[MeasuredLights]) -> Rig:
@@ -133,8 +137,9 @@ def pool_sessions(sessions: Sequence[MeasuredLights]) -> Rig:
     sigma = np.where(spread[:, 0, 0] > 0, np.sqrt(spread[:, 0, 0] / 3), np.nan)
     unknown = f"the rig {NO_INTENSITIES}" if np.isnan(sigma).all() else "of unknown strength"
     dark = [(unknown,) * bool(lacks) for lacks in np.isnan(sigma)]
-    flags = tuple(one + two + three for one, two, three in zip(flags, more, dark, strict=True))
-    warnings += [f"{name}: the lamp is {text}." for name, texts in zip(names, flags, strict=True) for text in texts]
+    changes = [one + two for one, two in zip(flags, more, strict=True)]
+    warnings += [f"{name}: the lamp is {text}." for name, texts in zip(names, changes, strict=True) for text in texts]
+    flags = tuple(one + two for one, two in zip(changes, dark, strict=True))
     toward, positions = (unit(place - reference), place) if is_near else (unit(place), None)
     pool = Lights(names, toward, np.exp(level), positions, reference, turn, sigma, flags=flags).normalised()
     return Rig(pool, base.camera, own, tuple(keys), tuple(warnings))
@@ -150,5 +155,6 @@ def against_balls(known: Lights, own: Calibration, camera: Camera) -> list[str]:
     try:
         said = pool_sessions([MeasuredLights("the file", known, camera), photographs]).warnings
     except CalibrationError as error:
-        said = (str(error).partition("photographs: ")[2],)
-    return [f"lights.file: the balls contradict it: {text} It is used as it stands." for text in said]
+        said = (str(error).partition("photographs: ")[2].replace("; left out", ""),)
+    do = "It is used as it stands. Put back what was moved, or pool the lights again (rgbn rig)."
+    return [f"lights.file: the balls contradict it: {text} {do}" for text in said]

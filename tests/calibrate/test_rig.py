@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from calibrate.calibration import Calibration
 from calibrate.known_lights.measured_lights import MeasuredLights
-from calibrate.known_lights.read_known import read_lights
+from calibrate.known_lights.read_known import lacks_intensities, read_lights
 from calibrate.known_lights.rig import against_balls, pool_sessions
 from scene.camera import Camera
 from scene.errors import CalibrationError
@@ -158,9 +158,23 @@ def test_a_lamp_that_drifts_and_another_lens_are_named():
     assert rig.warnings[0].startswith("s1: its focal length is 1.080")
 
 
+def test_sessions_with_positions_count_and_strengths_come_from_those_that_know_them():
+    near, far = noisy(True), noisy(False)
+    rig = pool_sessions([*near[:2], replace(far[0], name="far")])
+    assert rig.sessions == ("s0", "s1")
+    assert rig.warnings == ("far: its lights have no positions; left out.",)
+    unknown = {"intensities": np.ones((COUNT, 3)), "intensity_sigma": np.full(COUNT, np.nan)}
+    dark = [replace(one, lights=replace(one.lights, **unknown)) for one in near]
+    some = pool_sessions([dark[0], *near[1:]])
+    np.testing.assert_allclose(some.lights.intensities, pool_sessions(near[1:]).lights.intensities, rtol=1e-9)
+    none = pool_sessions(dark)
+    assert lacks_intensities(none.lights)
+    assert not none.warnings
+
+
 def test_a_rig_needs_two_sessions_that_agree():
     one, other = noisy(True, 2)
-    with pytest.raises(CalibrationError, match=r"1 of 1 sessions agree"):
+    with pytest.raises(CalibrationError, match="found 1 session, expected two"):
         pool_sessions([one])
     turned = changed(other, turn=Rotation.from_rotvec([np.radians(2), 0, 0]))
     with pytest.raises(CalibrationError, match=r"turned by (1\.[89]|2\.[01])\d degrees, against"):
@@ -189,7 +203,7 @@ def test_a_session_reads_a_rig_by_order_and_checks_its_camera(near, tmp_path):
     zoomed = read_lights(path, photographs, camera=replace(CAMERA, fx=1900.0))
     assert all("another camera: its focal length is 1.140" in flags[-1] for flags in zoomed.flags)
     path.write_text(json.dumps({"mine": 1}))
-    with pytest.raises(CalibrationError, match="no rig"):
+    with pytest.raises(CalibrationError, match="no lamps of rgbn"):
         rig.write(path)
 
 
