@@ -8,14 +8,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from benchmarks.calibration_sessions import session_world, world_peak
+from calibrate.calibrate import calibrate
 from calibrate.calibration import Calibration
 from calibrate.known_lights.measured_lights import MeasuredLights
 from calibrate.known_lights.read_known import lacks_intensities, read_lights
 from calibrate.known_lights.rig import against_balls, pool_sessions
+from fixtures.ball_scene import flashes, photograph
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
+from twin.camera.virtual_camera import Sensor
 
 COUNT, SESSIONS = 10, 5
 NAMES = tuple(f"flash_{i:03d}" for i in range(COUNT))
@@ -228,3 +232,27 @@ def test_balls_check_a_rig(fault, seed):
     else:
         (text,) = said
         assert re.search(words, text), text
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("seed", [3, 4])
+def test_five_rendered_sessions_give_ten_lamps(seed):
+    """Objects, balls and table differ from session to session; the lights are for a session without balls."""
+    rng, lights = np.random.default_rng([seed, 99]), flashes(COUNT, near_mm=700, far_mm=1200, seed=seed)
+    power = rng.uniform(0.75, 1.3, (COUNT, 1)) * rng.uniform(0.96, 1.04, (COUNT, 3))
+    sessions = []
+    for k in range(SESSIONS):
+        world = session_world(10_000 + 100 * seed + k, "two")
+        world.lights, world.flash_radius, world.flash_aspect = lights, 25.0, 0.0
+        world.powers = 0.7 * power / max(world_peak(world, ball, power) for ball in world.balls)
+        frames = photograph(world, Sensor(full_well_e=15000, blur_px=0.6), np.random.default_rng([seed, k]))
+        own = calibrate(frames, world.camera, world.requests())
+        sessions.append(MeasuredLights(f"s{k}", own.lights, own.camera, own.position_covariance_mm2))
+    rig = pool_sessions(sessions)
+    assert not rig.warnings
+    found = rig.lights.seen_from(REFERENCE)
+    off = angular_error_deg(found.directions, unit(lights - REFERENCE))
+    level = power / np.sum((lights - REFERENCE) ** 2, 1)[:, None]
+    error = np.sqrt(np.mean((found.intensities / (level / level.mean(0)) - 1) ** 2))
+    assert off.max() < 0.1
+    assert error < 0.005
