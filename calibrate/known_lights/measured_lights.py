@@ -25,6 +25,11 @@ ELSEWHERE = 50.0  # square of the sigmas by which the median lamp of another set
 TURNS = 20  # of the iteration to the camera's turn
 
 
+def are_sure(sigma: Array) -> NDArray[np.bool_]:
+    """Return which sigmas tell something: above 0, and known."""
+    return (sigma > 0) & (sigma < np.inf)
+
+
 @dataclass(frozen=True)
 class MeasuredLights:
     """What one session says of the lamps; `covariance_mm2` (N, 3, 3): of near lights' positions, if that is known."""
@@ -47,7 +52,7 @@ class MeasuredLights:
             is_known = any(AS_THEY_ARE in text for text in told["evidence"])
             if told["position_covariance_mm2"] is not None and lights.positions_mm is not None:
                 covariance = numbers(told["position_covariance_mm2"], len(lights), 3, 3)
-        if is_known or not np.isfinite(lights.direction_sigma_deg).all():
+        if is_known or not are_sure(lights.direction_sigma_deg).all():
             why = "were read from a file, not measured" if is_known else "are unknown, or of unknown sigma"
             raise CalibrationError(f"{folder}: its lights {why}. Leave this folder out.")
         return cls(str(folder), lights, store.load_camera(), covariance)

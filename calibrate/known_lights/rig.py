@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from calibrate.calibration import Calibration
 from calibrate.known_lights.lamp_changes import pooled_lamps
-from calibrate.known_lights.measured_lights import MISSING, MeasuredLights, of_one_set_up, order_of
+from calibrate.known_lights.measured_lights import MISSING, MeasuredLights, are_sure, of_one_set_up, order_of
 from calibrate.known_lights.read_known import NO_INTENSITIES
 from formats.light_files.light_names import numbered
 from scene.camera import Camera
@@ -132,7 +132,7 @@ def pool_sessions(sessions: Sequence[MeasuredLights]) -> Rig:
     levels, sigma = (of_lamps([getattr(one, name) for one in lights]) for name in ("intensities", "intensity_sigma"))
     # What is common to all lamps of a session is its exposure. Three channels are as sure as their mean.
     logs = np.log(levels) - np.nanmedian(np.log(levels / levels[:1]), axis=1, keepdims=True)
-    logs[np.isnan(sigma)] = np.nan
+    logs[~are_sure(sigma)] = np.nan
     level, spread, *_, more = pooled_lamps(logs, 3 * sigma[..., None, None] ** 2 * np.eye(3), 1, keys, dimmed)
     sigma = np.where(spread[:, 0, 0] > 0, np.sqrt(spread[:, 0, 0] / 3), np.nan)
     unknown = f"the rig {NO_INTENSITIES}" if np.isnan(sigma).all() else "of unknown strength"

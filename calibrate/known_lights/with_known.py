@@ -17,6 +17,7 @@ from calibrate.calibration import Calibration, Notes, flag_warnings
 from calibrate.detection.balls import Ball, find_balls
 from calibrate.detection.coarse import Progress
 from calibrate.detection.detect import Rejected
+from calibrate.known_lights.measured_lights import are_sure
 from calibrate.known_lights.read_known import AS_THEY_ARE, NO_INTENSITIES, lacks_intensities, without_flag
 from calibrate.known_lights.rig import against_balls
 from calibrate.lights.directions import mirrored_rays
@@ -112,7 +113,7 @@ def with_known_lights(
         doubts.append(wrong_order(frames, camera, lights, np.ones((frames.height, frames.width), bool)))
     contradictions = [doubt for doubt in doubts if doubt]
     notes.warnings.extend(contradictions)
-    if own and balls and not contradictions and np.isfinite(lights.direction_sigma_deg).all():
+    if own and balls and not contradictions and are_sure(lights.direction_sigma_deg).all():
         try:
             notes.warnings.extend(against_balls(lights, own(balls), camera))
         except CalibrationError as error:

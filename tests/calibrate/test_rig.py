@@ -247,7 +247,7 @@ def test_five_rendered_sessions_give_ten_lamps(seed):
         world.powers = 0.7 * power / max(world_peak(world, ball, power) for ball in world.balls)
         frames = photograph(world, Sensor(full_well_e=15000, blur_px=0.6), np.random.default_rng([seed, k]))
         own = calibrate(frames, world.camera, world.requests())
-        sessions.append(MeasuredLights(f"s{k}", own.lights, own.camera, own.position_covariance_mm2))
+        sessions.append(MeasuredLights(f"s{k}", own.lights, world.camera, own.position_covariance_mm2))
     rig = pool_sessions(sessions)
     assert not rig.warnings
     found = rig.lights.seen_from(REFERENCE)

@@ -73,6 +73,8 @@ def test_rig_and_file_are_one_key():
     tables = '[frames]\nflash = "a"\n[lights]\n'
     manifest, faults = parse(tomllib.loads(tables + 'rig = "rig.json"'))
     assert not faults
+    assert manifest is not None
+    assert manifest.lights is not None
     assert manifest.lights.file == "rig.json"
     _, faults = parse(tomllib.loads(tables + 'rig = "rig.json"\nfile = "lights.lp"'))
     assert len(faults) == 1
