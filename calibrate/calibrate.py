@@ -75,7 +75,11 @@ def calibrate(
     claimed only if BIC demands them. White gives intensities.
     """
     if known_lights is not None:
-        return with_known_lights(frames, camera, requests, known_lights, progress=progress)
+
+        def own(balls: Sequence[Ball]) -> Calibration:
+            return lights_of_balls(frames, camera, balls)
+
+        return with_known_lights(frames, camera, requests, known_lights, own=own, progress=progress)
     return lights_of_balls(frames, camera, *find_balls(frames, camera, requests, progress=progress))
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.detection.detect import Rejected
+from formats.light_files.light_programs import OTHER_CAMERA
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.light_text import BY_COLUMN, EITHER
@@ -37,6 +38,8 @@ ADVICE: Mapping[str, str] = {
     "taken as shining alike to all sides": "A lamp that shines less to the side is taken for a weaker one all over the "
     "object, which bends normals: 5 % bends them by 2 degrees. Put a white ball beside the object, or use distant "
     "lamps.",
+    OTHER_CAMERA: "Lights are in the frame of the camera that measured them. Where it was moved, or its lens changed, "
+    "all are wrong: measure them with this one (rgbn rig), or mend [camera].",
     SAME: "They count as one light, seen twice. Was the flash not moved, or a photograph copied? Leave one of them out "
     "with frames.skip.",
     "glare beside the highlight": "The directions there are less sure, as their sigmas say. Clean the ball, or shoot "

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import scene  # noqa: F401 (before numpy is loaded)
 
 if TYPE_CHECKING:
+    from calibrate.known_lights.rig import rig
     from lab.options import Solving, TwinSettings
     from rgbn.array_solve import solve_arrays as solve
     from rgbn.examples import example
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from scene.errors import SceneError
     from scene.lights import Lights
 
-__all__ = ["Camera", "Lights", "SceneError", "Session", "Solving", "TwinSettings", "example", "open", "solve"]
+__all__ = ["Camera", "Lights", "SceneError", "Session", "Solving", "TwinSettings", "example", "open", "rig", "solve"]
 
 _PLACES = {
     "Camera": "scene.camera.Camera",
@@ -32,6 +33,7 @@ _PLACES = {
     "TwinSettings": "lab.options.TwinSettings",
     "example": "rgbn.examples.example",
     "open": "rgbn.opened_session.Session",
+    "rig": "calibrate.known_lights.rig.rig",
     "solve": "rgbn.array_solve.solve_arrays",
 }
 

@@ -1,5 +1,6 @@
 """The command line: `rgbn VERB`."""
 
+import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -219,6 +220,27 @@ def export(
         say(f"note: {note}")
     for path in () if is_quiet() else paths:
         print(path)
+
+
+@app.command(sort_key=9)
+def rig(
+    *folders: Annotated[
+        Path, Parameter(help="Output folders of sessions with balls, in the order in which they were photographed.")
+    ],
+    out: Annotated[Path, Parameter(alias="-o", help="File for the lamps.")] = Path("rig.json"),
+) -> None:
+    """Pool the lights of a set-up whose camera and lamps stay, into a file of lights for sessions without balls."""
+    from calibrate.known_lights.rig import rig as pool
+    from rgbn.step_tables import light_table, print_tables
+
+    found = pool(folders)
+    found.write(out)
+    title = f"rig: {len(found.lights)} {found.lights.model} lamps, of {len(found.sessions)} sessions"
+    if not is_quiet():
+        print_tables([light_table(title, found.lights, str(out))])
+    for text in found.warnings:
+        say(f"warning: {text}", always=True)
+    say(f"written: {out}. In session.toml of a session without balls: [lights] file = {json.dumps(str(out.resolve()))}")
 
 
 app.command(init, sort_key=0)

@@ -17,6 +17,7 @@ from lab.progress import is_quiet, say
 from lab.run_log import log
 from lab.terminal_tables import fact_table, number_table
 from scene.camera import Camera
+from scene.lights import Lights
 
 Values = Mapping[str, Any]
 LOG_COLUMNS = 110
@@ -130,26 +131,31 @@ def calibrate_tables(job: Job, summary: Values) -> Iterator[Any]:
         words = f"{len(lights)}, unknown: no ball was found, and no file gives them"
         yield fact_table("calibrate", {"lights": words})
         return
+    # `align` moves them.
+    seen = "the object" if "align" in job.done else "amid the balls"
+    yield light_table(f"calibrate: {len(lights)} {lights.model} lights, seen from {seen}", lights, "lights.csv")
+    if store.path("spheres.json").exists() and (spheres := store.load_spheres()):
+        from rgbn.result_tables import ball_rows
+
+        yield number_table("calibrate: balls", BALLS, ball_rows(spheres, store.load_camera()))
+
+
+def light_table(title: str, lights: Lights, file: str) -> Any:
+    """Return the table of lights whose directions are known; `file` has them all."""
     rows = [
         row | {"intensity": float(level)} for row, level in zip(lights.rows(), lights.intensities.mean(1), strict=True)
     ]
     shown, caption = rows, "elevation 90: on the camera's axis; azimuth 0: right, 90: up"
     if len(rows) > MOST:
         shown = sorted(rows, key=_doubt, reverse=True)[:WORST]
-        caption = f"the worst {WORST}; {len(rows) - WORST} more in lights.csv; {caption}"
+        caption = f"the worst {WORST}; {len(rows) - WORST} more in {file}; {caption}"
     sigmas = lights.direction_sigma_deg
     if np.isfinite(sigmas).any():
         worst = lights.names[int(np.nanargmax(sigmas))]
         caption = (
             f"sigma {np.nanmedian(sigmas):.2f} deg (median), {np.nanmax(sigmas):.2f} deg at worst ({worst}); {caption}"
         )
-    # `align` moves them.
-    seen = "the object" if "align" in job.done else "amid the balls"
-    yield number_table(f"calibrate: {len(rows)} {lights.model} lights, seen from {seen}", LIGHTS, shown, caption)
-    if store.path("spheres.json").exists() and (spheres := store.load_spheres()):
-        from rgbn.result_tables import ball_rows
-
-        yield number_table("calibrate: balls", BALLS, ball_rows(spheres, store.load_camera()))
+    return number_table(title, LIGHTS, shown, caption)
 
 
 def _doubt(row: Values) -> tuple[bool, float]:
@@ -242,20 +248,20 @@ def tell(job: Job, summary: dict[str, Any], *, verb: str, as_json: bool = False,
     steps = list(TABLES) if whole else OWN.get(verb, (verb,))
     tables = [table for step in steps for table in TABLES[step](job, summary)]
     tables.append(fact_table("", _places(job, verb)))
-    _print(tables, StringIO(), LOG_COLUMNS)
+    print_tables(tables, StringIO(), LOG_COLUMNS)
     if as_json:
         print(json.dumps(summary, indent=1))
         return
     if not is_quiet():
-        _print(tables)
+        print_tables(tables)
     before = {*_before(verb), *steps, *job.wanted(verb)}
     for warning in summary["warnings"]:
         if warning["step"] in before:
             say(f"warning ({warning['step']}): {warning['text']}", always=True)
 
 
-def _print(tables: list[Any], stream: StringIO | None = None, columns: int | None = None) -> None:
-    """Print on standard output; with a stream, into the run's log."""
+def print_tables(tables: list[Any], stream: StringIO | None = None, columns: int | None = None) -> None:
+    """Print tables on standard output; with a stream, into the run's log."""
     from rich.console import Console
 
     # Numbers in texts are no more important than the words.

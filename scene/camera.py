@@ -17,6 +17,7 @@ FROM_OPENCV = np.diag([1.0, -1.0, -1.0])
 """Takes a vector of OpenCV's camera frame (x right, y down, z forward) to ours. Its own inverse."""
 
 Array = NDArray[np.float64]
+SAME = 0.01  # relative, of focal lengths and of pictures' sides, where nothing else is known of them
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,16 @@ class Camera:
     def matrix(self) -> Array:
         """(3, 3) OpenCV's camera matrix K."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    def difference(self, usual: "Camera") -> str:
+        """Return in words how a perspective camera differs from the usual one, at any size; empty: not by 3 sigma."""
+        if self.is_orthographic or usual.is_orthographic:
+            return ""
+        longer = self.fx / self.width / (usual.fx / usual.width)
+        if abs(np.log(longer)) > max(SAME, 3 * np.hypot(self.focal_sigma, usual.focal_sigma)):
+            return f"its focal length is {longer:.3f} times the usual one"
+        is_same = abs(self.width * usual.height / (self.height * usual.width) - 1) < SAME
+        return "" if is_same else f"it has {self.width} x {self.height} px, not {usual.width} x {usual.height}"
 
     def rays(self, pixels: ArrayLike) -> tuple[Array, Array]:
         """Return the viewing ray of each pixel.

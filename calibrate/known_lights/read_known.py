@@ -9,12 +9,14 @@ import numpy as np
 
 from formats.light_files.light_formats import read_light_file
 from formats.light_files.light_names import keys_of, places
+from formats.light_files.light_programs import parsed
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
 from scene.reading import ENCODE, listed, shortened
 
 LARGEST = 1e9  # of any number of a light: a thousand kilometres, or a flash a billion times as bright as the others
+AS_THEY_ARE = "used as they are"
 NO_INTENSITIES = "has no intensities"
 """Ends the flag, after the file's name, of lights whose intensities are 1 because their file has none."""
 
@@ -38,8 +40,8 @@ def read_lights(
     ----------
     path : Path
         `.lp` (RTI), DiLiGenT's light_directions.txt with light_intensities.txt and filenames.txt beside it where
-        present, `.json` (this program's lights.json, or AliceVision's), `.dome` (RelightLab), or `.mat` (light.mat of
-        near_ps).
+        present, `.json` (this program's lights.json and rig.json, or AliceVision's), `.dome` (RelightLab), or `.mat`
+        (light.mat of near_ps).
     names : tuple of F str
         The frames' names, without suffix, in order.
     skipped : tuple of int
@@ -103,7 +105,11 @@ def _in_order(path: Path, lights: Lights, names: tuple[str, ...], skipped: tuple
     """Return the lights in the frames' order, under the frames' names."""
     found = places(names, lights.names)
     flag: tuple[str, ...] = ()
-    if all(len(rows) == 1 for rows in found):
+    is_named, is_rig = all(len(rows) == 1 for rows in found), path.suffix == ".json" and "sessions" in parsed(path)
+    if is_rig and not is_named:
+        # Of lamps that stay the order is known; a few names that are the same say nothing.
+        found = [[] for _ in names]
+    if is_named:
         order = [rows[0] for rows in found]
     elif not any(found) and len(lights) == len(names):
         order, flag = list(range(len(names))), ("taken in the file's order: its names are not the frames'",)
@@ -115,10 +121,12 @@ def _in_order(path: Path, lights: Lights, names: tuple[str, ...], skipped: tuple
         odd = [f"{count or 'no'} light{'s' * (count > 1)} for the frame {name!r}" for name, count in wrong]
         raise CalibrationError(
             f"{path}: {listed(odd)}{': ' * bool(odd)}{len(lights)} lights for {len(names)} flash frames. Each frame "
-            "needs its light, in order or by name: complete the file, or list frames without a light under "
-            f"frames.skip.{_encode(lights)}"
+            "needs its light, in order or by name: complete the file, take lights without a frame out of it, or list "
+            f"frames without a light under frames.skip.{_encode(lights)}"
         )
     as_frames = _by_number(names) if len(lights) == len(names) else list(range(len(lights)))
+    if is_rig:
+        flag = ()
     if flag and _by_number(lights.names) != as_frames:
         raise CalibrationError(
             f"{path}: its names ({listed(map(shortened, lights.names), 2)}) are not the frames' ({listed(names, 2)}), "

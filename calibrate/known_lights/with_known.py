@@ -6,7 +6,7 @@ frames only if each frame has its own light. Lights in other axes fit as well (b
 balls, or by `solve.axes`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -17,7 +17,9 @@ from calibrate.calibration import Calibration, Notes, flag_warnings
 from calibrate.detection.balls import Ball, find_balls
 from calibrate.detection.coarse import Progress
 from calibrate.detection.detect import Rejected
-from calibrate.known_lights.read_known import NO_INTENSITIES, lacks_intensities, without_flag
+from calibrate.known_lights.measured_lights import are_sure
+from calibrate.known_lights.read_known import AS_THEY_ARE, NO_INTENSITIES, lacks_intensities, without_flag
+from calibrate.known_lights.rig import against_balls
 from calibrate.lights.directions import mirrored_rays
 from calibrate.lights.highlight import find_spots
 from calibrate.photometry.from_white import intensities_from_white
@@ -67,9 +69,13 @@ def with_known_lights(
     requests: Sequence[SphereRequest],
     lights: Lights,
     *,
+    own: Callable[[Sequence[Ball]], Calibration] | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
-    """Use given lights; find the balls that were asked for, and say how far chrome agrees."""
+    """Use given lights; find the balls that were asked for, and say how far they agree.
+
+    `own`: what balls say of the lights by themselves; lights whose sigmas are known are held against it.
+    """
     if len(lights) != len(frames):
         raise CalibrationError(f"lights: {len(lights)} known lights for {len(frames)} flash frames.")
     lights.check()
@@ -80,7 +86,7 @@ def with_known_lights(
             "the known lights have positions in mm, but nothing is known of the camera: taken as distant, with the "
             "directions at their reference point. Add [camera]."
         )
-    notes.evidence.append(f"{len(lights)} known lights ({lights.model}), used as they are")
+    notes.evidence.append(f"{len(lights)} known lights ({lights.model}), {AS_THEY_ARE}")
     balls: list[Ball] = []
     rejected: tuple[Rejected, ...] = ()
     if requests:
@@ -107,6 +113,11 @@ def with_known_lights(
         doubts.append(wrong_order(frames, camera, lights, np.ones((frames.height, frames.width), bool)))
     contradictions = [doubt for doubt in doubts if doubt]
     notes.warnings.extend(contradictions)
+    if own and balls and not contradictions and are_sure(lights.direction_sigma_deg).all():
+        try:
+            notes.warnings.extend(against_balls(lights, own(balls), camera))
+        except CalibrationError as error:
+            notes.warnings.append(f"the balls cannot check lights.file: {error}")
     if lacks_intensities(lights):
         try:
             lights = _with_intensities(frames, camera, balls, lights, notes)

@@ -8,6 +8,7 @@
 """
 
 import io
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,6 +24,7 @@ from scene.lights import Lights
 from scene.reading import json_of, numbers, reading, shortened
 
 Array = NDArray[np.float64]
+OTHER_CAMERA = "measured with another camera"
 NO_SCALE = "its positions in mm are not used: they need [camera], and imageWidth in the file"
 USUAL_DEPTH_MM = 700.0
 """Where near_ps takes the object to stand when it is not told."""
@@ -51,11 +53,15 @@ def parsed(path: Path) -> dict[str, Any]:
 
 
 def read_json(path: Path, camera: Camera | None = None) -> Lights:
-    """Read a lights.json: ours if it has `frames`, AliceVision's if it has `lights`."""
+    """Read a lights.json: ours, or a rig's with its camera, if it has `frames`; AliceVision's if it has `lights`."""
     data = parsed(path)
     if "frames" not in data and "lights" not in data:
         raise ValueError(f"its keys are {shortened(', '.join(sorted(data))) or 'none'}")
-    return lights_of_json(data) if "frames" in data else _alicevision(path, data)
+    if "frames" not in data:
+        return _alicevision(path, data)
+    lights, own = lights_of_json(data), data.get("camera")
+    other = camera.difference(Camera(**{**own, "distortion": tuple(own["distortion"])})) if own and camera else ""
+    return replace(lights, flags=tuple((*own, f"{OTHER_CAMERA}: {other}") for own in lights.flags)) if other else lights
 
 
 def _alicevision(path: Path, data: dict[str, Any]) -> Lights:
