@@ -116,7 +116,8 @@ def run_session(
             "refine_lights": bool(job.settings.refine_lights),
             "trust": job.settings.trust,
             "truth": job.settings.truth,
-            "tolerance_deg": job.settings.tolerance_deg,
+            "tolerance_deg": next(iter(job.tolerances_deg.values()), None),
+            "tolerances_deg": job.tolerances_deg,
         }
         summary = write_summary(job, arguments)
         if wanted == "compare":
