@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime
 from html import escape
-from importlib.util import find_spec
+from importlib.metadata import distribution
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -62,15 +62,11 @@ class _Paper:
 
     def __init__(self, name: str, created: str, size: float) -> None:
         from fpdf import FPDF
-        from fpdf.fonts import TTFFont
 
-        spec = find_spec("open3d")
-        assert spec is not None
         self.pdf = pdf = FPDF(format="A4", enforce_compliance="PDF/A-2U")
         for style, file in FONTS.items():
-            pdf.add_font("text", style, Path(*(spec.submodule_search_locations or ()), "resources", file))
-        font = pdf.fonts["text"]
-        assert isinstance(font, TTFFont)
+            pdf.add_font("text", style, str(distribution("open3d").locate_file(f"open3d/resources/{file}")))
+        font: Any = pdf.fonts["text"]
         self.size, self._known = size, font.cmap
         self.name = escape(self.letters(escape(name)))
         date = datetime.fromisoformat(created or "2000-01-01T00:00:00+00:00")
@@ -111,14 +107,11 @@ class _Paper:
 
     def table(self, title: str, head: Sequence[str], rows: Iterable[Sequence[str]], widths: Sequence[float]) -> None:
         """Write a part that is a table; `widths`: shares."""
-        from fpdf.fonts import FontFace
-
         self.head(title)
         self.pdf.set_font("text", "", self.size)
         self.pdf.set_draw_color(190)
         how = {"borders_layout": "HORIZONTAL_LINES", "line_height": 0.5 * self.size, "padding": (0.4, 1)}
-        bold, shares = FontFace("text", "B"), tuple(widths)
-        with self.pdf.table(col_widths=shares, text_align="LEFT", headings_style=bold, **how) as table:
+        with self.pdf.table(col_widths=tuple(widths), text_align="LEFT", **how) as table:
             for cells in (head, *rows):
                 table.row([self.letters(cell) for cell in cells])
 

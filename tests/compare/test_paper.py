@@ -5,13 +5,13 @@ import hashlib
 import json
 import re
 import shutil
-from html.parser import HTMLParser
 
 import pytest
 from pypdf import PdfReader
 
 from compare.compare import compare
 from compare.report.facts import all_warnings
+from compare.report.page import plain
 from compare.report.report import write_report
 from compare.report.verdict import verdict
 from lab.options import Settings
@@ -21,18 +21,6 @@ from tests.lab.test_foreign_files import make_session
 
 DIGESTS = {"object.ply": "0123456789abcdef" * 4, "normals/ls.npy": "f" * 64, "lights.json": None}
 NUMBER = r"\d+(?:[.:]\d+)*"
-
-
-class Words(HTMLParser):
-    """The text of a page."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.text = ""
-        self.feed(re.sub(r"<(script|style)>.*?</\1>", "", text, flags=re.DOTALL))
-
-    def handle_data(self, data):
-        self.text += data
 
 
 def squeezed(text):
@@ -54,7 +42,7 @@ def printed(session, tmp_path):
     def write(change=lambda store, summary: None, digests=DIGESTS):
         store, summary = Store(shutil.copytree(session.store.folder, tmp_path / "out")), copy.deepcopy(session.summary)
         change(store, summary)
-        page = Words(write_report(store, summary, digests).read_text("utf-8")).text
+        page = plain(write_report(store, summary, digests).read_text("utf-8"))
         count, text = text_of(store.path("report.pdf"))
         assert 1 <= count <= 2
         first = verdict(summary)[0]
