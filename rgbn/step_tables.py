@@ -25,6 +25,7 @@ OWN = {"solve": ("solve", "trust")}
 """Of a verb, the steps whose findings it shows, where these are more than its own."""
 SOUGHT = (
     "report.html",
+    "report.pdf",
     "results",
     "lights.json",
     "lights.csv",

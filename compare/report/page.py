@@ -119,18 +119,22 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = 
     return pieces().table([*map(Markup, head)], lines, Markup(caption), kind, name)
 
 
-def table_of(
-    name: str, rows: Iterable[Mapping[str, Any]] | Mapping[str, Any], *, caption: str = "", kind: str = "numbers"
-) -> str:
-    """Return a table whose columns, (heading, sentence to be filled in), stand in report_words.toml.
+Rows = Iterable[Mapping[str, Any]] | Mapping[str, Any]
+"""Of a table: by name, or with the name in them; each has its number, from 1, too."""
 
-    rows: By name, or with the name in them; each has its number, from 1, too.
-    """
+
+def table_of(name: str, rows: Rows, *, caption: str = "", kind: str = "numbers") -> str:
+    """Return a table as `cells_of` has it."""
+    head, lines = cells_of(name, rows)
+    return table(head, lines, caption=caption, kind=kind)
+
+
+def cells_of(name: str, rows: Rows) -> tuple[list[str], list[list[str]]]:
+    """Return a table's headings and cells: its columns, (heading, sentence to fill in), stand in report_words.toml."""
     columns, sentence = words("tables")[name], Sentence()
     named = [{"name": key, **row} for key, row in rows.items()] if isinstance(rows, Mapping) else rows
     counted = ({"number": str(number), **row} for number, row in enumerate(named, 1))
-    lines = [[sentence.vformat(cell, (), row) for _, cell in columns] for row in counted]
-    return table([head for head, _ in columns], lines, caption=caption, kind=kind)
+    return [head for head, _ in columns], [[sentence.vformat(cell, (), row) for _, cell in columns] for row in counted]
 
 
 def folded(title: str, body: str) -> str:

@@ -1,6 +1,7 @@
 """One self-contained page: what the cameras saw, what was computed of it, and how far it can be trusted."""
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from markupsafe import Markup
 from compare.report import page
 from compare.report.facts import Material, Summary, all_warnings, by_error, family, speed_points
 from compare.report.layers import ViewerLayers, viewer_facts
+from compare.report.paper import write_paper
 from compare.report.pictures import legend_ball
 from compare.report.registration_pictures import ball_figures, placed
 from compare.report.verdict import limits, ranking, trust_sentence, verdict
@@ -39,7 +41,7 @@ ELSEWHERE = ("warnings", "material", "held_out")
 """Parts of the summary that other sections tell."""
 
 
-def write_report(store: Store, summary: dict[str, Any]) -> Path:
+def write_report(store: Store, summary: dict[str, Any], digests: Mapping[str, str | None] | None = None) -> Path:
     """Write report.html: charts, pictures and text in one file that fetches nothing.
 
     Parameters
@@ -50,6 +52,8 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
         What goes to summary.json: name, created, versions, arguments, seconds, warnings, capture, camera, calibrate,
         align, solve, twin, compare (of `compare.compare.compare`), truth_check. Any of them may be missing:
         the page then says what is absent and why.
+    digests : mapping of str to str or None, optional
+        SHA-256 of the session's files by name, None of one that is not there: with them report.pdf is written, too.
 
     Returns
     -------
@@ -78,6 +82,8 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     subtitle = str(module.subtitle()).strip()
     html = page.whole_page(name, "Photometric stereo report", subtitle, chapters, script=script)
     write_text(store.path("report.html"), html)
+    if digests is not None:
+        write_paper(store, name, subtitle, facts, digests)
     return store.path("report.html")
 
 

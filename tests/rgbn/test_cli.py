@@ -48,7 +48,7 @@ def test_each_verb_shows_its_own_findings_and_leads_to_the_next(run, session):
     code, out, said = run("compare", *words, "-m", "LS,Iterative")
     assert code == 0
     warned = {(one["step"], one["text"]) for one in json.loads(Path("out/pear/summary.json").read_text())["warnings"]}
-    assert {"check", "results"} <= {step for step, _ in warned}
+    assert {"check", "calibrate"} <= {step for step, _ in warned}
     assert all(f"warning ({step}): {text}" in said for step, text in warned), "each is said"
     assert "report.html" in last_lines(out)["written"]
     code, out, _ = run("process", *words, "-m", "ls,iterative")

@@ -92,7 +92,7 @@ def test_every_file_of_the_contract(demo):
         "report.html summary.json lights.json light_directions.txt light_intensities.txt filenames.txt lights.lp "
         "spheres.json camera.json pose.json mask.png normals/truth.npy normals/truth.png normals/truth_sigma.npy "
         "normals/ls.npy normals/ls.png albedo/ls.npy normals/iterative.npy albedo/iterative.npy twin/session.toml "
-        "twin/normals/ls.npy twin/normals/iterative.npy"
+        "twin/normals/ls.npy twin/normals/iterative.npy report.pdf"
     )
     assert [name for name in names.split() if not (out / name).is_file()] == []
     assert not list(out.rglob("*.tmp"))
