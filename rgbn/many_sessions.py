@@ -22,8 +22,8 @@ PICTURE_PX = 160
 STOPPED = 130
 """Exit code of a process that Ctrl-C, or the end of the one that began it, stops."""
 COLUMNS = {
-    "session": "{name}", "normals": "{badge}", "method": "{method}", "median error, deg": "{median_deg:.2f}",
-    "warnings": "{warnings:d}", "seconds": "{seconds:.0f}",
+    "session": "{name}", "normals": "{badge}", "method": "{method}", "median error, deg": "{median_deg:2}",
+    "warnings": "{warnings:0}", "seconds": "{seconds:0}",
 }  # fmt: skip
 """Of the table on the terminal."""
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report import pictures
-from compare.report.page import is_number
 from compare.report.pictures import Exposure, PixelBox
+from draw.readable import is_number
 from draw.speed_chart import SpeedPoint
 from scene.camera import Camera
 from scene.errors import SceneError

@@ -16,6 +16,7 @@ from compare.statistics.statistics import statistics_rows
 from draw import light_charts
 from draw.line_chart import line_chart
 from draw.object_charts import error_histograms
+from draw.readable import is_number
 from draw.speed_chart import speed_chart
 from draw.svg import Drawing
 from scene.files import write_text
@@ -110,7 +111,7 @@ def _rows(summary: Summary, material: Material) -> Summary:
         "registration_rows": [
             {"what": what, "found": Markup(page.Sentence().format(text, align[key]))}
             for what, key, text in page.words("tables")["registered"]
-            if page.is_number(align.get(key))
+            if is_number(align.get(key))
         ],
         "spent_rows": {
             step: {"processor": spent.get(step), "wall": wall} for step, wall in (summary.get("seconds") or {}).items()
@@ -132,7 +133,7 @@ def _square(pairs: list[Summary], names: list[str]) -> Summary:
 
 
 def _misfit_chart(shares: list[Any]) -> Drawing:
-    values = [100 * value if page.is_number(value) else float("nan") for value in shares]
+    values = [100 * value if is_number(value) else float("nan") for value in shares]
     lights = [float(k + 1) for k in range(len(values))]
     return line_chart({"a frame": (lights, values)}, x_title="light", y_title="not explained, % (rms)")
 

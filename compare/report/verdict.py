@@ -7,8 +7,9 @@ from typing import Any
 from markupsafe import Markup
 
 from compare.report.facts import Summary, all_warnings, by_error, family, tied_methods
-from compare.report.page import badge, is_number, plain, say, words
+from compare.report.page import badge, plain, say, words
 from compare.statistics.counterparts import likeness
+from draw.readable import Readable, is_number, readable, share
 
 DIRECTION_SIGMA_BARS_DEG = (1.0, 3.0)
 TRUTH_SIGMA_BARS_DEG = (1.0, 3.0)
@@ -149,7 +150,7 @@ def _twin(twin: Summary, methods: Summary) -> Statement | None:
     level = LIKENESS[likeness(row["pearson"])]
     # What a twin does not have of the photographs it is of.
     left = (twin.get("material") or {}).get("relative_rmse")
-    unfitted = f"the {100 * left:.1f} % that its material leaves unexplained" if is_number(left) else "material"
+    unfitted = f"the {share(left, 1)} % that its material leaves unexplained" if is_number(left) else "material"
     noise = [] if twin.get("sensor") else ["noise"]
     lacking = ", ".join([*noise, unfitted, "errors of calibration and registration"])
     text = say("twin", "patterns", name=name, resemblance=say("resemblance", level), **row)
@@ -243,12 +244,12 @@ def trust_sentence(found: Summary) -> str:
     methods, recommended, level = found["methods"], found["recommended"], found["level"]
     text, sigma = recommended, found["sigma_deg"]
     if sigma["median"] is not None:
-        text += f" (sigma {sigma['median']:.1f}° in the median, {sigma['q90']:.1f}° at one pixel of ten)"
+        text += Readable().format(" (sigma {median:1°} in the median, {q90:1°} at one pixel of ten)", **sigma)
     if level:
         text += f"; {', '.join(level)} {'is' if len(level) == 1 else 'are'} level with it"
     least = max(methods[recommended]["unexplained"], 1e-9)
     bad = {name: row["unexplained"] / least for name, row in methods.items() if row["unexplained"] is not None}
-    named = [f"{name} ({times:.0f} times)" for name, times in bad.items() if times > TRUST_WORSE]
+    named = [f"{name} ({readable(times, 0)} times)" for name, times in bad.items() if times > TRUST_WORSE]
     if named:
         text += f". Do not use what explains them so much worse: {', '.join(named)}"
     return " ".join([f"{text}.", *(f"{doubt[0].upper()}{doubt[1:]}" for doubt in found["doubts"])])
