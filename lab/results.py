@@ -32,10 +32,10 @@ def results(job: Job) -> Outcome:
     written: list[Path] = []
     ball = lights.white_value
     whites = {name: _write_maps(store, name, pixel_mm, axes, ball, written) for name in job.methods}
-    warnings = [] if pixel_mm else ["results: nothing tells how large a pixel is on the object: the maps do not say."]
+    warnings = [] if pixel_mm else ["nothing tells how large a pixel is on the object: the maps do not say."]
     mask = store.load_mask()
     known = [name for name in job.methods if np.isfinite(store.load_normals(name)[mask]).all(-1).any()]
-    warnings += [] if known else ["results: no method found a normal: there is no surface."]
+    warnings += [] if known else ["no method found a normal: there is no surface."]
     best = recommended(job)
     # What trust recommends comes before what found its depth itself.
     known = [best] if best in known else known

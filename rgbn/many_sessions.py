@@ -162,7 +162,6 @@ def _work(told: Any, session: Path, out: Path, said: Settings, scheduler: str | 
 def _row(folder: Path, name: str, fault: str) -> dict[str, Any]:
     """Return a session's row: the verdict on its normals, and what it is by."""
     from compare.report.facts import all_warnings, read_optional
-    from compare.report.page import LEVELS
     from compare.report.verdict import ranking, verdict
     from scene.store import Store
 
@@ -174,7 +173,7 @@ def _row(folder: Path, name: str, fault: str) -> dict[str, Any]:
     return {
         "name": name,
         "level": "not processed" if fault else statement.level,
-        "badge": "not processed" if fault else statement.word or LEVELS[statement.level],
+        "badge": "not processed" if fault else statement.word,
         "verdict": "" if fault else statement.text,
         "method": method or "",
         "median_deg": best.get("median_deg"),

@@ -11,7 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from compare.report.verdict import trust_sentence
+from compare.report.advice import advice
+from compare.report.facts import all_warnings
+from compare.report.page import plain
+from compare.report.verdict import trust_sentence, verdict
 from draw.readable import Readable, readable, share
 from lab.job import Job
 from lab.progress import is_quiet, say
@@ -40,9 +43,6 @@ NEXT = {
     "align": "rgbn solve {0}", "solve": "rgbn twin {0}", "twin": "rgbn compare {0}",
     "compare": "look at {0}/report.html; rgbn studio {0}",
 }  # fmt: skip
-TOLERANCE = {
-    "tolerance": "{word}: {share:0%} of the object is within {deg:g} deg by {method}; {least_share:0%} are asked for"
-}
 MOST, WORST = 24, 12
 """More lights are not all listed, but so many: those that are flagged, then the least certain."""
 LIGHTS = {
@@ -186,7 +186,8 @@ def trust_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield how well each method predicts photographs, and what to take."""
     if found := summary["trust"]:
         yield number_table("trust", TRUST, [{"method": name, **row} for name, row in found["methods"].items()])
-        yield fact_table("", {"take": trust_sentence(found)})
+        said = "by photographs alone" if (summary.get("compare") or {}).get("has_truth") else "take"
+        yield fact_table("", {said: trust_sentence(found)})
 
 
 def twin_tables(job: Job, summary: Values) -> Iterator[Any]:
@@ -201,14 +202,15 @@ def compare_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield the errors, and against a known truth what each step is off."""
     from compare.statistics.statistics import statistics_rows
 
-    if found := summary["compare"].get("tolerance"):
-        yield fact_table("compare", TOLERANCE, {**found, "word": "pass" if found["passes"] else "fail"})
     if rows := statistics_rows(summary["compare"]):
         yield number_table("compare: angular error, degrees", ERRORS, rows)
     else:
         yield fact_table("compare", {"no errors": "there is no ground truth: no scan, no given normals"})
     if check := summary.get("truth_check"):
         yield number_table("against the known truth", KNOWN_TRUTH, check.values())
+    statements = verdict(dict(summary))
+    said = {"verdict": f"{statements[0].word}: {statements[0].text}", "do": plain(advice(dict(summary), statements))}
+    yield fact_table("", said)
 
 
 TABLES: dict[str, Callable[[Job, Values], Iterator[Any]]] = {
@@ -247,9 +249,9 @@ def tell(job: Job, summary: dict[str, Any], *, verb: str, as_json: bool = False,
     if not is_quiet():
         _print(tables)
     before = {*_before(verb), *steps, *job.wanted(verb)}
-    for warning in summary["warnings"]:
-        if warning["step"] in before:
-            say(f"warning ({warning['step']}): {warning['text']}", always=True)
+    for step, text in all_warnings({"warnings": summary["warnings"]}):
+        if step in before:
+            say(f"warning ({step}): {text}", always=True)
 
 
 def _print(tables: list[Any], stream: StringIO | None = None, columns: int | None = None) -> None:
@@ -279,4 +281,6 @@ def _places(job: Job, verb: str) -> dict[str, str]:
     there = [name for name in SOUGHT if (folder / name).exists()]
     has_twin = verb != "solve" or (folder / "pose.json").exists()
     command = NEXT[verb if has_twin else "twin"].format(shlex.quote(str(near)))
-    return {"written": f"{near}: {', '.join([*there, 'summary.json'])}", "next": command}
+    said = {"written": f"{near}: {', '.join([*there, 'summary.json'])}", "next": command}
+    relight = f"rgbn export {shlex.quote(str(near))} --format relight: a page for the web (OpenLIME)"
+    return said | ({"relight": relight} if verb == "compare" else {})

@@ -12,7 +12,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from compare.report.pictures import error_scale_colours
-from draw.readable import GAP, Readable, is_number
+from draw.readable import GAP, Readable, is_number, share
 from scene.map_pictures import Image, data_uri
 
 HERE = Path(__file__).parent
@@ -67,9 +67,11 @@ def round_number(value: Any, unit: str = "") -> str:
     return Sentence().format_field(value, f"g{unit}")
 
 
-def percent(share: Any, decimals: int = 0) -> str:
-    """Return a share (0 to 1) as HTML, in percent."""
-    return Sentence().format_field(share, f"{decimals}%")
+def percent(part: Any, decimals: int = 0, *, rest: bool = False) -> Markup:
+    """Return a share (0 to 1), or what is left of the whole, as HTML, in percent."""
+    if rest and is_number(part):
+        return Markup(f"{share(1 - part, decimals)}{GAP}%")
+    return Markup(Sentence().format_field(part, f"{decimals}%"))
 
 
 def as_text(value: Any) -> str:
@@ -89,6 +91,12 @@ def as_text(value: Any) -> str:
 def plain(html: str) -> str:
     """Return the text of a piece of HTML."""
     return unescape(re.sub(r"<[^>]+>", "", html))
+
+
+def first_sentence(text: str) -> str:
+    """Return a text's first sentence, whole."""
+    found = re.match(r".*?[.?!](?=\s+[A-Z]|$)", text, re.DOTALL)
+    return found[0] if found else text
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = "", kind: str = "") -> str:
@@ -176,7 +184,7 @@ def _environment() -> Any:
 
     html = (badge, colour_scale, folded, number, percent, picture, round_number, say, table, table_of)
     made.globals |= {function.__name__: marked(function) for function in html}
-    made.globals |= {"as_text": as_text, "is_number": is_number, "words": words}
+    made.globals |= {"as_text": as_text, "first_sentence": first_sentence, "is_number": is_number, "words": words}
     return made
 
 

@@ -7,11 +7,12 @@ from typing import Any
 from markupsafe import Markup
 
 from compare.report import page
-from compare.report.facts import Material, Summary, all_warnings, by_error, family, speed_points
+from compare.report.advice import advice, limits
+from compare.report.facts import Material, Summary, all_warnings, best_method, by_error, family, speed_points
 from compare.report.layers import ViewerLayers, viewer_facts
 from compare.report.pictures import legend_ball
 from compare.report.registration_pictures import ball_figures, placed
-from compare.report.verdict import limits, ranking, trust_sentence, verdict
+from compare.report.verdict import ranking, trust_sentence, verdict
 from compare.statistics.statistics import statistics_rows
 from draw import light_charts
 from draw.line_chart import line_chart
@@ -60,13 +61,12 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     material = Material.load(store, summary)
     layers = ViewerLayers.of(material, summary)
     compared = summary.get("compare") or {}
-    # The methods are ranked by the truth; without one the photographs may have recommended a method.
-    recommended = None if compared.get("has_truth") else (summary.get("trust") or {}).get("recommended")
-    best = recommended or next(iter(material.methods), None)
+    best = best_method(summary) or next(iter(material.methods), None)
     statements, warnings = verdict(summary), all_warnings(summary)
     facts = {name: summary.get(name) or {} for name in PARTS} | _rows(summary, material)
-    facts |= {"statements": statements, "warnings": warnings, "limits": limits(summary, statements[1:], warnings)}
-    facts |= {"topics": {one.topic: one.level for one in statements}, "ranking": ranking(summary)}
+    facts |= {"statements": statements, "warnings": warnings, "limits": limits(summary, statements)}
+    facts |= {"advice": advice(summary, statements), "ranking": ranking(summary)}
+    facts |= {"topics": {one.topic: one for one in statements}}
     facts |= viewer_facts(material, layers, best) | ball_figures(material) | DRAWN
     facts |= {"material": material, "layers": layers, "placed": placed(material), "best": best}
     facts |= {"terms": _terms(by_error(compared))}
