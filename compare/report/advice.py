@@ -34,10 +34,9 @@ def advice(summary: Summary, statements: list[Statement]) -> Markup:
     files = (summary.get("results") or {}).get("files") or ()
     where = next((file for file in files if file == f"results/normals_{name}.tif"), f"normals/{name}.npy")
     if first.level != "unknown":
-        look = (
-            () if first.level == "good" else (say("look", _cause(first, level), reasons=" and ".join(first.reasons)),)
-        )
-        return Markup(" ").join([say("advice", first.judged or first.level, name=name, where=where), *look])
+        use = say("advice", first.judged or first.level, name=name, where=where)
+        look = say("look", _cause(first, level), reasons=" and ".join(first.reasons))
+        return use if first.level == "good" else Markup("{} {}").format(use, look)
     if not compared.get("methods"):
         return say("advice", "no methods")
     if level.get("Lights") == "bad":
