@@ -46,7 +46,12 @@ def random_summary(rng: np.random.Generator) -> dict[str, Any]:
             "pearson": maybe(float(rng.uniform(-0.3, 1))),
             "spearman": some(0.01, 1),
         }
-        row |= {"coverage": some(0.3, 1), "median_sigma_deg": some(0.01, 1), "median_difference_deg": some(0.01, 9)}
+        row |= {
+            "spearman": some(0.01, 1),
+            "coverage": some(0.3, 1),
+            "median_sigma_deg": some(0.01, 1),
+            "median_difference_deg": some(0.01, 9),
+        }
         turn = {"real_rotation_deg": some(0.1, 9), "real_median_unrotated_deg": some(0.001, 3)}
         return row | turn | {"real_within_tolerance": float(rng.uniform(0.5, 1)) if real else None}
 
