@@ -3,61 +3,61 @@
 from markupsafe import Markup
 
 from compare.report.facts import Summary, best_method
-from compare.report.page import say, words
+from compare.report.page import say
 from compare.report.verdict import Statement, is_its_own
 
 
 def limits(summary: Summary, statements: list[Statement]) -> Markup:
     """Return what makes the error, as far as twin, ground truth and lights tell, or why that is not known."""
     compared, level = summary.get("compare") or {}, {one.topic: one.level for one in statements}
-    truth, sentences = compared.get("truth") or {}, words("limits")
+    truth = compared.get("truth") or {}
     if not compared.get("has_truth"):
         return say("limits", "without truth")
     # What is doubtful besides bears on what a twin proves: it is rendered under the lights as they were measured.
-    doubtful, is_tilted = level.get("Lights") in ("care", "bad"), "Common tilt" in level
-    twin = "Twin good, tilted" if is_tilted else "Twin good, lights doubtful" if doubtful else "Twin good"
-    named = [twin if level.get("Twin") == "good" else f"Twin {level.get('Twin')}"]
-    named += ["Lights"] if doubtful and twin not in named else []
+    doubtful, tilted = level.get("Lights") in ("care", "bad"), "Common tilt" in level
+    alike, poor = level.get("Twin") == "good", level.get("Ground truth") == "bad"
     medians = [row["real"]["median_deg"] for row in (compared.get("methods") or {}).values() if row.get("real")]
-    own = "bad" if level.get("Ground truth") == "bad" else "own"
-    is_own = own == "bad" or is_its_own(truth.get("sigma_deg_median"), min(medians, default=None))
-    named = ["Common tilt"] * is_tilted + named + [f"Ground truth {own}"] * is_own
-    return Markup(" ").join(say("limits", name, **truth) for name in named if name in sentences) or say(
-        "limits", "not told"
-    )
+    cases = {
+        "Common tilt": tilted,
+        "Twin good": alike and not doubtful and not tilted,
+        "Twin good, lights doubtful": alike and doubtful and not tilted,
+        "Twin good, tilted": alike and tilted,
+        "Twin care": level.get("Twin") == "care",
+        "Twin bad": level.get("Twin") == "bad",
+        "Lights": doubtful and (tilted or not alike),
+        "Ground truth bad": poor,
+        "Ground truth own": not poor and is_its_own(truth.get("sigma_deg_median"), min(medians, default=None)),
+    }
+    named = [name for name, is_so in cases.items() if is_so] or ["not told"]
+    return Markup(" ").join(say("limits", name, **truth) for name in named)
 
 
 def advice(summary: Summary, statements: list[Statement]) -> Markup:
     """Return the one thing to do next."""
     compared, first, level = summary.get("compare") or {}, statements[0], {one.topic: one.level for one in statements}
-    name = best_method(summary)
-    files = (summary.get("results") or {}).get("files") or ()
-    where = next((file for file in files if file == f"results/normals_{name}.tif"), f"normals/{name}.npy")
+    name, trust = best_method(summary), summary.get("trust")
+    file = f"results/normals_{name}.tif"
+    where = file if file in ((summary.get("results") or {}).get("files") or ()) else f"normals/{name}.npy"
+    marked = ("care", "bad")
     if first.level != "unknown":
         use = say("advice", first.judged or first.level, name=name, where=where)
-        look = say("look", _cause(first, level), reasons=" and ".join(first.reasons))
+        causes = {
+            "own": bool(first.reasons),
+            "Common tilt": "Common tilt" in level,
+            "Ground truth": level.get("Ground truth") == "bad",
+            "Twin": level.get("Twin") == "good",
+            "Lights": level.get("Lights") in marked,
+            "truth": level.get("Ground truth") in marked,
+            "methods": True,
+        }
+        look = next(say("look", cause, reasons=" and ".join(first.reasons)) for cause, is_so in causes.items() if is_so)
         return use if first.level == "good" else Markup("{} {}").format(use, look)
-    if not compared.get("methods"):
-        return say("advice", "no methods")
-    if level.get("Lights") == "bad":
-        return say("advice", "no lights")
-    if compared.get("has_truth"):
-        return say("advice", "unjudged")
-    trust = summary.get("trust")
-    known = "unknown" if not trust else "disbelieved" if trust["doubts"] else "recommended"
-    return say("advice", known, name=name, where=where)
-
-
-def _cause(first: Statement, level: dict[str, str]) -> str:
-    """Return where to look first for what makes the error; as `limits` has it."""
-    marked = ("care", "bad")
     cases = {
-        "own": bool(first.reasons),
-        "Common tilt": "Common tilt" in level,
-        "Ground truth": level.get("Ground truth") == "bad",
-        "Twin": level.get("Twin") == "good",
-        "Lights": level.get("Lights") in marked,
-        "truth": level.get("Ground truth") in marked,
-        "methods": True,
+        "no methods": not compared.get("methods"),
+        "no lights": level.get("Lights") == "bad",
+        "unjudged": bool(compared.get("has_truth")),
+        "unknown": not trust,
+        "disbelieved": bool(trust and trust["doubts"]),
+        "recommended": True,
     }
-    return next(name for name, is_so in cases.items() if is_so)
+    return say("advice", next(case for case, is_so in cases.items() if is_so), name=name, where=where)
