@@ -21,6 +21,7 @@ from lab.progress import is_quiet, say
 from lab.run_log import log
 from lab.terminal_tables import fact_table, number_table
 from scene.camera import Camera
+from scene.store import Store
 
 Values = Mapping[str, Any]
 LOG_COLUMNS = 110
@@ -97,12 +98,15 @@ def check_tables(job: Job, summary: Values) -> Iterator[Any]:
     dark, bright = (one(rows, key=lambda row: row["brightness"]) for one in (min, max))
     clipped = max(rows, key=lambda row: row["saturated_share"])
     most = f"{share(clipped['saturated_share'], 1)} % of the pixels in {clipped['name']}, fewer in the others"
+    # Beside the warning of it, as it was before the balls had their say.
+    camera, told = Store(job.store.path("frames")).load_camera(), job.store.load_camera()
+    by_balls = Readable().format("; by the balls and lights {fx:1px} ± {focal_sigma:1%}", **vars(told))
     words = {
         "ambient_words": "an ambient frame is subtracted" if found["ambient"] else "no ambient frame",
         "dark": Readable().format("{brightness:1%} ({name})", **dark),
         "bright": Readable().format("{brightness:1%} ({name})", **bright),
         "clipped": most if clipped["saturated_share"] else "no pixel",
-        "camera_words": camera_text(job.store.load_camera()),
+        "camera_words": camera_text(camera) + (by_balls if told.fx != camera.fx and not told.is_orthographic else ""),
     }
     yield fact_table(f"{summary['name']}: check", CHECK, found | words)
 

@@ -101,7 +101,7 @@ def is_seen(pixel: Any) -> bool:
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
-def listed(names: Sequence[str]) -> str:
+def by_runs(names: Sequence[str]) -> str:
     """Return names in a row, three or more whose numbers follow each other by the first and the last."""
     runs: list[list[str]] = []
     for name in dict.fromkeys(names):
@@ -132,7 +132,7 @@ def all_warnings(summary: dict[str, Any]) -> list[tuple[str, str]]:
         if len(alike) == 1:
             found.append((step, f"{name}: {said}" if name else said))
             continue
-        names = listed([part for name, _ in alike for part in name.split(", ") if part])
+        names = by_runs([part for name, _ in alike for part in name.split(", ") if part])
         columns = zip(*(NUMBER.findall(said) for _, said in alike), strict=True)
         spans = (dict.fromkeys([min(column, key=float), max(column, key=float)]) for column in columns)
         ends = iter([" to ".join(span) for span in spans])

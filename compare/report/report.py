@@ -150,6 +150,6 @@ def _terms(names: list[str]) -> list[tuple[str, str]]:
 
 DRAWN = {
     "charts": light_charts, "error_histograms": error_histograms, "speed_chart": speed_chart,
-    "misfit_chart": _misfit_chart, "legend_ball": legend_ball, "levels": page.LEVELS, "trust_sentence": trust_sentence,
+    "misfit_chart": _misfit_chart, "legend_ball": legend_ball, "trust_sentence": trust_sentence,
 }  # fmt: skip
 """What the templates call."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from compare.report.facts import Summary, all_warnings, by_error, family, listed, tied_methods
+from compare.report.facts import Summary, all_warnings, by_error, by_runs, family, tied_methods
 from compare.report.page import LEVELS, badge, percent, plain, say, words
 from compare.statistics.counterparts import likeness
 from draw.readable import Readable, is_number, readable, share
@@ -83,7 +83,7 @@ def verdict(summary: Summary) -> list[Statement]:
     if camera.get("projection") == "orthographic":
         statements.append(Statement("Camera", "care", say("capture", "orthographic")))
     elif camera.get("source") in {"EXIF", "assumed"}:
-        statements.append(Statement("Camera", "care", say("capture", "focal length", source=camera["source"])))
+        statements.append(Statement("Camera", "care", say("capture", "focal length", **camera)))
     if capture.get("ambient") is False:
         statements.append(Statement("Ambient light", "care", say("capture", "no ambient")))
     return [statement for statement in statements if statement is not None]
@@ -209,11 +209,11 @@ def _lights(summary: Summary, compared: Summary) -> Statement:
     parts += [say("lights", "by the scan")] if probe else []
     reasons = []
     if flagged := [row["name"] for row in lights.get("frames") or [] if row.get("flags")]:
-        parts.append(say("lights", "suspicious", names=listed(flagged)))
+        parts.append(say("lights", "suspicious", names=by_runs(flagged)))
         reasons.append(plain(say("reasons", "flagged", count=len(flagged))))
     if witness := (summary.get("align") or {}).get("lights"):
         off, usual = witness["off"], median(witness["turn_deg"])
-        parts.append(say("lights", "contradicted" if off else "agreed", names=listed(off), usual=usual))
+        parts.append(say("lights", "contradicted" if off else "agreed", names=by_runs(off), usual=usual))
         reasons += [plain(say("reasons", "contradicted", count=len(off)))] if off else []
     # Sigmas tell how far noise moves a direction; a frame that moved, or a lone ball, moves it further unseen.
     reasons += _warned(summary, "check", "calibrate")
