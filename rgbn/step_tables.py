@@ -25,6 +25,8 @@ from scene.store import Store
 
 Values = Mapping[str, Any]
 LOG_COLUMNS = 110
+FEW_LIGHTS = 6
+"""Too few for a relightable picture."""
 OWN = {"solve": ("solve", "trust")}
 """Of a verb, the steps whose findings it shows, where these are more than its own."""
 SOUGHT = (
@@ -286,5 +288,6 @@ def _places(job: Job, verb: str) -> dict[str, str]:
     has_twin = verb != "solve" or (folder / "pose.json").exists()
     command = NEXT[verb if has_twin else "twin"].format(shlex.quote(str(near)))
     said = {"written": f"{near}: {', '.join([*there, 'summary.json'])}", "next": command}
-    relight = f"rgbn export {shlex.quote(str(near))} --format relight: a page for the web (OpenLIME)"
-    return said | ({"relight": relight} if verb == "compare" else {})
+    if verb == "compare" and len(lights := job.store.load_lights()) > FEW_LIGHTS and not lights.is_unknown:
+        said["relight"] = f"rgbn export {shlex.quote(str(near))} --format relight: a page for the web (OpenLIME)"
+    return said
