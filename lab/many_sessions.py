@@ -22,8 +22,8 @@ PICTURE_PX = 160
 STOPPED = 130
 """Exit code of a process that Ctrl-C, or the end of the one that began it, stops."""
 COLUMNS = {
-    "session": "{name}", "normals": "{badge}", "method": "{method}", "median error, deg": "{median_deg:.2f}",
-    "warnings": "{warnings:d}", "seconds": "{seconds:.0f}",
+    "session": "{name}", "normals": "{badge}", "method": "{method}", "median error, deg": "{median_deg:2}",
+    "warnings": "{warnings:0}", "seconds": "{seconds:0}",
 }  # fmt: skip
 """Of the table on the terminal."""
 
@@ -164,7 +164,6 @@ def _work(told: Any, session: Path, out: Path, said: Settings, scheduler: str | 
 def session_row(folder: Path, name: str, fault: str) -> dict[str, Any]:
     """Return a session's row: the verdict on its normals, and what it is by; `fault`: why there is none."""
     from compare.report.facts import all_warnings, read_optional
-    from compare.report.page import LEVELS
     from compare.report.verdict import ranking, verdict
     from scene.store import Store
 
@@ -176,7 +175,7 @@ def session_row(folder: Path, name: str, fault: str) -> dict[str, Any]:
     return {
         "name": name,
         "level": "not processed" if fault else statement.level,
-        "badge": "not processed" if fault else statement.word or LEVELS[statement.level],
+        "badge": "not processed" if fault else statement.word,
         "verdict": "" if fault else statement.text,
         "method": method or "",
         "median_deg": best.get("median_deg"),

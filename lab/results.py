@@ -42,7 +42,7 @@ def results(job: Job) -> Outcome:
     notes = [] if pixel_mm else ["nothing tells how large a pixel is on the object: the maps do not say"]
     mask = store.load_mask()
     known = [name for name in job.methods if np.isfinite(store.load_normals(name)[mask]).all(-1).any()]
-    warnings = [] if known else ["results: no method found a normal: there is no surface."]
+    warnings = [] if known else ["no method found a normal: there is no surface."]
     best = recommended(job)
     # What trust recommends comes before what found its depth itself.
     known = [best] if best in known else known

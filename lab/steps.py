@@ -250,7 +250,7 @@ def trust(job: Job) -> Outcome:
         "doubts": found.doubts,
         "methods": {name: row._asdict() for name, row in found.methods.items()},
     }
-    return Outcome(result, [f"trust: {text}" for text in found.doubts])
+    return Outcome(result, list(found.doubts))
 
 
 @alive("compare")

@@ -113,7 +113,7 @@ def test_methods_that_found_no_normal_stop_nothing(tmp_path):
     assert made(tmp_path / "one", without=("ls",))[1].result["surface"]["method"] == "iterative"
     store, said, *_ = made(tmp_path / "none", without=("ls", "iterative"))
     assert said.result["surface"] is None
-    assert said.warnings == ["results: no method found a normal: there is no surface."]
+    assert said.warnings == ["no method found a normal: there is no surface."]
     assert not tifffile.imread(store.path("results", "normals_ls.tif")).any()
 
 
