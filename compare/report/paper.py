@@ -139,14 +139,14 @@ class _Paper:
         self.pdf.ln(1)
         self.say(first.html, self.size + 2)
         self.say(f"Why: {facts['limits']}")
-        self.say(f"What to do: {page.say('advice', first.word or first.level)}")
+        self.say(f"What to do: {facts['advice']}")
         self.setup(material)
         self.maps(material, facts["best"] or "", facts["compare"].get("error_scale_deg"))
         rows = [[one.topic, said[one.topic], one.html] for one in statements]
         self.table("Each result", ("result", "verdict", "what was found"), rows, (16, 16, 120))
         if ranking:
             # What a method doubts stands among the warnings, whole.
-            head, lines = page.cells_of("ranking" if ranking[0].get("real") else "without truth", ranking)
+            head, lines = page.cells_of(facts["ranking_table"], ranking)
             self.table("Methods", head[:-1], [line[:-1] for line in lines], [2, *[1] * (len(head) - 2)])
         if material.spheres:
             self.table("Calibration balls", *page.cells_of("balls", material.spheres), [1] * 6)

@@ -70,6 +70,9 @@ def write_report(store: Store, summary: dict[str, Any], digests: Mapping[str, st
     facts = {name: summary.get(name) or {} for name in PARTS} | _rows(summary, material)
     facts |= {"statements": statements, "warnings": warnings, "limits": limits(summary, statements)}
     facts |= {"advice": advice(summary, statements), "ranking": ranking(summary)}
+    of_errors = "ranking by tolerance" if compared.get("tolerance") else "ranking"
+    has_errors = any(row.get("real") for row in facts["ranking"])
+    facts |= {"ranking_table": of_errors if has_errors else "without truth"}
     facts |= {"topics": {one.topic: one for one in statements}}
     facts |= viewer_facts(material, layers, best) | ball_figures(material) | DRAWN
     facts |= {"material": material, "layers": layers, "placed": placed(material), "best": best}

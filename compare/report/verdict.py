@@ -206,6 +206,7 @@ def _lights(summary: Summary, compared: Summary) -> Statement:
         return _statement("Lights", "bad", say("lights", "no probe", count=count), [words("reasons")["no probe"]])
     parts = [say("lights", "count", count=count, model=model)] if is_number(count) else []
     parts.append(say("lights", known, sigma=sigma, relative=relative))
+    parts += [say("lights", "alone", **apart)] if (apart := calibrate.get("cross_validation")) else []
     parts += [say("lights", "by the scan")] if probe else []
     reasons = []
     if flagged := [row["name"] for row in lights.get("frames") or [] if row.get("flags")]:

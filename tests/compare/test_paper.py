@@ -105,7 +105,7 @@ def with_hardly_anything(store, summary):
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [(without_truth, "how accurate they are is not known"), (without_twin_and_scan, "Calibration balls"),
+    [(without_truth, "no scan, no known normals"), (without_twin_and_scan, "Calibration balls"),
      (with_long_warnings, "flash_029"), (with_an_odd_name, r"\u6f22 Δίας Пингвин \u05d4\u05e8 <b>& “x”"),
      (with_hardly_anything, "The decoded frames are not in this folder any more")],
 )  # fmt: skip
