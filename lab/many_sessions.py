@@ -5,7 +5,7 @@ import multiprocessing
 import os
 import threading
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from html import escape
 from pathlib import Path
@@ -57,6 +57,8 @@ def process_all(
     jobs: int = 1,
     scheduler: str | None = None,
     as_json: bool = False,
+    more: Callable[[Path], None] | None = None,
+    own: Sequence[str] = (),
 ) -> None:
     """Take sessions the whole way, and list them in OUT/index.html and OUT/sessions.csv.
 
@@ -75,6 +77,8 @@ def process_all(
         Address of a Dask scheduler.
     as_json : bool
         Print the rows of sessions.csv as JSON.
+    more : callable or None
+        Takes the output folder after that, and writes the files `own` there.
 
     Raises
     ------
@@ -91,7 +95,7 @@ def process_all(
     origin = Origin("sessions", place)
     with open_record(out or default_out(origin, place.name), origin=origin, input_folders=sessions) as record:
         names = [session.relative_to(parent).as_posix() for session in sessions]
-        if taken := {PAGE, TABLE} & {name.partition("/")[0] for name in names}:
+        if taken := {PAGE, TABLE, *own} & {name.partition("/")[0] for name in names}:
             raise SceneError(f"{parent / taken.pop()}: a file of the results has that name. Rename the folder.")
         faults: dict[str, str] = {}
 
@@ -111,6 +115,8 @@ def process_all(
         rows = [session_row(record.folder, name, faults[name]) for name in names]
         write_text(record.folder / TABLE, csv_text(rows))
         write_text(record.folder / PAGE, _page(record.folder, place.name, rows))
+        if more:
+            more(record.folder)
     lost = [f"{name} ({fault})" for name, fault in faults.items() if fault]
     _tell(record.folder, rows, as_json=as_json)
     if lost:

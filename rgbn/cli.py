@@ -48,6 +48,7 @@ Out = Annotated[
     Path | None, Parameter(alias="-o", help="Output folder. Default: out/NAME here, by the session's name.")
 ]
 Json = Annotated[bool, Parameter(help="Print the summary as JSON on standard output.", negative="")]
+Jobs = Annotated[int, Parameter(help="Of many sessions, so many at a time.", validator=Number(gte=1))]
 Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")]
 
 
@@ -98,7 +99,7 @@ def process(
     place: Place = BY_NAME,
     said: Settings = AS_BEFORE,
     scheduler: Scheduler = None,
-    jobs: Annotated[int, Parameter(help="Of many sessions, so many at a time.", validator=Number(gte=1))] = 1,
+    jobs: Jobs = 1,
 ) -> None:
     """Go the whole way: decode, lights, scan, normals, twin, report; of one session, or of all below a folder."""
     from lab.many_sessions import process_all, sessions_below
@@ -107,6 +108,25 @@ def process(
         process_all(session, sessions, place.out, said, jobs=jobs, scheduler=scheduler, as_json=place.json)
         return
     _run(session, "compare", place, whole=True, said=said, scheduler=scheduler)
+
+
+@app.command(sort_key=1)
+def series(
+    folder: Annotated[
+        Path,
+        Parameter(help='Folder with the sessions below it; each session.toml: [series] factor = "iso", value = 400.'),
+    ],
+    /,
+    *,
+    place: Place = BY_NAME,
+    said: Settings = AS_BEFORE,
+    scheduler: Scheduler = None,
+    jobs: Jobs = 1,
+) -> None:
+    """Process sessions of one object in which one factor changes; show errors against it, real beside synthetic."""
+    from experiments.series import series as run_series
+
+    run_series(folder, place.out, said, jobs=jobs, scheduler=scheduler, as_json=place.json)
 
 
 @app.command(sort_key=2)

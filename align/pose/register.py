@@ -68,9 +68,13 @@ class Fit(NamedTuple):
 
         A metal shows the table and itself, and its normals look wrong where they are right. So they do, then, and more
         so, where they are wrong by `BESIDE_DEG`: the angle is judged as a share of that one. A ball looks the same
-        turned; an angle that is small is enough, then.
+        turned; an angle that is small is enough, then. Where no photographs tell the normals the outline judges alone.
         """
-        shading = min(self.normals_deg / NORMALS_DEG, self.normals_deg / max(self.beside_deg, 1e-9) / OF_BESIDE)
+        shading = (
+            0.0
+            if np.isnan(self.normals_deg)
+            else min(self.normals_deg / NORMALS_DEG, self.normals_deg / max(self.beside_deg, 1e-9) / OF_BESIDE)
+        )
         return max(shading, self.apart / APART, (1 - self.overlap) / OUTSIDE)
 
     @property
@@ -191,6 +195,11 @@ def register(
         )
     if fit.misfit > POOR_MISFIT:
         warnings.append(f"scan: it fits poorly: {fit.words}. Check the silhouette in the report.")
+    if np.isnan(fit.normals_deg):
+        warnings.append(
+            f"scan: no pixel is lit in {FEWEST} photographs or more, so its outline alone says where it is: a scan "
+            "that is alike, or turned, may fit as well. Check the silhouette in the report; shoot more flashes."
+        )
     if found.second is not None and found.test is not None:
         facts["cost"], facts["second_cost"] = found.test.costs
         facts["second_deviations"] = found.test.deviations
@@ -278,11 +287,16 @@ def fit_of(evidence: FinalEvidence) -> Fit:
 
 
 def normals_off_deg(evidence: FinalEvidence) -> float:
-    """Return the median angle, degrees, between the scan's normals and those that fit the photographs best."""
+    """Return the median angle, degrees, between the scan's normals and those that fit the photographs best.
+
+    nan: no pixel is lit in enough photographs to tell.
+    """
     normals, samples = evidence.surface[1], evidence.seen.samples
-    asked = np.flatnonzero(evidence.used.sum(0) > FEWEST)
+    shown = evidence.used.sum(0)
+    # Of so few photographs that no pixel has more, those with just as many: they tell, with less to spare.
+    asked = np.flatnonzero(shown > (FEWEST if (shown > FEWEST).any() else 0))
     if not len(asked):
-        return 90.0
+        return float("nan")
     asked = asked[:: max(1, len(asked) // ASKED)]
     used, own = evidence.used[:, asked], normals[asked]
     values = np.where(used, samples.values[:, asked], 0) / samples.scale[asked]

@@ -201,6 +201,13 @@ class SessionObjectTable(ManifestTable):
     )
 
 
+class SeriesTable(ManifestTable):
+    """[series]: of sessions in which one factor changes, its value in this one; see `rgbn series`."""
+
+    factor: str = _key("What changes, the same words in each session.", "iso", default=...)
+    value: float | str = _key("Of the factor in this session: a number, or words.", 400.0, default=...)
+
+
 class Manifest(ManifestTable):
     """The whole `session.toml`."""
 
@@ -218,6 +225,7 @@ class Manifest(ManifestTable):
     )
     lights: LightsTable | None = _key("Known lights.", {"file": "lights.lp"})
     object: SessionObjectTable = _key("The object.", {"scan": "scan/object.ply"}, default=SessionObjectTable())
+    series: SeriesTable | None = _key("This session's place in a series.", {"factor": "iso", "value": 400.0})
 
 
 TABLES: dict[str, type[ManifestTable]] = {
@@ -228,4 +236,5 @@ TABLES: dict[str, type[ManifestTable]] = {
     "spheres": SphereTable,
     "lights": LightsTable,
     "object": SessionObjectTable,
+    "series": SeriesTable,
 }

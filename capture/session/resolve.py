@@ -79,6 +79,7 @@ class Resolver:
             normals=self._file("object.normals", known.normals, NORMALS_SUFFIXES),
             picks=self._file("object.picks", known.picks),
             tolerance_deg=known.tolerance_deg,
+            series=(manifest.series.factor, manifest.series.value) if manifest.series else None,
             photographed=len(flash),
         )
         return None if self.faults else session

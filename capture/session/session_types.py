@@ -92,6 +92,8 @@ class CaptureSession:
         Of a calibration ball that was scanned beside the object.
     tolerance_deg : float or None
         The error of normals that is allowed.
+    series : (str, float or str) or None
+        The factor that changes in a series, and its value here.
     photographed : int
         How many files `frames.flash` matches, those of skipped frames included.
     """
@@ -120,5 +122,6 @@ class CaptureSession:
     normals: Path | None = None
     picks: Path | None = None
     tolerance_deg: float | None = None
+    series: tuple[str, float | str] | None = None
     layout: Literal["toml", "diligent"] = "toml"
     photographed: int = 0
