@@ -197,8 +197,8 @@ def register(
         warnings.append(f"scan: it fits poorly: {fit.words}. Check the silhouette in the report.")
     if np.isnan(fit.normals_deg):
         warnings.append(
-            f"scan: no pixel is lit in {FEWEST} photographs or more, so its outline alone says where it is: a scan "
-            "that is alike, or turned, may fit as well. Check the silhouette in the report; shoot more flashes."
+            f"scan: no pixel is lit in {FEWEST} photographs: the outline alone says where it is, and a scan that is "
+            "alike, or turned, may fit as well. Check the silhouette in the report; shoot more flashes."
         )
     if found.second is not None and found.test is not None:
         facts["cost"], facts["second_cost"] = found.test.costs
@@ -287,16 +287,13 @@ def fit_of(evidence: FinalEvidence) -> Fit:
 
 
 def normals_off_deg(evidence: FinalEvidence) -> float:
-    """Return the median angle, degrees, between the scan's normals and those that fit the photographs best.
-
-    nan: no pixel is lit in enough photographs to tell.
-    """
+    """Return the median angle, degrees, between the scan's normals and those that photographs tell; nan: none does."""
     normals, samples = evidence.surface[1], evidence.seen.samples
     shown = evidence.used.sum(0)
-    # Of so few photographs that no pixel has more, those with just as many: they tell, with less to spare.
-    asked = np.flatnonzero(shown > (FEWEST if (shown > FEWEST).any() else 0))
-    if not len(asked):
+    if not shown.any():
         return float("nan")
+    # Of so few photographs that no pixel has more, those with just as many: they tell, with less to spare.
+    asked = np.flatnonzero(shown > min(FEWEST, shown.max() - 1))
     asked = asked[:: max(1, len(asked) // ASKED)]
     used, own = evidence.used[:, asked], normals[asked]
     values = np.where(used, samples.values[:, asked], 0) / samples.scale[asked]
