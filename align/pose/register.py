@@ -288,8 +288,7 @@ def fit_of(evidence: FinalEvidence) -> Fit:
 
 def normals_off_deg(evidence: FinalEvidence) -> float:
     """Return the median angle, degrees, between the scan's normals and those that photographs tell; nan: none does."""
-    normals, samples = evidence.surface[1], evidence.seen.samples
-    shown = evidence.used.sum(0)
+    normals, samples, shown = evidence.surface[1], evidence.seen.samples, evidence.used.sum(0)
     if not shown.any():
         return float("nan")
     # Of so few photographs that no pixel has more, those with just as many: they tell, with less to spare.
