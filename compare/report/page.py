@@ -12,7 +12,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from compare.report.pictures import error_scale_colours
-from draw.readable import GAP, Readable, is_number, share
+from draw.readable import GAP, Readable, is_number
 from scene.map_pictures import Image, data_uri
 
 HERE = Path(__file__).parent
@@ -67,11 +67,9 @@ def round_number(value: Any, unit: str = "") -> str:
     return Sentence().format_field(value, f"g{unit}")
 
 
-def percent(part: Any, decimals: int = 0, *, rest: bool = False) -> Markup:
-    """Return a share (0 to 1), or what is left of the whole, as HTML, in percent."""
-    if rest and is_number(part):
-        return Markup(f"{share(1 - part, decimals)}{GAP}%")
-    return Markup(Sentence().format_field(part, f"{decimals}%"))
+def percent(share: Any, decimals: int = 0) -> str:
+    """Return a share (0 to 1) as HTML, in percent."""
+    return Sentence().format_field(share, f"{decimals}%")
 
 
 def as_text(value: Any) -> str:

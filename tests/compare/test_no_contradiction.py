@@ -53,7 +53,7 @@ def random_summary(rng: np.random.Generator) -> dict[str, Any]:
             "median_difference_deg": some(0.01, 9),
         }
         turn = {"real_rotation_deg": some(0.1, 9), "real_median_unrotated_deg": some(0.001, 3)}
-        return row | turn | {"real_within_tolerance": float(rng.uniform(0.5, 1)) if real else None}
+        return row | turn | {"real_within_tolerance": int(rng.uniform(500, 1000)) / 1000 if real else None}
 
     names = list(rng.permutation(["ls", "iterative", "hsh", "Other"]))[: rng.integers(0, 5)]
     methods = {str(name): method() for name in names}
@@ -132,6 +132,9 @@ def keep_the_rules(summary):
         assert {first.word, level["Tolerance"]} == ({"pass", "good"} if tolerance["passes"] else {"fail", "bad"})
         assert {row["judged"] for row in rows if row["level"] != "unknown"} <= {"pass", "fail"}
         assert rows[0]["judged"] == statements[1].word == first.word
+        # What is shown decides; and what a method doubts is seen beside what it passes.
+        assert (float(re.findall(r"\d[\d.]*", first.text)[0]) >= 90) == tolerance["passes"]
+        assert bool(rows[0]["doubts"]) == ("it doubts itself" in statements[1].why)
     # One best method.
     best = best_method(summary)
     if compared["has_truth"] and rows and rows[0].get("real"):

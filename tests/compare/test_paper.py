@@ -14,6 +14,7 @@ from compare.report.facts import all_warnings
 from compare.report.page import plain
 from compare.report.report import write_report
 from compare.report.verdict import verdict
+from compare.report.verdict import verdict
 from lab.options import Settings
 from lab.run import run_session
 from scene.store import Store
@@ -61,6 +62,9 @@ def test_it_says_what_the_page_says_and_the_same_bytes_each_time(printed, sessio
     text, page, store = printed()
     assert squeezed(session.summary["name"]) in squeezed(text)
     assert "The decoded frames" not in text
+    # By what each is called so.
+    for one in verdict(session.summary):
+        assert squeezed(f"{one.text} {one.why}") in squeezed(text)
     for name, digest in DIGESTS.items():
         assert squeezed(f"{name}{digest or 'is not there'}") in squeezed(text)
     told = re.sub("|".join([*filter(None, DIGESTS.values()), str(store.folder), r"page \d of \d"]), "", text)

@@ -56,7 +56,7 @@ def test_all_is_good_when_every_number_is_and_nothing_is_promised_without_any():
     assert set(levels({}).values()) == {"unknown"}
 
 
-@pytest.mark.parametrize(("median", "level"), [(5.0, "good"), (5.1, "care"), (10.0, "care"), (10.1, "bad")])
+@pytest.mark.parametrize(("median", "level"), [(5.0, "good"), (5.04, "good"), (5.1, "care"), (10.0, "care"), (10.1, "bad")])
 def test_the_median_error_decides_on_the_normals(median, level):
     assert levels(summary_of(median, median))["Normals"] == level
     assert f"{median:.1f}°" in text_of(summary_of(median, median), "Normals")
@@ -249,7 +249,7 @@ def test_a_tolerance_is_passed_or_not_and_is_said_first(share, word, level):
     summary["compare"]["tolerance"], summary["arguments"] = found, {"tolerance_deg": 3.0}
     first = verdict(summary)[0]
     assert (first.topic, first.word, first.level) == ("Tolerance", word, level)
-    assert f"{share:.0%}".replace("%", "\u202f%") in first.text
+    assert f"{share:.1%}".replace("%", "\u202f%") in first.text
     assert word in words("advice")
     # Whatever the usual bars say: no page says "pass" and "do not rely on it", or "fail" and "good".
     for median in (2.0, 12.0):
