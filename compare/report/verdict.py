@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from compare.report.facts import Summary, all_warnings, by_error, by_runs, family, tied_methods
 from compare.report.page import LEVELS, badge, plain, say, words
 from compare.statistics.counterparts import likeness
-from draw.readable import Readable, is_number, readable, share
+from draw.readable import is_number, share
 
 DIRECTION_SIGMA_BARS_DEG = (1.0, 3.0)
 TRUTH_SIGMA_BARS_DEG = (1.0, 3.0)
@@ -134,8 +134,11 @@ def _predicted(summary: Summary) -> Markup:
     trust = summary.get("trust")
     if not trust:
         return Markup()
-    told = "predicted" if is_number(trust["sigma_deg"]["median"]) else "predicted without sigma"
-    return say("normals", told, **trust) + (say("normals", "disbelieved") if trust["doubts"] else "")
+    return _explains_best(trust) + (say("trust", "disbelieved") if trust["doubts"] else "")
+
+
+def _explains_best(trust: Summary) -> Markup:
+    return say("trust", "best" if is_number(trust["sigma_deg"]["median"]) else "best without sigma", **trust)
 
 
 def _truth(summary: Summary, compared: Summary, measured_deg: list[float]) -> Statement | None:
@@ -277,17 +280,11 @@ def ranking(summary: Summary) -> list[Summary]:
     return rows
 
 
-def trust_sentence(found: Summary) -> str:
-    """Return which method to take, its sigma, which not to use, and why not to believe that."""
-    methods, recommended, level = found["methods"], found["recommended"], found["level"]
-    text, sigma = recommended, found["sigma_deg"]
-    if sigma["median"] is not None:
-        text += Readable().format(" (sigma {median:1°} in the median, {q90:1°} at one pixel of ten)", **sigma)
-    if level:
-        text += f"; {', '.join(level)} {'is' if len(level) == 1 else 'are'} level with it"
-    least = max(methods[recommended]["unexplained"], 1e-9)
-    bad = {name: row["unexplained"] / least for name, row in methods.items() if row["unexplained"] is not None}
-    named = [f"{name} ({readable(times, 0)} times)" for name, times in bad.items() if times > TRUST_WORSE]
-    if named:
-        text += f". Do not use what explains them so much worse: {', '.join(named)}"
-    return " ".join([f"{text}.", *(f"{doubt[0].upper()}{doubt[1:]}" for doubt in found["doubts"])])
+def trust_sentence(trust: Summary) -> Markup:
+    """Return which method explains the photographs best, which as well, which much worse, and why not to believe it."""
+    left = {name: row["unexplained"] for name, row in trust["methods"].items() if is_number(row["unexplained"])}
+    most = TRUST_WORSE * max(left[trust["recommended"]], 1e-9)
+    named = {"level": ", ".join(trust["level"]), "worse": ", ".join(name for name in left if left[name] > most)}
+    said = [say("trust", what, names=names) for what, names in named.items() if names]
+    doubts = (escape(f" {doubt[0].upper()}{doubt[1:]}") for doubt in trust["doubts"])
+    return _explains_best(trust) + Markup("").join([*said, *doubts])

@@ -44,7 +44,6 @@ def random_summary(rng: np.random.Generator) -> dict[str, Any]:
             "real": real,
             "twin": maybe(errors(), 0.7),
             "pearson": maybe(float(rng.uniform(-0.3, 1))),
-            "spearman": some(0.01, 1),
         }
         row |= {
             "spearman": some(0.01, 1),

@@ -14,7 +14,6 @@ from compare.report.facts import all_warnings
 from compare.report.page import plain
 from compare.report.report import write_report
 from compare.report.verdict import verdict
-from compare.report.verdict import verdict
 from lab.options import Settings
 from lab.run import run_session
 from scene.store import Store
