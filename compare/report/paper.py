@@ -142,7 +142,7 @@ class _Paper:
         self.say(f"What to do: {facts['advice']}")
         self.setup(material)
         self.maps(material, facts["best"] or "", facts["compare"].get("error_scale_deg"))
-        rows = [[one.topic, one.word, f"{one.html} {escape(one.why)}"] for one in statements]
+        rows = [[one.topic, one.word, one.html + (f" ({escape(one.why)})" if one.why else "")] for one in statements]
         self.table("Each result", ("result", "verdict", "what was found"), rows, (16, 16, 120))
         if ranking:
             # What a method doubts stands among the warnings, whole.
@@ -193,7 +193,7 @@ class _Paper:
         normals, error = material.map_of("normals", best), material.map_of("compare", f"error_real_{best}")
         if normals is None:
             return
-        self.head(f"Normals and their errors, method {escape(best)}")
+        self.head(f"Normals{'' if error is None else ' and their errors'}, method {escape(best)}")
         box = PixelBox.of_mask(known_pixels(normals), margin=0.04)
         top, wide, width = self.pdf.get_y(), (WIDE_MM - GAP_MM) / 2, box.shown_width(PICTURE_PX)
         words = "The normals: red to the right, green up, blue toward the camera."

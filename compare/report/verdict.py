@@ -92,7 +92,9 @@ def verdict(summary: Summary) -> list[Statement]:
         statements.append(Statement("Camera", "care", say("capture", "focal length", **camera)))
     if capture.get("ambient") is False:
         statements.append(Statement("Ambient light", "care", say("capture", "no ambient")))
-    return [statement for statement in statements if statement is not None]
+    first, *others = [statement for statement in statements if statement is not None]
+    first = replace(first, html=first.html + _predicted(summary)) if first.level == "unknown" else first
+    return [first, *others]
 
 
 def _tolerance(summary: Summary, compared: Summary) -> Statement | None:
@@ -100,7 +102,7 @@ def _tolerance(summary: Summary, compared: Summary) -> Statement | None:
     wanted = (summary.get("arguments") or {}).get("tolerance_deg")
     found = compared.get("tolerance")
     if not found:
-        html = say("tolerance", "without truth", wanted=wanted) + _predicted(summary)
+        html = say("tolerance", "without truth", wanted=wanted)
         return Statement("Tolerance", "unknown", html) if is_number(wanted) else None
     level, word = ("good", "pass") if found["passes"] else ("bad", "fail")
     return Statement("Tolerance", level, say("tolerance", word, **found), judged=word)
@@ -126,7 +128,7 @@ def _normals(summary: Summary, compared: Summary, truth: Statement | None) -> St
     text = say("normals", found if compared.get("methods") else "none")
     if compared.get("methods") and not compared.get("has_truth") and (pairs := compared.get("between_methods")):
         text += say("normals", "apart", **max(pairs, key=lambda row: row["median_deg"]))
-    return Statement("Normals", "unknown", text + _predicted(summary))
+    return Statement("Normals", "unknown", text)
 
 
 def _predicted(summary: Summary) -> Markup:

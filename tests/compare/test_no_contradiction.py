@@ -162,6 +162,7 @@ def keep_the_rules(summary):
     assert not ("not to be believed" in said and "Use the normals of" in todo and first.level == "unknown")
     # No sentence twice, nothing of a machine's in words.
     assert len(statements) == len({one.topic for one in statements})
+    assert said.count("By the photographs alone") <= 1
     assert not re.search(r"\bnan\b|None|\binf\b|\de[+-]\d|\d{4,}(\.\d)?\s?%|(?<![\d.])-?0\.0+°|\{|\}", said), said
 
 

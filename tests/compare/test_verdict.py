@@ -7,7 +7,7 @@ import pytest
 from markupsafe import Markup
 
 from compare.report.advice import limits
-from compare.report.page import Sentence, number, percent, plain, round_number, words
+from compare.report.page import Sentence, number, plain, words
 from compare.report.report import write_report
 from compare.report.verdict import ranking, verdict
 from scene.store import Store
@@ -208,13 +208,13 @@ def test_every_method_has_a_word_for_who_reads_the_page():
         (number(None), "unknown"),
         (number(float("nan")), "unknown"),
         (number(True), "unknown"),
-        (percent(0.123), "12\u202f%"),
-        (percent(1.0), "100\u202f%"),
-        (percent(0.997), "99.7\u202f%"),
-        (percent(0.99999), "over 99.9\u202f%"),
-        (percent(0.00001), "under 0.1\u202f%"),
-        (round_number(1.0, "°"), "1°"),
-        (round_number(0.25, "°"), "0.25°"),
+        (number(0.123, 0, "%"), "12\u202f%"),
+        (number(1.0, 0, "%"), "100\u202f%"),
+        (number(0.997, 0, "%"), "99.7\u202f%"),
+        (number(0.99999, 0, "%"), "over 99.9\u202f%"),
+        (number(0.00001, 0, "%"), "under 0.1\u202f%"),
+        (number(1.0, "g", "°"), "1°"),
+        (number(0.25, "g", "°"), "0.25°"),
     ],
 )
 def test_numbers_are_neither_rounded_to_nothing_nor_to_everything(html, text):
