@@ -257,6 +257,12 @@ def test_a_tolerance_is_passed_or_not_and_is_said_first(share, word, level):
         methods["ls"]["real_within_tolerance"] = share
         judged = {**summary, "compare": {**summary["compare"], "methods": methods}}
         assert levels(judged)["Normals"] == level
+    # A truth that is less sure than half of the tolerance cannot tell it.
+    far = summary_of(12.0, 12.0)["compare"]["methods"]
+    unsure = summary["compare"] | {"methods": far, "truth": {"sigma_deg_median": 1.6}}
+    assert "or of the tolerance" in next(
+        one.text for one in verdict(summary | {"compare": unsure}) if one.topic == "Ground truth"
+    )
     # A tolerance that nothing can be held against is neither passed nor failed.
     unknown = verdict({"arguments": {"tolerance_deg": 3.0}, "compare": {"methods": {"ls": {}}}})[0]
     assert (unknown.topic, unknown.level) == ("Tolerance", "unknown")
