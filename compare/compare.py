@@ -54,7 +54,8 @@ def compare(
         real and twin (`angular_statistics`, or None), coverage and twin_coverage (share of the true pixels that
         were answered), pearson, spearman, correlation_pixels, median_difference_deg with its interval's ends,
         median_difference_low_deg and median_difference_high_deg (`compare.statistics.counterparts.difference`),
-        real/twin_within_tolerance (share of the true pixels, where a tolerance is given), real/twin_rotation_deg (the
+        real/twin_within_tolerance (share of the true pixels, where a tolerance is given, rounded down to a tenth
+        of a percent: it is judged as it is shown), real/twin_rotation_deg (the
         turn common to all normals) and real/twin_median_unrotated_deg (the median error
         once it is undone), real/twin_four_ways (`FourWays`, of methods that leave an ambiguity and of other programs),
         median_to_others_deg (the median of its median angles to the other methods), histogram (pixels per bin, the
@@ -151,7 +152,7 @@ def _errors(
         if is_measured_so(name):
             row[f"{kind}_four_ways"] = asdict(four_ways(estimate, truth, mask))
         if tolerance_deg is not None:
-            row[f"{kind}_within_tolerance"] = np.count_nonzero(error <= tolerance_deg) / pixels
+            row[f"{kind}_within_tolerance"] = 1000 * np.count_nonzero(error <= tolerance_deg) // pixels / 1000
         spread.append(float(np.nanquantile(error, 0.95)))
         write_npy(store.path("compare", f"error_{kind}_{name}.npy"), error)
     if len(maps) == 2:

@@ -18,8 +18,8 @@ FONT = 13
 COLOURS = {"calibrated": "#0072B2", "uncalibrated": "#D55E00", "external": "#00795a"}
 """A second sign beside the shape; after [Okabe2008], the green darkened for thin outlines."""
 FRONT = {"stroke_width": 1.5, "stroke_dasharray": "2 4"}
-GAP, LEFT, ON_MARK, TAKEN = 8.0, 4.0, 60.0, 1e6
-"""Pixels between a point and its name; what a name costs left of its point, on a mark, on another name or outside."""
+GAP = 8.0
+"""Pixels between a point and its name."""
 
 
 @dataclass(frozen=True)
@@ -150,20 +150,19 @@ def _text_width(words: str) -> float:
 def place_labels(points: Array, sizes: Array, room: tuple[float, float, float, float], marks: Array) -> Array:
     """Return the middles (N, 2) of the names, (N, 2) wide and high, of points (N, 2): beside them, none on another.
 
-    Each in turn, from top to bottom, takes the free place that is nearest to its point: right of it, else left, higher
-    or lower, off the marks (M, 2) where that can be; all lie in `room` (left, top, right, bottom).
+    Each in turn, from top to bottom, takes the free place nearest to its point, right or left of it, higher or lower,
+    off names and marks (M, 2); all lie in `room` (left, top, right, bottom).
     """
     left, top, right, bottom = room
-    middles = np.full_like(points, np.nan, float)
+    middles, taken = np.empty_like(points, float), [np.array([*mark, 2 * RADIUS, 2 * RADIUS]) for mark in marks]
     for i in np.argsort(points[:, 1], kind="stable"):
-        half = sizes[i] / 2
-        rows = np.arange(top + half[1], bottom - half[1], 2.0)
-        tried = np.array([(points[i, 0] + side * (half[0] + GAP), v) for side in (1, -1) for v in rows])
-        cost = np.abs(tried[:, 1] - points[i, 1]) + np.repeat([0.0, LEFT], len(rows))
-        cost += TAKEN * ((tried[:, 0] - half[0] < left) | (tried[:, 0] + half[0] > right))
-        aside = np.maximum(np.abs(tried[:, None] - marks) - half, 0)
-        cost += ON_MARK * (np.linalg.norm(aside, axis=-1) < RADIUS).sum(1)
-        there = np.isfinite(middles[:, 0])
-        over = np.abs(tried[:, None] - middles[there]) < (sizes[i] + sizes[there]) / 2
-        middles[i] = tried[np.argmin(cost + TAKEN * over.all(-1).sum(1))]
+        (u, v), (wide, high) = points[i], sizes[i]
+        aside = [u + side * (wide / 2 + GAP) for side in (1, -1)]
+        aside = [x for x in aside if left <= x - wide / 2 and x + wide / 2 <= right] or aside
+        rows = sorted(np.arange(top + high / 2, bottom - high / 2, 2.0), key=lambda y: abs(y - v))
+        tried = np.array([(x, y) for y in rows for x in aside])
+        boxes = np.array(taken)
+        is_on = (np.abs(tried[:, None] - boxes[:, :2]) < (sizes[i] + boxes[:, 2:]) / 2).all(-1)
+        middles[i] = tried[np.argmin(is_on.sum(1))]
+        taken.append(np.array([*middles[i], *sizes[i]]))
     return middles

@@ -75,7 +75,7 @@ ERRORS = {
 KNOWN_TRUTH = {"figure": "{text}", "value": "{value:3} {unit}"}
 CHECK = {
     "frames": "{frames} of {width} x {height} px, {ambient_words}",
-    "brightness": "{dark} to {bright} of white, mean over a frame",
+    "brightness": "{dark[brightness]:1%} ({dark[name]}) to {bright[brightness]:1%} ({bright[name]}) of white (mean)",
     "clipped": "{clipped}",
     "camera": "{camera_words}",
 }
@@ -107,8 +107,8 @@ def check_tables(job: Job, summary: Values) -> Iterator[Any]:
     by_balls = Readable().format("; by the balls and lights {fx:1px} ± {focal_sigma:1%}", **vars(told))
     words = {
         "ambient_words": "an ambient frame is subtracted" if found["ambient"] else "no ambient frame",
-        "dark": Readable().format("{brightness:1%} ({name})", **dark),
-        "bright": Readable().format("{brightness:1%} ({name})", **bright),
+        "dark": dark,
+        "bright": bright,
         "clipped": most if clipped["saturated_share"] else "no pixel",
         "camera_words": camera_text(camera) + (by_balls if told.fx != camera.fx and not told.is_orthographic else ""),
     }
@@ -199,8 +199,7 @@ def trust_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield how well each method predicts photographs, and what to take."""
     if found := summary["trust"]:
         yield number_table("trust", TRUST, [{"method": name, **row} for name, row in found["methods"].items()])
-        said = "by photographs alone" if (summary.get("compare") or {}).get("has_truth") else "take"
-        yield fact_table("", {said: trust_sentence(found)})
+        yield fact_table("", {"trust": plain(trust_sentence(found)).strip()})
 
 
 def twin_tables(job: Job, summary: Values) -> Iterator[Any]:

@@ -156,7 +156,7 @@ def _session_rows(window: OpenWindow) -> list[Row]:
         is_done = (out / name / "summary.json").is_file()
         row = session_row(out, name, "" if is_done else "Nothing was made of it yet.")
         picture = f'<div style="margin: 0 .6em">{row_picture(out, row)}</div>'
-        told = f"{row['verdict']} {row['warnings']} warnings." if is_done else row["fault"]
+        told = f"{row['verdict']} Warnings: {row['warnings']}." if is_done else row["fault"]
         tab = "Verdict" if is_done else "Capture"
 
         def show(window: OpenWindow, session: Path = session, name: str = name, tab: str = tab) -> None:

@@ -16,7 +16,8 @@ def limits(summary: Summary, statements: list[Statement]) -> Markup:
     # What is doubtful besides bears on what a twin proves: it is rendered under the lights as they were measured.
     doubtful, tilted = level.get("Lights") in ("care", "bad"), "Common tilt" in level
     alike, poor = level.get("Twin") == "good", level.get("Ground truth") == "bad"
-    medians = [row["real"]["median_deg"] for row in (compared.get("methods") or {}).values() if row.get("real")]
+    measured = [row["real"]["median_deg"] for row in (compared.get("methods") or {}).values() if row.get("real")]
+    measured += [compared["tolerance"]["deg"]] if compared.get("tolerance") else []
     cases = {
         "Common tilt": tilted,
         "Twin good": alike and not doubtful and not tilted,
@@ -26,7 +27,7 @@ def limits(summary: Summary, statements: list[Statement]) -> Markup:
         "Twin bad": level.get("Twin") == "bad",
         "Lights": doubtful and (tilted or not alike),
         "Ground truth bad": poor,
-        "Ground truth own": not poor and is_its_own(truth.get("sigma_deg_median"), min(medians, default=None)),
+        "Ground truth own": not poor and is_its_own(truth.get("sigma_deg_median"), measured),
     }
     named = [name for name, is_so in cases.items() if is_so] or ["not told"]
     return Markup(" ").join(say("limits", name, **truth) for name in named)
@@ -42,7 +43,7 @@ def advice(summary: Summary, statements: list[Statement]) -> Markup:
     if first.level != "unknown":
         use = say("advice", first.judged or first.level, name=name, where=where)
         causes = {
-            "own": bool(first.reasons),
+            "own": bool(first.reasons) and first.level == "care",
             "Common tilt": "Common tilt" in level,
             "Ground truth": level.get("Ground truth") == "bad",
             "Twin": level.get("Twin") == "good",

@@ -12,7 +12,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from compare.report.pictures import error_scale_colours
-from draw.readable import GAP, Readable, is_number, share
+from draw.readable import GAP, Readable, is_number
 from scene.map_pictures import Image, data_uri
 
 HERE = Path(__file__).parent
@@ -57,21 +57,9 @@ class Sentence(Readable):
         return f'<span class="n" data-value="{value!r}">{shown.replace("-", chr(0x2212))}{gap}{escape(unit)}</span>'
 
 
-def number(value: Any, decimals: int = 2, unit: str = "") -> str:
-    """Return a number as HTML."""
+def number(value: Any, decimals: int | str = 2, unit: str = "") -> str:
+    """Return a number as HTML; with the unit % a share (0 to 1), with g for decimals one that people chose."""
     return Sentence().format_field(value, f"{decimals}{unit}")
-
-
-def round_number(value: Any, unit: str = "") -> str:
-    """Return a number that people chose, a bar, as HTML with as few digits as it has: 1, not 1.000."""
-    return Sentence().format_field(value, f"g{unit}")
-
-
-def percent(part: Any, decimals: int = 0, *, rest: bool = False) -> Markup:
-    """Return a share (0 to 1), or what is left of the whole, as HTML, in percent."""
-    if rest and is_number(part):
-        return Markup(f"{share(1 - part, decimals)}{GAP}%")
-    return Markup(Sentence().format_field(part, f"{decimals}%"))
 
 
 def as_text(value: Any) -> str:
@@ -186,7 +174,7 @@ def _environment() -> Any:
     def marked(function: Any) -> Any:
         return lambda *values, **more: Markup(function(*values, **more))
 
-    html = (badge, colour_scale, folded, number, percent, picture, round_number, say, table, table_of)
+    html = (badge, colour_scale, folded, number, picture, say, table, table_of)
     made.globals |= {function.__name__: marked(function) for function in html}
     made.globals |= {"as_text": as_text, "first_sentence": first_sentence, "is_number": is_number, "words": words}
     return made

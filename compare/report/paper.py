@@ -17,6 +17,7 @@ from compare.report.facts import Material, Summary
 from compare.report.pictures import PixelBox
 from compare.report.registration_pictures import SCAN_COLOUR, raking_frame
 from draw import light_charts
+from draw.readable import is_number
 from scene.errors import SceneError
 from scene.files import write_whole
 from scene.map_pictures import Image, data_uri, known_pixels, normal_picture, shrink
@@ -127,14 +128,13 @@ class _Paper:
     def fill(self, subtitle: str, facts: Summary, digests: Mapping[str, str | None], folder: Path) -> None:
         """Write all parts."""
         material, statements, ranking = facts["material"], facts["statements"], facts["ranking"]
-        said = {one.topic: one.word or page.LEVELS[one.level] for one in statements}
         first = statements[0]
         self.say("Photometric stereo report", colour=GREY)
         self.say(self.name, 18, "B")
         self.say(subtitle, colour=GREY)
         self.pdf.ln(2)
         self.pdf.set_fill_color(*COLOURS[first.level])
-        self.say(said[first.topic].capitalize(), 13, "B", (255, 255, 255), fill=True, padding=(1, 2))
+        self.say(first.word.capitalize(), 13, "B", (255, 255, 255), fill=True, padding=(1, 2))
         self.pdf.set_fill_color(255)
         self.pdf.ln(1)
         self.say(first.html, self.size + 2)
@@ -142,7 +142,7 @@ class _Paper:
         self.say(f"What to do: {facts['advice']}")
         self.setup(material)
         self.maps(material, facts["best"] or "", facts["compare"].get("error_scale_deg"))
-        rows = [[one.topic, said[one.topic], one.html] for one in statements]
+        rows = [[one.topic, one.word, one.html + (f" ({escape(one.why)})" if one.why else "")] for one in statements]
         self.table("Each result", ("result", "verdict", "what was found"), rows, (16, 16, 120))
         if ranking:
             # What a method doubts stands among the warnings, whole.
@@ -193,12 +193,12 @@ class _Paper:
         normals, error = material.map_of("normals", best), material.map_of("compare", f"error_real_{best}")
         if normals is None:
             return
-        self.head(f"Normals and their errors, method {escape(best)}")
+        self.head(f"Normals{'' if error is None else ' and their errors'}, method {escape(best)}")
         box = PixelBox.of_mask(known_pixels(normals), margin=0.04)
         top, wide, width = self.pdf.get_y(), (WIDE_MM - GAP_MM) / 2, box.shown_width(PICTURE_PX)
         words = "The normals: red to the right, green up, blue toward the camera."
         self.picture(normal_picture(box.of(normals), width), MARGIN_MM, wide, words)
-        if error is not None and page.is_number(end):
+        if error is not None and is_number(end):
             shown = pictures.error_picture(shrink(box.of(error), width), end)
             shown = pictures.with_colour_scale(pictures.enlarged(shown, -(-PICTURE_PX // width)), end, "")
             self.pdf.set_y(top)

@@ -95,7 +95,8 @@ def _rows(summary: Summary, material: Material) -> Summary:
     """Return the rows of the tables, and what the chart of speed could not show."""
     compared, solved = summary.get("compare") or {}, (summary.get("solve") or {}).get("methods") or {}
     methods = {name: compared["methods"][name] for name in by_error(compared)}
-    points, missing = speed_points(summary)
+    points = speed_points(summary)
+    charted = {point.method for point in points if point.kind == "real"}
     align = summary.get("align") or compared.get("pose") or {}
     align = {**(align.get("fit") or {}), **align}
     listed = {row.get("name"): row for row in (summary.get("capture") or {}).get("frames_table") or []}
@@ -103,7 +104,7 @@ def _rows(summary: Summary, material: Material) -> Summary:
     spent = summary.get("processor_seconds") or {}
     return {
         "methods": methods, "points": points, "statistics_rows": statistics_rows({"methods": methods}),
-        "uncharted": {reason: [name for name, why in missing if why == reason] for _, reason in missing},
+        "uncharted": [name for name in dict.fromkeys([*solved, *methods]) if name not in charted],
         "frame_rows": [{"name": name, **(listed.get(name) or {})} for name in names],
         "both_rows": {name: row for name, row in methods.items() if row.get("real") and row.get("twin")},
         "four_ways": [

@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from compare.report.facts import Summary, all_warnings, by_error, by_runs, family, tied_methods
-from compare.report.page import LEVELS, badge, percent, plain, say, words
+from compare.report.page import LEVELS, badge, plain, say, words
 from compare.statistics.counterparts import likeness
-from draw.readable import Readable, is_number, readable, share
+from draw.readable import is_number, share
 
 DIRECTION_SIGMA_BARS_DEG = (1.0, 3.0)
 TRUTH_SIGMA_BARS_DEG = (1.0, 3.0)
@@ -31,7 +31,7 @@ class Statement:
     level: str
     html: Markup
     reasons: tuple[str, ...] = ()
-    """Why it is not called good though its number is."""
+    """What speaks against it beside its number: with one it is not called good."""
     judged: str = ""
     """By a tolerance: pass or fail."""
     about: str = ""
@@ -50,6 +50,11 @@ class Statement:
     def bar(self) -> str:
         """What is called good; nothing where nothing is judged."""
         return "" if self.level == "unknown" or self.judged else words("bars").get(self.topic, "")
+
+    @property
+    def why(self) -> str:
+        """By what it is called so."""
+        return "; ".join([*filter(None, [self.bar]), *(f"mind: {reason}" for reason in self.reasons)])
 
 
 def _statement(topic: str, level: str, html: Markup, reasons: list[str]) -> Statement:
@@ -71,7 +76,8 @@ def verdict(summary: Summary) -> list[Statement]:
     judged = [name for name, row in methods.items() if row.get("real")]
     least = min((methods[name]["real"]["median_deg"] for name in judged), default=None)
     camera, capture = summary.get("camera") or {}, summary.get("capture") or {}
-    truth = _truth(summary, compared, least)
+    tolerance = (compared.get("tolerance") or {}).get("deg")
+    truth = _truth(summary, compared, [one for one in (least, tolerance) if one is not None])
     statements = [
         _tolerance(summary, compared),
         _normals(summary, compared, truth),
@@ -86,7 +92,9 @@ def verdict(summary: Summary) -> list[Statement]:
         statements.append(Statement("Camera", "care", say("capture", "focal length", **camera)))
     if capture.get("ambient") is False:
         statements.append(Statement("Ambient light", "care", say("capture", "no ambient")))
-    return [statement for statement in statements if statement is not None]
+    first, *others = [statement for statement in statements if statement is not None]
+    first = replace(first, html=first.html + _predicted(summary)) if first.level == "unknown" else first
+    return [first, *others]
 
 
 def _tolerance(summary: Summary, compared: Summary) -> Statement | None:
@@ -94,7 +102,7 @@ def _tolerance(summary: Summary, compared: Summary) -> Statement | None:
     wanted = (summary.get("arguments") or {}).get("tolerance_deg")
     found = compared.get("tolerance")
     if not found:
-        html = say("tolerance", "without truth", wanted=wanted) + _predicted(summary)
+        html = say("tolerance", "without truth", wanted=wanted)
         return Statement("Tolerance", "unknown", html) if is_number(wanted) else None
     level, word = ("good", "pass") if found["passes"] else ("bad", "fail")
     return Statement("Tolerance", level, say("tolerance", word, **found), judged=word)
@@ -108,20 +116,19 @@ def _normals(summary: Summary, compared: Summary, truth: Statement | None) -> St
         # The user's bar tells apart what the uncertainty does not.
         alike = [] if best["judged"] or best["name"] not in tied else tied
         others = [name for name in alike if name != best["name"] and level.get(name) == best["badge"]]
-        beyond = {f"beyond_{bar}": percent(best.get(f"under_{bar}_deg"), rest=True) for bar in (5, 10)}
         text = say("normals", "level" if others else "best", name=best["name"], others=", ".join(others))
-        text += say("normals", "error", **best, **beyond)
+        text += say("normals", "error", **best)
         text += say("normals", "few", **best) if best["reasons"][:1] == [words("reasons")["few"]] else ""
         text += say("normals", "doubts", **best) if best["doubts"] else ""
         if best["judged"]:
-            return Statement("Normals", best["level"], text, judged=best["judged"])
+            return Statement("Normals", best["level"], text, tuple(best["reasons"]), best["judged"])
         poor = [words("reasons")["truth"]] if truth is not None and truth.level == "bad" else []
         return _statement("Normals", best["level"], text, best["reasons"] + poor)
     found = "unjudged" if compared.get("has_truth") else "without truth"
     text = say("normals", found if compared.get("methods") else "none")
     if compared.get("methods") and not compared.get("has_truth") and (pairs := compared.get("between_methods")):
         text += say("normals", "apart", **max(pairs, key=lambda row: row["median_deg"]))
-    return Statement("Normals", "unknown", text + _predicted(summary))
+    return Statement("Normals", "unknown", text)
 
 
 def _predicted(summary: Summary) -> Markup:
@@ -129,10 +136,14 @@ def _predicted(summary: Summary) -> Markup:
     trust = summary.get("trust")
     if not trust:
         return Markup()
-    return say("normals", "predicted", **trust) + (say("normals", "disbelieved") if trust["doubts"] else "")
+    return _explains_best(trust) + (say("trust", "disbelieved") if trust["doubts"] else "")
 
 
-def _truth(summary: Summary, compared: Summary, least_deg: float | None) -> Statement | None:
+def _explains_best(trust: Summary) -> Markup:
+    return say("trust", "best" if is_number(trust["sigma_deg"]["median"]) else "best without sigma", **trust)
+
+
+def _truth(summary: Summary, compared: Summary, measured_deg: list[float]) -> Statement | None:
     if not compared.get("has_truth"):
         return None
     align = summary.get("align") or compared.get("pose") or {}
@@ -144,14 +155,14 @@ def _truth(summary: Summary, compared: Summary, least_deg: float | None) -> Stat
     text = Markup(f"{told[0].upper()}{told[1:]}.")
     levels = {level_of(residual, RESIDUAL_BARS_PX), level_of(sigma, TRUTH_SIGMA_BARS_DEG)}
     level = next(name for name in ("bad", "care", "good", "unknown") if name in levels)
-    if is_its_own(sigma, least_deg):
+    if is_its_own(sigma, measured_deg):
         text += say("truth", "its own")
     return _statement("Ground truth", level, text, _warned(summary, "align"))
 
 
-def is_its_own(sigma_deg: Any, least_deg: float | None) -> bool:
-    """Tell whether the truth is so uncertain that the smallest median error may largely be its own."""
-    return least_deg is not None and is_number(sigma_deg) and sigma_deg > 0.5 * least_deg
+def is_its_own(sigma_deg: Any, measured_deg: list[float]) -> bool:
+    """Tell whether the truth is so uncertain that much of what is measured by it, or its tolerance, may be its own."""
+    return is_number(sigma_deg) and sigma_deg > 0.5 * min(measured_deg, default=sigma_deg * 2)
 
 
 def _tilt(name: str, row: Summary) -> Statement | None:
@@ -232,10 +243,11 @@ def _warned(summary: Summary, *steps: str) -> list[str]:
     return [words("reasons")[step] for step in steps if step in warned]
 
 
-def level_of(value: Any, bars: tuple[float, float]) -> str:
-    """Return a value's level between two bars; unknown where it is none."""
+def level_of(value: Any, bars: tuple[float, float], decimals: int = 2) -> str:
+    """Return a value's level between two bars, as it is shown; unknown where it is none."""
     if not is_number(value):
         return "unknown"
+    value = round(value, decimals)
     return "good" if value <= bars[0] else "care" if value <= bars[1] else "bad"
 
 
@@ -258,7 +270,7 @@ def ranking(summary: Summary) -> list[Summary]:
         doubts = (str(text).removeprefix(f"{name}: ") for text in found.get("warnings") or ())
         # Without the quotes that stand for code on a terminal.
         row |= {"doubts": " ".join(doubts).replace("`", ""), "own_sigma": found.get("sigma_deg_median")}
-        row["level"], row["judged"] = level_of(row.get("median_deg"), MEDIAN_BARS_DEG), ""
+        row["level"], row["judged"] = level_of(row.get("median_deg"), MEDIAN_BARS_DEG, 1), ""
         few = is_number(row.get("coverage")) and row["coverage"] < COVERAGE_BAR
         row["reasons"] = [reasons["few"]] * few + [reasons["doubts"]] * bool(row["doubts"])
         row["level"] = _lowered(row["level"]) if row["reasons"] else row["level"]
@@ -270,17 +282,11 @@ def ranking(summary: Summary) -> list[Summary]:
     return rows
 
 
-def trust_sentence(found: Summary) -> str:
-    """Return which method to take, its sigma, which not to use, and why not to believe that."""
-    methods, recommended, level = found["methods"], found["recommended"], found["level"]
-    text, sigma = recommended, found["sigma_deg"]
-    if sigma["median"] is not None:
-        text += Readable().format(" (sigma {median:1°} in the median, {q90:1°} at one pixel of ten)", **sigma)
-    if level:
-        text += f"; {', '.join(level)} {'is' if len(level) == 1 else 'are'} level with it"
-    least = max(methods[recommended]["unexplained"], 1e-9)
-    bad = {name: row["unexplained"] / least for name, row in methods.items() if row["unexplained"] is not None}
-    named = [f"{name} ({readable(times, 0)} times)" for name, times in bad.items() if times > TRUST_WORSE]
-    if named:
-        text += f". Do not use what explains them so much worse: {', '.join(named)}"
-    return " ".join([f"{text}.", *(f"{doubt[0].upper()}{doubt[1:]}" for doubt in found["doubts"])])
+def trust_sentence(trust: Summary) -> Markup:
+    """Return which method explains the photographs best, which as well, which much worse, and why not to believe it."""
+    left = {name: row["unexplained"] for name, row in trust["methods"].items() if is_number(row["unexplained"])}
+    most = TRUST_WORSE * max(left[trust["recommended"]], 1e-9)
+    named = {"level": ", ".join(trust["level"]), "worse": ", ".join(name for name in left if left[name] > most)}
+    said = [say("trust", what, names=names) for what, names in named.items() if names]
+    doubts = (escape(f" {doubt[0].upper()}{doubt[1:]}") for doubt in trust["doubts"])
+    return _explains_best(trust) + Markup("").join([*said, *doubts])

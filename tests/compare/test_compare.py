@@ -155,6 +155,13 @@ def test_a_tolerance_counts_what_is_not_answered_as_outside(store, write_normals
     assert (closer["method"], closer["passes"]) == ("ls", False)
     assert closer["share"] == pytest.approx(0.5, abs=0.05)
     assert compare(store)["tolerance"] is None
+    # Half a pixel in a thousand short of nine tenths is not shown, nor judged, as nine tenths.
+    pixels = np.argwhere(np.isfinite(truth).all(-1))
+    short = tilted(truth, 2.0)
+    short[tuple(pixels[: int(0.1 * len(pixels)) + 1].T)] = np.nan
+    write_normals(store, "iterative", short)
+    found = compare(store, methods=["iterative"], tolerance_deg=3.0)["tolerance"]
+    assert (found["share"], found["passes"]) == (0.899, False)
 
 
 def test_maps_of_a_former_run_do_not_stay(store, write_normals):

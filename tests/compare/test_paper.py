@@ -61,6 +61,9 @@ def test_it_says_what_the_page_says_and_the_same_bytes_each_time(printed, sessio
     text, page, store = printed()
     assert squeezed(session.summary["name"]) in squeezed(text)
     assert "The decoded frames" not in text
+    # By what each is called so.
+    for one in verdict(session.summary):
+        assert squeezed(f"{one.text} ({one.why})" if one.why else one.text) in squeezed(text)
     for name, digest in DIGESTS.items():
         assert squeezed(f"{name}{digest or 'is not there'}") in squeezed(text)
     told = re.sub("|".join([*filter(None, DIGESTS.values()), str(store.folder), r"page \d of \d"]), "", text)

@@ -7,7 +7,7 @@ import pytest
 from markupsafe import Markup
 
 from compare.report.advice import limits
-from compare.report.page import Sentence, number, percent, plain, round_number, words
+from compare.report.page import Sentence, number, plain, words
 from compare.report.report import write_report
 from compare.report.verdict import ranking, verdict
 from scene.store import Store
@@ -56,7 +56,7 @@ def test_all_is_good_when_every_number_is_and_nothing_is_promised_without_any():
     assert set(levels({}).values()) == {"unknown"}
 
 
-@pytest.mark.parametrize(("median", "level"), [(5.0, "good"), (5.1, "care"), (10.0, "care"), (10.1, "bad")])
+@pytest.mark.parametrize(("median", "level"), [(5.04, "good"), (5.1, "care"), (10.0, "care"), (10.1, "bad")])
 def test_the_median_error_decides_on_the_normals(median, level):
     assert levels(summary_of(median, median))["Normals"] == level
     assert f"{median:.1f}°" in text_of(summary_of(median, median), "Normals")
@@ -208,13 +208,13 @@ def test_every_method_has_a_word_for_who_reads_the_page():
         (number(None), "unknown"),
         (number(float("nan")), "unknown"),
         (number(True), "unknown"),
-        (percent(0.123), "12\u202f%"),
-        (percent(1.0), "100\u202f%"),
-        (percent(0.997), "99.7\u202f%"),
-        (percent(0.99999), "over 99.9\u202f%"),
-        (percent(0.00001), "under 0.1\u202f%"),
-        (round_number(1.0, "°"), "1°"),
-        (round_number(0.25, "°"), "0.25°"),
+        (number(0.123, 0, "%"), "12\u202f%"),
+        (number(1.0, 0, "%"), "100\u202f%"),
+        (number(0.997, 0, "%"), "99.7\u202f%"),
+        (number(0.99999, 0, "%"), "over 99.9\u202f%"),
+        (number(0.00001, 0, "%"), "under 0.1\u202f%"),
+        (number(1.0, "g", "°"), "1°"),
+        (number(0.25, "g", "°"), "0.25°"),
     ],
 )
 def test_numbers_are_neither_rounded_to_nothing_nor_to_everything(html, text):
@@ -249,7 +249,7 @@ def test_a_tolerance_is_passed_or_not_and_is_said_first(share, word, level):
     summary["compare"]["tolerance"], summary["arguments"] = found, {"tolerance_deg": 3.0}
     first = verdict(summary)[0]
     assert (first.topic, first.word, first.level) == ("Tolerance", word, level)
-    assert f"{share:.0%}".replace("%", "\u202f%") in first.text
+    assert f"{share:.1%}".replace("%", "\u202f%") in first.text
     assert word in words("advice")
     # Whatever the usual bars say: no page says "pass" and "do not rely on it", or "fail" and "good".
     for median in (2.0, 12.0):
@@ -257,6 +257,12 @@ def test_a_tolerance_is_passed_or_not_and_is_said_first(share, word, level):
         methods["ls"]["real_within_tolerance"] = share
         judged = {**summary, "compare": {**summary["compare"], "methods": methods}}
         assert levels(judged)["Normals"] == level
+    # A truth that is less sure than half of the tolerance cannot tell it.
+    far = summary_of(12.0, 12.0)["compare"]["methods"]
+    unsure = summary["compare"] | {"methods": far, "truth": {"sigma_deg_median": 1.6}}
+    assert "or of the tolerance" in next(
+        one.text for one in verdict(summary | {"compare": unsure}) if one.topic == "Ground truth"
+    )
     # A tolerance that nothing can be held against is neither passed nor failed.
     unknown = verdict({"arguments": {"tolerance_deg": 3.0}, "compare": {"methods": {"ls": {}}}})[0]
     assert (unknown.topic, unknown.level) == ("Tolerance", "unknown")

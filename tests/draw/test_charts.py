@@ -76,6 +76,7 @@ def test_families_differ_by_shape_and_the_twin_is_hollow_and_unnamed():
     for word in ("calibrated", "uncalibrated", "external", "hollow", "Pareto front"):
         assert f">{word}" in drawing
     assert ">external" not in speed_chart(points[1:2])
+    assert f">{'X' * 300}<" in speed_chart([SpeedPoint("X" * 300, "external", "real", 1.0, 2.0)])
 
 
 def test_a_name_keeps_to_its_own_point_and_off_all_marks():

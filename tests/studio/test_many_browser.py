@@ -48,7 +48,7 @@ def test_the_sessions_below_a_folder_are_listed_and_opened(visit, studio, tmp_pa
     assert buttons == ["day/vase: not processed", "jug: fail", f"{ODD}: not processed"]
     visitor.see("of the object lies within")
     warned = Store(out / "jug").read_json("summary.json")["warnings"]
-    visitor.see(f"{len(warned)} warnings")
+    visitor.see(f"Warnings: {len(warned)}.")
     picture = visitor.page.get_by_alt_text("normals of jug by ls")
     assert picture.evaluate("image => image.naturalWidth") > 0
     assert visitor.page.locator("img[alt^=normals]").count() == 1
