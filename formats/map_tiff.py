@@ -15,7 +15,13 @@ CENTIMETRE = 3
 
 
 def write_map(
-    path: Path, values: NDArray, told: Mapping[str, Any], pixel_mm: float | None, *, world_mm: float = 1.0
+    path: Path,
+    values: NDArray,
+    told: Mapping[str, Any],
+    pixel_mm: float | None,
+    *,
+    world_mm: float = 1.0,
+    is_srgb: bool = False,
 ) -> list[Path]:
     """Write a map as TIFF, and a world file beside it where a pixel has a size; return both.
 
@@ -32,15 +38,19 @@ def write_map(
         and y up, from the middle of the picture's first pixel.
     world_mm : float
         Unit of the .tfw.
+    is_srgb : bool
+        The values are sRGB's: its ICC profile goes into the file.
     """
     import tifffile
+    from PIL import ImageCms
 
     kind = "rgb" if values.ndim == 3 else "minisblack"
     size = {} if pixel_mm is None else {"resolution": (10 / pixel_mm,) * 2, "resolutionunit": CENTIMETRE}
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes() if is_srgb else None
     with write_whole(path) as file:
         tifffile.imwrite(
             file, np.ascontiguousarray(values), photometric=kind, description=json.dumps(told), metadata=None,
-            compression="zlib", predictor=values.dtype.kind == "u", software="rgbn", **size,
+            compression="zlib", predictor=values.dtype.kind == "u", software="rgbn", iccprofile=profile, **size,
         )  # fmt: skip
     world = path.with_suffix(".tfw")
     if pixel_mm is None:

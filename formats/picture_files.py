@@ -16,6 +16,9 @@ from scene.reading import array_of, reading, shortened
 Picture = NDArray[np.float32]
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr", ".npy")
 
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Y of linear sRGB (IEC 61966-2-1)."""
+
 EXR = b"\x76\x2f\x31\x01"
 KINDS = {"HALF": np.float16, "FLOAT": np.float32}
 """Of OpenEXR's channels. A third, UINT, holds numbers of objects and the like."""

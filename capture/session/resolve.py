@@ -63,6 +63,7 @@ class Resolver:
             ambient=others["ambient"],
             dark=others["dark"],
             flat=others["flat"],
+            chart=self._chart(frames.chart, flash),
             encoding=self._encoding(frames, flash),
             encoding_stated=frames.linear is not None or frames.gamma is not None,
             half=frames.half,
@@ -128,6 +129,13 @@ class Resolver:
             )
         return files
 
+    def _chart(self, name: str | None, flash: list[Path]) -> Path | None:
+        path = self._file("frames.chart", name)
+        if path and path.is_file() and flash and kind_of(path) != kind_of(flash[0]):
+            text = f"{path.name} is of another kind than the flash frames ({flash[0].name}). Give such a file."
+            self._fault("frames.chart", text)
+        return path
+
     def _kept(self, flash: list[Path], skip: list[str]) -> list[int]:
         """Return the places of the flash frames that are not skipped."""
         names, dropped = frame_names(flash), set()
@@ -171,7 +179,9 @@ class Resolver:
             files = []
         center = None if table.center_px is None else (table.center_px[0], table.center_px[1])
         mask, own = self._file(f"{key}.mask", table.mask), tuple(files[i] for i in kept) if files else ()
-        return SphereSpec(table.kind, table.diameter_mm, center, table.radius_px, mask, own)
+        if table.reflectance is not None and table.kind != "white":
+            self._fault(f"{key}.reflectance", "found with a mirror. It is of white balls: drop it.")
+        return SphereSpec(table.kind, table.diameter_mm, center, table.radius_px, mask, own, table.reflectance)
 
     def _check_together(self, key: str, table: "SessionCameraTable | SphereTable", first: str, second: str) -> bool:
         """Return whether both of two keys are given; one alone is a fault."""
