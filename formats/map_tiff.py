@@ -15,13 +15,7 @@ CENTIMETRE = 3
 
 
 def write_map(
-    path: Path,
-    values: NDArray,
-    told: Mapping[str, Any],
-    pixel_mm: float | None,
-    *,
-    world_mm: float = 1.0,
-    is_srgb: bool = False,
+    path: Path, values: NDArray, told: Mapping[str, Any], pixel_mm: float | None, *, world_mm: float = 1.0, **tags: Any
 ) -> list[Path]:
     """Write a map as TIFF, and a world file beside it where a pixel has a size; return both.
 
@@ -38,19 +32,17 @@ def write_map(
         and y up, from the middle of the picture's first pixel.
     world_mm : float
         Unit of the .tfw.
-    is_srgb : bool
-        The values are sRGB's: its ICC profile goes into the file.
+    **tags
+        Of `tifffile.imwrite`, as `iccprofile`.
     """
     import tifffile
-    from PIL import ImageCms
 
     kind = "rgb" if values.ndim == 3 else "minisblack"
     size = {} if pixel_mm is None else {"resolution": (10 / pixel_mm,) * 2, "resolutionunit": CENTIMETRE}
-    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes() if is_srgb else None
     with write_whole(path) as file:
         tifffile.imwrite(
             file, np.ascontiguousarray(values), photometric=kind, description=json.dumps(told), metadata=None,
-            compression="zlib", predictor=values.dtype.kind == "u", software="rgbn", iccprofile=profile, **size,
+            compression="zlib", predictor=values.dtype.kind == "u", software="rgbn", **size, **tags,
         )  # fmt: skip
     world = path.with_suffix(".tfw")
     if pixel_mm is None:

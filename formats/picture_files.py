@@ -36,6 +36,13 @@ def srgb_from_linear(values: Any) -> NDArray:
     return np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
 
 
+def srgb_profile() -> bytes:
+    """Return sRGB as an ICC profile."""
+    from PIL import ImageCms
+
+    return ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+
+
 def read_picture(path: Path, encoding: str | None = None) -> Picture:
     """Read a picture as linear float32 (h, w, 3), or (h, w, 1) where it has one channel.
 

@@ -20,8 +20,8 @@ from scene.store import Store
 @alive("check")
 def check(job: Job) -> Outcome:
     """Decode the frames and audit the capture."""
+    from capture.camera.colour_chart import camera_colours
     from capture.camera.session_camera import camera_of
-    from capture.colour.camera_colours import camera_colours
     from capture.photographs.decode import decode
 
     with progress_bar("decode") as progress:

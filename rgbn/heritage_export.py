@@ -18,7 +18,7 @@ from compare.report.pictures import Exposure, colour_scale_end, error_picture
 from formats.iiif_files import write_manifest, write_tiles
 from formats.light_files.light_formats import export_lights
 from formats.map_tiff import write_map
-from formats.picture_files import srgb_from_linear
+from formats.picture_files import srgb_from_linear, srgb_profile
 from lab.colours import albedo_colours
 from lab.job import Job
 from lab.plan import ARCHIVED, STEPS
@@ -113,7 +113,7 @@ def _write_photographs(job: Job, data: Path, order: list[int]) -> NDArray[np.uin
     neutral = np.linalg.solve(colours.matrix, np.ones(3))
     exposure = Exposure.for_frames(frames, white_value=neutral)
     matrix = (colours.matrix.T * (neutral.mean() / exposure.white)).astype(np.float32)
-    white, is_srgb = exposure.white * exposure.balance, colours.source is not None
+    white, profile = exposure.white * exposure.balance, srgb_profile() if colours.source else None
     strengths = np.nan_to_num(lights.intensities, nan=1.0).astype(np.float32)
     total = np.zeros((frames.height, frames.width, 3), np.float32)
     codes = np.empty(total.shape, np.uint16)
@@ -124,7 +124,7 @@ def _write_photographs(job: Job, data: Path, order: list[int]) -> NDArray[np.uin
             codes[rows] = SRGB[np.round(np.clip(linear @ matrix, 0, 1) * 65535).astype(np.uint16)]
         said = f"sRGB's curve; {colours.colour}; white: {white.tolist()} of the sensor's"
         told = {"photograph": job.session.flash[index].name, "value": said}
-        write_map(data / f"{place}.TIF", codes, told, None, is_srgb=is_srgb)
+        write_map(data / f"{place}.TIF", codes, told, None, iccprofile=profile)
     total *= np.float32(65535 / max(float(np.quantile(total[::4, ::4], SHARE)), 1e-6))
     return EIGHT_BITS[SRGB[np.clip(total, 0, 65535, out=total).astype(np.uint16)]]
 
@@ -135,8 +135,9 @@ def _write_maps(job: Job, folder: Path, facts: dict[str, Any]) -> dict[str, tupl
     colours = albedo_colours(job)
 
     def write(name: str, values: NDArray, told: dict[str, Any]) -> None:
-        how = {"world_mm": 1000, "is_srgb": name == "albedo" and colours.source is not None}
-        write_map(folder / f"{name}_m1.tif", values, {"method": method, **told}, pixel_mm, **how)
+        profile = srgb_profile() if name == "albedo" and colours.source else None
+        path = folder / f"{name}_m1.tif"
+        write_map(path, values, {"method": method, **told}, pixel_mm, world_mm=1000, iccprofile=profile)
 
     for kind, values, told in method_maps(store, method, facts["normals_axes"], colours):
         if kind in ("normals", "albedo"):

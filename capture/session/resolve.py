@@ -63,7 +63,7 @@ class Resolver:
             ambient=others["ambient"],
             dark=others["dark"],
             flat=others["flat"],
-            chart=self._chart(frames.chart, flash),
+            chart=self._file("frames.chart", frames.chart, tuple({path.suffix.lower() for path in flash})),
             encoding=self._encoding(frames, flash),
             encoding_stated=frames.linear is not None or frames.gamma is not None,
             half=frames.half,
@@ -128,13 +128,6 @@ class Resolver:
                 "compared: give files of the same kind.",
             )
         return files
-
-    def _chart(self, name: str | None, flash: list[Path]) -> Path | None:
-        path = self._file("frames.chart", name)
-        if path and path.is_file() and flash and kind_of(path) != kind_of(flash[0]):
-            text = f"{path.name} is of another kind than the flash frames ({flash[0].name}). Give such a file."
-            self._fault("frames.chart", text)
-        return path
 
     def _kept(self, flash: list[Path], skip: list[str]) -> list[int]:
         """Return the places of the flash frames that are not skipped."""

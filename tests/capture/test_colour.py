@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from capture.colour.camera_colours import camera_colours, maker_matrix
-from capture.colour.colour_chart import fit_colours, reference_colours
+from capture.camera.colour_chart import camera_colours, fit_colours, maker_matrix, reference_colours
 from capture.photographs.images import read_image
 from capture.session.session import load_session
 from capture.session.session_types import CaptureSession
@@ -102,7 +101,7 @@ def test_clipped_patches_are_left_out_and_named(tmp_path):
 
 @pytest.mark.parametrize(
     ("white", "width", "channels", "said"),
-    [(4, 420, (0, 1, 2), "clipped"), (0.7, 420, (0, 1, 1), "not those of a Color"), (0.7, 20, (0, 1, 2), r"s\.chart")],
+    [(4, 420, (0, 1, 2), "patches clipped"), (0.7, 420, (0, 1, 1), "median"), (0.7, 20, (0, 1, 2), "no Color")],
 )
 def test_a_chart_that_cannot_be_used_is_refused(tmp_path, white, width, channels, said):
     picture = np.clip(photographed(placed(0, 0, width), white=white), 0, 1)[..., channels]
@@ -148,5 +147,5 @@ def test_real_photographs_without_a_chart_hold_none(tmp_path, name):
     if not path.is_file():
         pytest.skip(f"no {path}")
     picture = decode(read_image(path, "linear").codes)
-    with pytest.raises(CaptureError, match=r"frames\.chart: (no ColorChecker|the colours)"):
+    with pytest.raises(CaptureError, match="shows no ColorChecker"):
         camera_colours(session(tmp_path, picture), seen(picture))
