@@ -110,7 +110,7 @@ def _write_surface(
 
     store = job.store
     found = solved_surface(store, methods, most_pixels=VERTICES)
-    mesh, name = found.mesh(), f"surface_{found.method}"
+    mesh, name = found._replace(albedo=found.albedo @ colours.matrix.T).mesh(), f"surface_{found.method}"
     ply, glb = (store.path(FOLDER, f"{name}.{kind}") for kind in ("ply", "glb"))
     mesh.write(ply)
     # The picture's part that holds the object, at full size.

@@ -79,11 +79,12 @@ def camera_colours(session: CaptureSession, frames: Frames) -> tuple[dict[str, A
         if best.median < ENOUGH:
             break
     if not best.median <= WORST:
-        found = f"{24 - best.used} of its patches clipped" if best.used < FEWEST else f"median {best.median:.1f}"
+        found = f"{24 - best.used} patches are clipped, {24 - FEWEST} may be" if best.used else "nothing is like one"
+        if best.used >= FEWEST:
+            found = f"Delta E 2000 has the median {best.median:.0f}, expected below {GOOD:g}"
         raise CaptureError(
-            f"frames.chart: {path.name} shows no ColorChecker that can be read (best: {found}; expected Delta E 2000 "
-            f"below {GOOD:g}, at most {24 - FEWEST} clipped). Photograph one of 24 patches by the flash alone, a tenth "
-            "of the picture or more, evenly lit, in focus and without glare."
+            f"frames.chart: {path.name} shows no ColorChecker that can be read: {found}. Photograph one of 24 patches "
+            "by the flash alone, a tenth of the picture's width or more, in focus, neither clipped nor with glare."
         )
     delta_e, warnings = {"median": best.median, "worst": float(np.nanmax(best.delta_e_2000))}, []
     if best.used < 24:
@@ -104,7 +105,6 @@ def maker_matrix(path: Path) -> NDArray[np.float64] | None:
     sRGB, it is the inverse of A S with rows that sum to 1: white stays white.
     """
     import rawpy
-    from skimage.color import colorconv
 
     try:
         with rawpy.imread(str(path)) as raw:
@@ -112,6 +112,8 @@ def maker_matrix(path: Path) -> NDArray[np.float64] | None:
     except rawpy.LibRawError:
         return None
     if not matrix.any() and camera.any():
+        from skimage.color import colorconv
+
         camera = camera @ colorconv.xyz_from_rgb
         matrix = np.linalg.pinv(camera / camera.sum(1, keepdims=True))
     return matrix if np.linalg.cond(matrix) < MOST_CONDITION else None
