@@ -73,6 +73,7 @@ CHECK = {
     "brightness": "{dark} to {bright} of white, mean over a frame",
     "clipped": "{clipped}",
     "camera": "{camera_words}",
+    "colour": "{colour_words}",
 }
 ALIGN = {
     "scan": "{scan}",
@@ -96,12 +97,15 @@ def check_tables(job: Job, summary: Values) -> Iterator[Any]:
     rows = found["frames_table"]
     dark, bright = (one(rows, key=lambda row: row["brightness"]) for one in (min, max))
     clipped = max(rows, key=lambda row: row["saturated_share"])
+    chart = "by the ColorChecker, missed by Delta E 2000 of {median:.1f} (median), {worst:.1f} (worst)"
+    missed = found["colour"].get("delta_e_2000")
     most = f"{percent(clipped['saturated_share'])} of the pixels in {clipped['name']}, fewer in the others"
     words = {
         "ambient_words": "an ambient frame is subtracted" if found["ambient"] else "no ambient frame",
         **{key: f"{percent(row['brightness'])} ({row['name']})" for key, row in (("dark", dark), ("bright", bright))},
         "clipped": most if clipped["saturated_share"] else "no pixel",
         "camera_words": camera_text(job.store.load_camera()),
+        "colour_words": chart.format(**missed) if missed else "no ColorChecker is stated (frames.chart)",
     }
     yield fact_table(f"{summary['name']}: check", CHECK, found | words)
 
