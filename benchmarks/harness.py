@@ -310,10 +310,10 @@ def _cell(form: str, values: dict[str, Any]) -> str:
         return ""
 
 
-def folded(summary: str, items: Iterable[str]) -> str:
-    """Return a list that the reader unfolds by a click on `summary`; empty for no items."""
-    rows = [f"- {item}" for item in items]
-    return "\n".join(["<details><summary>" + summary + "</summary>", "", *rows, "", "</details>", ""]) if rows else ""
+def folded(summary: str, inside: Iterable[str] | str) -> str:
+    """Return a list, or a table, that the reader unfolds by a click on `summary`; empty for no items."""
+    text = inside if isinstance(inside, str) else "\n".join(f"- {item}" for item in inside)
+    return f"<details><summary>{summary}</summary>\n\n{text}\n\n</details>\n" if text else ""
 
 
 def spread(values: Iterable[float | None], form: str = "{:.2f}") -> str:

@@ -6,16 +6,18 @@ The sweeps lie in out/sweeps and go on there where they were stopped: the tables
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 from pyarrow import parquet
+from scipy.stats import rankdata
 
 from benchmarks.benchmark_findings import GAPS, agreement, answers, benchmark_statistics, verdict_of
-from benchmarks.harness import ROOT, Figures, Scale, Table, markdown
+from benchmarks.harness import ROOT, Figures, Scale, Table, folded, markdown
 from experiments.stagings import CALIBRATED, ONE_FACTOR, SOLVERS, TOLD_WRONGLY, experiments
 from experiments.sweeps.cell import run_cell
 from experiments.sweeps.sweep import sweep
-from experiments.sweeps.sweep_statistics import GROUP, breaks, levels, statistics
+from experiments.sweeps.sweep_statistics import GROUP, STATISTICS, breaks, levels, statistics
 from experiments.tables import Results, results
 from lab.options import Staging
 
@@ -50,57 +52,108 @@ def swept(staging: Staging, scale: Scale) -> Results:
 
 
 @dataclass(frozen=True)
-class MeanRow:
-    """One method's mean error in one experiment, over levels, shapes and draws; nan: undefined, or of no cell.
+class StatisticRow:
+    """One method's errors in one experiment: a statistic over the mean errors of all levels, shapes and draws.
 
-    failed: cells without a result by a fault of ours; they are in no mean.
+    nan: undefined, or of no cell. albedo_percent: the same of the albedo, in the profile default, which the benchmark
+    does not tell. failed: cells without a result by a fault of ours; they are in no statistic.
     """
 
     staging: str
     experiment: str
     solver: str
+    statistic: str
     default_deg: float
     seed_deg: float
     benchmark_deg: float
+    albedo_percent: float
     failed: int
 
 
-def _means(scale: Scale) -> list[MeanRow]:
+def _statistics(scale: Scale) -> list[StatisticRow]:
     theirs, found = benchmark_statistics(), []
     for staging in STAGINGS:
-        ours = statistics(swept(staging, scale), GAPS).to_dict("index")
+        table = swept(staging, scale)
+        ours, albedo = (statistics(table, one).to_dict("index") for one in (GAPS, "albedo_error_percent"))
         for name, solver in dict.fromkeys(key[:2] for key in ours if key[0] in ONE_FACTOR):
             both = {profile: ours[name, solver, profile] for profile in PROFILES}
-            default, seed = (
-                np.nan if (name, solver, profile) in UNDEFINED else float(one["mean"]) for profile, one in both.items()
-            )
             failed = int(sum(one["failed"] for one in both.values()))
-            found.append(MeanRow(staging, name, solver, default, seed, theirs[name, solver]["mean"], failed))
+            for statistic in STATISTICS:
+                default, seed = (
+                    np.nan if (name, solver, profile) in UNDEFINED else float(one[statistic])
+                    for profile, one in both.items()
+                )
+                others = theirs[name, solver][statistic], float(albedo[name, solver, "default"][statistic])
+                found.append(StatisticRow(staging, name, solver, statistic, default, seed, *others, failed))
     return found
 
 
-def _show_means(rows: Sequence[MeanRow]) -> str:
-    lines: dict[tuple[str, str], dict[str, str]] = {}
+def _table_of(rows: Sequence[StatisticRow], head: str, cell: str) -> str:
+    """Return a line for each staging, experiment and statistic but the mean, a column for each method."""
+    lines: dict[tuple[str, ...], dict[str, str]] = {}
     for row in rows:
-        line = lines.setdefault((row.staging, row.experiment), {"what": f"{row.staging}: {row.experiment}"})
-        told = " / ".join(f"{value:.1f}" for value in (row.default_deg, row.seed_deg)).replace("nan", "undefined")
-        line[row.solver] = f"{told} / *{row.benchmark_deg:.1f}*" + f" ({row.failed} failed)" * bool(row.failed)
-    columns = {"default / seed / *the benchmark*, degrees": "{what}"}
-    columns |= {SOLVERS[row.solver]: f"{{{row.solver}}}" for row in rows}
-    return markdown(columns, lines.values())
+        what = f"{row.staging}: {row.experiment}" + f", {row.statistic}" * (row.statistic != "mean")
+        line = lines.setdefault((row.staging, row.experiment, row.statistic), {"what": what})
+        text = cell.format(**vars(row)).replace("nan", "undefined")
+        line[row.solver] = text + f" ({row.failed} failed)" * bool(row.failed)
+    return markdown({head: "{what}"} | {SOLVERS[row.solver]: f"{{{row.solver}}}" for row in rows}, lines.values())
 
 
-def _mean_figures(rows: Sequence[MeanRow]) -> Figures:
-    """Return each method's median over the experiments."""
-    return {
-        f"{staging}, {profile}: {solver}, mean_deg": float(
-            np.nanmedian([
-                getattr(row, f"{profile}_deg") for row in rows if (row.staging, row.solver) == (staging, solver)
-            ])
-        )
-        for profile in PROFILES
-        for staging, solver in dict.fromkeys((row.staging, row.solver) for row in rows)
-    }  # fmt: skip
+def _show_statistics(rows: Sequence[StatisticRow]) -> str:
+    head, cell = (
+        "default / seed / *the benchmark*, degrees",
+        "{default_deg:.1f} / {seed_deg:.1f} / *{benchmark_deg:.1f}*",
+    )
+    means, others = ([row for row in rows if (row.statistic == "mean") is one] for one in (True, False))
+    first = [row for row in rows if row.staging == STAGINGS[0]]
+    ranks = [
+        {"of": f"{staging}, {profile}", **{name: _rank(rows, staging, profile, name) for name in STATISTICS}}
+        for staging in STAGINGS
+        for profile in (*PROFILES, "baseline")
+    ]
+    forms = {name: f"{{{name}[0]:.2f}} / {{{name}[1]:.2f}}" for name in STATISTICS}
+    parts = [
+        _table_of(means, head, cell),
+        "Rank correlation with the benchmark's table, all seven methods / without Lsq; baseline: its Lsq stands for "
+        "all.\n",
+        markdown({"staging, profile": "{of}"} | forms, ranks),
+        folded("The other statistics", _table_of(others, head, cell)),
+        folded(
+            "Error of the albedo, after one scale a channel where the lights are not told; profile default",
+            _table_of(first, "percent", "{albedo_percent:.1f}"),
+        ),
+    ]
+    return "\n".join(parts)
+
+
+def _rank(rows: Sequence[StatisticRow], staging: str, profile: str, statistic: str) -> tuple[float, float]:
+    """Return the rank correlation of one statistic with the benchmark's [Spearman1904], with and without Lsq."""
+    some = [row for row in rows if (row.staging, row.statistic) == (staging, statistic)]
+    lsq = {row.experiment: row.benchmark_deg for row in some if row.solver == "ls"}
+
+    def rank(some: Sequence[StatisticRow]) -> float:
+        mine = [lsq[row.experiment] if profile == "baseline" else getattr(row, f"{profile}_deg") for row in some]
+        known = np.isfinite(mine)
+        return float(np.corrcoef(rankdata(np.array(mine)[known]), rankdata(_theirs(some)[known]))[0, 1])
+
+    return rank(some), rank([row for row in some if row.solver != "ls"])
+
+
+def _theirs(rows: Sequence[StatisticRow]) -> np.ndarray:
+    return np.array([row.benchmark_deg for row in rows])
+
+
+def _statistic_figures(rows: Sequence[StatisticRow]) -> Figures:
+    """Return each method's median over the experiments of its means, and the rank correlations."""
+    figures: Figures = {}
+    for staging, profile in product(STAGINGS, PROFILES):
+        some = [row for row in rows if row.staging == staging]
+        for solver in dict.fromkeys(row.solver for row in some):
+            means = [getattr(row, f"{profile}_deg") for row in some if (row.solver, row.statistic) == (solver, "mean")]
+            figures[f"{staging}, {profile}: {solver}, mean_deg"] = float(np.nanmedian(means))
+        for name in STATISTICS:
+            figures[f"{staging}, {profile}: rank correlation of {name}"] = _rank(rows, staging, profile, name)[0]
+    return figures
 
 
 def _pictures(names: dict[str, str]) -> dict[str, str]:
@@ -260,7 +313,8 @@ TABLES = (
         },
     ),
     Table(
-        "sweeps", "means", MEASURES, MeanRow, lambda scale: [(scale,)], _means, _show_means, _mean_figures,
+        "sweeps", "means", MEASURES, StatisticRow, lambda scale: [(scale,)], _statistics, _show_statistics,
+        _statistic_figures,
         lambda rows: _pictures({f"sweeps-{name}.svg": f"{name}-normals.svg" for name in ONE_FACTOR}),
     ),
     Table(

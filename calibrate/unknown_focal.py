@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from calibrate.calibration import Calibration
+from draw.readable import share
 from scene.camera import Camera
 
 ROUNDS = 4
@@ -43,7 +44,7 @@ def with_unknown_focal(run: Callable[[Camera], Calibration], camera: Camera) -> 
         if abs(y - x) < max(STILL, told.focal_sigma):
             text = (
                 "camera: unknown (no [camera] in session.toml, no focal length in EXIF): its focal length, "
-                f"{told.fx:.0f} px, good to {100 * told.focal_sigma:.0f} %, is what the balls' outlines and lights ask "
+                f"{told.fx:.0f} px, good to {share(told.focal_sigma, 1)} %, is what the balls' outlines and lights ask "
                 "for. focal_mm and sensor_mm under [camera], or shots of a board, would be surer."
             )
             return replace(found, camera=replace(told, source="balls"), warnings=(text, *found.warnings))

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from math import ceil, cos, radians, sin
 from typing import Any
 
+from draw.readable import Readable, readable
 from draw.svg import COLOURS, Axis, Drawing, Frame, axes, circle, line, svg, text
 
 CHANNELS = {"red": "#D55E00", "green": "#009E73", "blue": "#0072B2"}
@@ -33,7 +34,7 @@ def directions(lights: dict[str, Any]) -> Drawing:
     for number, row in enumerate(rows, 1):
         azimuth, radius = radians(row["azimuth_deg"]), RIM * row["zenith_deg"] / rim_deg
         u, v = middle + radius * cos(azimuth), middle - radius * sin(azimuth)
-        told = f"{row['name']}: {row['zenith_deg']:.1f}° from the camera's axis, azimuth {row['azimuth_deg']:.1f}°"
+        told = Readable().format("{name}: {zenith_deg:1°} from the camera's axis, azimuth {azimuth_deg:1°}", **row)
         parts.append(circle(u, v, 6, LIGHT, told, stroke="#333"))
         parts.append(text(u, v - 9, str(number), size=12) if len(rows) <= MOST_NUMBERED else "")
     return svg(SIZE, SIZE, parts, label="Directions of the lights as the camera sees them")
@@ -45,7 +46,7 @@ def intensities(lights: dict[str, Any]) -> Drawing:
     for number, row in enumerate(lights["frames"], 1):
         for channel, (name, colour) in enumerate(CHANNELS.items()):
             value, sigma = row["intensity"][channel], (row["intensity_sigma"] or 0.0) * row["intensity"][channel]
-            told = f"{row['name']}, {name}: {value:.3f} ± {sigma:.3f}"
+            told = f"{row['name']}, {name}: {readable(value, 3)} ± {readable(sigma, 3)}"
             marks.append((number + 0.18 * (channel - 1), value, sigma, colour, told))
     return _over_lights(marks, len(lights["frames"]), "Relative intensity of each light", "intensity (mean = 1)")
 
@@ -54,7 +55,7 @@ def sigmas(lights: dict[str, Any]) -> Drawing:
     """Return the standard deviation of each light's direction."""
     known = [(k, row) for k, row in enumerate(lights["frames"], 1) if row["direction_sigma_deg"] is not None]
     found = ((float(k), row["name"], row["direction_sigma_deg"]) for k, row in known)
-    marks = [(k, sigma, 0.0, COLOURS[0], f"{name}: {sigma:.3f}°") for k, name, sigma in found]
+    marks = [(k, sigma, 0.0, COLOURS[0], f"{name}: {readable(sigma, 3)}°") for k, name, sigma in found]
     label = "Standard deviation of each light's direction, degrees"
     return _over_lights(marks, len(lights["frames"]), label, "direction sigma (°)")
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from draw.readable import readable
 from draw.svg import COLOURS, Axis, Drawing, Frame, axes, legend, line, shape, svg, text
 
 PANEL = Frame(0, 0, 208, 150)
@@ -40,14 +41,15 @@ def error_histograms(compared: dict[str, Any], names: Sequence[str]) -> Drawing 
         left, upper = 52 + right * STEP[0], 30 + down * STEP[1]
         frame = Frame(left, upper, left + PANEL.right, upper + PANEL.bottom)
         x = Axis(0, edges[-1], frame.left, frame.right, False, [(end, f"{end:g}°") for end in (0, edges[-1])])
-        y = Axis(0, 1.05 * top, frame.bottom, frame.top, False, [(top, f"{top:.2g} %")] if not right else [])
+        y = Axis(0, 1.05 * top, frame.bottom, frame.top, False, [(top, f"{readable(top, 1)} %")] if not right else [])
         parts += [*axes(x, y, frame), text(left + PANEL.right / 2, upper - 8, name, fill="#000")]
         for row, (kind, share) in enumerate(kinds.items()):
             steps = zip(np.repeat(edges, 2)[1:-1], np.repeat(share[:-1], 2), strict=True)
             outline = [(x.at(a), y.at(b)) for a, b in ((0, 0), *steps, (edges[-1], 0))]
             paint = {"fill": COLOURS[4]} if kind == "real" else {}
             parts.append(line(outline, "none" if paint else "#000", **paint))
-            parts.append(text(frame.right - 4, upper + 16 * (row + 1), f"{kind} beyond: {share[-1]:.2g} %", "end", 11))
+            beyond = f"{kind} beyond: {readable(float(share[-1]), 1)} %"
+            parts.append(text(frame.right - 4, upper + 16 * (row + 1), beyond, "end", 11))
     columns, rows = min(len(shares), PANELS_ABREAST), -(-len(shares) // PANELS_ABREAST)
     label = "Histogram of the angular error of each method; filled: photographs, line: twin"
     return svg(52 + columns * STEP[0], 30 + rows * STEP[1], parts, label=label)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from draw.readable import readable
 from draw.svg import Axis, Drawing, Frame, axes, circle, line, shape, svg, text
 
 Array = NDArray[np.float64]
@@ -86,7 +87,7 @@ def speed_chart(
     # Hollow marks first: where real and twin coincide the real one is to be seen.
     for point in sorted(points, key=lambda p: p.kind == "real"):
         words = f"{point.method}, {kinds[point.kind == 'twin']}: "
-        words += f"{point.seconds:.3g} processor s per megapixel-image, median {point.median_deg:.2f}°"
+        words += f"{readable(point.seconds, 3)} processor s per megapixel-image, median {readable(point.median_deg)}°"
         parts.append(_mark(*at[point.method, point.kind], point.family, words, hollow=point.kind == "twin"))
     halo = {"class": "name", "stroke": "white", "stroke_width": "3", "paint_order": "stroke"}
     for name, (u, v) in zip(named, middles, strict=True):

@@ -16,6 +16,8 @@ MOST_LETTERS = 12
 ROOM = 0.12
 """Share of a logarithmic axis, and decades at least, that are left free at either end."""
 FEWEST_DECADES = 0.5
+HEADROOM = 0.04
+"""The same of a linear axis, at its upper end."""
 
 
 class Drawing(str):
@@ -121,6 +123,8 @@ class Axis:
             step = 10.0 ** np.floor(np.log10((high - low) / 2))
             step = next(step * m for m in (0.5, 1, 2, 5) if (high - low) / (step * m) <= 7)
             ticks = [float(f"{k * step:.6g}") for k in range(int(np.ceil(low / step)), int(high / step + 1e-9) + 1)]
+            # The last mark is not cut by the frame.
+            high += HEADROOM * (high - low)
         return cls(float(low), float(high), start, end, log, [(tick, f"{tick:g}{unit}") for tick in ticks])
 
     def at(self, value: float) -> float:

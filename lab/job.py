@@ -84,6 +84,12 @@ class Job:
         return TwinSettings(said.engine, said.error, bool(said.layers), bool(said.photograph), held_out)
 
     @property
+    def tolerances_deg(self) -> dict[str, float]:
+        """The error of normals that is allowed, by who said it; the first one holds."""
+        said = {"--tolerance": self.settings.tolerance_deg, "session.toml": self.session.tolerance_deg}
+        return {by: value for by, value in said.items() if value is not None}
+
+    @property
     def methods(self) -> tuple[str, ...]:
         """The solvers: those asked for; where none was named and the lights are unknown, those that need none.
 

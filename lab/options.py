@@ -51,9 +51,9 @@ def degrees_of(_: Any, tokens: Sequence[Any]) -> float:
     """Return an angle of the command line, as 3, 3deg or 3°; SceneError for what no error can be."""
     text = tokens[0].value
     with suppress(ValueError):
-        if 0 < (value := float(text.strip().removesuffix("deg").removesuffix("°"))) <= 180:
+        if 0 < (value := float(text.strip().removesuffix("deg").removesuffix("°"))) < 90:
             return value
-    raise SceneError(f"--tolerance {text}: expected degrees above 0, up to 180, such as 3deg.")
+    raise SceneError(f"--tolerance {text}: expected degrees above 0 and below 90, such as 3deg.")
 
 
 def one_of(option: str, known: Any) -> Callable[[Any, Sequence[Any]], str]:
@@ -214,7 +214,8 @@ class Settings(TwinSettings, SessionSolving):
         float | None,
         Parameter(
             name="--tolerance",
-            help="The error of normals that your purpose allows, such as 3deg: the verdict is pass or fail.",
+            help="The error of normals that your purpose allows, such as 3deg: the verdict is pass or fail. Default: "
+            "tolerance_deg under [object] of session.toml.",
             converter=degrees_of,
         ),
     ] = None

@@ -41,7 +41,7 @@ def _methods(job: Job) -> list[Any]:
 def _judged_by(job: Job) -> list[Any]:
     return [
         *_methods(job),
-        job.settings.tolerance_deg,
+        job.tolerances_deg,
         *([] if job.settings.truth is None else [job.settings.truth / "truth.json", job.settings.truth / "truth.npz"]),
     ]
 

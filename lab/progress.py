@@ -93,12 +93,12 @@ def is_quiet() -> bool:
 class _Teller(logging.Handler):
     """What is logged: all goes into the run's log; what is ours, Python's warnings, or wanted, is said too."""
 
-    wanted = False
+    wanted, of = False, ""
 
     def emit(self, record: logging.LogRecord) -> None:
         ours, warned = record.name.partition(".")[0] == "rgbn", record.levelno >= logging.WARNING
         level = f"{record.levelname.lower()}: " if warned else ""
-        text = f"{level}{'' if ours else f'{record.name}: '}{record.getMessage().rstrip()}"
+        text = f"{self.of if warned else ''}{level}{'' if ours else f'{record.name}: '}{record.getMessage().rstrip()}"
         if self.wanted or (warned and (ours or record.name == "py.warnings")):
             say(text, always=warned)
         else:
@@ -108,13 +108,16 @@ class _Teller(logging.Handler):
 _TELLER = _Teller()
 
 
-def log_to(*, verbose: bool) -> None:
-    """Take what is logged into the run's log; with `verbose`, say it too, and what is of interest beside warnings."""
+def log_to(*, verbose: bool, of: str = "") -> None:
+    """Take what is logged into the run's log; with `verbose`, say it too, and what is of interest beside warnings.
+
+    of: What stands before a warning, where several sessions are at work.
+    """
     root = logging.getLogger()
     if _TELLER not in root.handlers:
         root.addHandler(_TELLER)
     root.setLevel(logging.INFO if verbose else logging.WARNING)
-    _TELLER.wanted = verbose
+    _TELLER.wanted, _TELLER.of = verbose, of
     logging.captureWarnings(True)
 
 

@@ -43,10 +43,10 @@ def results(job: Job) -> Outcome:
             path = store.path(FOLDER, f"{kind}_{name}.tif")
             written += write_map(path, values, {"map": kind, "method": name, **told}, pixel_mm)
             whites[name] = told.get("white", whites.get(name))
-    warnings = [] if pixel_mm else ["results: nothing tells how large a pixel is on the object: the maps do not say."]
+    notes = [] if pixel_mm else ["nothing tells how large a pixel is on the object: the maps do not say"]
     mask = store.load_mask()
     known = [name for name in job.methods if np.isfinite(store.load_normals(name)[mask]).all(-1).any()]
-    warnings += [] if known else ["results: no method found a normal: there is no surface."]
+    warnings = [] if known else ["no method found a normal: there is no surface."]
     best = recommended(job)
     # What trust recommends comes before what found its depth itself.
     known = [best] if best in known else known
@@ -58,6 +58,7 @@ def results(job: Job) -> Outcome:
         "albedo_white": whites,
         "colour": told_colour,
         "surface": surface,
+        "notes": notes,
     }
     return Outcome(facts, [*warnings, *colours.warnings])
 

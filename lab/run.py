@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lab.options import AS_BEFORE, Settings, Solving
-from lab.session_place import is_output, note_session, origin_of, session_and_out
+from lab.session_place import MANIFEST, is_output, note_session, origin_of, session_and_out, session_of
 
 if TYPE_CHECKING:
     from lab.job import Job
@@ -106,11 +106,22 @@ def run_session(
         # The frames are in the store.
         shutil.rmtree(kept_folder(job.record.folder), ignore_errors=True)
         summary = write_summary(job, wanted)
-        if wanted == "compare":
+        # A report that is still right is filed with the checksum of summary.json.
+        if wanted == "compare" or job.record.is_intact(job.store.path("report.pdf")):
             from compare.report.report import write_report
 
             with job.record.part_of(REPORTED):
-                write_report(job.store, summary)
+                write_report(job.store, summary, _digests(job))
         if shown:
             shown(job, summary)
     return summary
+
+
+def _digests(job: "Job") -> dict[str, str | None]:
+    """Return the SHA-256 of what a report is filed with, by name."""
+    record, place = job.record, session_of(job.record.folder)
+    toml = place if place.is_file() else place / MANIFEST
+    given = {path.name: record.digest(path) for path in (job.session.scan, toml) if path and path.is_file()}
+    made = [job.store.path(name) for name in ("lights.json", "summary.json")]
+    made += sorted(job.store.path("normals").glob("*.npy"))
+    return given | {record.name_of(path): record.digest(path) for path in made}

@@ -253,7 +253,7 @@ def trust(job: Job) -> Outcome:
         "doubts": found.doubts,
         "methods": {name: row._asdict() for name, row in found.methods.items()},
     }
-    return Outcome(result, [f"trust: {text}" for text in found.doubts])
+    return Outcome(result, list(found.doubts))
 
 
 @alive("compare")
@@ -262,7 +262,13 @@ def compare(job: Job) -> Outcome:
     from compare.compare import compare as judge
     from compare.statistics.known_truth import known_truth
 
-    result = judge(job.store, methods=job.methods, tolerance_deg=job.settings.tolerance_deg)
+    said = list(job.tolerances_deg.values())
+    result = judge(job.store, methods=job.methods, tolerance_deg=next(iter(said), None))
+    if len(set(said)) > 1:
+        result["warnings"].append(
+            f"tolerance: {said[0]:g} degrees were said by --tolerance, which goes before the {said[1]:g} of "
+            f"object.tolerance_deg in session.toml. To judge by these give --tolerance {said[1]:g}deg."
+        )
     if job.settings.truth:
         mesh = job.load_scan() if job.session.scan else None
         result["truth_check"] = known_truth(job.store, job.settings.truth, methods=job.methods, mesh=mesh)

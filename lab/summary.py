@@ -37,7 +37,8 @@ def summary_of(job: Job, up_to: str) -> dict[str, Any]:
         "refine_lights": bool(job.settings.refine_lights),
         "trust": job.settings.trust,
         "truth": job.settings.truth,
-        "tolerance_deg": job.settings.tolerance_deg,
+        "tolerance_deg": next(iter(job.tolerances_deg.values()), None),
+        "tolerances_deg": job.tolerances_deg,
     }
     done = job.done
     result = {step: done.get(step, {}).get("result", {}) for step in STEPS}

@@ -1,20 +1,19 @@
 """Tables for a terminal, their columns and lines declared as forms.
 
-A form, "{residual_px:.2f} px", is filled in with a row's values; what has no value there, or None, is left out.
+A form, "{residual_px:2px}", is filled in with a row's values by `draw.readable`; what is not known is left out.
 """
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
+
+from draw.readable import Readable
 
 
 def filled(form: str, values: Mapping[str, Any]) -> str:
     """Return a form filled in; "–" where a value is not known."""
-    known = {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in values.items()}
     try:
-        return form.format(**known)
-    except (KeyError, TypeError):
-        # None has no digits.
+        return Readable().vformat(form, (), values)
+    except (LookupError, TypeError):
         return "–"
 
 

@@ -36,7 +36,7 @@ def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
 
     store = job.store
     scene, material, scene_warnings, found = twin_scene(job)
-    say(f"twin: {material['sentence']}")
+    say(f"twin: {material['sentence'].partition(': ')[0]}")
     say(f"twin: rendered to an error of {100 * scene.sampling.error:.2g} %")
     with progress_bar("twin") as progress:
         how = {"apart": job.twin.layers, "executor": job.executor, "progress": progress, "tell": say}

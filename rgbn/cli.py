@@ -101,7 +101,7 @@ def process(
     jobs: Annotated[int, Parameter(help="Of many sessions, so many at a time.", validator=Number(gte=1))] = 1,
 ) -> None:
     """Go the whole way: decode, lights, scan, normals, twin, report; of one session, or of all below a folder."""
-    from rgbn.many_sessions import process_all, sessions_below
+    from lab.many_sessions import process_all, sessions_below
 
     if not is_output(session) and (sessions := sessions_below(session)):
         process_all(session, sessions, place.out, said, jobs=jobs, scheduler=scheduler, as_json=place.json)

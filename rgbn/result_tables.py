@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 
+from draw.readable import readable
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
@@ -89,7 +90,7 @@ def error_table(compared: dict[str, Any]) -> Table[dict[str, Any]]:
     from draw.object_charts import error_histograms
 
     rows = statistics_rows(compared)
-    said = ", ".join(f"{row['method']} {row['median_deg']:.2f} ({row['frames']})" for row in rows)
+    said = ", ".join(f"{row['method']} {readable(row['median_deg'])} ({row['frames']})" for row in rows)
     methods = list(dict.fromkeys(row["method"] for row in rows))
     caption = f"median angular error, degrees: {said or 'none is known'}"
     return Table(rows, caption, draw=lambda: error_histograms(compared, methods))

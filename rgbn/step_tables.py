@@ -11,20 +11,28 @@ from typing import Any
 
 import numpy as np
 
-from compare.report.verdict import trust_sentence
+from compare.report.advice import advice
+from compare.report.facts import all_warnings
+from compare.report.page import plain
+from compare.report.verdict import trust_sentence, verdict
+from draw.readable import Readable, readable, share
 from lab.job import Job
 from lab.progress import is_quiet, say
 from lab.run_log import log
 from lab.terminal_tables import fact_table, number_table
 from scene.camera import Camera
 from scene.lights import Lights
+from scene.store import Store
 
 Values = Mapping[str, Any]
 LOG_COLUMNS = 110
+FEW_LIGHTS = 6
+"""Too few for a relightable picture."""
 OWN = {"solve": ("solve", "trust")}
 """Of a verb, the steps whose findings it shows, where these are more than its own."""
 SOUGHT = (
     "report.html",
+    "report.pdf",
     "results",
     "lights.json",
     "lights.csv",
@@ -40,54 +48,51 @@ NEXT = {
     "align": "rgbn solve {0}", "solve": "rgbn twin {0}", "twin": "rgbn compare {0}",
     "compare": "look at {0}/report.html; rgbn studio {0}",
 }  # fmt: skip
-TOLERANCE = {
-    "tolerance": "{word}: {share:.0%} of the object is within {deg:g} deg by {method}; {least_share:.0%} are asked for"
-}
 MOST, WORST = 24, 12
 """More lights are not all listed, but so many: those that are flagged, then the least certain."""
 LIGHTS = {
-    "frame\n": "{name}", "elevation\ndeg": "{elevation_deg:.1f}", "azimuth\ndeg": "{azimuth_deg:.1f}",
-    "distance\nmm": "{distance_mm:.0f}", "intensity\nmean 1": "{intensity:.3f}",
-    "sigma\ndeg": "{direction_sigma_deg:.2f}", "flags\n": "{flags}",
+    "frame\n": "{name}", "elevation\ndeg": "{elevation_deg:1}", "azimuth\ndeg": "{azimuth_deg:1}",
+    "distance\nmm": "{distance_mm:0}", "intensity\nmean 1": "{intensity:3}",
+    "sigma\ndeg": "{direction_sigma_deg:2}", "flags\n": "{flags}",
 }  # fmt: skip
 BALLS = {
-    "ball\n": "{kind}", "centre\npx": "({column_px:.1f}, {row_px:.1f})", "radius\npx": "{radius_px:.2f}",
-    "diameter\nmm": "{diameter_mm:.4g}", "distance\nmm": "{distance_mm:.0f}", "sigma\npx": "{sigma_px:.3f}",
+    "ball\n": "{kind}", "centre\npx": "({column_px:1}, {row_px:1})", "radius\npx": "{radius_px:2}",
+    "diameter\nmm": "{diameter_mm:g}", "distance\nmm": "{distance_mm:0}", "sigma\npx": "{sigma_px:3}",
 }  # fmt: skip
 METHODS = {
     "method": "{method}",
-    "seconds": "{seconds:.1f}",
-    "sigma of a normal, deg (median)": "{sigma_deg_median:.2f}",
+    "seconds": "{seconds:1}",
+    "sigma of a normal, deg (median)": "{sigma_deg_median:2}",
 }
 TRUST = {
-    "method": "{method}", "unexplained, of the albedo": "{unexplained:.1%}",
-    "from the one taken, deg (mean)": "{apart_deg:.1f}",
+    "method": "{method}", "unexplained, of the albedo": "{unexplained:1%}",
+    "from the one taken, deg (mean)": "{apart_deg:1}",
 }  # fmt: skip
 ERRORS = {
-    "method": "{method}", "frames": "{frames}", "mean": "{mean_deg:.2f}", "median": "{median_deg:.2f}",
-    "under 5": "{under_5_deg:.0%}", "under 10": "{under_10_deg:.0%}",
+    "method": "{method}", "frames": "{frames}", "mean": "{mean_deg:2}", "median": "{median_deg:2}",
+    "under 5": "{under_5_deg:0%}", "under 10": "{under_10_deg:0%}",
 }  # fmt: skip
-KNOWN_TRUTH = {"figure": "{text}", "value": "{value:.3g} {unit}"}
+KNOWN_TRUTH = {"figure": "{text}", "value": "{value:3} {unit}"}
 CHECK = {
     "frames": "{frames} of {width} x {height} px, {ambient_words}",
     "brightness": "{dark} to {bright} of white, mean over a frame",
     "clipped": "{clipped}",
     "camera": "{camera_words}",
-    "colour": "{colour_words}",
+    "colour": "{colour[words]}",
 }
 ALIGN = {
     "scan": "{scan}",
-    "residual": "{residual_px:.2f} px, of the outline",
-    "pose, sigma": "{sigma_mm:.2g} mm, {sigma_deg:.2g} deg",
+    "residual": "{residual_px:2} px, of the outline",
+    "pose, sigma": "{sigma_mm:2} mm, {sigma_deg:2} deg",
     "object": "{size}",
-    "distance": "{distance_mm:.0f} mm from the camera",
-    "true normals": "sigma {truth_sigma_deg_median:.2f} deg (median)",
+    "distance": "{distance_mm:0} mm from the camera",
+    "true normals": "sigma {truth_sigma_deg_median:2} deg (median)",
 }
 TWIN = {
     "material": "{model}",
-    "misfit": "{relative_rmse:.2%} of the photographs, rms",
-    "foretold": "{relative_rmse_lit:.2%} of frames not fitted to, where lit",
-    "rendering": "engine {engine}, {seconds:.0f} s, error {error:.2%}",
+    "misfit": "{relative_rmse:1%} of the photographs, rms",
+    "foretold": "{relative_rmse_lit:1%} of frames not fitted to, where lit",
+    "rendering": "engine {engine}, {seconds:0} s, error {error:1%}",
 }
 
 
@@ -97,15 +102,16 @@ def check_tables(job: Job, summary: Values) -> Iterator[Any]:
     rows = found["frames_table"]
     dark, bright = (one(rows, key=lambda row: row["brightness"]) for one in (min, max))
     clipped = max(rows, key=lambda row: row["saturated_share"])
-    chart = "by the ColorChecker, missed by Delta E 2000 of {median:.1f} (median), {worst:.1f} (worst)"
-    missed = found["colour"].get("delta_e_2000")
-    most = f"{percent(clipped['saturated_share'])} of the pixels in {clipped['name']}, fewer in the others"
+    most = f"{share(clipped['saturated_share'], 1)} % of the pixels in {clipped['name']}, fewer in the others"
+    # Beside the warning of it, as it was before the balls had their say.
+    camera, told = Store(job.store.path("frames")).load_camera(), job.store.load_camera()
+    by_balls = Readable().format("; by the balls and lights {fx:1px} ± {focal_sigma:1%}", **vars(told))
     words = {
         "ambient_words": "an ambient frame is subtracted" if found["ambient"] else "no ambient frame",
-        **{key: f"{percent(row['brightness'])} ({row['name']})" for key, row in (("dark", dark), ("bright", bright))},
+        "dark": Readable().format("{brightness:1%} ({name})", **dark),
+        "bright": Readable().format("{brightness:1%} ({name})", **bright),
         "clipped": most if clipped["saturated_share"] else "no pixel",
-        "camera_words": camera_text(job.store.load_camera()),
-        "colour_words": chart.format(**missed) if missed else "no ColorChecker is stated (frames.chart)",
+        "camera_words": camera_text(camera) + (by_balls if told.fx != camera.fx and not told.is_orthographic else ""),
     }
     yield fact_table(f"{summary['name']}: check", CHECK, found | words)
 
@@ -118,14 +124,9 @@ def camera_text(camera: Camera) -> str:
         math.degrees(2 * math.atan(size / (2 * focal)))
         for size, focal in ((camera.width, camera.fx), (camera.height, camera.fy))
     )
-    doubt = f" ± {100 * camera.focal_sigma:.2g} %" if camera.focal_sigma else ""
+    doubt = f" ± {share(camera.focal_sigma, 1)} %" if camera.focal_sigma else ""
     source = "taken as most cameras have it" if camera.source == "assumed" else f"from {camera.source}"
-    return f"focal length {camera.fx:.1f} px{doubt}, field of view {across:.1f} x {down:.1f} deg, {source}"
-
-
-def percent(share: float) -> str:
-    """Return a share in percent, to two digits and no fewer than its whole ones."""
-    return f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:.0f} %"
+    return f"focal length {readable(camera.fx, 1)} px{doubt}, field of view {across:.1f} x {down:.1f} deg, {source}"
 
 
 def calibrate_tables(job: Job, summary: Values) -> Iterator[Any]:
@@ -157,7 +158,8 @@ def light_table(title: str, lights: Lights, file: str) -> Any:
     if np.isfinite(sigmas).any():
         worst = lights.names[int(np.nanargmax(sigmas))]
         caption = (
-            f"sigma {np.nanmedian(sigmas):.2f} deg (median), {np.nanmax(sigmas):.2f} deg at worst ({worst}); {caption}"
+            f"sigma {readable(float(np.nanmedian(sigmas)))} deg (median), {readable(float(np.nanmax(sigmas)))} deg at "
+            f"worst ({worst}); {caption}"
         )
     return number_table(title, LIGHTS, shown, caption)
 
@@ -198,7 +200,8 @@ def trust_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield how well each method predicts photographs, and what to take."""
     if found := summary["trust"]:
         yield number_table("trust", TRUST, [{"method": name, **row} for name, row in found["methods"].items()])
-        yield fact_table("", {"take": trust_sentence(found)})
+        said = "by photographs alone" if (summary.get("compare") or {}).get("has_truth") else "take"
+        yield fact_table("", {said: trust_sentence(found)})
 
 
 def twin_tables(job: Job, summary: Values) -> Iterator[Any]:
@@ -213,14 +216,15 @@ def compare_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield the errors, and against a known truth what each step is off."""
     from compare.statistics.statistics import statistics_rows
 
-    if found := summary["compare"].get("tolerance"):
-        yield fact_table("compare", TOLERANCE, {**found, "word": "pass" if found["passes"] else "fail"})
     if rows := statistics_rows(summary["compare"]):
         yield number_table("compare: angular error, degrees", ERRORS, rows)
     else:
         yield fact_table("compare", {"no errors": "there is no ground truth: no scan, no given normals"})
     if check := summary.get("truth_check"):
         yield number_table("against the known truth", KNOWN_TRUTH, check.values())
+    statements = verdict(dict(summary))
+    said = {"verdict": f"{statements[0].word}: {statements[0].text}", "do": plain(advice(dict(summary), statements))}
+    yield fact_table("", said)
 
 
 TABLES: dict[str, Callable[[Job, Values], Iterator[Any]]] = {
@@ -259,9 +263,9 @@ def tell(job: Job, summary: dict[str, Any], *, verb: str, as_json: bool = False,
     if not is_quiet():
         print_tables(tables)
     before = {*_before(verb), *steps, *job.wanted(verb)}
-    for warning in summary["warnings"]:
-        if warning["step"] in before:
-            say(f"warning ({warning['step']}): {warning['text']}", always=True)
+    for step, text in all_warnings({"warnings": summary["warnings"]}):
+        if step in before:
+            say(f"warning ({step}): {text}", always=True)
 
 
 def print_tables(tables: list[Any], stream: StringIO | None = None, columns: int | None = None) -> None:
@@ -291,4 +295,7 @@ def _places(job: Job, verb: str) -> dict[str, str]:
     there = [name for name in SOUGHT if (folder / name).exists()]
     has_twin = verb != "solve" or (folder / "pose.json").exists()
     command = NEXT[verb if has_twin else "twin"].format(shlex.quote(str(near)))
-    return {"written": f"{near}: {', '.join([*there, 'summary.json'])}", "next": command}
+    said = {"written": f"{near}: {', '.join([*there, 'summary.json'])}", "next": command}
+    if verb == "compare" and len(lights := job.store.load_lights()) > FEW_LIGHTS and not lights.is_unknown:
+        said["relight"] = f"rgbn export {shlex.quote(str(near))} --format relight: a page for the web (OpenLIME)"
+    return said

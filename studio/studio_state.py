@@ -155,6 +155,7 @@ class StudioState:
     area: The one that is shown.
     tabs: The open tab of each page.
     folder: That is looked into to open something; None: the workspace.
+    many: A folder with sessions below it, and where their results lie.
     looks: The folders in which sessions are begun, with what is found there and was put right.
     session: Output folder and session that is looked at, or begun where the session is among the `looks`; None for the
         second: the one that the folder names.
@@ -166,6 +167,7 @@ class StudioState:
     area: Area = "Open"
     tabs: dict[str, str] = field(default_factory=dict)
     folder: Path | None = None
+    many: tuple[Path, Path] | None = None
     looks: dict[Path, Any] = field(default_factory=dict)
     session: tuple[Path, Path | None] | None = None
     edits: dict[Path | str, Edits] = field(default_factory=dict)

@@ -22,6 +22,7 @@ from calibrate.silhouette.ball_silhouette import TABLE_FROM_PX, OutlineFit, fit_
 from calibrate.silhouette.explained_profiles import law_of
 from calibrate.silhouette.mirrored_surroundings import TablePlane, shared_plane
 from calibrate.silhouette.mirrored_table import MirroredTable
+from draw.readable import share
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere
@@ -108,7 +109,7 @@ def _unexplained(coarse: Coarse, fit: OutlineFit) -> bool:
 
 def _rejected(coarse: Coarse, one: Judged, doubt: str) -> Rejected:
     sphere = coarse.sphere_to_full(one.suspect.sphere)
-    reason = f"a {sphere.kind} ball with a probability of {one.probability:.0%}{doubt and ': '}{doubt}"
+    reason = f"a {sphere.kind} ball with a probability of {share(one.probability)} %{doubt and ': '}{doubt}"
     return Rejected(sphere.kind, sphere.center_px, sphere.radius_px, sphere.score, one.probability, reason)
 
 

@@ -59,7 +59,8 @@ def camera_colours(session: CaptureSession, frames: Frames) -> tuple[dict[str, A
     path = session.chart
     if path is None:
         matrix = maker_matrix(session.flash[0]) if kind_of(session.flash[0]) == "raw" else None
-        return {"source": None if matrix is None else "camera", "camera_to_srgb": matrix}, ()
+        words = "no ColorChecker is stated (frames.chart)"
+        return {"source": None if matrix is None else "camera", "camera_to_srgb": matrix, "words": words}, ()
     flash = session.flash.index(path) if path in session.flash else None
     if flash is None:
         photograph = read_photograph(path, DevelopRecipe(session.encoding, session.half, path, is_first=True))
@@ -95,7 +96,8 @@ def camera_colours(session: CaptureSession, frames: Frames) -> tuple[dict[str, A
             f"photographs by less than {GOOD:g}. Is it lit by the flash alone, without glare, in focus, and not faded?"
         )
     known = {"source": "chart", "camera_to_srgb": best.camera_to_srgb, "patches": best.used, "flash": flash}
-    return {**known, "delta_e_2000": delta_e, "fall_off": best.fall_off}, (*warnings,)
+    words = f"a ColorChecker, missed by Delta E 2000 of {best.median:.1f} (median), {delta_e['worst']:.1f} (worst)"
+    return {**known, "delta_e_2000": delta_e, "fall_off": best.fall_off, "words": words}, (*warnings,)
 
 
 def maker_matrix(path: Path) -> NDArray[np.float64] | None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from capture.camera.exif import Exif
 from capture.session.session_types import Lens
+from draw.readable import share
 from scene.camera import Camera
 from scene.errors import SessionError
 
@@ -103,7 +104,7 @@ def camera_from_lens(
     by = "focal length from EXIF, " if source == "EXIF" else "focal length "
     return camera, (
         *doubts,
-        f"camera: {by}{focal.what}: {camera.fx:.1f} px, good to {100 * focal.sigma:.0f} %.{middle} Shots of a ChArUco "
+        f"camera: {by}{focal.what}: {camera.fx:.1f} px, good to {share(focal.sigma, 1)} %.{middle} Shots of a ChArUco "
         "board or a chessboard would measure all of it, and the distortion.",
     )
 

@@ -45,6 +45,7 @@ Sensor = Annotated[PositiveFloat, _between(1, 250, "millimetres, from a telephon
 Pitch = Annotated[PositiveFloat, _between(0.3, 50, "micrometres from pixel to pixel")]
 Crop = Annotated[PositiveFloat, _between(0.1, 30, "1 for 36 x 24 mm, 1.5 or 1.6 for APS-C")]
 Reflectance = Annotated[PositiveFloat, _between(0.2, 1, "a matte white ball gives back 0.7 to 0.99")]
+Angle = Annotated[float, Field(gt=0, lt=90)]
 Names = Annotated[
     list[Annotated[str, Field(min_length=1, max_length=4096)]], Field(max_length=1000), BeforeValidator(_as_list)
 ]
@@ -201,6 +202,12 @@ class SessionObjectTable(ManifestTable):
         "Ground-truth normals that are registered already: .mat, .txt, .npy, .png.", "Normal_gt.mat"
     )
     picks: str | None = _key("Points of the scan with their pixels, a start for the registration.", "picks.csv")
+    tolerance_deg: Angle | None = _key(
+        "The error of normals that your purpose allows, above 0 and below 90: the verdict is pass or fail. What was "
+        "said by --tolerance goes before it.",
+        3.0,
+        "deg",
+    )
 
 
 class Manifest(ManifestTable):

@@ -79,6 +79,7 @@ class Resolver:
             scan_ball_diameter_mm=known.scan_ball_diameter_mm,
             normals=self._file("object.normals", known.normals, NORMALS_SUFFIXES),
             picks=self._file("object.picks", known.picks),
+            tolerance_deg=known.tolerance_deg,
             photographed=len(flash),
         )
         return None if self.faults else session

@@ -93,6 +93,8 @@ class CaptureSession:
         Points of the scan whose pixels are known: a start for its registration.
     scan_ball_diameter_mm : float or None
         Of a calibration ball that was scanned beside the object.
+    tolerance_deg : float or None
+        The error of normals that is allowed.
     photographed : int
         How many files `frames.flash` matches, those of skipped frames included.
     """
@@ -121,5 +123,6 @@ class CaptureSession:
     scan_ball_diameter_mm: float | None = None
     normals: Path | None = None
     picks: Path | None = None
+    tolerance_deg: float | None = None
     layout: Literal["toml", "diligent"] = "toml"
     photographed: int = 0

@@ -1,6 +1,7 @@
 """What the output folder and its summary say of methods, speed, lights, balls and warnings; what there is to show."""
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -9,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report import pictures
-from compare.report.page import is_number
 from compare.report.pictures import Exposure, PixelBox
+from draw.readable import is_number
 from draw.speed_chart import SpeedPoint
 from scene.camera import Camera
 from scene.errors import SceneError
@@ -44,17 +45,25 @@ def tied_methods(compared: dict[str, Any]) -> list[str]:
 def by_error(compared: dict[str, Any]) -> list[str]:
     """Return the methods of a comparison, the best on the photographs first.
 
-    The `tied_methods` by their mean, which counts the tail, then the others by their median. Those without an error
-    follow in the order in which they are.
+    With a tolerance that which has most of the object within it. The `tied_methods` by their mean, which counts the
+    tail, then the others by their median. Those without an error follow in the order in which they are.
     """
     methods, tied = compared.get("methods") or {}, tied_methods(compared)
+    fittest = (compared.get("tolerance") or {}).get("method")
 
-    def error(name: str) -> tuple[bool, float]:
+    def error(name: str) -> tuple[bool, bool, float]:
         found = methods[name].get("real") or {}
         value = found.get("mean_deg" if name in tied else "median_deg")
-        return name not in tied, np.inf if value is None else value
+        return name != fittest, name not in tied, value if is_number(value) else np.inf
 
     return sorted(methods, key=error)
+
+
+def best_method(summary: Summary) -> str | None:
+    """Return the method that stands first: by the ground truth, or without one as the photographs recommend."""
+    compared, trust = summary.get("compare") or {}, summary.get("trust") or {}
+    recommended = None if compared.get("has_truth") else trust.get("recommended")
+    return recommended or next(iter(by_error(compared)), None)
 
 
 def read_optional(store: Store, name: str) -> Any:
@@ -89,8 +98,49 @@ def is_seen(pixel: Any) -> bool:
     return pixel is not None and bool(np.isfinite(np.array(pixel, np.float64)).all())
 
 
+NUMBER = re.compile(r"\d+(?:\.\d+)?")
+
+
+def by_runs(names: Sequence[str]) -> str:
+    """Return names in a row, three or more whose numbers follow each other by the first and the last."""
+    runs: list[list[str]] = []
+    for name in dict.fromkeys(names):
+        stem, number = re.fullmatch(r"(.*?)(\d*)", name, re.DOTALL).groups()  # type: ignore[union-attr]
+        before = f"{stem}{str(int(number) - 1).zfill(len(number))}" if number.strip("0") else None
+        if runs and runs[-1][-1] == before:
+            runs[-1].append(name)
+        else:
+            runs.append([name])
+    parts = ([f"{run[0]} to {run[-1]}"] if len(run) > 2 else run for run in runs)
+    return ", ".join(part for run in parts for part in run)
+
+
 def all_warnings(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """Return every warning in the summary as (step, text), each once, wherever it was put."""
+    """Return every warning in the summary as (step, text), wherever it was put.
+
+    Those that say the same of several frames, methods or places, but for their numbers, are one: NAMES: text, its
+    numbers from the least to the most.
+    """
+    causes: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for step, text in _each_warning(summary):
+        name, colon, said = text.partition(": ")
+        name, said = (name, said) if colon and len(name) < len(said) else ("", text)
+        causes.setdefault((step, NUMBER.sub("#", said)), []).append((name, said))
+    found = []
+    for (step, _), alike in causes.items():
+        name, said = alike[0]
+        if len(alike) == 1:
+            found.append((step, f"{name}: {said}" if name else said))
+            continue
+        names = by_runs([part for name, _ in alike for part in name.split(", ") if part])
+        columns = zip(*(NUMBER.findall(said) for _, said in alike), strict=True)
+        spans = (dict.fromkeys([min(column, key=float), max(column, key=float)]) for column in columns)
+        ends = iter([" to ".join(span) for span in spans])
+        found.append((step, f"{names}{': ' if names else ''}{NUMBER.sub(lambda _, ends=ends: next(ends), said)}"))
+    return found
+
+
+def _each_warning(summary: dict[str, Any]) -> list[tuple[str, str]]:
     found: dict[tuple[str, str], None] = {}
 
     def add(step: str, texts: Any) -> None:

@@ -14,10 +14,11 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from compare.report import page, pictures
+from compare.report import pictures
 from compare.report.facts import Material, Summary, read_optional
 from compare.report.pictures import Exposure, PixelBox
 from compare.report.registration_pictures import raking_frame
+from draw.readable import is_number
 from formats.picture_files import linear_from_srgb
 from scene.errors import SceneError
 from scene.frames import Frames
@@ -117,7 +118,7 @@ class ViewerLayers:
         grid, scales = Grid(box, _step(material, box, sum(map(len, there.values())))), {}
         layers = [one for side, frames in there.items() for one in _photographs(material, frames, side, grid, scales)]
         end = (summary.get("compare") or {}).get("error_scale_deg")
-        layers += _maps(material, grid, end if page.is_number(end) else None, shape.shape, scales)
+        layers += _maps(material, grid, end if is_number(end) else None, shape.shape, scales)
         return cls(grid, layers, scales)
 
 

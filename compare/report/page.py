@@ -2,18 +2,17 @@
 
 import functools
 import json
-import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from html import unescape
 from pathlib import Path
-from string import Formatter
-from typing import Any, TypeGuard
+from typing import Any
 
 from markupsafe import Markup, escape
 
 from compare.report.pictures import error_scale_colours
+from draw.readable import GAP, Readable, is_number, share
 from scene.map_pictures import Image, data_uri
 
 HERE = Path(__file__).parent
@@ -37,8 +36,8 @@ def say(part: str, name: str, /, **values: Any) -> Markup:
     return Markup(Sentence().vformat(words(part)[name], (), values))
 
 
-class Sentence(Formatter):
-    """Fills in texts escaped (`Markup` as it is), {x:2px} by `number`, {x:1%} by `percent`; missing is unknown."""
+class Sentence(Readable):
+    """Fills in texts escaped (`Markup` as it is) and numbers as HTML; what is missing is unknown."""
 
     def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
         try:
@@ -46,51 +45,33 @@ class Sentence(Formatter):
         except (LookupError, TypeError):
             return None, field_name
 
-    def format_field(self, value: Any, format_spec: str) -> str:
-        decimals, unit = format_spec[:1], format_spec[1:]
-        if isinstance(value, str | list):
-            return escape(value if isinstance(value, str) else "; ".join(map(str, value)))
-        return percent(value, int(decimals)) if unit == "%" else number(value, int(decimals or 0), unit)
+    def words(self, text: str) -> str:
+        return escape(text)
+
+    def missing(self) -> str:
+        return UNKNOWN
+
+    def number(self, value: float, shown: str, unit: str) -> str:
+        """Return a number; its full value stays in data-value, where the tests look it up in the summary."""
+        gap = "" if unit in {"", "°"} else GAP
+        return f'<span class="n" data-value="{value!r}">{shown.replace("-", chr(0x2212))}{gap}{escape(unit)}</span>'
 
 
 def number(value: Any, decimals: int = 2, unit: str = "") -> str:
-    """Return a number as HTML; its full value stays in data-value, where the tests look it up in the summary."""
-    if not is_number(value):
-        return UNKNOWN
-    if isinstance(value, int):
-        shown = f"{value:,}".replace(",", "\u202f")
-    else:
-        shown = f"{value:.{decimals}f}"
-        # 0.003 must not be shown as 0.00, nor -0.00.
-        if value and float(shown) == 0:
-            shown = f"{value:.1g}" if abs(value) >= 1e-6 else f"{value:.0e}"
-    return _tagged(value, shown, unit)
+    """Return a number as HTML."""
+    return Sentence().format_field(value, f"{decimals}{unit}")
 
 
-def round_number(value: float, unit: str = "") -> str:
+def round_number(value: Any, unit: str = "") -> str:
     """Return a number that people chose, a bar, as HTML with as few digits as it has: 1, not 1.000."""
-    return _tagged(value, f"{value:g}", unit)
+    return Sentence().format_field(value, f"g{unit}")
 
 
-def percent(share: Any, decimals: int = 0) -> str:
-    """Return a share (0 to 1) as HTML, in percent."""
-    if not is_number(share):
-        return UNKNOWN
-    shown = f"{100 * share:.{decimals}f}"
-    if 0 < share < 1 and float(shown) in (0, 100):
-        # All but a few pixels is not all of them.
-        shown = "over 99.9" if share > 0.9995 else "under 0.1" if share < 0.0005 else f"{100 * share:.1f}"
-    return _tagged(share, shown, "%")
-
-
-def is_number(value: Any) -> TypeGuard[float]:
-    """Tell whether the value can be shown as a number: not None, not NaN, not infinite."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _tagged(value: float, shown: str, unit: str) -> str:
-    gap = "" if unit in {"", "°"} else "\u202f"
-    return f'<span class="n" data-value="{value!r}">{shown.replace("-", chr(0x2212))}{gap}{escape(unit)}</span>'
+def percent(part: Any, decimals: int = 0, *, rest: bool = False) -> Markup:
+    """Return a share (0 to 1), or what is left of the whole, as HTML, in percent."""
+    if rest and is_number(part):
+        return Markup(f"{share(1 - part, decimals)}{GAP}%")
+    return Markup(Sentence().format_field(part, f"{decimals}%"))
 
 
 def as_text(value: Any) -> str:
@@ -112,6 +93,12 @@ def plain(html: str) -> str:
     return unescape(re.sub(r"<[^>]+>", "", html))
 
 
+def first_sentence(text: str) -> str:
+    """Return a text's first sentence, whole."""
+    found = re.match(r".*?[.?!](?=\s+[A-Z]|$)", text, re.DOTALL)
+    return found[0] if found else text
+
+
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = "", kind: str = "") -> str:
     """Return a table of cells that are HTML already; the first column is each row's heading."""
     name = plain(caption) or "table"
@@ -119,18 +106,22 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = 
     return pieces().table([*map(Markup, head)], lines, Markup(caption), kind, name)
 
 
-def table_of(
-    name: str, rows: Iterable[Mapping[str, Any]] | Mapping[str, Any], *, caption: str = "", kind: str = "numbers"
-) -> str:
-    """Return a table whose columns, (heading, sentence to be filled in), stand in report_words.toml.
+Rows = Iterable[Mapping[str, Any]] | Mapping[str, Any]
+"""Of a table: by name, or with the name in them; each has its number, from 1, too."""
 
-    rows: By name, or with the name in them; each has its number, from 1, too.
-    """
+
+def table_of(name: str, rows: Rows, *, caption: str = "", kind: str = "numbers") -> str:
+    """Return a table as `cells_of` has it."""
+    head, lines = cells_of(name, rows)
+    return table(head, lines, caption=caption, kind=kind)
+
+
+def cells_of(name: str, rows: Rows) -> tuple[list[str], list[list[str]]]:
+    """Return a table's headings and cells: its columns, (heading, sentence to fill in), stand in report_words.toml."""
     columns, sentence = words("tables")[name], Sentence()
     named = [{"name": key, **row} for key, row in rows.items()] if isinstance(rows, Mapping) else rows
     counted = ({"number": str(number), **row} for number, row in enumerate(named, 1))
-    lines = [[sentence.vformat(cell, (), row) for _, cell in columns] for row in counted]
-    return table([head for head, _ in columns], lines, caption=caption, kind=kind)
+    return [head for head, _ in columns], [[sentence.vformat(cell, (), row) for _, cell in columns] for row in counted]
 
 
 def folded(title: str, body: str) -> str:
@@ -197,7 +188,7 @@ def _environment() -> Any:
 
     html = (badge, colour_scale, folded, number, percent, picture, round_number, say, table, table_of)
     made.globals |= {function.__name__: marked(function) for function in html}
-    made.globals |= {"as_text": as_text, "is_number": is_number, "words": words}
+    made.globals |= {"as_text": as_text, "first_sentence": first_sentence, "is_number": is_number, "words": words}
     return made
 
 

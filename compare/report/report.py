@@ -1,21 +1,25 @@
 """One self-contained page: what the cameras saw, what was computed of it, and how far it can be trusted."""
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
 from compare.report import page
-from compare.report.facts import Material, Summary, all_warnings, by_error, family, speed_points
+from compare.report.advice import advice, limits
+from compare.report.facts import Material, Summary, all_warnings, best_method, by_error, family, speed_points
 from compare.report.layers import ViewerLayers, viewer_facts
+from compare.report.paper import write_paper
 from compare.report.pictures import legend_ball
 from compare.report.registration_pictures import ball_figures, placed
-from compare.report.verdict import limits, ranking, trust_sentence, verdict
+from compare.report.verdict import ranking, trust_sentence, verdict
 from compare.statistics.statistics import statistics_rows
 from draw import light_charts
 from draw.line_chart import line_chart
 from draw.object_charts import error_histograms
+from draw.readable import is_number
 from draw.speed_chart import speed_chart
 from draw.svg import Drawing
 from scene.files import write_text
@@ -39,7 +43,7 @@ ELSEWHERE = ("warnings", "material", "held_out")
 """Parts of the summary that other sections tell."""
 
 
-def write_report(store: Store, summary: dict[str, Any]) -> Path:
+def write_report(store: Store, summary: dict[str, Any], digests: Mapping[str, str | None] | None = None) -> Path:
     """Write report.html: charts, pictures and text in one file that fetches nothing.
 
     Parameters
@@ -50,6 +54,8 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
         What goes to summary.json: name, created, versions, arguments, seconds, warnings, capture, camera, calibrate,
         align, solve, twin, compare (of `compare.compare.compare`), truth_check. Any of them may be missing:
         the page then says what is absent and why.
+    digests : mapping of str to str or None, optional
+        SHA-256 of the session's files by name, None of one that is not there: with them report.pdf is written, too.
 
     Returns
     -------
@@ -59,13 +65,15 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     material = Material.load(store, summary)
     layers = ViewerLayers.of(material, summary)
     compared = summary.get("compare") or {}
-    # The methods are ranked by the truth; without one the photographs may have recommended a method.
-    recommended = None if compared.get("has_truth") else (summary.get("trust") or {}).get("recommended")
-    best = recommended or next(iter(material.methods), None)
+    best = best_method(summary) or next(iter(material.methods), None)
     statements, warnings = verdict(summary), all_warnings(summary)
     facts = {name: summary.get(name) or {} for name in PARTS} | _rows(summary, material)
-    facts |= {"statements": statements, "warnings": warnings, "limits": limits(summary, statements[1:], warnings)}
-    facts |= {"topics": {one.topic: one.level for one in statements}, "ranking": ranking(summary)}
+    facts |= {"statements": statements, "warnings": warnings, "limits": limits(summary, statements)}
+    facts |= {"advice": advice(summary, statements), "ranking": ranking(summary)}
+    of_errors = "ranking by tolerance" if compared.get("tolerance") else "ranking"
+    has_errors = any(row.get("real") for row in facts["ranking"])
+    facts |= {"ranking_table": of_errors if has_errors else "without truth"}
+    facts |= {"topics": {one.topic: one for one in statements}}
     facts |= viewer_facts(material, layers, best) | ball_figures(material) | DRAWN
     facts |= {"material": material, "layers": layers, "placed": placed(material), "best": best}
     facts |= {"terms": _terms(by_error(compared))}
@@ -78,6 +86,8 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     subtitle = str(module.subtitle()).strip()
     html = page.whole_page(name, "Photometric stereo report", subtitle, chapters, script=script)
     write_text(store.path("report.html"), html)
+    if digests is not None:
+        write_paper(store, name, subtitle, facts, digests)
     return store.path("report.html")
 
 
@@ -110,7 +120,7 @@ def _rows(summary: Summary, material: Material) -> Summary:
         "registration_rows": [
             {"what": what, "found": Markup(page.Sentence().format(text, align[key]))}
             for what, key, text in page.words("tables")["registered"]
-            if page.is_number(align.get(key))
+            if is_number(align.get(key))
         ],
         "spent_rows": {
             step: {"processor": spent.get(step), "wall": wall} for step, wall in (summary.get("seconds") or {}).items()
@@ -132,7 +142,7 @@ def _square(pairs: list[Summary], names: list[str]) -> Summary:
 
 
 def _misfit_chart(shares: list[Any]) -> Drawing:
-    values = [100 * value if page.is_number(value) else float("nan") for value in shares]
+    values = [100 * value if is_number(value) else float("nan") for value in shares]
     lights = [float(k + 1) for k in range(len(values))]
     return line_chart({"a frame": (lights, values)}, x_title="light", y_title="not explained, % (rms)")
 
@@ -149,6 +159,6 @@ def _terms(names: list[str]) -> list[tuple[str, str]]:
 
 DRAWN = {
     "charts": light_charts, "error_histograms": error_histograms, "speed_chart": speed_chart,
-    "misfit_chart": _misfit_chart, "legend_ball": legend_ball, "levels": page.LEVELS, "trust_sentence": trust_sentence,
+    "misfit_chart": _misfit_chart, "legend_ball": legend_ball, "trust_sentence": trust_sentence,
 }  # fmt: skip
 """What the templates call."""

@@ -1,4 +1,4 @@
-// Folded steps: a link opens what it leads to; printing opens all.
+// Folded steps: a link opens what it leads to; printing opens the verdict's reasons and the warnings.
 const openTo = (hash) => {
   const target = hash.length > 1 && document.getElementById(decodeURIComponent(hash.slice(1)));
   if (!target) return;
@@ -13,7 +13,7 @@ addEventListener("click", (event) => {
 openTo(location.hash);
 let folded = [];
 addEventListener("beforeprint", () => {
-  folded = [...document.querySelectorAll("details:not([open])")];
+  folded = [...document.querySelectorAll(":is(#why, #warnings) details:not([open])")];
   for (const fold of folded) fold.open = true;
 });
 addEventListener("afterprint", () => folded.forEach((fold) => { fold.open = false; }));

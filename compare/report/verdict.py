@@ -1,14 +1,15 @@
 """What was found and how far it can be trusted, in sentences made from the summary's numbers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
 
 from markupsafe import Markup
 
-from compare.report.facts import Summary, all_warnings, by_error, family, tied_methods
-from compare.report.page import badge, is_number, plain, say, words
+from compare.report.facts import Summary, all_warnings, by_error, by_runs, family, tied_methods
+from compare.report.page import LEVELS, badge, percent, plain, say, words
 from compare.statistics.counterparts import likeness
+from draw.readable import Readable, is_number, readable, share
 
 DIRECTION_SIGMA_BARS_DEG = (1.0, 3.0)
 TRUTH_SIGMA_BARS_DEG = (1.0, 3.0)
@@ -29,12 +30,31 @@ class Statement:
     topic: str
     level: str
     html: Markup
-    word: str = ""
-    """On the badge, in place of the level's own."""
+    reasons: tuple[str, ...] = ()
+    """Why it is not called good though its number is."""
+    judged: str = ""
+    """By a tolerance: pass or fail."""
+    about: str = ""
+    """The method that a twin's likeness is of."""
 
     @property
     def text(self) -> str:
         return plain(self.html)
+
+    @property
+    def word(self) -> str:
+        """On its badge."""
+        return self.judged or words("badges").get(self.topic, LEVELS)[self.level]
+
+    @property
+    def bar(self) -> str:
+        """What is called good; nothing where nothing is judged."""
+        return "" if self.level == "unknown" or self.judged else words("bars").get(self.topic, "")
+
+
+def _statement(topic: str, level: str, html: Markup, reasons: list[str]) -> Statement:
+    """Return a statement; with a reason none is called good."""
+    return Statement(topic, _lowered(level) if reasons else level, html, tuple(reasons))
 
 
 def verdict(summary: Summary) -> list[Statement]:
@@ -42,18 +62,20 @@ def verdict(summary: Summary) -> list[Statement]:
 
     Any part of the summary may be missing, and what is missing is said to be unknown. Bars: normals are called good up
     to 5 degrees median error, not to be relied on beyond 10; light directions 1 and 3 degrees (one sigma);
-    registration 1 and 3 pixels; the error patterns of real frames and twin are called alike from a Pearson correlation
-    of 0.6, unlike below 0.3. No result is called good beside a warning of the step that made it.
+    registration 1 and 3 pixels and degrees; the error patterns of real frames and twin are called alike from a Pearson
+    correlation of 0.6, unlike below 0.3. No result is called good beside a warning of the step that made it, and no
+    normals that a poor ground truth measured.
     """
     compared = summary.get("compare") or {}
     methods = {name: compared["methods"][name] for name in by_error(compared)}
     judged = [name for name, row in methods.items() if row.get("real")]
     least = min((methods[name]["real"]["median_deg"] for name in judged), default=None)
     camera, capture = summary.get("camera") or {}, summary.get("capture") or {}
+    truth = _truth(summary, compared, least)
     statements = [
         _tolerance(summary, compared),
-        _normals(summary, compared),
-        _truth(summary, compared, least),
+        _normals(summary, compared, truth),
+        truth,
         _tilt(judged[0], methods[judged[0]]) if judged else None,
         _twin(summary.get("twin") or {}, methods),
         _lights(summary, compared),
@@ -61,7 +83,7 @@ def verdict(summary: Summary) -> list[Statement]:
     if camera.get("projection") == "orthographic":
         statements.append(Statement("Camera", "care", say("capture", "orthographic")))
     elif camera.get("source") in {"EXIF", "assumed"}:
-        statements.append(Statement("Camera", "care", say("capture", "focal length", source=camera["source"])))
+        statements.append(Statement("Camera", "care", say("capture", "focal length", **camera)))
     if capture.get("ambient") is False:
         statements.append(Statement("Ambient light", "care", say("capture", "no ambient")))
     return [statement for statement in statements if statement is not None]
@@ -72,43 +94,42 @@ def _tolerance(summary: Summary, compared: Summary) -> Statement | None:
     wanted = (summary.get("arguments") or {}).get("tolerance_deg")
     found = compared.get("tolerance")
     if not found:
-        html = say("tolerance", "without truth", wanted=wanted)
+        html = say("tolerance", "without truth", wanted=wanted) + _predicted(summary)
         return Statement("Tolerance", "unknown", html) if is_number(wanted) else None
     level, word = ("good", "pass") if found["passes"] else ("bad", "fail")
-    return Statement("Tolerance", level, say("tolerance", word, **found), word)
+    return Statement("Tolerance", level, say("tolerance", word, **found), judged=word)
 
 
-def _normals(summary: Summary, compared: Summary) -> Statement:
-    best = next((row for row in ranking(summary) if is_number(row.get("median_deg"))), None)
-    if best is not None:
-        tied = tied_methods(compared)
-        others = [name for name in tied if name != best["name"]] if best["name"] in tied else []
-        text = say("normals", "level" if others else "best", **{**best, "others": ", ".join(others)})
-        if _is_few(best):
-            text += say("normals", "few", **best)
-        level = best["level"]
-        if tolerance := compared.get("tolerance"):
-            # The user's bar, not the habits of the trade: no page says "pass" and "do not rely on it".
-            level = "bad" if not tolerance["passes"] else "care" if _is_doubtful(best) else "good"
-        return Statement("Normals", level, text + (say("normals", "doubts", **best) if best["doubts"] else ""))
+def _normals(summary: Summary, compared: Summary, truth: Statement | None) -> Statement:
+    rows = [row for row in ranking(summary) if is_number(row.get("median_deg"))]
+    if rows:
+        best, tied = rows[0], tied_methods(compared)
+        level = {row["name"]: row["badge"] for row in rows}
+        # The user's bar tells apart what the uncertainty does not.
+        alike = [] if best["judged"] or best["name"] not in tied else tied
+        others = [name for name in alike if name != best["name"] and level.get(name) == best["badge"]]
+        beyond = {f"beyond_{bar}": percent(best.get(f"under_{bar}_deg"), rest=True) for bar in (5, 10)}
+        text = say("normals", "level" if others else "best", name=best["name"], others=", ".join(others))
+        text += say("normals", "error", **best, **beyond)
+        text += say("normals", "few", **best) if best["reasons"][:1] == [words("reasons")["few"]] else ""
+        text += say("normals", "doubts", **best) if best["doubts"] else ""
+        if best["judged"]:
+            return Statement("Normals", best["level"], text, judged=best["judged"])
+        poor = [words("reasons")["truth"]] if truth is not None and truth.level == "bad" else []
+        return _statement("Normals", best["level"], text, best["reasons"] + poor)
     found = "unjudged" if compared.get("has_truth") else "without truth"
     text = say("normals", found if compared.get("methods") else "none")
     if compared.get("methods") and not compared.get("has_truth") and (pairs := compared.get("between_methods")):
         text += say("normals", "apart", **max(pairs, key=lambda row: row["median_deg"]))
-    if trust := summary.get("trust"):
-        # What explains the photographs best need not be good: no result is called so by that alone.
-        text += say("normals", "predicted") + trust_sentence(trust)
-    return Statement("Normals", "unknown", text)
+    return Statement("Normals", "unknown", text + _predicted(summary))
 
 
-def _is_few(row: Summary) -> bool:
-    """Tell whether a method answers too little of the object."""
-    return is_number(row.get("coverage")) and row["coverage"] < COVERAGE_BAR
-
-
-def _is_doubtful(row: Summary) -> bool:
-    """Tell whether a method doubts itself, or answers too little: it is not called good."""
-    return bool(row["doubts"]) or _is_few(row)
+def _predicted(summary: Summary) -> Markup:
+    """Return what the photographs recommend; what explains them best need not be good: by that alone nothing is."""
+    trust = summary.get("trust")
+    if not trust:
+        return Markup()
+    return say("normals", "predicted", **trust) + (say("normals", "disbelieved") if trust["doubts"] else "")
 
 
 def _truth(summary: Summary, compared: Summary, least_deg: float | None) -> Statement | None:
@@ -121,11 +142,16 @@ def _truth(summary: Summary, compared: Summary, least_deg: float | None) -> Stat
     if not told:
         return Statement("Ground truth", "unknown", say("truth", "unknown"))
     text = Markup(f"{told[0].upper()}{told[1:]}.")
-    level = level_of(residual, RESIDUAL_BARS_PX) if is_number(residual) else level_of(sigma, TRUTH_SIGMA_BARS_DEG)
-    if least_deg is not None and is_number(sigma) and sigma > 0.5 * least_deg:
-        level = _lowered(level)
+    levels = {level_of(residual, RESIDUAL_BARS_PX), level_of(sigma, TRUTH_SIGMA_BARS_DEG)}
+    level = next(name for name in ("bad", "care", "good", "unknown") if name in levels)
+    if is_its_own(sigma, least_deg):
         text += say("truth", "its own")
-    return Statement("Ground truth", *_warned(summary, {"align": "registration"}, level, text))
+    return _statement("Ground truth", level, text, _warned(summary, "align"))
+
+
+def is_its_own(sigma_deg: Any, least_deg: float | None) -> bool:
+    """Tell whether the truth is so uncertain that the smallest median error may largely be its own."""
+    return least_deg is not None and is_number(sigma_deg) and sigma_deg > 0.5 * least_deg
 
 
 def _tilt(name: str, row: Summary) -> Statement | None:
@@ -146,21 +172,21 @@ def _twin(twin: Summary, methods: Summary) -> Statement | None:
     name = both[0]
     row = methods[name]
     real, twins = row["real"]["median_deg"], row["twin"]["median_deg"]
-    level = LIKENESS[likeness(row["pearson"])]
+    level, reasons = LIKENESS[likeness(row["pearson"])], []
     # What a twin does not have of the photographs it is of.
     left = (twin.get("material") or {}).get("relative_rmse")
-    unfitted = f"the {100 * left:.1f} % that its material leaves unexplained" if is_number(left) else "material"
+    unfitted = f"the {share(left, 1)} % that its material leaves unexplained" if is_number(left) else "material"
     noise = [] if twin.get("sensor") else ["noise"]
     lacking = ", ".join([*noise, unfitted, "errors of calibration and registration"])
     text = say("twin", "patterns", name=name, resemblance=say("resemblance", level), **row)
     if level != "good":
         text += say("twin", "of their own", lacking=lacking)
     elif real > 2 * twins and real - twins > 1:
-        level = "care"
+        reasons.append(words("reasons")["less"])
         text += say("twin", "less", lacking=lacking, **row)
     else:
         text += say("twin", "alike")
-    return Statement("Twin", level, text)
+    return replace(_statement("Twin", level, text, reasons), about=name)
 
 
 def _lights(summary: Summary, compared: Summary) -> Statement:
@@ -177,35 +203,33 @@ def _lights(summary: Summary, compared: Summary) -> Statement:
     model, count = str(calibrate.get("model") or lights.get("model") or "unknown"), lights.get("count")
     known = "unknown" if not is_number(sigma) else "directions and intensities" if is_number(relative) else "directions"
     if model == "unknown" and is_number(count):
-        return Statement("Lights", "bad", say("lights", "no probe", count=count))
+        return _statement("Lights", "bad", say("lights", "no probe", count=count), [words("reasons")["no probe"]])
     parts = [say("lights", "count", count=count, model=model)] if is_number(count) else []
     parts.append(say("lights", known, sigma=sigma, relative=relative))
+    parts += [say("lights", "alone", **apart)] if (apart := calibrate.get("cross_validation")) else []
     parts += [say("lights", "by the scan")] if probe else []
-    level = level_of(sigma, DIRECTION_SIGMA_BARS_DEG)
+    reasons = []
     if flagged := [row["name"] for row in lights.get("frames") or [] if row.get("flags")]:
-        level = _lowered(level)
-        parts.append(say("lights", "suspicious", names=", ".join(flagged[:8]) + (" …" if len(flagged) > 8 else "")))
+        parts.append(say("lights", "suspicious", names=by_runs(flagged)))
+        reasons.append(plain(say("reasons", "flagged", count=len(flagged))))
     if witness := (summary.get("align") or {}).get("lights"):
         off, usual = witness["off"], median(witness["turn_deg"])
-        parts.append(say("lights", "contradicted" if off else "agreed", names=", ".join(off), usual=usual))
-        level = _lowered(level) if off else level
+        parts.append(say("lights", "contradicted" if off else "agreed", names=by_runs(off), usual=usual))
+        reasons += [plain(say("reasons", "contradicted", count=len(off)))] if off else []
     # Sigmas tell how far noise moves a direction; a frame that moved, or a lone ball, moves it further unseen.
-    text = Markup(" ").join(parts)
-    return Statement("Lights", *_warned(summary, {"check": "check", "calibrate": "calibration"}, level, text))
+    reasons += _warned(summary, "check", "calibrate")
+    return _statement("Lights", level_of(sigma, DIRECTION_SIGMA_BARS_DEG), Markup(" ").join(parts), reasons)
 
 
 def _lowered(level: str) -> str:
     return "care" if level == "good" else level
 
 
-def _warned(summary: Summary, steps: dict[str, str], level: str, text: Markup) -> tuple[str, Markup]:
-    """Return level and text, lowered and longer where one of the steps warned; `steps` gives each its word."""
+def _warned(summary: Summary, *steps: str) -> list[str]:
+    """Return which of the steps warned, in words."""
     # What `check` says of the camera is a topic of its own.
     warned = {step for step, text in all_warnings(summary) if not (step == "check" and text.startswith("camera:"))}
-    for step in [step for step in steps if step in warned]:
-        level = _lowered(level)
-        text += say("warnings", "step", step=steps[step])
-    return level, text
+    return [words("reasons")[step] for step in steps if step in warned]
 
 
 def level_of(value: Any, bars: tuple[float, float]) -> str:
@@ -220,9 +244,11 @@ def ranking(summary: Summary) -> list[Summary]:
 
     A row has the method's part of the comparison and its errors on the photographs; name, family, doubts: why it says
     that it should not be believed; own_sigma: the median of its normals' sigma; level, a key of `page.LEVELS`: a method
-    that leaves more than a tenth of the object unknown, or that doubts itself, is not called good.
+    that leaves more than a tenth of the object unknown, or that doubts itself, is not called good (`reasons`); judged:
+    with a tolerance pass or fail.
     """
     compared, rows = summary.get("compare") or {}, []
+    tolerance, reasons = compared.get("tolerance") or {}, words("reasons")
     solved = (summary.get("solve") or {}).get("methods") or {}
     for name in by_error(compared):
         row = compared["methods"][name]
@@ -232,9 +258,15 @@ def ranking(summary: Summary) -> list[Summary]:
         doubts = (str(text).removeprefix(f"{name}: ") for text in found.get("warnings") or ())
         # Without the quotes that stand for code on a terminal.
         row |= {"doubts": " ".join(doubts).replace("`", ""), "own_sigma": found.get("sigma_deg_median")}
-        row["level"] = level_of(row.get("median_deg"), MEDIAN_BARS_DEG)
-        row["level"] = _lowered(row["level"]) if _is_doubtful(row) else row["level"]
-        rows.append({**row, "badge": badge(row["level"])})
+        row["level"], row["judged"] = level_of(row.get("median_deg"), MEDIAN_BARS_DEG), ""
+        few = is_number(row.get("coverage")) and row["coverage"] < COVERAGE_BAR
+        row["reasons"] = [reasons["few"]] * few + [reasons["doubts"]] * bool(row["doubts"])
+        row["level"] = _lowered(row["level"]) if row["reasons"] else row["level"]
+        if tolerance and row["level"] != "unknown":
+            # The user's bar, not the habits of the trade: no page says "pass" and "do not rely on it".
+            passes = (row.get("real_within_tolerance") or 0) >= tolerance["least_share"]
+            row["level"], row["judged"] = ("good", "pass") if passes else ("bad", "fail")
+        rows.append({**row, "badge": badge(row["level"], row["judged"])})
     return rows
 
 
@@ -243,24 +275,12 @@ def trust_sentence(found: Summary) -> str:
     methods, recommended, level = found["methods"], found["recommended"], found["level"]
     text, sigma = recommended, found["sigma_deg"]
     if sigma["median"] is not None:
-        text += f" (sigma {sigma['median']:.1f}° in the median, {sigma['q90']:.1f}° at one pixel of ten)"
+        text += Readable().format(" (sigma {median:1°} in the median, {q90:1°} at one pixel of ten)", **sigma)
     if level:
         text += f"; {', '.join(level)} {'is' if len(level) == 1 else 'are'} level with it"
     least = max(methods[recommended]["unexplained"], 1e-9)
     bad = {name: row["unexplained"] / least for name, row in methods.items() if row["unexplained"] is not None}
-    named = [f"{name} ({times:.0f} times)" for name, times in bad.items() if times > TRUST_WORSE]
+    named = [f"{name} ({readable(times, 0)} times)" for name, times in bad.items() if times > TRUST_WORSE]
     if named:
         text += f". Do not use what explains them so much worse: {', '.join(named)}"
     return " ".join([f"{text}.", *(f"{doubt[0].upper()}{doubt[1:]}" for doubt in found["doubts"])])
-
-
-def limits(summary: Summary, statements: list[Statement], warnings: list[tuple[str, str]]) -> Markup:
-    """Return what makes the error, as far as twin, ground truth and lights tell, or why that is not known."""
-    compared = summary.get("compare") or {}
-    if not compared.get("has_truth"):
-        return say("limits", "without truth")
-    named, truth = [f"{s.topic} {s.level}" for s in statements], compared.get("truth") or {}
-    told = [say("limits", name, **truth) for name in named if name in words("limits")]
-    warned = {step for step, _ in warnings if step in ("calibrate", "align")}
-    told += [say("limits", "warned", steps=" and ".join(sorted(warned)))] if warned else []
-    return Markup(" ").join(told) or say("limits", "not told")

@@ -18,12 +18,12 @@ TEMPLATE = Path(__file__).parent / "plan_page.html"
 MOST_ROWS = 36
 """Flashes in the page's table: a page has no room for more; plan.json has all."""
 FLASHES = {
-    "no.": "{number}", "from axis": "{zenith_deg:.0f}°", "o'clock": "{clock}", "height, cm": "{height_cm:.0f}",
-    "aside, cm": "{aside_cm:.0f}", "error after": "{error_median_deg:.2g}°", "": "{there}",
+    "no.": "{number}", "from axis": "{zenith_deg:0}°", "o'clock": "{clock}", "height, cm": "{height_cm:0}",
+    "aside, cm": "{aside_cm:0}", "error after": "{error_median_deg:2}°", "": "{there}",
 }  # fmt: skip
 BALLS = {
-    "ball": "{kind}", "diameter": "{diameter_mm:g} mm", "right, cm": "{right_cm:.0f}", "up, cm": "{up_cm:.0f}",
-    "radius": "{radius_px:.0f} px",
+    "ball": "{kind}", "diameter": "{diameter_mm:g} mm", "right, cm": "{right_cm:0}", "up, cm": "{up_cm:0}",
+    "radius": "{radius_px:0} px",
 }  # fmt: skip
 """Right and up: from the object's middle, as the camera sees it."""
 WIDE = 560.0

@@ -218,7 +218,7 @@ TABS = {
         text("0: as the photographs say. Shots of a ChArUco board or a chessboard measure all of it."),
     ),
     "Object": tuple(map(_key, ("object.scan", "object.scan_unit", "object.mask", "object.normals", "lights.file",
-                               "frames.linear"))),
+                               "frames.linear", "object.tolerance_deg"))),
     # The columns of comments would be cut off here.
     "session.toml": (text(lambda window: fenced(
         re.sub(r"(?<=\S) {2,}#", "  #", window.text), "toml") if window.draft else ""),),

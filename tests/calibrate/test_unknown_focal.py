@@ -37,7 +37,7 @@ def test_the_focal_length_that_agrees_with_itself_is_found(slope, truth):
     assert found.camera.fx == pytest.approx(truth, rel=0.025)
     assert found.camera.source == "balls"
     assert len(asked) <= ROUNDS
-    assert f"{found.camera.fx:.0f} px, good to 0 %" in found.warnings[0]
+    assert f"{found.camera.fx:.0f} px, good to 0.1 %" in found.warnings[0]
 
 
 def test_balls_that_do_not_tell_leave_the_camera_orthographic():

@@ -193,6 +193,9 @@ def test_all_faults_at_once(folder):
         (FLASH + '[object]\npicks = "mask.png"', ["object.picks: picks are points of a scan, and there is none"]),
         (FLASH + '[object]\nnormals = "object.ply"', ["object.normals: object.ply cannot be read", ".mat, .txt"]),
         (FLASH + "[object]\nscan_ball_diameter_mm = 0", ["object.scan_ball_diameter_mm: found 0"]),
+        (FLASH + "[object]\ntolerance_deg = 0", ["object.tolerance_deg: found 0; expected greater than 0"]),
+        (FLASH + "[object]\ntolerance_deg = 90", ["object.tolerance_deg: found 90; expected less than 90"]),
+        (FLASH + '[object]\ntolerance_deg = "3deg"', ["object.tolerance_deg: found '3deg'; expected a number"]),
         ("version = 2\n" + FLASH, ["version: found 2"]),
     ],
 )

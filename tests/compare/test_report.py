@@ -168,11 +168,11 @@ def test_hostile_names_of_frames_methods_and_settings_stay_text(session, tmp_pat
 
 
 def test_the_first_screen_says_where_files_for_other_programs_are_if_there_are_any(page, session, tmp_path):
-    for word in ("results/ in the output folder", "rgbn export SESSION --format relight"):
+    for word in ("results/ of the output folder", "rgbn export SESSION --format relight"):
         assert word in page.texts["verdict"]
     older = {key: part for key, part in session.summary.items() if key != "results"}
     store = Store(shutil.copytree(session.store.folder, tmp_path / "older"))
-    assert "results/" not in Page(write_report(store, older)).texts["verdict"]
+    assert "in results/" not in Page(write_report(store, older)).texts["verdict"]
 
 
 def test_every_warning_is_shown_with_its_step_and_counted(page):

@@ -130,7 +130,7 @@ def test_a_histogram_has_each_bins_height_and_a_map_its_pixels_places():
     assert base - second == pytest.approx(2 * (base - first), abs=0.2)
     assert (x[2] - x[0]) / (x[-1] - x[0]) == pytest.approx(2 / 5, abs=0.01)
     assert "&lt;ls&gt;" in drawing
-    assert "real beyond: 25 %" in drawing
+    assert "real beyond: 25.0 %" in drawing
     assert error_histograms(compared, ["tv"]) is None
     drawing = map_chart(
         "data:x", width=100, height=50, label="a ball's map", outlines={"ball": [(-0.5, -0.5), (99.5, 49.5)]}

@@ -10,10 +10,12 @@ from capture.session.session_types import CaptureSession, SphereSpec
 from lab.job import Job, Outcome, Step
 from lab.options import Settings
 from lab.plan import STEPS
+from lab.run import run_session
 from scene.camera import Camera
 from scene.files import write_text
 from scene.output_folder import open_record, read_record
 from scene.record import Record
+from tests.lab.test_foreign_files import make_session
 
 
 class Bench:
@@ -96,6 +98,7 @@ OTHER = {
     "flash": (), "camera": Camera(9, 9, 9.0, 9.0, 4.0, 4.0), "spheres": (SphereSpec("white"),), "lights_file": None,
     "mask": None, "box": (1.0, 2.0, 30.0, 40.0), "scan": None, "scan_unit": "m", "scan_ball_diameter_mm": 38.0,
     "normals": None, "picks": Path("picks.csv"), "chart": Path("chart.dng"), "layout": "diligent", "no_spheres": True,
+    "tolerance_deg": 3.0,
 }  # fmt: skip
 NO_INPUT = {"name", "folder", "names", "kept", "photographed"}
 """What follows from the others, or changes no pixel."""
@@ -118,6 +121,28 @@ def test_every_word_of_a_session_counts(tmp_path, name):
     plain = marks(before, tmp_path)
     assert marks(before, tmp_path) == plain
     assert marks(replace(before, **{name: OTHER[name]}), tmp_path)["compare"] != plain["compare"]
+
+
+def test_a_tolerance_is_a_matter_of_the_comparison_alone(tmp_path):
+    before = session(tmp_path)
+    plain, told = marks(before, tmp_path), marks(replace(before, tolerance_deg=3.0), tmp_path)
+    assert {name for name in STEPS if plain[name] != told[name]} == {"compare"}
+
+
+def test_the_option_goes_before_the_file_and_both_are_told(tmp_path):
+    make_session(tmp_path / "session")
+    text = (tmp_path / "session" / "session.toml").read_text()
+
+    def judged(said_deg, option_deg=None):
+        (tmp_path / "session" / "session.toml").write_text(f"{text}tolerance_deg = {said_deg}\n")
+        said = Settings("ls", tolerance_deg=option_deg)
+        found = run_session(tmp_path / "session", "compare", out=tmp_path / "out", said=said)
+        told = [row["text"] for row in found["warnings"] if row["text"].startswith("tolerance")]
+        return *(found["arguments"][key] for key in ("tolerance_deg", "tolerances_deg")), len(told)
+
+    assert judged(3) == (3, {"session.toml": 3}, 0)
+    assert judged(3, 2.0) == (2, {"--tolerance": 2, "session.toml": 3}, 1)
+    assert judged(2) == (2, {"--tolerance": 2, "session.toml": 2}, 0), "it is kept by the folder"
 
 
 def test_the_scan_is_loaded_with_its_unit_and_its_ball(tmp_path):

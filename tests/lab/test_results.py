@@ -137,7 +137,7 @@ def test_methods_that_found_no_normal_stop_nothing(tmp_path):
     assert made(tmp_path / "one", without=("ls",))[1].result["surface"]["method"] == "iterative"
     store, said, *_ = made(tmp_path / "none", without=("ls", "iterative"))
     assert said.result["surface"] is None
-    assert said.warnings == ["results: no method found a normal: there is no surface."]
+    assert said.warnings == ["no method found a normal: there is no surface."]
     assert not tifffile.imread(store.path("results", "normals_ls.tif")).any()
 
 
@@ -152,7 +152,8 @@ def test_green_is_down_where_it_is_asked_for(tmp_path):
 def test_a_size_that_nothing_tells_is_not_written(tmp_path):
     store, said, *_ = made(tmp_path, z_mm=0.0, ball=None)
     assert said.result["pixel_mm"] is None
-    assert "how large a pixel is" in said.warnings[0]
+    assert said.warnings == []
+    assert "how large a pixel is" in said.result["notes"][0]
     assert not list(store.path("results").glob("*.tfw"))
     with tifffile.TiffFile(store.path("results", "albedo_ls.tif")) as file:
         assert file.pages[0].tags["ResolutionUnit"].value == 1

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from compare.report.facts import all_warnings
 from tests.lab.test_foreign_files import make_session
 
 
@@ -47,8 +48,8 @@ def test_each_verb_shows_its_own_findings_and_leads_to_the_next(run, session):
     assert ends["next"] == "rgbn compare out/pear", "there is no scan to render"
     code, out, said = run("compare", *words, "-m", "LS,Iterative")
     assert code == 0
-    warned = {(one["step"], one["text"]) for one in json.loads(Path("out/pear/summary.json").read_text())["warnings"]}
-    assert {"check", "results"} <= {step for step, _ in warned}
+    warned = all_warnings(json.loads(Path("out/pear/summary.json").read_text()))
+    assert {"check", "calibrate"} <= {step for step, _ in warned}
     assert all(f"warning ({step}): {text}" in said for step, text in warned), "each is said"
     assert "report.html" in last_lines(out)["written"]
     code, out, _ = run("process", *words, "-m", "ls,iterative")

@@ -32,7 +32,7 @@ def test_a_camera_is_told_by_its_field_of_view_and_source():
     text = camera_text(CAMERA)
     across, down = (np.degrees(2 * np.arctan(size / 1800)) for size in (640, 480))
     assert f"{across:.1f} x {down:.1f} deg" in text
-    assert "900.0 px ± 1 %" in text
+    assert "900.0 px ± 1.0 %" in text
     assert text.endswith("from EXIF")
     assert camera_text(replace(CAMERA, source="assumed")).endswith("taken as most cameras have it")
     assert "not known" in camera_text(Camera.orthographic(640, 480))

@@ -46,6 +46,8 @@ def test_from_a_folder_to_the_report(visit, studio, tmp_path):
     begin(visitor)
     visitor.fill("chrome balls, mm", 100)
     visitor.fill("white balls, mm", 90)
+    visitor.tab("Object")
+    visitor.fill("tolerance_deg", 25)
     visitor.settle()
     visitor.keep("new_session")
     visitor.press(FOUND)
@@ -53,6 +55,7 @@ def test_from_a_folder_to_the_report(visit, studio, tmp_path):
     visitor.press("Run everything")
     report = visitor.page.frame_locator("#studio-report")
     report.get_by_text("iterative").first.wait_for(timeout=600_000)
+    assert report.locator(".headline .badge").inner_text().lower() == "pass"
     assert visitor.interactions <= MOST_INTERACTIONS
     visitor.settle()
     visitor.keep("verdict")

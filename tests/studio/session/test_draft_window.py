@@ -107,6 +107,9 @@ def test_the_panels_write_what_they_show(window, folder, settle):
     say("sensor_mm", 3600.0)
     assert "expected 1 to 250" in client.told[-1]
     say("sensor_mm", 36.0)
+    say("tolerance_deg", 90.0)
+    assert "expected less than 90" in client.told[-1]
+    say("tolerance_deg", 2.5)
     say("photograph", "flash_2.png")
     say("used for", "not used")
     say("mask", "mask.png")
@@ -135,6 +138,7 @@ def test_the_panels_write_what_they_show(window, folder, settle):
     assert rows == [("chrome", 40.0, (21.0, 15.0), 8.0), ("chrome", 40.0, (60.0, 15.0), 7.5)]
     assert session.mask == folder / "mask.png"
     assert (session.scan_unit, session.camera) == ("mm", Lens(focal_mm=50.0, sensor_mm=36.0))
+    assert session.tolerance_deg == 2.5
     state = window.state
     assert (state.area, state.session) == ("Session", (folder.parent / "out" / "jug", folder)), "it goes on there"
     assert window.draft is None, "nothing here changes it any more"

@@ -22,8 +22,8 @@ PICTURE_PX = 160
 STOPPED = 130
 """Exit code of a process that Ctrl-C, or the end of the one that began it, stops."""
 COLUMNS = {
-    "session": "{name}", "normals": "{badge}", "method": "{method}", "median error, deg": "{median_deg:.2f}",
-    "warnings": "{warnings:d}", "seconds": "{seconds:.0f}",
+    "session": "{name}", "normals": "{badge}", "method": "{method}", "median error, deg": "{median_deg:2}",
+    "warnings": "{warnings:0}", "seconds": "{seconds:0}",
 }  # fmt: skip
 """Of the table on the terminal."""
 
@@ -91,6 +91,8 @@ def process_all(
     origin = Origin("sessions", place)
     with open_record(out or default_out(origin, place.name), origin=origin, input_folders=sessions) as record:
         names = [session.relative_to(parent).as_posix() for session in sessions]
+        if taken := {PAGE, TABLE} & {name.partition("/")[0] for name in names}:
+            raise SceneError(f"{parent / taken.pop()}: a file of the results has that name. Rename the folder.")
         faults: dict[str, str] = {}
 
         def one(name: str, session: Path) -> None:
@@ -106,7 +108,7 @@ def process_all(
         finally:
             # Where Ctrl-C ends this process, its children end with it, see `_work`.
             pool.shutdown(wait=False, cancel_futures=True)
-        rows = [_row(record.folder, name, faults[name]) for name in names]
+        rows = [session_row(record.folder, name, faults[name]) for name in names]
         write_text(record.folder / TABLE, csv_text(rows))
         write_text(record.folder / PAGE, _page(record.folder, place.name, rows))
     lost = [f"{name} ({fault})" for name, fault in faults.items() if fault]
@@ -146,7 +148,7 @@ def _work(told: Any, session: Path, out: Path, said: Settings, scheduler: str | 
     # Whatever ends the command line, no session goes on without it.
     threading.Thread(target=lambda: (parent.join(), os._exit(STOPPED)), daemon=True).start()
     keep_quiet(True)
-    log_to(verbose=False)
+    log_to(verbose=False, of=f"{session}: ")
     try:
         run_session(session, "compare", out=out, said=said, scheduler=scheduler)
         told.send("")
@@ -159,10 +161,9 @@ def _work(told: Any, session: Path, out: Path, said: Settings, scheduler: str | 
         told.send(f"a fault of rgbn's own, {type(error).__name__}: {error}; please report it with the end of {log}.")
 
 
-def _row(folder: Path, name: str, fault: str) -> dict[str, Any]:
-    """Return a session's row: the verdict on its normals, and what it is by."""
+def session_row(folder: Path, name: str, fault: str) -> dict[str, Any]:
+    """Return a session's row: the verdict on its normals, and what it is by; `fault`: why there is none."""
     from compare.report.facts import all_warnings, read_optional
-    from compare.report.page import LEVELS
     from compare.report.verdict import ranking, verdict
     from scene.store import Store
 
@@ -174,7 +175,7 @@ def _row(folder: Path, name: str, fault: str) -> dict[str, Any]:
     return {
         "name": name,
         "level": "not processed" if fault else statement.level,
-        "badge": "not processed" if fault else statement.word or LEVELS[statement.level],
+        "badge": "not processed" if fault else statement.word,
         "verdict": "" if fault else statement.text,
         "method": method or "",
         "median_deg": best.get("median_deg"),
@@ -193,14 +194,15 @@ def _page(folder: Path, title: str, rows: Sequence[dict[str, Any]]) -> str:
         said = badge("bad" if row["fault"] else row["level"], row["badge"])
         words = escape(row["fault"] or row["verdict"])
         head = name if row["fault"] else f'<a href="{link}">{name}</a>'
-        lines.append((head, _picture(folder, row), f"{said} {words}", str(row["warnings"])))
+        lines.append((head, row_picture(folder, row), f"{said} {words}", str(row["warnings"])))
     count = Counter(row["badge"] for row in rows)
     said = f"{len(rows)} sessions: {', '.join(f'{number} {words}' for words, number in count.most_common())}"
     body = table(("session", "normals", "verdict", "warnings"), lines)
     return whole_page(title, "sessions", said, {"Sessions": section("sessions", "Sessions", body)})
 
 
-def _picture(folder: Path, row: dict[str, Any]) -> str:
+def row_picture(folder: Path, row: dict[str, Any]) -> str:
+    """Return the normals of a session's row as HTML; nothing where there are none."""
     from compare.report.pictures import PixelBox
     from scene.map_pictures import data_uri, normal_picture
     from scene.store import Store
