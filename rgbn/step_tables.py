@@ -77,8 +77,7 @@ CHECK = {
     "frames": "{frames} of {width} x {height} px, {ambient_words}",
     "brightness": "{dark} to {bright} of white, mean over a frame",
     "clipped": "{clipped}",
-    "camera": "{camera_words}",
-    "colour": "{colour[words]}",
+    "camera": "{camera_words}; colours: {colour[words]}",
 }
 ALIGN = {
     "scan": "{scan}",
