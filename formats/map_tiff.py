@@ -15,7 +15,7 @@ CENTIMETRE = 3
 
 
 def write_map(
-    path: Path, values: NDArray, told: Mapping[str, Any], pixel_mm: float | None, *, world_mm: float = 1.0
+    path: Path, values: NDArray, told: Mapping[str, Any], pixel_mm: float | None, *, world_mm: float = 1.0, **tags: Any
 ) -> list[Path]:
     """Write a map as TIFF, and a world file beside it where a pixel has a size; return both.
 
@@ -32,6 +32,8 @@ def write_map(
         and y up, from the middle of the picture's first pixel.
     world_mm : float
         Unit of the .tfw.
+    **tags
+        Of `tifffile.imwrite`, as `iccprofile`.
     """
     import tifffile
 
@@ -40,7 +42,7 @@ def write_map(
     with write_whole(path) as file:
         tifffile.imwrite(
             file, np.ascontiguousarray(values), photometric=kind, description=json.dumps(told), metadata=None,
-            compression="zlib", predictor=values.dtype.kind == "u", software="rgbn", **size,
+            compression="zlib", predictor=values.dtype.kind == "u", software="rgbn", **size, **tags,
         )  # fmt: skip
     world = path.with_suffix(".tfw")
     if pixel_mm is None:

@@ -16,6 +16,9 @@ from scene.reading import array_of, reading, shortened
 Picture = NDArray[np.float32]
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr", ".npy")
 
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Y of linear sRGB (IEC 61966-2-1)."""
+
 EXR = b"\x76\x2f\x31\x01"
 KINDS = {"HALF": np.float16, "FLOAT": np.float32}
 """Of OpenEXR's channels. A third, UINT, holds numbers of objects and the like."""
@@ -31,6 +34,13 @@ def srgb_from_linear(values: Any) -> NDArray:
     """Return the sRGB code, 0 to 1, of linear light, cut to 0 to 1."""
     values = np.clip(values, 0, 1)
     return np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
+
+
+def srgb_profile() -> bytes:
+    """Return sRGB as an ICC profile."""
+    from PIL import ImageCms
+
+    return ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 
 
 def read_picture(path: Path, encoding: str | None = None) -> Picture:

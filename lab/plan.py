@@ -11,7 +11,7 @@ from scene.light_text import FILENAMES, INTENSITIES
 
 def _frame_inputs(job: Job) -> list[Any]:
     session = job.session
-    files = (session.flash, session.ambient, session.dark, session.flat)
+    files = (session.flash, session.ambient, session.dark, session.flat, session.chart)
     coding = (session.encoding, session.encoding_stated, session.half, session.skip, session.layout)
     # A scan wants a camera: whether there is one decides what `check` accepts.
     return [*files, *coding, session.camera, session.scan is None]

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.colours import Colours, albedo_colours
 from lab.job import Job, Outcome
 from lab.options import GreenAxis
 from lab.progress import alive
 from scene.camera import Camera
+from scene.files import write_json
 from scene.lights import Lights
 from scene.normals import encode_normals
 from scene.store import Store
@@ -30,12 +32,14 @@ def results(job: Job) -> Outcome:
     from formats.map_tiff import write_map
 
     store, axes = job.store, job.settings.normals or "opengl"
-    camera, lights = store.load_camera(), store.load_lights()
+    camera, lights, colours = store.load_camera(), store.load_lights(), albedo_colours(job)
     pixel_mm = pixel_size_mm(camera, lights)
-    written: list[Path] = []
+    written: list[Path] = [store.path(FOLDER, "colour.json")]
+    told_colour = {"camera_to_srgb": colours.matrix, "source": colours.source, "colour": colours.colour}
+    write_json(written[0], {**told_colour, "one": colours.one})
     whites = {}
     for name in job.methods:
-        for kind, values, told in method_maps(store, name, axes):
+        for kind, values, told in method_maps(store, name, axes, colours):
             path = store.path(FOLDER, f"{kind}_{name}.tif")
             written += write_map(path, values, {"map": kind, "method": name, **told}, pixel_mm)
             whites[name] = told.get("white", whites.get(name))
@@ -46,16 +50,17 @@ def results(job: Job) -> Outcome:
     best = recommended(job)
     # What trust recommends comes before what found its depth itself.
     known = [best] if best in known else known
-    surface = _write_surface(job, known, pixel_mm, written) if known else None
+    surface = _write_surface(job, known, pixel_mm, written, colours) if known else None
     facts = {
         "files": [path.relative_to(store.folder).as_posix() for path in written],
         "pixel_mm": pixel_mm,
         "normals_axes": axes,
         "albedo_white": whites,
+        "colour": told_colour,
         "surface": surface,
         "notes": notes,
     }
-    return Outcome(facts, warnings)
+    return Outcome(facts, [*warnings, *colours.warnings])
 
 
 def recommended(job: Job) -> str | None:
@@ -70,31 +75,33 @@ def pixel_size_mm(camera: Camera, lights: Lights) -> float | None:
     return -z_mm / float(np.sqrt(camera.fx * camera.fy)) if z_mm < 0 and not camera.is_orthographic else None
 
 
-def method_maps(store: Store, method: str, axes: GreenAxis) -> Iterator[tuple[str, NDArray, dict[str, Any]]]:
+def method_maps(
+    store: Store, method: str, axes: GreenAxis, colours: Colours
+) -> Iterator[tuple[str, NDArray, dict[str, Any]]]:
     """Yield a method's maps as files hold them: kind, values (H, W) or (H, W, 3), and what the values mean.
 
     Normals and albedo, uint16, with the albedo that is white; sigma and depth, float32, where the method has them.
     """
-    ball = store.load_lights().white_value
     normals = np.asarray(store.load_normals(method))
     turned = normals if axes == "opengl" else normals * np.array([1, -1, 1], np.float32)
     up = "up" if axes == "opengl" else "down"
     told = {"value": "n = 2 code / 65535 - 1; 0 0 0: unknown", "axes": f"x right, y {up}, z toward the camera"}
     yield "normals", encode_normals(turned), told
-    albedo = np.asarray(store.read_array("albedo", f"{method}.npy"))
-    albedo = albedo if ball is None else albedo / ball.astype(np.float32)
+    albedo = np.asarray(store.read_array("albedo", f"{method}.npy")) @ colours.matrix.T.astype(np.float32)
     known = albedo[np.isfinite(albedo)]
     white = HEADROOM * float(np.quantile(known, MOST)) if known.size else 1.0
     white = white if white > 0 else 1.0
     codes = np.nan_to_num(np.round(np.clip(albedo / white, 0, 1) * 65535)).astype(np.uint16)
-    one = "a pixel value of 1 under a light of intensity 1" if ball is None else "as bright as the white ball"
-    yield "albedo", codes, {"value": f"albedo = {white:.6g} code / 65535, linear; 1: {one}", "white": white}
+    told = {"value": f"albedo = {white:.6g} code / 65535, linear; 1: {colours.one}", "white": white}
+    yield "albedo", codes, {**told, "colour": colours.colour}
     for kind, unit in (("sigma", "degrees, one standard deviation of the normal"), ("depth", "mm, z; negative")):
         if store.path(kind, f"{method}.npy").exists():
             yield kind, np.asarray(store.read_array(kind, f"{method}.npy"), np.float32), {"value": unit}
 
 
-def _write_surface(job: Job, methods: list[str], pixel_mm: float | None, written: list[Path]) -> dict[str, Any]:
+def _write_surface(
+    job: Job, methods: list[str], pixel_mm: float | None, written: list[Path], colours: Colours
+) -> dict[str, Any]:
     """Write the surface of one of the methods as PLY and GLB, its depth as a map; return what is to be said of it."""
     from compare.report.pictures import PixelBox
     from formats.map_tiff import write_map
@@ -104,13 +111,13 @@ def _write_surface(job: Job, methods: list[str], pixel_mm: float | None, written
 
     store = job.store
     found = solved_surface(store, methods, most_pixels=VERTICES)
-    mesh, name = found.mesh(), f"surface_{found.method}"
+    mesh, name = found._replace(albedo=found.albedo @ colours.matrix.T).mesh(), f"surface_{found.method}"
     ply, glb = (store.path(FOLDER, f"{name}.{kind}") for kind in ("ply", "glb"))
     mesh.write(ply)
     # The picture's part that holds the object, at full size.
     v, u = (found.step * at for at in np.nonzero(np.isfinite(found.surface.z_mm)))
     box = PixelBox(int(u.min()), int(v.min()), int(u.max()) + 1, int(v.max()) + 1)
-    part = np.asarray(box.of(store.read_array("albedo", f"{found.method}.npy")))
+    part = np.asarray(box.of(store.read_array("albedo", f"{found.method}.npy"))) @ colours.matrix.T
     shrink = -(-max(part.shape[:2]) // TEXTURE_PX)
     white = float(np.nanquantile(part, MOST)) if np.isfinite(part).any() else 1.0
     shown = srgb_from_linear(np.nan_to_num(part[::shrink, ::shrink] / max(white, 1e-9)))

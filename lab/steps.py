@@ -20,11 +20,13 @@ from scene.store import Store
 @alive("check")
 def check(job: Job) -> Outcome:
     """Decode the frames and audit the capture."""
+    from capture.camera.colour_chart import camera_colours
     from capture.camera.session_camera import camera_of
     from capture.photographs.decode import decode
 
     with progress_bar("decode") as progress:
         frames, report = decode(job.session, job.store, executor=job.executor, progress=progress)
+    colour, colour_warnings = camera_colours(job.session, frames)
     camera, camera_warnings = camera_of(job.session, report.exif, frames.width, frames.height)
     _check_scale(job, camera)
     job.store.save_camera(camera)
@@ -36,8 +38,9 @@ def check(job: Job) -> Outcome:
         "height": frames.height,
         "ambient": frames.ambient is not None,
         "frames_table": report.frames_table,
+        "colour": colour,
     }
-    return Outcome(result, [*report.warnings, *camera_warnings])
+    return Outcome(result, [*report.warnings, *camera_warnings, *colour_warnings])
 
 
 def _check_scale(job: Job, camera: Camera) -> None:

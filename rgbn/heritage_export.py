@@ -18,7 +18,8 @@ from compare.report.pictures import Exposure, colour_scale_end, error_picture
 from formats.iiif_files import write_manifest, write_tiles
 from formats.light_files.light_formats import export_lights
 from formats.map_tiff import write_map
-from formats.picture_files import srgb_from_linear
+from formats.picture_files import srgb_from_linear, srgb_profile
+from lab.colours import albedo_colours
 from lab.job import Job
 from lab.plan import ARCHIVED, STEPS
 from lab.results import FOLDER, method_maps, recommended
@@ -107,18 +108,23 @@ def _ordered(directions: NDArray) -> tuple[list[int], list[str]]:
 def _write_photographs(job: Job, data: Path, order: list[int]) -> NDArray[np.uint8]:
     """Write the photographs as people see them, all with one white; return their mean, each flash of strength 1."""
     frames, lights = job.store.load_frames(), job.store.load_lights()
-    exposure = Exposure.for_frames(frames, white_value=lights.white_value)
-    white = (exposure.white * exposure.balance).astype(np.float32)
+    colours = albedo_colours(job)
+    # The camera's RGB of a neutral surface: the brightest that all photographs show is white.
+    neutral = np.linalg.solve(colours.matrix, np.ones(3))
+    exposure = Exposure.for_frames(frames, white_value=neutral)
+    matrix = (colours.matrix.T * (neutral.mean() / exposure.white)).astype(np.float32)
+    white, profile = exposure.white * exposure.balance, srgb_profile() if colours.source else None
     strengths = np.nan_to_num(lights.intensities, nan=1.0).astype(np.float32)
     total = np.zeros((frames.height, frames.width, 3), np.float32)
     codes = np.empty(total.shape, np.uint16)
     for place, index in enumerate(order, 1):
         for rows in frames.only([index]).bands(32 << 20):
-            linear = frames.read(rows, [index])[0] / white
-            total[rows] += linear / strengths[index]
-            codes[rows] = SRGB[np.round(np.clip(linear, 0, 1) * 65535).astype(np.uint16)]
-        told = {"photograph": job.session.flash[index].name, "value": f"sRGB; white: {white.tolist()} of the sensor's"}
-        write_map(data / f"{place}.TIF", codes, told, None)
+            linear = frames.read(rows, [index])[0]
+            total[rows] += (linear / strengths[index]) @ matrix
+            codes[rows] = SRGB[np.round(np.clip(linear @ matrix, 0, 1) * 65535).astype(np.uint16)]
+        said = f"sRGB's curve; {colours.colour}; white: {white.tolist()} of the sensor's"
+        told = {"photograph": job.session.flash[index].name, "value": said}
+        write_map(data / f"{place}.TIF", codes, told, None, iccprofile=profile)
     total *= np.float32(65535 / max(float(np.quantile(total[::4, ::4], SHARE)), 1e-6))
     return EIGHT_BITS[SRGB[np.clip(total, 0, 65535, out=total).astype(np.uint16)]]
 
@@ -126,14 +132,17 @@ def _write_photographs(job: Job, data: Path, order: list[int]) -> NDArray[np.uin
 def _write_maps(job: Job, folder: Path, facts: dict[str, Any]) -> dict[str, tuple[str, str, NDArray[np.uint8]]]:
     """Write the method's maps as TIFF, lengths in metres; return part in relighting, label and picture of each."""
     store, method, pixel_mm, shown = job.store, facts["surface"]["method"], facts["pixel_mm"], {}
+    colours = albedo_colours(job)
 
     def write(name: str, values: NDArray, told: dict[str, Any]) -> None:
-        write_map(folder / f"{name}_m1.tif", values, {"method": method, **told}, pixel_mm, world_mm=1000)
+        profile = srgb_profile() if name == "albedo" and colours.source else None
+        path = folder / f"{name}_m1.tif"
+        write_map(path, values, {"method": method, **told}, pixel_mm, world_mm=1000, iccprofile=profile)
 
-    for kind, values, told in method_maps(store, method, facts["normals_axes"]):
+    for kind, values, told in method_maps(store, method, facts["normals_axes"], colours):
         if kind in ("normals", "albedo"):
             name, codes = kind.removesuffix("s"), SRGB[values] if kind == "albedo" else values
-            write(name, codes, {"sRGB of": told["value"]} if kind == "albedo" else told)
+            write(name, codes, {"sRGB of": told["value"], "colour": told["colour"]} if kind == "albedo" else told)
             shown[name] = (name, f"{kind}, {method}", EIGHT_BITS[codes])
     if pixel_mm is not None:
         metres = np.asarray(imread(store.path(FOLDER, f"depth_{method}.tif")) / 1000, np.float32)

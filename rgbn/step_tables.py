@@ -77,7 +77,7 @@ CHECK = {
     "frames": "{frames} of {width} x {height} px, {ambient_words}",
     "brightness": "{dark[brightness]:1%} ({dark[name]}) to {bright[brightness]:1%} ({bright[name]}) of white (mean)",
     "clipped": "{clipped}",
-    "camera": "{camera_words}",
+    "camera": "{camera_words}; colours: {colour[words]}",
 }
 ALIGN = {
     "scan": "{scan}",

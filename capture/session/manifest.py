@@ -44,6 +44,7 @@ Focal = Annotated[PositiveFloat, _between(1, 3000, "millimetres, as engraved on 
 Sensor = Annotated[PositiveFloat, _between(1, 250, "millimetres, from a telephone's sensor to a scanning back")]
 Pitch = Annotated[PositiveFloat, _between(0.3, 50, "micrometres from pixel to pixel")]
 Crop = Annotated[PositiveFloat, _between(0.1, 30, "1 for 36 x 24 mm, 1.5 or 1.6 for APS-C")]
+Reflectance = Annotated[PositiveFloat, _between(0.2, 1, "a matte white ball gives back 0.7 to 0.99")]
 Angle = Annotated[float, Field(gt=0, lt=90)]
 Names = Annotated[
     list[Annotated[str, Field(min_length=1, max_length=4096)]], Field(max_length=1000), BeforeValidator(_as_list)
@@ -72,6 +73,11 @@ class FramesTable(ManifestTable):
     )
     flat: Globs | None = _key(
         "Photographs of an evenly lit white surface: the lens' fall-off is divided out.", "raw/flat_*.dng"
+    )
+    chart: str | None = _key(
+        "A photograph of a ColorChecker of 24 patches, lit by the flash, or the flash photograph in which it stands: "
+        "results are in sRGB colours then.",
+        "raw/chart.dng",
     )
     linear: bool | None = _key(
         "Of 8 and 16-bit files: true, values are proportional to light; false, sRGB-encoded. RAW and EXR files are "
@@ -149,6 +155,9 @@ class SphereTable(ManifestTable):
         "Column and row of the centre, roughly, where the ball is not found by itself.", [160, 650], "px"
     )
     radius_px: Radius | None = _key("Radius, roughly; goes with center_px.", 67, "px")
+    reflectance: Reflectance | None = _key(
+        "Of a white ball: share of the light that it gives back. The albedo in results/ is absolute then.", 0.9
+    )
     mask: str | None = _key("Picture of the frames' size, white where the ball is.", "chrome_mask.png")
     frames: Globs | None = _key(
         "The ball's own photographs, where it was shot apart: same lights, same order.", "chrome/*.png"

@@ -63,6 +63,7 @@ class Resolver:
             ambient=others["ambient"],
             dark=others["dark"],
             flat=others["flat"],
+            chart=self._file("frames.chart", frames.chart, tuple({path.suffix.lower() for path in flash})),
             encoding=self._encoding(frames, flash),
             encoding_stated=frames.linear is not None or frames.gamma is not None,
             half=frames.half,
@@ -173,7 +174,9 @@ class Resolver:
             files = []
         center = None if table.center_px is None else (table.center_px[0], table.center_px[1])
         mask, own = self._file(f"{key}.mask", table.mask), tuple(files[i] for i in kept) if files else ()
-        return SphereSpec(table.kind, table.diameter_mm, center, table.radius_px, mask, own)
+        if table.reflectance is not None and table.kind != "white":
+            self._fault(f"{key}.reflectance", "found with a mirror. It is of white balls: drop it.")
+        return SphereSpec(table.kind, table.diameter_mm, center, table.radius_px, mask, own, table.reflectance)
 
     def _check_together(self, key: str, table: "SessionCameraTable | SphereTable", first: str, second: str) -> bool:
         """Return whether both of two keys are given; one alone is a fault."""

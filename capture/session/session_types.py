@@ -59,6 +59,7 @@ class SphereSpec:
     radius_px: float | None = None
     mask: Path | None = None
     frames: tuple[Path, ...] = ()
+    reflectance: float | None = None
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,8 @@ class CaptureSession:
     kept : tuple of int
         Place of each flash frame among all that `frames.flash` matches: a lights file counts those of the
         skipped frames too.
+    chart : Path or None
+        Photograph of a ColorChecker; it may be one of the flash frames.
     encoding_stated : bool
         False: nothing was said of the encoding, and linear is assumed.
     half : bool
@@ -106,6 +109,7 @@ class CaptureSession:
     ambient: tuple[Path, ...] = ()
     dark: tuple[Path, ...] = ()
     flat: tuple[Path, ...] = ()
+    chart: Path | None = None
     encoding: Encoding = "linear"
     encoding_stated: bool = True
     half: bool = False

@@ -97,7 +97,7 @@ OTHER = {
     "ambient": (), "dark": (), "flat": (), "encoding": "srgb", "encoding_stated": False, "half": True, "skip": ("x",),
     "flash": (), "camera": Camera(9, 9, 9.0, 9.0, 4.0, 4.0), "spheres": (SphereSpec("white"),), "lights_file": None,
     "mask": None, "box": (1.0, 2.0, 30.0, 40.0), "scan": None, "scan_unit": "m", "scan_ball_diameter_mm": 38.0,
-    "normals": None, "picks": Path("picks.csv"), "layout": "diligent", "no_spheres": True,
+    "normals": None, "picks": Path("picks.csv"), "chart": Path("chart.dng"), "layout": "diligent", "no_spheres": True,
     "tolerance_deg": 3.0,
 }  # fmt: skip
 NO_INPUT = {"name", "folder", "names", "kept", "photographed"}

@@ -10,6 +10,7 @@ import tifffile
 import trimesh
 from PIL import Image
 
+from capture.session.session_types import SphereSpec
 from lab.options import Settings
 from lab.results import pixel_size_mm, results
 from scene.camera import Camera
@@ -22,6 +23,7 @@ from solve.surface.solved_surface import solved_surface
 CAMERA = Camera(60, 50, 500.0, 500.0, 29.5, 24.5)
 CENTER, RADIUS = np.array([0.0, 0.0, -1000.0]), 36.0
 BALL = np.array([0.5, 0.4, 0.3])
+INTENSITIES = np.array([[1.0, 1.0, 1.0], [0.8, 0.9, 1.1], [1.2, 1.1, 0.9]])
 
 
 def sphere():
@@ -36,21 +38,21 @@ def sphere():
     return (points - CENTER) / RADIUS, points
 
 
-def made(tmp_path, *, normals="opengl", z_mm=-1000.0, done=None, ball=BALL, without=(), deep=()):
+def made(tmp_path, *, normals="opengl", z_mm=-1000.0, done=None, ball=BALL, without=(), deep=(), reflectance=None):
     store, (true, points) = Store(tmp_path), sphere()
     mask, rng = np.isfinite(true[..., 0]), np.random.default_rng(0)
     albedo = np.where(mask[..., None], rng.uniform(0.1, 0.9, (50, 60, 3)), np.nan).astype(np.float32)
     sigma = np.where(mask, rng.uniform(0.1, 3, mask.shape), np.nan).astype(np.float32)
     store.save_camera(CAMERA)
     store.save_mask(mask)
-    store.save_lights(
-        Lights(("a", "b", "c"), np.eye(3), np.ones((3, 3)), None, np.array([0, 0, z_mm]), white_value=ball)
-    )
+    store.save_lights(Lights(("a", "b", "c"), np.eye(3), INTENSITIES, None, np.array([0, 0, z_mm]), white_value=ball))
     for name in ("ls", "iterative"):
         found = np.full(true.shape, np.nan) if name in without else true
         maps = {"sigma_deg": sigma, "z_mm": points[..., 2] if name in deep else None}
         store.save_estimate(Estimate(name, found.astype(np.float32), albedo, mask.astype(np.uint16), **maps))
-    job = SimpleNamespace(store=store, settings=Settings(normals=normals), methods=("ls", "iterative"), done=done or {})
+    session = SimpleNamespace(spheres=(SphereSpec("white", reflectance=reflectance),))
+    told = {"settings": Settings(normals=normals), "methods": ("ls", "iterative"), "done": done or {}}
+    job = SimpleNamespace(store=store, session=session, **told)
     return store, results(job), true, points, albedo, sigma
 
 
@@ -76,6 +78,28 @@ def test_maps_are_read_by_others(tmp_path):
     assert sorted(said.result["files"]) == sorted(
         path.relative_to(tmp_path).as_posix() for path in store.path("results").iterdir()
     )
+
+
+@pytest.mark.parametrize("flash", [None, 1])
+def test_albedo_is_in_colours_where_a_chart_or_the_camera_tells_them(tmp_path, flash):
+    camera, light = np.array([[0.7, 0.25, 0.05], [0.2, 0.7, 0.1], [0.05, 0.25, 0.7]]), np.array([0.6, 1, 0.8])
+    # The chart stood in a frame of other strength and colour; the ball gives back 0.9, and is a little yellow.
+    strength = np.ones(3) if flash is None else INTENSITIES[flash]
+    ball = 0.9 * camera @ [1, 1, 0.95] * light
+    chart = {"source": "chart", "camera_to_srgb": np.linalg.inv(np.diag(strength * light) @ camera).tolist()}
+    known = {**chart, "flash": flash, "delta_e_2000": {"median": 1.0, "worst": 2.0}}
+    *_, albedo, _ = found = made(tmp_path, ball=ball, reflectance=0.9, done={"check": {"result": {"colour": known}}})
+    mask, told = np.isfinite(albedo[..., 0]), json.loads((tmp_path / "results" / "colour.json").read_text())
+    true = albedo[mask] @ np.linalg.inv(np.diag(light) @ camera).T / ([0.2126, 0.7152, 0.0722] @ np.array([1, 1, 0.95]))
+    white = found[1].result["albedo_white"]["ls"]
+    codes = tifffile.imread(tmp_path / "results" / "albedo_ls.tif")
+    np.testing.assert_allclose(codes[mask] / 65535 * white, np.clip(true, 0, white), atol=white / 65535)
+    assert told["one"] == "all light (the white ball: 0.9, as stated)"
+    assert told["source"] == "chart"
+    own = {"source": "camera", "camera_to_srgb": np.linalg.inv(camera / camera.sum(1, keepdims=True)).tolist()}
+    made(tmp_path, ball=camera @ np.ones(3) * light, done={"check": {"result": {"colour": own}}})
+    told = json.loads((tmp_path / "results" / "colour.json").read_text())
+    assert np.array(told["camera_to_srgb"]) == pytest.approx(np.linalg.inv(np.diag(light) @ camera))
 
 
 def test_the_surface_is_read_by_others(tmp_path):
