@@ -202,6 +202,10 @@ def test_a_bag_is_replaced_whole_or_not_at_all(run_rgbn, exported, monkeypatch):
     words += ("--normals", "directx", "--method", "ls")
     code, printed, said = run_rgbn(*words)
     assert (code, printed.strip()) == (0, str(bag)), said
+    told = json.loads((data / "summary.json").read_text())
+    told.pop("heritage")
+    assert json.loads((out / "summary.json").read_text()) == told
+    assert [*told["solve"]["methods"]] == ["ls"]
     assert "http://localhost:8000/iiif/manifest.json" in (bag / "data/iiif/manifest.json").read_text()
     down = tifffile.imread(data / "Selene_Output" / "normal_m1.tif")
     known, turned = down.any(-1), truth()[0] * [1, -1, 1]
