@@ -13,6 +13,7 @@ from scipy.ndimage import zoom
 from scipy.optimize import linear_sum_assignment
 from tifffile import imread
 
+from compare.report.facts import all_warnings
 from compare.report.pictures import Exposure, colour_scale_end, error_picture
 from formats.iiif_files import write_manifest, write_tiles
 from formats.light_files.light_formats import export_lights
@@ -76,7 +77,10 @@ def _write_payload(job: Job, data: Path, base: str) -> list[str]:
     images = [write_tiles(data, base, shown, name, label, part) for name, (part, label, shown) in pictures.items()]
     taken = {f"{place}.TIF": job.session.flash[index] for place, index in enumerate(order, 1)}
     told = {name: {"photograph": path.name, "sha256": job.record.digest(path)} for name, path in taken.items()}
-    write_json(data / "summary.json", {**summed_up(job, "export"), "heritage": told})
+    summary = summed_up(job, "export")
+    write_json(data / "summary.json", {**summary, "heritage": told})
+    if warned := len(all_warnings(summary)):
+        notes.append(f"{warned} warnings stand in data/summary.json; rgbn process shows them.")
     write_json(data / "lights.json", store.read_json("lights.json"))
     if not lights.is_unknown:
         export_lights(data, "lp", lights.only(order), store.load_camera(), files=tuple(taken))

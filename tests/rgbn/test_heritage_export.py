@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from math import ceil
 
 import cv2
@@ -229,6 +230,7 @@ def test_without_a_size_none_is_written(run_rgbn, tmp_path):
     code, _, said = run_rgbn(*words)
     assert code == 0, said
     assert "no .tfw and no depthmap_m1" in said
+    assert re.search(r"[1-9] warnings stand in data/summary\.json", said)
     data = tmp_path / "out" / "export" / "heritage" / "data"
     assert {path.name for path in (data / "Selene_Output").iterdir()} == {
         "albedo_m1.tif",
