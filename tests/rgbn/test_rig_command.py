@@ -58,16 +58,21 @@ def test_a_session_without_balls_takes_its_lights_from_the_rig(folders, tmp_path
     [
         ((), "found 0 session"),
         (("s0",), "found 1 session"),
-        (("s0", "nowhere"), "nowhere: has no lights. Give output folders"),
+        (("s0", "nowhere"), "nowhere: has no lights. Run `rgbn calibrate SESSION`"),
         (("s0", "s1", "--out", "rig.toml"), "the name must end in .json"),
         (("s0", "s1", "--out", "s0/camera.json"), "is there already, and holds no lamps"),
         (("s0", "s1", "--out", "three.json"), "three.json: is there already, and holds no lamps"),
+        (
+            ("s0", "s2"),
+            "s2/calibration.json: is damaged (KeyError: 'evidence'). Remove it, and run `rgbn calibrate s2`",
+        ),
         (("s0", "s1", "s1/../s0"), "s1/../s0: its lights are those of s0"),
     ],
 )
 def test_a_slip_is_one_message_and_nothing_is_written(folders, tmp_path, run_rgbn, monkeypatch, words, message):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "three.json").write_text("3")
+    (tmp_path / "s2" / "calibration.json").write_text("{}")
     before = sorted(path for path in tmp_path.rglob("*"))
     code, out, said = run_rgbn("rig", *words)
     assert (code, out) == (2, "")
