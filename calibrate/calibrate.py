@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,10 +76,7 @@ def calibrate(
     claimed only if BIC demands them. White gives intensities.
     """
     if known_lights is not None:
-
-        def own(balls: Sequence[Ball]) -> Calibration:
-            return lights_of_balls(frames, camera, balls)
-
+        own = partial(lights_of_balls, frames, camera)
         return with_known_lights(frames, camera, requests, known_lights, own=own, progress=progress)
     return lights_of_balls(frames, camera, *find_balls(frames, camera, requests, progress=progress))
 

@@ -93,10 +93,10 @@ def process_all(
 
     place = parent.resolve()
     origin = Origin("sessions", place)
+    names = [session.relative_to(parent).as_posix() for session in sessions]
+    if taken := {PAGE, TABLE, *own} & {name.partition("/")[0] for name in names}:
+        raise SceneError(f"{parent / taken.pop()}: a file of the results has that name. Rename the folder.")
     with open_record(out or default_out(origin, place.name), origin=origin, input_folders=sessions) as record:
-        names = [session.relative_to(parent).as_posix() for session in sessions]
-        if taken := {PAGE, TABLE, *own} & {name.partition("/")[0] for name in names}:
-            raise SceneError(f"{parent / taken.pop()}: a file of the results has that name. Rename the folder.")
         faults: dict[str, str] = {}
 
         def one(name: str, session: Path) -> None:

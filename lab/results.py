@@ -43,7 +43,6 @@ def results(job: Job) -> Outcome:
             path = store.path(FOLDER, f"{kind}_{name}.tif")
             written += write_map(path, values, {"map": kind, "method": name, **told}, pixel_mm)
             whites[name] = told.get("white", whites.get(name))
-    notes = [] if pixel_mm else ["nothing tells how large a pixel is on the object: the maps do not say"]
     mask = store.load_mask()
     known = [name for name in job.methods if np.isfinite(store.load_normals(name)[mask]).all(-1).any()]
     warnings = [] if known else ["no method found a normal: there is no surface."]
@@ -58,7 +57,6 @@ def results(job: Job) -> Outcome:
         "albedo_white": whites,
         "colour": told_colour,
         "surface": surface,
-        "notes": notes,
     }
     return Outcome(facts, [*warnings, *colours.warnings])
 

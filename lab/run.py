@@ -95,8 +95,7 @@ def run_session(
         As in `open_job`.
     """
     from capture.photographs.kept import kept_folder
-    from lab.plan import REPORTED, STEPS
-    from lab.summary import write_summary
+    from lab.plan import STEPS
 
     with open_job(session_path, **how) as job:
         if written:
@@ -105,15 +104,24 @@ def run_session(
             job.run(STEPS, step)
         # The frames are in the store.
         shutil.rmtree(kept_folder(job.record.folder), ignore_errors=True)
-        summary = write_summary(job, wanted)
-        # A report that is still right is filed with the checksum of summary.json.
-        if wanted == "compare" or job.record.is_intact(job.store.path("report.pdf")):
-            from compare.report.report import write_report
-
-            with job.record.part_of(REPORTED):
-                write_report(job.store, summary, _digests(job))
+        summary = summed_up(job, wanted)
         if shown:
             shown(job, summary)
+    return summary
+
+
+def summed_up(job: "Job", last: str) -> dict[str, Any]:
+    """Write summary.json of what is done, after the verb `last`, and the report with it; return the summary."""
+    from lab.plan import REPORTED
+    from lab.summary import write_summary
+
+    summary = write_summary(job, last)
+    # A report that is still right is filed with the checksum of summary.json.
+    if last == "compare" or job.record.is_intact(job.store.path("report.pdf")):
+        from compare.report.report import write_report
+
+        with job.record.part_of(REPORTED):
+            write_report(job.store, summary, _digests(job))
     return summary
 
 

@@ -18,15 +18,7 @@ LIGHTS_TABLE, ERRORS_TABLE = "lights.csv", "statistics.csv"
 
 
 def write_summary(job: Job, up_to: str) -> dict[str, Any]:
-    """Write summary.json of what the finished steps said, and its tables; return it."""
-    summary = summary_of(job, up_to)
-    write_json(job.store.path("summary.json"), summary)
-    write_tables(job.store, job.store.folder, summary["compare"])
-    return job.store.read_json("summary.json")
-
-
-def summary_of(job: Job, up_to: str) -> dict[str, Any]:
-    """Gather what the finished steps said; `up_to`: the verb."""
+    """Write summary.json of what the finished steps said, after the verb `up_to`, and its tables; return it."""
     arguments = {
         "up_to": up_to,
         "session": str(job.session.folder),
@@ -64,7 +56,11 @@ def summary_of(job: Job, up_to: str) -> dict[str, Any]:
         "twin": twin if twin.get("rendered") else None,
         "compare": compared,
     }
-    return {**summary, "truth_check": truth_check} if truth_check else summary
+    if truth_check:
+        summary["truth_check"] = truth_check
+    write_json(job.store.path("summary.json"), summary)
+    write_tables(job.store, job.store.folder, compared)
+    return job.store.read_json("summary.json")
 
 
 def write_tables(store: Store, folder: Path, compared: dict[str, Any]) -> list[Path]:

@@ -260,7 +260,8 @@ def rig(
         print_tables([light_table(title, found.lights, str(out))])
     for text in found.warnings:
         say(f"warning: {text}", always=True)
-    say(f"written: {out}. In session.toml of a session without balls: [lights] file = {json.dumps(str(out.resolve()))}")
+    file = json.dumps(str(out.resolve()), ensure_ascii=False)
+    say(f"written: {out}. In session.toml of a session without balls: [lights] file = {file}")
 
 
 app.command(init, sort_key=0)

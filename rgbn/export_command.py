@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lab.options import AS_BEFORE, Solving, named
-from lab.run import is_description, open_job
+from lab.run import is_description, open_job, summed_up
 from scene.errors import SceneError
 
 if TYPE_CHECKING:
@@ -136,7 +136,11 @@ def _scenes(source: Path, out: Path | None, said: Solving, names: list[str]) -> 
         with open_record(out, origin=origin, inputs=[source]) as record:
             return _written(scene, record.folder / "export", names, {})
     with open_job(source, out=out, said=said) as job:
+        before = dict(job.done)
         job.run(STEPS, "solve")
+        if job.done != before:
+            # What was told of the normals that this has replaced.
+            summed_up(job, "export")
         if not job.store.path("pose.json").exists():
             raise SceneError(
                 f'{job.session.name}: no scan is registered, so there is no twin to export. Add [object] scan = "..." '

@@ -4,7 +4,6 @@ In its `data/`: the photographs and one method's maps, under the names that the 
 figgy reads; the same as tiles with a IIIF manifest; the lights, and every number of the summary.
 """
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from scipy.ndimage import zoom
 from scipy.optimize import linear_sum_assignment
 from tifffile import imread
 
+from compare.report.facts import all_warnings
 from compare.report.pictures import Exposure, colour_scale_end, error_picture
 from formats.iiif_files import write_manifest, write_tiles
 from formats.light_files.light_formats import export_lights
@@ -23,7 +23,7 @@ from lab.colours import albedo_colours
 from lab.job import Job
 from lab.plan import ARCHIVED, STEPS
 from lab.results import FOLDER, method_maps, recommended
-from lab.summary import summary_of
+from lab.run import summed_up
 from scene.current import file_digest
 from scene.errors import SceneError
 from scene.files import move, write_json, write_text
@@ -44,23 +44,20 @@ def export_heritage(job: Job, base: str) -> tuple[list[Path], list[str]]:
 
     It takes its place whole. Raises SceneError: no method found a normal; or rgbn did not write what lies there.
     """
-    folder, record = job.store.path("export", "heritage"), job.record
+    folder = job.store.path("export", "heritage")
     _check_own(job, folder)
     for step in job.wanted("compare")[:-1]:
         job.run(STEPS, step)
     if job.done[FOLDER]["result"]["surface"] is None:
         raise SceneError(f"{job.session.name}: no method found a normal, so there is nothing to archive.")
-    made, before = record.scratch("tmp/heritage"), record.scratch("tmp/heritage-before")
+    made = job.record.scratch("tmp/heritage")
     notes = _write_payload(job, made / "data", base)
     files = sorted(path for path in made.rglob("*") if path.is_file())
     sums = [f"{file_digest(path)}  {path.relative_to(made).as_posix()}\n" for path in files]
     write_text(made / "manifest-sha256.txt", "".join(sums))
     write_text(made / "bagit.txt", "BagIt-Version: 1.0\nTag-File-Character-Encoding: UTF-8\n")
-    _check_own(job, folder)
-    if folder.exists():
-        os.replace(folder, before)
-    record.forget([ARCHIVED])
-    with record.part_of(ARCHIVED):
+    job.record.forget([ARCHIVED])
+    with job.record.part_of(ARCHIVED):
         move(made, folder)
     return [folder], [f"heritage: {note}" for note in notes]
 
@@ -81,7 +78,10 @@ def _write_payload(job: Job, data: Path, base: str) -> list[str]:
     images = [write_tiles(data, base, shown, name, label, part) for name, (part, label, shown) in pictures.items()]
     taken = {f"{place}.TIF": job.session.flash[index] for place, index in enumerate(order, 1)}
     told = {name: {"photograph": path.name, "sha256": job.record.digest(path)} for name, path in taken.items()}
-    write_json(data / "summary.json", {**summary_of(job, "export"), "heritage": told})
+    summary = summed_up(job, "export")
+    write_json(data / "summary.json", {**summary, "heritage": told})
+    if warned := len(all_warnings(summary)):
+        notes.append(f"{warned} warnings stand in data/summary.json; rgbn process shows them.")
     write_json(data / "lights.json", store.read_json("lights.json"))
     if not lights.is_unknown:
         export_lights(data, "lp", lights.only(order), store.load_camera(), files=tuple(taken))

@@ -26,8 +26,7 @@ from scene.store import Store
 
 Values = Mapping[str, Any]
 LOG_COLUMNS = 110
-FEW_LIGHTS = 6
-"""Too few for a relightable picture."""
+FEW_LIGHTS = 6  # too few for a relightable picture
 OWN = {"solve": ("solve", "trust")}
 """Of a verb, the steps whose findings it shows, where these are more than its own."""
 SOUGHT = (
@@ -222,7 +221,8 @@ def compare_tables(job: Job, summary: Values) -> Iterator[Any]:
         yield number_table("against the known truth", KNOWN_TRUTH, check.values())
     statements = verdict(dict(summary))
     said = {"verdict": f"{statements[0].word}: {statements[0].text}", "do": plain(advice(dict(summary), statements))}
-    yield fact_table("", said)
+    surface = (summary.get("results") or {}).get("surface")
+    yield fact_table("", said | ({"surface": "by {method}; {scale}".format(**surface)} if surface else {}))
 
 
 TABLES: dict[str, Callable[[Job, Values], Iterator[Any]]] = {

@@ -12,8 +12,8 @@ from calibrate.known_lights.read_known import AS_THEY_ARE
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
-from scene.reading import numbers, reading
-from scene.store import REMADE, Store
+from scene.reading import json_of, numbers, reading
+from scene.store import Store
 
 Array = NDArray[np.float64]
 Order = NDArray[np.intp]
@@ -45,10 +45,12 @@ class MeasuredLights:
         store = Store(Path(folder))
         if not store.path("lights.json").is_file() or not store.path("calibration.json").is_file():
             raise CalibrationError(
-                f"{folder}: has no lights. Give output folders, as `rgbn calibrate` and `rgbn process` write them."
+                f"{folder}: has no lights. Run `rgbn calibrate SESSION` or `rgbn process SESSION`, and give the folder "
+                "that it writes."
             )
-        lights, told, covariance = store.load_lights(), store.read_json("calibration.json"), None
-        with reading(store.path("calibration.json"), "is damaged", CalibrationError, do=REMADE):
+        path, do = store.path("calibration.json"), f"Remove it, and run `rgbn calibrate {folder}`: it is made anew."
+        lights, told, covariance = store.load_lights(), json_of(path, error=CalibrationError, do=do), None
+        with reading(path, "is damaged", CalibrationError, do=do):
             is_known = any(AS_THEY_ARE in text for text in told["evidence"])
             if told["position_covariance_mm2"] is not None and lights.positions_mm is not None:
                 covariance = numbers(told["position_covariance_mm2"], len(lights), 3, 3)

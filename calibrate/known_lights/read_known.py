@@ -105,7 +105,8 @@ def _in_order(path: Path, lights: Lights, names: tuple[str, ...], skipped: tuple
     """Return the lights in the frames' order, under the frames' names."""
     found = places(names, lights.names)
     flag: tuple[str, ...] = ()
-    is_named, is_rig = all(len(rows) == 1 for rows in found), path.suffix == ".json" and "sessions" in parsed(path)
+    is_named = all(len(rows) == 1 for rows in found)
+    is_rig = path.suffix.lower() == ".json" and "sessions" in parsed(path)
     if is_rig and not is_named:
         # Of lamps that stay the order is known; a few names that are the same say nothing.
         found = [[] for _ in names]

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,6 @@ from calibrate.calibration import Calibration
 from calibrate.known_lights.lamp_changes import pooled_lamps
 from calibrate.known_lights.measured_lights import MISSING, MeasuredLights, are_sure, of_one_set_up, order_of
 from calibrate.known_lights.read_known import NO_INTENSITIES
-from formats.light_files.light_names import numbered
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.files import write_json
@@ -57,7 +57,8 @@ class Rig:
         path, data, do = Path(path), lights_json(self.lights), "Choose another name with --out."
         if path.suffix != ".json":
             raise CalibrationError(f"{path}: lamps are written as JSON; the name must end in .json. {do}")
-        if path.exists() and "sessions" not in json_of(path, error=CalibrationError, do=do):
+        there = json_of(path, error=CalibrationError, do=do) if path.exists() else {"sessions": ()}
+        if not isinstance(there, dict) or "sessions" not in there:
             raise CalibrationError(f"{path}: is there already, and holds no lamps of rgbn. {do}")
         name = "position_covariance_mm2" if self.lights.model == "near" else "direction_covariance"
         for row, own in zip(data["frames"], self.covariance, strict=True):
@@ -77,13 +78,20 @@ def rig(folders: Sequence[str | Path]) -> Rig:
     Raises
     ------
     SceneError
-        Fewer than two sessions agree, or a folder has no lights of its own.
+        Fewer than two sessions agree, or a folder has no lights of its own, or those of another folder.
 
     Examples
     --------
     >>> rgbn.rig(["out/vase", "out/bowl", "out/tile"]).write("rig.json")
     """
-    found = pool_sessions([MeasuredLights.read(folder) for folder in dict.fromkeys(folders)])
+    sessions = [MeasuredLights.read(folder) for folder in folders]
+    for one, other in combinations(sessions, 2):
+        if np.array_equal(one.vectors, other.vectors):
+            raise CalibrationError(
+                f"{other.name}: its lights are those of {one.name}: the same photographs, which tell nothing twice. "
+                "Leave this folder out."
+            )
+    found = pool_sessions(sessions)
     lacking = [name for name, s in zip(found.lights.names, found.lights.intensity_sigma, strict=True) if np.isnan(s)]
     said = f"{listed(lacking)}: of unknown strength: no session has a white ball that shows it."
     return replace(found, warnings=(*found.warnings, said)) if lacking else found
@@ -95,7 +103,8 @@ def pool_sessions(sessions: Sequence[MeasuredLights]) -> Rig:
     sessions, base = of_one_set_up(sessions, warnings)
     orders = [order_of(base, one) for one in sessions]
     usual, keys = base.lights.names, [one.name for one in sessions]
-    names = usual if all({*one.lights.names} <= {*usual} for one in sessions) else numbered(len(usual))
+    is_named = all({*one.lights.names} <= {*usual} for one in sessions)
+    names = usual if is_named else tuple(f"lamp {i + 1}" for i in range(len(usual)))
     for one, order in zip(sessions, orders, strict=True):
         other = order[(order != np.arange(len(order))) & (order != MISSING)]
         if MISSING in order:

@@ -57,6 +57,7 @@ def advice(summary: Summary, statements: list[Statement]) -> Markup:
         "no methods": not compared.get("methods"),
         "no lights": level.get("Lights") == "bad",
         "unjudged": bool(compared.get("has_truth")),
+        "untold": not trust and "trust" in (summary.get("seconds") or {}),
         "unknown": not trust,
         "disbelieved": bool(trust and trust["doubts"]),
         "recommended": True,

@@ -62,8 +62,3 @@ def nameless(count: int) -> tuple[str, ...]:
     Never a frame's name: frames are often named by number, and row 1 need not be frame "1".
     """
     return tuple(f"(row {i + 1})" for i in range(count))
-
-
-def numbered(count: int) -> tuple[str, ...]:
-    """Return the names of a rig's lamps that no photograph's name tells: they are taken in order."""
-    return tuple(f"lamp {i + 1}" for i in range(count))

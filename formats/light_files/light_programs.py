@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from formats.light_files.light_names import nameless, places
 from formats.mat_files import arrays_of_mat
 from scene.camera import FROM_OPENCV, Camera
-from scene.errors import CalibrationError
+from scene.errors import CalibrationError, SceneError
 from scene.light_text import BY_COLUMN, lights_of_json
 from scene.lights import Lights
 from scene.reading import json_of, numbers, reading, shortened
@@ -59,8 +59,12 @@ def read_json(path: Path, camera: Camera | None = None) -> Lights:
         raise ValueError(f"its keys are {shortened(', '.join(sorted(data))) or 'none'}")
     if "frames" not in data:
         return _alicevision(path, data)
-    lights, own = lights_of_json(data), data.get("camera")
-    other = camera.difference(Camera(**{**own, "distortion": tuple(own["distortion"])})) if own and camera else ""
+    lights, own, other = lights_of_json(data), data.get("camera"), ""
+    if own and camera:
+        try:
+            other = camera.difference(Camera(**{**own, "distortion": tuple(own["distortion"])}))
+        except SceneError as error:
+            raise ValueError(str(error)) from error
     return replace(lights, flags=tuple((*own, f"{OTHER_CAMERA}: {other}") for own in lights.flags)) if other else lights
 
 

@@ -204,8 +204,14 @@ def test_a_session_reads_a_rig_by_order_and_checks_its_camera(near, tmp_path):
     assert not any(read.flags)
     with pytest.raises(CalibrationError, match="10 lights for 9 flash frames"):
         read_lights(path, photographs[1:], camera=CAMERA)
-    zoomed = read_lights(path, photographs, camera=replace(CAMERA, fx=1900.0))
+    capital = path.rename(tmp_path / "RIG.JSON")
+    np.testing.assert_allclose(read_lights(capital, photographs, camera=CAMERA).directions, rig.lights.directions)
+    zoomed = read_lights(capital, photographs, camera=replace(CAMERA, fx=1900.0))
     assert all("another camera: its focal length is 1.140" in flags[-1] for flags in zoomed.flags)
+    other = json.loads(capital.read_text())
+    path.write_text(json.dumps({**other, "camera": {**other["camera"], "width": 0}}))
+    with pytest.raises(CalibrationError, match=r"rig\.json: .*size 0 x 800"):
+        read_lights(path, photographs, camera=CAMERA)
     path.write_text(json.dumps({"mine": 1}))
     with pytest.raises(CalibrationError, match="no lamps of rgbn"):
         rig.write(path)

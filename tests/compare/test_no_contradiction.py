@@ -95,6 +95,7 @@ def random_summary(rng: np.random.Generator) -> dict[str, Any]:
         "solve": maybe({"methods": solved}),
         "twin": maybe({"material": {"relative_rmse": some(0.001, 20)}}),
         "trust": maybe(trust, 0.5 * bool(names)),
+        "seconds": {"trust": 0.1},
         "results": maybe({"files": [f"results/normals_{name}.tif" for name in methods]}),
         "compare": {
             "has_truth": has_truth, "methods": methods, "tolerance": tolerance, "lights": maybe(lights),
@@ -123,6 +124,8 @@ def keep_the_rules(summary):
     assert f"verdict {first.word}: " in terminal(summary)
     assert bool(NOT.search(todo)) == (first.level == "bad")
     assert todo.startswith("Use the normals") == (first.level in ("good", "care") or "looks and draw" in todo)
+    # Nothing that was done already.
+    assert not ("--trust" in todo and "trust" in summary.get("seconds", ()))
     if first.level == "good":
         assert not NOT.search(said)
         assert "Look first" not in todo

@@ -153,7 +153,6 @@ def test_a_size_that_nothing_tells_is_not_written(tmp_path):
     store, said, *_ = made(tmp_path, z_mm=0.0, ball=None)
     assert said.result["pixel_mm"] is None
     assert said.warnings == []
-    assert "how large a pixel is" in said.result["notes"][0]
     assert not list(store.path("results").glob("*.tfw"))
     with tifffile.TiffFile(store.path("results", "albedo_ls.tif")) as file:
         assert file.pages[0].tags["ResolutionUnit"].value == 1

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from math import ceil
 
 import cv2
@@ -202,6 +203,10 @@ def test_a_bag_is_replaced_whole_or_not_at_all(run_rgbn, exported, monkeypatch):
     words += ("--normals", "directx", "--method", "ls")
     code, printed, said = run_rgbn(*words)
     assert (code, printed.strip()) == (0, str(bag)), said
+    told = json.loads((data / "summary.json").read_text())
+    told.pop("heritage")
+    assert json.loads((out / "summary.json").read_text()) == told
+    assert [*told["solve"]["methods"]] == ["ls"]
     assert "http://localhost:8000/iiif/manifest.json" in (bag / "data/iiif/manifest.json").read_text()
     down = tifffile.imread(data / "Selene_Output" / "normal_m1.tif")
     known, turned = down.any(-1), truth()[0] * [1, -1, 1]
@@ -225,6 +230,7 @@ def test_without_a_size_none_is_written(run_rgbn, tmp_path):
     code, _, said = run_rgbn(*words)
     assert code == 0, said
     assert "no .tfw and no depthmap_m1" in said
+    assert re.search(r"[1-9] warnings stand in data/summary\.json", said)
     data = tmp_path / "out" / "export" / "heritage" / "data"
     assert {path.name for path in (data / "Selene_Output").iterdir()} == {
         "albedo_m1.tif",
@@ -232,3 +238,7 @@ def test_without_a_size_none_is_written(run_rgbn, tmp_path):
         "sigma_m1.tif",
     }
     assert "service" not in json.loads((data / "iiif" / "manifest.json").read_text())["items"][0]
+    # Solved anew for a twin that there cannot be: what is told of the normals is told anew as well.
+    code, _, said = run_rgbn("export", tmp_path / "out", "--format", "gltf", "--method", "ls")
+    assert (code, "no scan is registered" in said) == (2, True)
+    assert [*json.loads((tmp_path / "out" / "summary.json").read_text())["solve"]["methods"]] == ["ls"]

@@ -191,6 +191,7 @@ def test_a_session_where_the_list_is_to_be_is_refused(captures, here, run_rgbn, 
     assert code == 2
     assert f"captures/{name.partition('/')[0]}: a file of the results has that name" in said
     assert here == []
+    assert not Path("out").exists()
 
 
 def test_a_warning_names_its_session(captures, monkeypatch, capsys):

@@ -2,12 +2,12 @@
 
 import json
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import rgbn
-from capture.session.manifest_file import parse
 from scene.files import write_json
 from scene.store import Store
 from tests.calibrate.test_rig import CAMERA, NAMES, noisy
@@ -27,8 +27,11 @@ def folders(tmp_path):
 
 def test_a_session_without_balls_takes_its_lights_from_the_rig(folders, tmp_path, run_rgbn, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    code, out, said = run_rgbn("rig", *folders)
+    code, out, said = run_rgbn("rig", *folders, "--out", "Münze 😀.json")
     assert code == 0, said
+    key = tomllib.loads(said.strip().rpartition("[lights] ")[2])
+    assert Path(key["file"]).samefile("Münze 😀.json")
+    code, out, said = run_rgbn("rig", *folders)
     assert all(NAMES[row] in out for row in (0, 3, 5, 8))
     assert "written: rig.json" in said
     np.testing.assert_allclose(
@@ -37,7 +40,7 @@ def test_a_session_without_balls_takes_its_lights_from_the_rig(folders, tmp_path
     )
     make_session(tmp_path / "pear")
     manifest = tmp_path / "pear" / "session.toml"
-    manifest.write_text(manifest.read_text().replace('file = "known/lights.lp"', 'rig = "../rig.json"'))
+    manifest.write_text(manifest.read_text().replace('file = "known/lights.lp"', 'file = "../rig.json"'))
     code, _, said = run_rgbn("calibrate", tmp_path / "pear", "--out", tmp_path / "out")
     assert code == 0, said
     found = Store(tmp_path / "out").load_lights()
@@ -55,27 +58,23 @@ def test_a_session_without_balls_takes_its_lights_from_the_rig(folders, tmp_path
     [
         ((), "found 0 session"),
         (("s0",), "found 1 session"),
-        (("s0", "nowhere"), "nowhere: has no lights. Give output folders"),
+        (("s0", "nowhere"), "nowhere: has no lights. Run `rgbn calibrate SESSION`"),
         (("s0", "s1", "--out", "rig.toml"), "the name must end in .json"),
         (("s0", "s1", "--out", "s0/camera.json"), "is there already, and holds no lamps"),
+        (("s0", "s1", "--out", "three.json"), "three.json: is there already, and holds no lamps"),
+        (
+            ("s0", "s2"),
+            "s2/calibration.json: is damaged (KeyError: 'evidence'). Remove it, and run `rgbn calibrate s2`",
+        ),
+        (("s0", "s1", "s1/../s0"), "s1/../s0: its lights are those of s0"),
     ],
 )
 def test_a_slip_is_one_message_and_nothing_is_written(folders, tmp_path, run_rgbn, monkeypatch, words, message):
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "three.json").write_text("3")
+    (tmp_path / "s2" / "calibration.json").write_text("{}")
     before = sorted(path for path in tmp_path.rglob("*"))
     code, out, said = run_rgbn("rig", *words)
     assert (code, out) == (2, "")
     assert message in said
     assert sorted(path for path in tmp_path.rglob("*")) == before
-
-
-def test_rig_and_file_are_one_key():
-    tables = '[frames]\nflash = "a"\n[lights]\n'
-    manifest, faults = parse(tomllib.loads(tables + 'rig = "rig.json"'))
-    assert not faults
-    assert manifest is not None
-    assert manifest.lights is not None
-    assert manifest.lights.file == "rig.json"
-    _, faults = parse(tomllib.loads(tables + 'rig = "rig.json"\nfile = "lights.lp"'))
-    assert len(faults) == 1
-    assert faults[0].startswith("lights.rig: unknown key")

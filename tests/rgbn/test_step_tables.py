@@ -43,7 +43,10 @@ def test_without_scan_or_twin_the_tables_say_so():
     assert "the session names no scan" in " ".join(shown(TABLES["align"](job, {"align": None})).split())
     assert "given normals" in shown(TABLES["align"](SimpleNamespace(session=session(normals="n.mat")), {"align": {}}))
     assert "no scan is registered" in shown(TABLES["twin"](job, {"twin": None}))
-    assert "no ground truth" in shown(TABLES["compare"](job, {"compare": {}}))
+    surface = {"method": "ls", "scale": "nothing tells the distance"}
+    text = shown(TABLES["compare"](job, {"compare": {}, "results": {"surface": surface}}))
+    assert "no ground truth" in text
+    assert "by ls; nothing tells the distance" in text
 
 
 def test_lights_and_balls_are_where_a_tape_measure_finds_them(tmp_path):
