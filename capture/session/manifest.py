@@ -6,7 +6,7 @@ written from it.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, PositiveFloat, PositiveInt, model_validator
 
 from formats.toml_documents import TomlTable
 from scene.length_units import Unit
@@ -167,8 +167,15 @@ class SphereTable(ManifestTable):
 class LightsTable(ManifestTable):
     """[lights]: known lights instead of balls."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _rig_is_a_file(cls, data: Any) -> Any:
+        is_rig = isinstance(data, dict) and "rig" in data and "file" not in data
+        return {"file" if key == "rig" else key: value for key, value in data.items()} if is_rig else data
+
     file: str = _key(
-        "Light file: .lp, light_directions.txt, lights.json, rig.json (`rgbn rig`), .dome, .mat, .json of AliceVision.",
+        "Light file: .lp, light_directions.txt, lights.json, rig.json of `rgbn rig` (rig = is the same), .dome, .mat, "
+        ".json of AliceVision.",
         "lights.lp",
         default=...,
     )

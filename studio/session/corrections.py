@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 PICKS = "picks.csv"
 """Beside the session with what was corrected."""
 GLOBS = {"flash", "ambient", "dark", "flat", "charuco", "chessboard", "frames"}
-FILES = {"mask", "scan", "normals", "picks", "file"}
+FILES = {"mask", "scan", "normals", "picks", "file", "chart"}
 """Keys of a session that name files, by patterns or one each."""
 
 

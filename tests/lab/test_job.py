@@ -100,7 +100,7 @@ OTHER = {
     "normals": None, "picks": Path("picks.csv"), "chart": Path("chart.dng"), "layout": "diligent", "no_spheres": True,
     "tolerance_deg": 3.0,
 }  # fmt: skip
-NO_INPUT = {"name", "folder", "names", "kept", "photographed"}
+NO_INPUT = {"name", "folder", "names", "kept", "photographed", "series"}
 """What follows from the others, or changes no pixel."""
 
 

@@ -40,7 +40,7 @@ def test_a_session_without_balls_takes_its_lights_from_the_rig(folders, tmp_path
     )
     make_session(tmp_path / "pear")
     manifest = tmp_path / "pear" / "session.toml"
-    manifest.write_text(manifest.read_text().replace('file = "known/lights.lp"', 'file = "../rig.json"'))
+    manifest.write_text(manifest.read_text().replace('file = "known/lights.lp"', 'rig = "../rig.json"'))
     code, _, said = run_rgbn("calibrate", tmp_path / "pear", "--out", tmp_path / "out")
     assert code == 0, said
     found = Store(tmp_path / "out").load_lights()
