@@ -289,10 +289,10 @@ def fit_of(evidence: FinalEvidence) -> Fit:
 def normals_off_deg(evidence: FinalEvidence) -> float:
     """Return the median angle, degrees, between the scan's normals and those that photographs tell; nan: none does."""
     normals, samples, shown = evidence.surface[1], evidence.seen.samples, evidence.used.sum(0)
-    if not shown.any():
-        return float("nan")
-    # Of so few photographs that no pixel has more, those with just as many: they tell, with less to spare.
-    asked = np.flatnonzero(shown > min(FEWEST, shown.max() - 1))
+    # Of four photographs all must show a pixel; with more, one that only four show tells too little.
+    asked = np.flatnonzero(shown > min(FEWEST, len(evidence.used) - 1))
+    if not len(asked):
+        return 90.0 if len(evidence.used) >= FEWEST else float("nan")
     asked = asked[:: max(1, len(asked) // ASKED)]
     used, own = evidence.used[:, asked], normals[asked]
     values = np.where(used, samples.values[:, asked], 0) / samples.scale[asked]
