@@ -64,7 +64,9 @@ def registered(folder, times):
     store.save_truth(truth.normals, truth.sigma_deg)
     store.save_pose(scene.pose, residual_px=0.0, sigma_mm=0.0, sigma_deg=0.0)
     trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(folder / "scan.ply")
-    session = SimpleNamespace(scan=folder / "scan.ply", scan_unit="mm", scan_ball_diameter_mm=None)
+    session = SimpleNamespace(
+        scan=folder / "scan.ply", scan_unit="mm", scan_ball_diameter_mm=None, tolerance_deg=None, spheres=()
+    )
     settings = Settings("ls,iterative", engine="many", error=0.3)
     return Job(session, Record(folder), settings)
 

@@ -77,7 +77,7 @@ def test_the_report_says_what_is_not_known(owl):
     assert summary["twin"] is None
     assert not summary["compare"]["has_truth"]
     page = (out / "report.html").read_text()
-    assert "how accurate they are is not known" in page
+    assert "How accurate they are is not known" in page
     assert "orthographic" in page
     texts = " ".join(warning["text"] for warning in summary["warnings"])
     assert "no ground truth" in texts
