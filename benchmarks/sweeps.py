@@ -10,10 +10,10 @@ from itertools import product
 
 import numpy as np
 from pyarrow import parquet
-from scipy.stats import rankdata
 
 from benchmarks.benchmark_findings import GAPS, agreement, answers, benchmark_statistics, verdict_of
 from benchmarks.harness import ROOT, Figures, Scale, Table, folded, markdown
+from compare.statistics.statistics import error_correlation
 from experiments.stagings import CALIBRATED, ONE_FACTOR, SOLVERS, TOLD_WRONGLY, experiments
 from experiments.sweeps.cell import run_cell
 from experiments.sweeps.sweep import sweep
@@ -133,14 +133,9 @@ def _rank(rows: Sequence[StatisticRow], staging: str, profile: str, statistic: s
 
     def rank(some: Sequence[StatisticRow]) -> float:
         mine = [lsq[row.experiment] if profile == "baseline" else getattr(row, f"{profile}_deg") for row in some]
-        known = np.isfinite(mine)
-        return float(np.corrcoef(rankdata(np.array(mine)[known]), rankdata(_theirs(some)[known]))[0, 1])
+        return float(error_correlation(np.array(mine), np.array([row.benchmark_deg for row in some]))["spearman"])
 
     return rank(some), rank([row for row in some if row.solver != "ls"])
-
-
-def _theirs(rows: Sequence[StatisticRow]) -> np.ndarray:
-    return np.array([row.benchmark_deg for row in rows])
 
 
 def _statistic_figures(rows: Sequence[StatisticRow]) -> Figures:

@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import rankdata
 
 from capture.session.session import load_session
 from compare.report.facts import read_optional
 from compare.report.page import section, table, whole_page
-from compare.statistics.statistics import statistics_rows
+from compare.statistics.statistics import error_correlation, statistics_rows
 from draw.line_chart import line_chart
 from draw.readable import readable
 from lab.many_sessions import process_all, sessions_below
@@ -28,8 +27,6 @@ from scene.store import Store
 
 PAGE, TABLE = "series.html", "series.csv"
 KINDS = {"real": "photographs", "twin": "twin"}
-LEAST_LEVELS = 3
-"""Of which a rank correlation tells something."""
 WIDE_RANGE = 20.0
 """Largest over smallest value from which on the axis is logarithmic."""
 Value = float | str
@@ -114,28 +111,22 @@ def series_page(title: str, factor: str, rows: Sequence[Mapping[str, Any]]) -> s
         own = [row for row in rows if row["method"] == method]
         curves = {kind: [_mean(own, kind, value) for value in every] for kind in KINDS}
         pairs = np.array([curves["real"], curves["twin"]])
-        known = np.isfinite(pairs).all(0)
-        means.append(pairs[:, known])
-        rank = rank_correlation(*pairs[:, known])
-        ranked.append((escape(method), _told(rank), str(known.sum())))
+        means.append(pairs)
+        ranked.append((escape(method), _rank(*pairs), str(np.isfinite(pairs).all(0).sum())))
         chapters[method] = section(method, escape(method), _chart(factor, every, curves) + _table(factor, own))
-    rank = rank_correlation(*np.concatenate(means, axis=1))
+    together = _rank(*np.concatenate(means, axis=1))
     lead = (
-        f"Mean angular errors of the photographs against those of the twins, which are rendered with each session's "
-        f"own lights, noise and scan. All methods and levels together rank alike to {_told(rank)} (1: the same order)."
+        "Mean angular errors of the photographs against those of the twins, which are rendered with each session's own "
+        f"lights, noise and scan. All methods and levels together rank alike to {together} (1: the same order)."
     )
     alike = section("alike", "Fail alike?", table(("method", "rank correlation", "levels"), ranked), lead)
     said = f"{factor}: {', '.join(map(_value, every))}"
     return whole_page(title, "series", escape(said), {"Fail alike?": alike, **chapters})
 
 
-def rank_correlation(real: Sequence[float], twin: Sequence[float]) -> float:
-    """Return Spearman's rank correlation [Spearman1904]; nan for few levels, or where one is the same at all."""
-    a, b = rankdata(real), rankdata(twin)
-    return float(np.corrcoef(a, b)[0, 1]) if len(a) >= LEAST_LEVELS and np.ptp(a) and np.ptp(b) else float("nan")
-
-
-def _told(rank: float) -> str:
+def _rank(real: Sequence[float], twin: Sequence[float]) -> str:
+    """Return the rank correlation in words: of three levels at least, and where neither is the same at all."""
+    rank = error_correlation(np.asarray(real), np.asarray(twin))["spearman"]
     return readable(rank, 2) if np.isfinite(rank) else "not known"
 
 

@@ -90,6 +90,11 @@ class Job:
         return {by: value for by, value in said.items() if value is not None}
 
     @property
+    def tolerance_deg(self) -> float | None:
+        """That one; None: no error is too large."""
+        return next(iter(self.tolerances_deg.values()), None)
+
+    @property
     def methods(self) -> tuple[str, ...]:
         """The solvers: those asked for; where none was named and the lights are unknown, those that need none.
 

@@ -263,7 +263,7 @@ def compare(job: Job) -> Outcome:
     from compare.statistics.known_truth import known_truth
 
     said = list(job.tolerances_deg.values())
-    result = judge(job.store, methods=job.methods, tolerance_deg=next(iter(said), None))
+    result = judge(job.store, methods=job.methods, tolerance_deg=job.tolerance_deg)
     if len(set(said)) > 1:
         result["warnings"].append(
             f"tolerance: {said[0]:g} degrees were said by --tolerance, which goes before the {said[1]:g} of "

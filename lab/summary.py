@@ -29,7 +29,7 @@ def write_summary(job: Job, up_to: str) -> dict[str, Any]:
         "refine_lights": bool(job.settings.refine_lights),
         "trust": job.settings.trust,
         "truth": job.settings.truth,
-        "tolerance_deg": next(iter(job.tolerances_deg.values()), None),
+        "tolerance_deg": job.tolerance_deg,
         "tolerances_deg": job.tolerances_deg,
     }
     done = job.done

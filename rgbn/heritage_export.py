@@ -19,7 +19,7 @@ from formats.iiif_files import write_manifest, write_tiles
 from formats.light_files.light_formats import export_lights
 from formats.map_tiff import write_map
 from formats.picture_files import srgb_from_linear, srgb_profile
-from lab.colours import albedo_colours
+from lab.colours import Colours, albedo_colours
 from lab.job import Job
 from lab.plan import ARCHIVED, STEPS
 from lab.results import FOLDER, method_maps, recommended
@@ -72,9 +72,9 @@ def _check_own(job: Job, folder: Path) -> None:
 def _write_payload(job: Job, data: Path, base: str) -> list[str]:
     """Write `data/`; return notes."""
     store, lights, facts = job.store, job.store.load_lights(), job.done[FOLDER]["result"]
-    order, notes = _ordered(lights.directions)
-    pictures = {"picture": ("composite", "mean of the photographs", _write_photographs(job, data, order))}
-    pictures |= _write_maps(job, data / "Selene_Output", facts)
+    (order, notes), colours = _ordered(lights.directions), albedo_colours(job)
+    pictures = {"picture": ("composite", "mean of the photographs", _write_photographs(job, data, order, colours))}
+    pictures |= _write_maps(job, data / "Selene_Output", facts, colours)
     images = [write_tiles(data, base, shown, name, label, part) for name, (part, label, shown) in pictures.items()]
     taken = {f"{place}.TIF": job.session.flash[index] for place, index in enumerate(order, 1)}
     told = {name: {"photograph": path.name, "sha256": job.record.digest(path)} for name, path in taken.items()}
@@ -105,10 +105,9 @@ def _ordered(directions: NDArray) -> tuple[list[int], list[str]]:
     return [*first.tolist(), *(index for index in every if index not in first)], [said]
 
 
-def _write_photographs(job: Job, data: Path, order: list[int]) -> NDArray[np.uint8]:
+def _write_photographs(job: Job, data: Path, order: list[int], colours: Colours) -> NDArray[np.uint8]:
     """Write the photographs as people see them, all with one white; return their mean, each flash of strength 1."""
     frames, lights = job.store.load_frames(), job.store.load_lights()
-    colours = albedo_colours(job)
     # The camera's RGB of a neutral surface: the brightest that all photographs show is white.
     neutral = np.linalg.solve(colours.matrix, np.ones(3))
     exposure = Exposure.for_frames(frames, white_value=neutral)
@@ -129,10 +128,11 @@ def _write_photographs(job: Job, data: Path, order: list[int]) -> NDArray[np.uin
     return EIGHT_BITS[SRGB[np.clip(total, 0, 65535, out=total).astype(np.uint16)]]
 
 
-def _write_maps(job: Job, folder: Path, facts: dict[str, Any]) -> dict[str, tuple[str, str, NDArray[np.uint8]]]:
+def _write_maps(
+    job: Job, folder: Path, facts: dict[str, Any], colours: Colours
+) -> dict[str, tuple[str, str, NDArray[np.uint8]]]:
     """Write the method's maps as TIFF, lengths in metres; return part in relighting, label and picture of each."""
     store, method, pixel_mm, shown = job.store, facts["surface"]["method"], facts["pixel_mm"], {}
-    colours = albedo_colours(job)
 
     def write(name: str, values: NDArray, told: dict[str, Any]) -> None:
         profile = srgb_profile() if name == "albedo" and colours.source else None

@@ -97,6 +97,8 @@ def _rows(summary: Summary, material: Material) -> Summary:
     methods = {name: compared["methods"][name] for name in by_error(compared)}
     points = speed_points(summary)
     charted = {point.method for point in points if point.kind == "real"}
+    lost = [name for name in dict.fromkeys([*solved, *methods]) if name not in charted]
+    reasons = {name: _why_uncharted(compared, name) for name in lost}
     align = summary.get("align") or compared.get("pose") or {}
     align = {**(align.get("fit") or {}), **align}
     listed = {row.get("name"): row for row in (summary.get("capture") or {}).get("frames_table") or []}
@@ -104,7 +106,7 @@ def _rows(summary: Summary, material: Material) -> Summary:
     spent = summary.get("processor_seconds") or {}
     return {
         "methods": methods, "points": points, "statistics_rows": statistics_rows({"methods": methods}),
-        "uncharted": [name for name in dict.fromkeys([*solved, *methods]) if name not in charted],
+        "uncharted": {why: [name for name in lost if reasons[name] == why] for why in dict.fromkeys(reasons.values())},
         "frame_rows": [{"name": name, **(listed.get(name) or {})} for name in names],
         "both_rows": {name: row for name, row in methods.items() if row.get("real") and row.get("twin")},
         "four_ways": [
@@ -133,6 +135,12 @@ def _rows(summary: Summary, material: Material) -> Summary:
         },
         **_square(compared.get("between_methods") or [], list(methods)),
     }  # fmt: skip
+
+
+def _why_uncharted(compared: Summary, method: str) -> str:
+    """Return why a method is not in the chart of speed, a key of the words of `statistics`."""
+    real = (compared["methods"].get(method) or {}).get("real") if compared.get("has_truth") else None
+    return "no time" if real else "no normals" if compared.get("has_truth") else "no error"
 
 
 def _square(pairs: list[Summary], names: list[str]) -> Summary:
