@@ -87,7 +87,7 @@ class Studio:
         with self._lock:
             if self.window is None:
                 self._show(client)
-            else:
+            elif self.window.client is not client:  # Else it was shown as the one before it went.
                 self._offer(client)
             if client.client_id not in self._server.get_clients():
                 self._go(client)
@@ -113,20 +113,30 @@ class Studio:
     def _take_over(self, client: Any) -> None:
         with self._lock:
             before = self.window
+            if before is not None and before.client is client:
+                return  # Pressed twice.
             self._show(client)
-            if before is not None and before.client.client_id in self._server.get_clients():
-                self._offer(before.client)
+        if before is not None and before.client.client_id in self._server.get_clients():
+            before.wait()
+            self._offer(before.client)
 
     def _show(self, client: Any) -> None:
         """Show a browser what is worked on, in a window of its area."""
-        if self.window is not None:
-            self.window.close()
-        client.gui.reset()
-        client.scene.reset()
+        before = self.window
+        if before is not None:
+            before.close()
         self.window = window = self._make_window(client)
         window.turn = partial(self._turn, window)
         # What takes time is done in the window's own thread, which tells what is at fault.
-        window.post(lambda: window.show(*PAGES[type(window)]))
+        window.post(lambda: self._begin(window, before))
+
+    def _begin(self, window: Window, before: Window | None) -> None:
+        """Clear a browser's page, which nothing may write meanwhile, and show a window on it."""
+        if before is not None and before.client is window.client:
+            before.wait()
+        window.client.gui.reset()
+        window.client.scene.reset()
+        window.show(*PAGES[type(window)])
 
     def _turn(self, window: Window) -> None:
         with self._lock:

@@ -30,8 +30,8 @@ document.addEventListener('click', hear, true);
 """The words of the buttons that were pressed: a press between two layouts of a page arrives at none."""
 
 
-@pytest.fixture(scope="session")
-def viser_server():
+@contextlib.contextmanager
+def unvisited_server():
     """A server of viser's that no browser comes to."""
     import viser
 
@@ -39,6 +39,20 @@ def viser_server():
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         yield server
         server.stop()
+
+
+@pytest.fixture(scope="session")
+def viser_server():
+    """One for all tests with a single client."""
+    with unvisited_server() as server:
+        yield server
+
+
+@pytest.fixture
+def nobodies():
+    """Return what makes clients that nobody sits at, each with panels of its own."""
+    with contextlib.ExitStack() as servers:
+        yield lambda number: Nobody(servers.enter_context(unvisited_server()), number)
 
 
 def at_once(answer):

@@ -91,13 +91,13 @@ def vars_of(module):
 
 
 @pytest.fixture
-def coming(studio, nobody, monkeypatch):
+def coming(studio, nobodies, monkeypatch):
     """Return what makes clients come to the studio, and what makes them go."""
     here = {}
     monkeypatch.setattr(studio._server, "get_clients", lambda: dict(here))
 
     def come(number):
-        here[number] = nobody(number)
+        here[number] = nobodies(number)
         studio._come(here[number])
         return here[number]
 
@@ -127,6 +127,14 @@ def test_one_window_at_a_time_and_the_next_goes_on_with_the_scene(studio, coming
     assert studio.window.scene.camera.width == 64
     go(2)
     assert studio.window.client is first, "who waits takes the place of who goes, as after a reload"
+    # Its own coming may be told after that: it is not sent away from its own window.
+    window = studio.window
+    settle(window)
+    studio._come(first)
+    settle(window)
+    assert studio.window is window
+    shown = first.gui._container_handle_from_uuid["root"]._children.values()
+    assert ELSEWHERE not in [one.content for one in shown if hasattr(one, "content")]
     go(1)
     assert studio.window is None
     come(3)
