@@ -87,7 +87,7 @@ class Job:
     def tolerances_deg(self) -> dict[str, float]:
         """The error of normals that is allowed, by who said it; the first one holds."""
         said = {"--tolerance": self.settings.tolerance_deg, "session.toml": self.session.tolerance_deg}
-        return {by: value for by, value in said.items() if value is not None}
+        return {by: value for by, value in said.items() if value}
 
     @property
     def tolerance_deg(self) -> float | None:

@@ -48,12 +48,14 @@ def in_any_case(_: Any, tokens: Sequence[Any]) -> str:
 
 
 def degrees_of(_: Any, tokens: Sequence[Any]) -> float:
-    """Return an angle of the command line, as 3, 3deg or 3°; SceneError for what no error can be."""
+    """Return an angle of the command line, as 3, 3deg or 3°, of `none` 0; SceneError for what no error can be."""
     text = tokens[0].value
+    if text.strip().casefold() == "none":
+        return 0.0
     with suppress(ValueError):
         if 0 < (value := float(text.strip().removesuffix("deg").removesuffix("°"))) < 90:
             return value
-    raise SceneError(f"--tolerance {text}: expected degrees above 0 and below 90, such as 3deg.")
+    raise SceneError(f"--tolerance {text}: expected degrees above 0 and below 90, such as 3deg, or none.")
 
 
 def one_of(option: str, known: Any) -> Callable[[Any, Sequence[Any]], str]:
@@ -214,8 +216,8 @@ class Settings(TwinSettings, SessionSolving):
         float | None,
         Parameter(
             name="--tolerance",
-            help="The error of normals that your purpose allows, such as 3deg: the verdict is pass or fail. Default: "
-            "tolerance_deg under [object] of session.toml.",
+            help="The error of normals that your purpose allows, such as 3deg: the verdict is pass or fail. The output "
+            "folder keeps it until you say none. Default: tolerance_deg under [object] of session.toml.",
             converter=degrees_of,
         ),
     ] = None

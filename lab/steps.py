@@ -267,7 +267,7 @@ def compare(job: Job) -> Outcome:
     if len(set(said)) > 1:
         result["warnings"].append(
             f"tolerance: {said[0]:g} degrees were said by --tolerance, which goes before the {said[1]:g} of "
-            f"object.tolerance_deg in session.toml. To judge by these give --tolerance {said[1]:g}deg."
+            "object.tolerance_deg in session.toml. To judge by these give --tolerance none."
         )
     if job.settings.truth:
         mesh = job.load_scan() if job.session.scan else None

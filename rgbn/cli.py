@@ -255,7 +255,9 @@ def rig(
 
     found = pool(folders)
     found.write(out)
-    title = f"rig: {len(found.lights)} {found.lights.model} lamps, of {len(found.sessions)} sessions"
+    counts = [f"{count} {what}{'s' * (count != 1)}" for count, what in (
+        (len(found.lights), f"{found.lights.model} lamp"), (len(found.sessions), "session"))]  # fmt: skip
+    title = f"rig: {counts[0]}, of {counts[1]}"
     if not is_quiet():
         print_tables([light_table(title, found.lights, str(out))])
     for text in found.warnings:

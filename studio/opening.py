@@ -121,6 +121,21 @@ class OpenWindow(Window):
     """What a browser opens things in: folders below the workspace."""
 
     area = "Open"
+    listed: tuple[tuple[Path, float], ...] = ()
+    """The sessions below a folder, and when results of each were last written; 0 where there are none."""
+
+    def begin(self) -> None:
+        """Read what is to be shown."""
+        self.follow()
+
+    def follow(self) -> bool:
+        """Look whether a session of the list has other results: of a run here, or of `rgbn process` elsewhere."""
+        before = self.listed
+        if self.state.many is not None and self.folder == self.state.many[0]:
+            parent, out = self.state.many
+            paths = {place: out / place.relative_to(parent) / "summary.json" for place in sessions_below(parent)}
+            self.listed = tuple((place, path.stat().st_mtime if path.is_file() else 0) for place, path in paths.items())
+        return self.listed != before
 
     @property
     def folder(self) -> Path:
@@ -151,9 +166,8 @@ def _session_rows(window: OpenWindow) -> list[Row]:
     """Return the sessions as `rgbn process` lists them, each with a button that opens it."""
     assert window.state.many is not None
     (parent, out), rows = window.state.many, []
-    for session in sessions_below(parent):
+    for session, is_done in window.listed:
         name = session.relative_to(parent).as_posix()
-        is_done = (out / name / "summary.json").is_file()
         row = session_row(out, name, "" if is_done else "Nothing was made of it yet.")
         picture = f'<div style="margin: 0 .6em">{row_picture(out, row)}</div>'
         told = f"{row['verdict']} Warnings: {row['warnings']}." if is_done else row["fault"]
@@ -177,7 +191,7 @@ OPEN_ROWS = (
     button("New scene", lambda window: window.go("Scene")),
     Row("folder", "Sessions", lambda window: {
         "visible": window.state.many is not None and window.folder == window.state.many[0]},
-        start={"visible": False}, rows=_session_rows),
+        start={"visible": False}, rows=_session_rows, key=lambda window: window.listed),
     Row("folder", "In this folder", rows=_entry_rows, key=lambda window: tuple(entries(window.folder))),
 )  # fmt: skip
 """What is to be done with the folder itself, and the folders and scenes in it."""

@@ -20,6 +20,7 @@ WORDS = {
     "dark": ("dark", "bias", "lenscap"),
     "flat": ("flat", "flatfield", "vignetting"),
     "board": ("charuco", "aruco", "board", "chessboard", "checkerboard", "chess", "calib", "calibration"),
+    "chart": ("chart", "colorchart", "colourchart", "colorchecker", "colourchecker"),
     "mask": ("mask", "silhouette"),
     "normals": ("normal", "normals"),
     "truth": ("gt", "truth", "true", "groundtruth", "reference"),
@@ -45,7 +46,7 @@ class FolderFiles:
     folder : Path
         Where session.toml is to lie; every path below is absolute.
     photographs : dict of lists of Path
-        By the role that their names tell: flash, ambient, dark, flat, board, chrome, white.
+        By the role that their names tell: flash, ambient, dark, flat, board, chart, chrome, white.
     masks, scans, lights, normals : lists of Path
     left_out : list of str
         What is not used, and why: a sentence each.
@@ -204,7 +205,7 @@ def _sort(files: Iterable[Path], found: FolderFiles) -> None:
         elif kind_of(path) and _told(path, folder, "mask"):
             found.masks.append(path)
         elif kind_of(path):
-            roles = [role for role in ("board", "dark", "flat", "ambient") if _told(path, folder, role)]
+            roles = [role for role in ("board", "chart", "dark", "flat", "ambient") if _told(path, folder, role)]
             # A ball that was shot apart has a folder of its own; "white_vase_001" is no ball.
             roles += [role for role in KINDS if set(words_of(path.parent, folder)) & set(WORDS[role])]
             found.photographs.setdefault(roles[0] if roles else "flash", []).append(path)

@@ -51,7 +51,7 @@ def prepare(
     not fit what was found.
     """
     linear, encoding = encoding_of(files.photographs["flash"][0], asking)
-    every = [path for role in ("flash", "ambient", "board") for path in files.photographs.get(role, [])]
+    every = [path for role in ("flash", "ambient", "board", "chart") for path in files.photographs.get(role, [])]
     with progress as tell:
         small, unread = (small, []) if small else read_small(every, encoding, tell)
     draft = _look(files, linear, {one.path: one for one in small}, unread)
@@ -114,10 +114,21 @@ def _look(files: FolderFiles, linear: bool | None, by_path: dict[Path, Small], u
         Manifest(frames=FramesTable(flash=["*"], linear=linear)), files.folder, first.width, first.height,
         frames_of(shots, ambient), first.step, exif=tuple(read_exif(one.path) for one in shots), notes=tuple(notes),
     ).with_photographs(photographs)  # fmt: skip
+    draft = _with_chart(draft, [by_path[path] for path in files.photographs.get("chart", []) if path in by_path])
     if layout is None:
         return draft
     shots_key = "charuco" if layout.dictionary else "chessboard"
     return draft.saying("camera", board=layout.table, **{shots_key: pattern_of([o.path for o in shown], files.folder)})
+
+
+def _with_chart(draft: Draft, charts: list[Small]) -> Draft:
+    """Take the first photograph that is called a ColorChecker's and is as the flash frames are."""
+    suffix, size = draft.photographs["flash"][0].suffix.lower(), (draft.width, draft.height)
+    alike = [one.path for one in charts if one.path.suffix.lower() == suffix and (one.width, one.height) == size]
+    lost = ", ".join(one.path.name for one in charts if one.path not in alike[:1])
+    why = "one photograph of the ColorChecker is used" if alike else "another size or kind of file than the flash frames"
+    draft = draft.noting(f"left out: {lost}: {why}.") if lost else draft
+    return draft.saying("frames", chart=name_of(alike[0], draft.folder)) if alike else draft
 
 
 def encoding_of(first: Path, asking: Asking) -> tuple[bool | None, Encoding]:

@@ -2,13 +2,14 @@
 
 from dataclasses import fields, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from capture.session.session_types import CaptureSession, SphereSpec
 from lab.job import Job, Outcome, Step
-from lab.options import Settings
+from lab.options import Settings, degrees_of
 from lab.plan import STEPS
 from lab.run import run_session
 from scene.camera import Camera
@@ -143,6 +144,8 @@ def test_the_option_goes_before_the_file_and_both_are_told(tmp_path):
     assert judged(3) == (3, {"session.toml": 3}, 0)
     assert judged(3, 2.0) == (2, {"--tolerance": 2, "session.toml": 3}, 1)
     assert judged(2) == (2, {"--tolerance": 2, "session.toml": 2}, 0), "it is kept by the folder"
+    none = degrees_of(None, [SimpleNamespace(value="None")])
+    assert judged(3, none) == judged(3) == (3, {"session.toml": 3}, 0), "until it is taken back"
 
 
 def test_the_scan_is_loaded_with_its_unit_and_its_ball(tmp_path):

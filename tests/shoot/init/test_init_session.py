@@ -140,6 +140,16 @@ def test_the_command_says_what_to_run_for_each_object(run_rgbn, tmp_path, monkey
     assert (code, "100;90: expected millimetres, as in 76" in said) == (2, True)
 
 
+def test_a_photograph_that_is_called_a_chart_is_the_chart(mine):
+    for name, wide in (("Color Checker", 60), ("chart_2", 60), ("chart_0", 30)):
+        write_png(mine / f"{name}.png", np.full((40, wide, 3), 3000, np.uint16))
+    (made,) = init_sessions(mine, Answers(), silent=True)
+    session = load_session(mine)
+    assert session.chart == mine / "chart_2.png"
+    assert len(session.flash) == 4
+    assert "left out: chart_0.png, Color Checker.png: one photograph" in " ".join(made.draft.notes)
+
+
 def test_several_objects_in_one_folder_are_no_session(mine, tmp_path):
     for seed, name in enumerate(("cat_{}", "owl_{}", "rock_{}")):
         take_photographs(tmp_path / "mixed", name, seed)

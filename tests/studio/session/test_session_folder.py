@@ -2,6 +2,7 @@
 
 import json
 import re
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,9 +14,10 @@ from capture.session.manifest import TABLES
 from capture.session.requests import sphere_requests
 from capture.session.session import load_session
 from scene.errors import SceneError
+from scene.files import write_json
 from scene.lights import Lights
 from scene.rays import RayCaster
-from studio.opening import found_at
+from studio.opening import OPEN_ROWS, OpenWindow, found_at, open_many
 from studio.session import corrections
 from studio.session.corrections import Corrections, balls_of, forget_kept, met, pose_of, tables_of, write_amended
 from studio.session.folder import Review, targets
@@ -32,6 +34,8 @@ from studio.session.photograph_window import added, moved, outline, resized
 from studio.session.plane import Plane
 from studio.session.session_window import turned_deg
 from studio.session.spatial_view import covariance_mm2, ellipsoid_of
+from studio.studio_state import StudioState
+from studio.workspace import Workspace
 from twin.description.light_groups import direction
 
 
@@ -343,3 +347,26 @@ def test_picks_give_the_pose_at_which_they_were_made(review, made):
     with pytest.raises(SceneError, match=r"^The picks: 3 picks are too few"):
         pose_of(review, replace(picks, pixels=picks.pixels[:3], points=picks.points[:3]), mesh)
     assert kept.read_text() == text, "a trial leaves what was kept as it is"
+
+
+def test_the_list_of_sessions_is_drawn_again_when_one_has_other_results(tmp_path, nobody, furnish, settle):
+    for name in ("jug", "vase"):
+        (tmp_path / "captures" / name).mkdir(parents=True)
+        (tmp_path / "captures" / name / "session.toml").touch()
+    state, workspace = StudioState(), Workspace.at(tmp_path)
+    assert open_many(state, workspace, tmp_path / "captures", tmp_path / "out")
+    window = furnish(OpenWindow(nobody(), workspace, state), OPEN_ROWS)
+
+    def listed():
+        settle(window)
+        folders = list(window.client.gui._container_handle_from_uuid.values())
+        labels = [getattr(one, "label", None) for folder in folders for one in folder._children.values()]
+        return [label for label in labels if label and label.startswith(("jug: n", "jug: f", "vase: n"))]
+
+    assert listed() == ["jug: not processed", "vase: not processed"]
+    found = {"deg": 3.0, "method": "ls", "share": 0.5, "least_share": 0.9, "passes": False}
+    write_json(tmp_path / "out" / "jug" / "summary.json", {"compare": {"tolerance": found}})
+    end = time.monotonic() + 30
+    while listed() != ["jug: fail", "vase: not processed"]:
+        assert time.monotonic() < end, listed()
+        time.sleep(0.05)
