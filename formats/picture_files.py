@@ -167,10 +167,10 @@ def _unlike(parts: list[Any]) -> str:
 
 
 def write_exr(path: Path, picture: Picture) -> None:
-    """Write (h, w, 3) or (h, w, 1) as 32-bit OpenEXR."""
+    """Write (h, w, 3), (h, w, 1) or (h, w) as 32-bit OpenEXR."""
     import OpenEXR
 
     values = np.ascontiguousarray(picture, np.float32)
-    channels = {"RGB": values} if values.shape[2] == 3 else {"Y": values[..., 0]}
+    channels = {"RGB": values} if values.shape[2:] == (3,) else {"Y": values.reshape(values.shape[:2])}
     with write_whole(path) as file:
         OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION}, channels).write(file)

@@ -115,11 +115,11 @@ class Job:
         return (*UNCALIBRATED, *self.externals)
 
     def wanted(self, last: str) -> tuple[str, ...]:
-        """Return the steps to run, with what they need, for a verb: what was asked for, files, the last one."""
+        """Return the steps to run, with what they need, for a verb: what was asked for, the last one, files."""
         has_truth, trust = self.session.normals or self.session.scan, self.settings.trust
         asked = last == "compare" and not has_truth if trust is None else trust
         trusted = ("trust",) if asked and last in ("solve", "twin", "compare") else ()
-        return (*trusted, *(("results",) if last == "compare" else ()), last)
+        return (*trusted, last, *(("results",) if last == "compare" else ()))
 
     @cached_property
     def store(self) -> Store:

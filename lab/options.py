@@ -202,6 +202,10 @@ class SessionSolving(Solving):
             converter=one_of("--normals", GreenAxis),
         ),
     ] = None
+    exr: Annotated[
+        bool | None,
+        Parameter(help="Write the maps in results/ as 32-bit OpenEXR, too, NaN where unknown. Default: no."),
+    ] = None
 
 
 @Parameter(name="*")

@@ -46,6 +46,11 @@ def _judged_by(job: Job) -> list[Any]:
     ]
 
 
+def _given_away(job: Job) -> list[Any]:
+    # Of what `compare` and `trust` found nothing but which method is recommended, so that neither is waited for.
+    return [job.settings.normals, bool(job.settings.exr), recommended(job)]
+
+
 EXPORTED = "export"
 """Files for other programs: `calibrate` finds the lights, `align` moves them to the object."""
 ARCHIVED = "heritage"
@@ -60,9 +65,9 @@ STEPS = {
         Step("align", steps.align, ("calibrate",), _object_inputs, (EXPORTED,)),
         Step("solve", steps.solve, ("align",), _methods),
         Step("trust", steps.trust, ("solve",), lambda job: []),
-        Step(FOLDER, results, ("solve",), lambda job: [job.settings.normals, recommended(job)], (ARCHIVED,)),
         Step("twin", twin, ("solve",), lambda job: [*_methods(job), job.twin]),
         Step("compare", steps.compare, ("twin",), _judged_by, (REPORTED,)),
+        Step(FOLDER, results, ("solve",), _given_away, (ARCHIVED,)),
     )
 }
 """In the order in which data flow."""

@@ -1,4 +1,4 @@
-"""`results/`: what was found, in files that other programs open: TIFF maps, and the surface as PLY and GLB."""
+"""`results/`: what was found, in files that other programs open: TIFF and EXR maps, the surface as PLY and GLB."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,11 +25,14 @@ TEXTURE_PX = 4096
 HEADROOM, MOST = 1.25, 0.999
 """White of an albedo map, in units of this quantile of the albedo: what glares beyond it is cut."""
 
+UNITS = {"sigma": "degrees, one standard deviation of the normal", "depth": "mm, z; negative"}
+
 
 @alive("results")
 def results(job: Job) -> Outcome:
     """Write each method's maps, and one method's surface."""
     from formats.map_tiff import write_map
+    from formats.picture_files import write_exr
 
     store, axes = job.store, job.settings.normals or "opengl"
     camera, lights, colours = store.load_camera(), store.load_lights(), albedo_colours(job)
@@ -43,11 +46,14 @@ def results(job: Job) -> Outcome:
             path = store.path(FOLDER, f"{kind}_{name}.tif")
             written += write_map(path, values, {"map": kind, "method": name, **told}, pixel_mm)
             whites[name] = told.get("white", whites.get(name))
+        for kind, values in _float_maps(store, name, axes, colours) if job.settings.exr else ():
+            written.append(store.path(FOLDER, f"{kind}_{name}.exr"))
+            write_exr(written[-1], values)
     mask = store.load_mask()
     known = [name for name in job.methods if np.isfinite(store.load_normals(name)[mask]).all(-1).any()]
     warnings = [] if known else ["no method found a normal: there is no surface."]
     best = recommended(job)
-    # What trust recommends comes before what found its depth itself.
+    # What the report recommends comes before what found its depth itself.
     known = [best] if best in known else known
     surface = _write_surface(job, known, pixel_mm, written, colours) if known else None
     facts = {
@@ -62,8 +68,12 @@ def results(job: Job) -> Outcome:
 
 
 def recommended(job: Job) -> str | None:
-    """Return the method that trust recommends; None where it was not asked."""
-    return job.done.get("trust", {}).get("result", {}).get("recommended")
+    """Return the method that the report recommends; None where neither a truth nor the photographs tell of one."""
+    from compare.report.facts import best_method
+
+    told = {step: job.done.get(step, {}).get("result", {}) for step in ("compare", "trust")}
+    is_told = (told["compare"].get("level") or {}).get("best") or told["trust"].get("recommended")
+    return best_method(told) if is_told else None
 
 
 def pixel_size_mm(camera: Camera, lights: Lights) -> float | None:
@@ -80,21 +90,30 @@ def method_maps(
 
     Normals and albedo, uint16, with the albedo that is white; sigma and depth, float32, where the method has them.
     """
-    normals = np.asarray(store.load_normals(method))
-    turned = normals if axes == "opengl" else normals * np.array([1, -1, 1], np.float32)
     up = "up" if axes == "opengl" else "down"
-    told = {"value": "n = 2 code / 65535 - 1; 0 0 0: unknown", "axes": f"x right, y {up}, z toward the camera"}
-    yield "normals", encode_normals(turned), told
-    albedo = np.asarray(store.read_array("albedo", f"{method}.npy")) @ colours.matrix.T.astype(np.float32)
-    known = albedo[np.isfinite(albedo)]
-    white = HEADROOM * float(np.quantile(known, MOST)) if known.size else 1.0
-    white = white if white > 0 else 1.0
-    codes = np.nan_to_num(np.round(np.clip(albedo / white, 0, 1) * 65535)).astype(np.uint16)
-    told = {"value": f"albedo = {white:.6g} code / 65535, linear; 1: {colours.one}", "white": white}
-    yield "albedo", codes, {**told, "colour": colours.colour}
-    for kind, unit in (("sigma", "degrees, one standard deviation of the normal"), ("depth", "mm, z; negative")):
+    for kind, values in _float_maps(store, method, axes, colours):
+        if kind == "normals":
+            told = {"value": "n = 2 code / 65535 - 1; 0 0 0: unknown", "axes": f"x right, y {up}, z toward the camera"}
+            yield kind, encode_normals(values), told
+        elif kind == "albedo":
+            known = values[np.isfinite(values)]
+            white = HEADROOM * float(np.quantile(known, MOST)) if known.size else 1.0
+            white = white if white > 0 else 1.0
+            codes = np.nan_to_num(np.round(np.clip(values / white, 0, 1) * 65535)).astype(np.uint16)
+            told = {"value": f"albedo = {white:.6g} code / 65535, linear; 1: {colours.one}", "white": white}
+            yield kind, codes, {**told, "colour": colours.colour}
+        else:
+            yield kind, values, {"value": UNITS[kind]}
+
+
+def _float_maps(store: Store, method: str, axes: GreenAxis, colours: Colours) -> Iterator[tuple[str, NDArray]]:
+    """Yield a method's maps, float32, NaN where unknown: normals, albedo, and sigma and depth where it has them."""
+    green = np.array([1, 1 if axes == "opengl" else -1, 1], np.float32)
+    yield "normals", np.asarray(store.load_normals(method)) * green
+    yield "albedo", np.asarray(store.read_array("albedo", f"{method}.npy")) @ colours.matrix.T.astype(np.float32)
+    for kind in UNITS:
         if store.path(kind, f"{method}.npy").exists():
-            yield kind, np.asarray(store.read_array(kind, f"{method}.npy"), np.float32), {"value": unit}
+            yield kind, np.asarray(store.read_array(kind, f"{method}.npy"), np.float32)
 
 
 def _write_surface(
@@ -104,7 +123,7 @@ def _write_surface(
     from compare.report.pictures import PixelBox
     from formats.map_tiff import write_map
     from formats.meshes.glb_files import textured, write_glb
-    from formats.picture_files import srgb_from_linear
+    from formats.picture_files import srgb_from_linear, write_exr
     from solve.surface.solved_surface import solved_surface
 
     store = job.store
@@ -129,6 +148,9 @@ def _write_surface(
         depth = store.path(FOLDER, f"depth_{found.method}.tif")
         size_mm = pixel_mm and pixel_mm * found.step
         written += write_map(depth, found.surface.z_mm.astype(np.float32), told, size_mm)
+        if job.settings.exr:
+            written.append(depth.with_suffix(".exr"))
+            write_exr(written[-1], found.surface.z_mm)
     torn = found.surface.torn_share()
     facts = {"method": found.method, "scale": found.scale, "vertices": len(mesh.vertices), "torn_share": torn}
     return {**facts, "every_nth_pixel": found.step}

@@ -22,7 +22,7 @@ from formats.picture_files import srgb_from_linear, srgb_profile
 from lab.colours import Colours, albedo_colours
 from lab.job import Job
 from lab.plan import ARCHIVED, STEPS
-from lab.results import FOLDER, method_maps, recommended
+from lab.results import FOLDER, method_maps
 from lab.run import summed_up
 from scene.current import file_digest
 from scene.errors import SceneError
@@ -40,13 +40,13 @@ SHARE = 0.98
 
 
 def export_heritage(job: Job, base: str) -> tuple[list[Path], list[str]]:
-    """Write OUT/export/heritage, after the steps that `process` takes to `results`; return the folder, and notes.
+    """Write OUT/export/heritage, after the steps that `process` takes; return the folder, and notes.
 
     It takes its place whole. Raises SceneError: no method found a normal; or rgbn did not write what lies there.
     """
     folder = job.store.path("export", "heritage")
     _check_own(job, folder)
-    for step in job.wanted("compare")[:-1]:
+    for step in job.wanted("compare"):
         job.run(STEPS, step)
     if job.done[FOLDER]["result"]["surface"] is None:
         raise SceneError(f"{job.session.name}: no method found a normal, so there is nothing to archive.")
@@ -148,7 +148,8 @@ def _write_maps(
         metres = np.asarray(imread(store.path(FOLDER, f"depth_{method}.tif")) / 1000, np.float32)
         told = {"value": "metres, z toward the camera; negative"}
         write("depthmap", _enlarged(metres, *shown["normal"][2].shape[:2]), told)
-    words, name = ("wrong models included", "recommended") if recommended(job) == method else ("by noise alone", method)
+    trusted = job.done.get("trust", {}).get("result", {}).get("recommended")
+    words, name = ("wrong models included", "recommended") if trusted == method else ("by noise alone", method)
     path = store.path("sigma", f"{name}.npy")
     sigma = np.asarray(store.read_array("sigma", path.name) if path.exists() else np.nan, np.float32)
     if (known := np.isfinite(sigma)).any():

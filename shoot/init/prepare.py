@@ -126,7 +126,7 @@ def _with_chart(draft: Draft, charts: list[Small]) -> Draft:
     suffix, size = draft.photographs["flash"][0].suffix.lower(), (draft.width, draft.height)
     alike = [one.path for one in charts if one.path.suffix.lower() == suffix and (one.width, one.height) == size]
     lost = ", ".join(one.path.name for one in charts if one.path not in alike[:1])
-    why = "one photograph of the ColorChecker is used" if alike else "another size or kind of file than the flash frames"
+    why = "one photograph of the ColorChecker is used" if alike else "another size or kind than the flash frames"
     draft = draft.noting(f"left out: {lost}: {why}.") if lost else draft
     return draft.saying("frames", chart=name_of(alike[0], draft.folder)) if alike else draft
 
