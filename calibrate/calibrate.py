@@ -130,7 +130,7 @@ def lights_of_balls(
     lights = replace(lights, flags=flags).normalised()
     lights.check()
     said = tuple(notes.evidence), tuple(notes.warnings)
-    return Calibration(spheres, lights, shown, rejected, *said, covariance, adjusted, alone)
+    return Calibration(spheres, lights, shown, rejected, *said, covariance, adjusted, alone, **notes.measured)
 
 
 def _shading(camera: Camera, white: list[tuple[Ball, Sphere]], surfaces: list[MatteSurface], frames: int) -> Shading:

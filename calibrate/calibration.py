@@ -95,6 +95,8 @@ class Calibration:
         The camera that spheres and positions belong to: adjusted within its sigmas, if it had any.
     cross_validation : CrossValidation or None
         Whether the directions' sigma is as large as chrome balls, each alone, differ; None for fewer than two.
+    white_ball_deg : float or None
+        How far the first white ball's shading and the chrome balls' lights agree, median; None without both.
     """
 
     spheres: list[Sphere]
@@ -106,6 +108,7 @@ class Calibration:
     position_covariance_mm2: Array | None = None
     camera: Camera | None = None
     cross_validation: CrossValidation | None = None
+    white_ball_deg: float | None = None
 
 
 def leave_out(names: Sequence[str]) -> str:
@@ -115,11 +118,15 @@ def leave_out(names: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class Notes:
-    """What the stages have to say, collected: evidence, warnings, and per frame what is suspicious about its light."""
+    """What the stages have to say, collected: evidence, warnings, per frame what is suspicious about its light.
+
+    measured: Numbers of a `Calibration`, by their names.
+    """
 
     evidence: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     flags: list[list[str]] = field(default_factory=list)
+    measured: dict[str, float] = field(default_factory=dict)
 
 
 def unknown_lights(frames: Frames, found: str, *, has_scan: bool) -> Calibration:

@@ -146,11 +146,11 @@ def _write_surface(
     if not store.path("depth", f"{found.method}.npy").exists():
         told = {"map": "depth", "method": found.method, "value": f"mm, z; {found.scale}"}
         depth = store.path(FOLDER, f"depth_{found.method}.tif")
-        size_mm = pixel_mm and pixel_mm * found.step
-        written += write_map(depth, found.surface.z_mm.astype(np.float32), told, size_mm)
+        size_mm, z_mm = pixel_mm and pixel_mm * found.step, found.surface.z_mm.astype(np.float32)
+        written += write_map(depth, z_mm, told, size_mm)
         if job.settings.exr:
             written.append(depth.with_suffix(".exr"))
-            write_exr(written[-1], found.surface.z_mm)
+            write_exr(written[-1], z_mm)
     torn = found.surface.torn_share()
     facts = {"method": found.method, "scale": found.scale, "vertices": len(mesh.vertices), "torn_share": torn}
     return {**facts, "every_nth_pixel": found.step}

@@ -111,6 +111,7 @@ def calibrate(job: Job) -> Outcome:
         "direction_sigma_deg_median": median_or_none(lights.direction_sigma_deg),
         "intensity_sigma_median": median_or_none(lights.intensity_sigma),
         "cross_validation": None if found.cross_validation is None else found.cross_validation._asdict(),
+        "white_ball_deg": found.white_ball_deg,
     }
     return Outcome(result, [*ball_warnings, *found.warnings])
 

@@ -209,6 +209,7 @@ def compare_with_chrome(camera: Camera, lights: Lights, sphere: Sphere, shaded: 
             f"{each[f]:.0f} degrees apart (median frame {angle:.1f}): a reflection taken for the flash, or the "
             "white ball in shadow? Look at the frame; reshoot it, or list it under frames.skip."
         )
+    notes.measured["white_ball_deg"] = angle
     notes.evidence.append(f"the white ball's shading agrees with the chrome to {angle:.1f} degrees (median)")
     if positions is None and angle > APART_DEG:
         notes.warnings.append(

@@ -2,9 +2,10 @@
 
 from markupsafe import Markup
 
+from compare.report.doubts import HELPFUL, explains, is_its_own_doing
 from compare.report.facts import Summary, best_method
 from compare.report.page import say
-from compare.report.verdict import Statement, is_its_own
+from compare.report.verdict import Statement, is_truths_own
 
 
 def limits(summary: Summary, statements: list[Statement]) -> Markup:
@@ -15,7 +16,9 @@ def limits(summary: Summary, statements: list[Statement]) -> Markup:
         return say("limits", "without truth")
     # What is doubtful besides bears on what a twin proves: it is rendered under the lights as they were measured.
     doubtful, tilted = level.get("Lights") in ("care", "bad"), "Common tilt" in level
-    alike, poor = level.get("Twin") == "good", level.get("Ground truth") == "bad"
+    alike = level.get("Twin") == "good"
+    poor = level.get("Ground truth") == "bad" and explains("Ground truth", summary)
+    is_its_own = is_its_own_doing(summary) and not alike
     measured = [row["real"]["median_deg"] for row in (compared.get("methods") or {}).values() if row.get("real")]
     measured += [compared["tolerance"]["deg"]] if compared.get("tolerance") else []
     cases = {
@@ -23,14 +26,16 @@ def limits(summary: Summary, statements: list[Statement]) -> Markup:
         "Twin good": alike and not doubtful and not tilted,
         "Twin good, lights doubtful": alike and doubtful and not tilted,
         "Twin good, tilted": alike and tilted,
-        "Twin care": level.get("Twin") == "care",
-        "Twin bad": level.get("Twin") == "bad",
-        "Lights": doubtful and (tilted or not alike),
+        "Object": is_its_own,
+        "Twin care": level.get("Twin") == "care" and not is_its_own,
+        "Twin bad": level.get("Twin") == "bad" and not is_its_own,
+        "Lights": doubtful and explains("Lights", summary) and (tilted or not alike),
         "Ground truth bad": poor,
-        "Ground truth own": not poor and is_its_own(truth.get("sigma_deg_median"), measured),
+        "Ground truth own": not poor and is_truths_own(truth.get("sigma_deg_median"), measured),
     }
     named = [name for name, is_so in cases.items() if is_so] or ["not told"]
-    return Markup(" ").join(say("limits", name, **truth) for name in named)
+    material = (summary.get("twin") or {}).get("material") or {}
+    return Markup(" ").join(say("limits", name, **truth, **material) for name in named)
 
 
 def advice(summary: Summary, statements: list[Statement]) -> Markup:
@@ -39,19 +44,27 @@ def advice(summary: Summary, statements: list[Statement]) -> Markup:
     name, trust = best_method(summary), summary.get("trust")
     file = f"results/normals_{name}.tif"
     where = file if file in ((summary.get("results") or {}).get("files") or ()) else f"normals/{name}.npy"
-    marked = ("care", "bad")
+    marked = {topic for topic in ("Lights", "Ground truth") if level.get(topic) in ("care", "bad")}
+    large = {topic for topic in marked if explains(topic, summary)}
     if first.level != "unknown":
-        use = say("advice", first.judged or first.level, name=name, where=where)
         causes = {
             "own": bool(first.reasons) and first.level == "care",
             "Common tilt": "Common tilt" in level,
-            "Ground truth": level.get("Ground truth") == "bad",
+            "Ground truth": level.get("Ground truth") == "bad" and "Ground truth" in large,
             "Twin": level.get("Twin") == "good",
-            "Lights": level.get("Lights") in marked,
-            "truth": level.get("Ground truth") in marked,
+            "Lights": "Lights" in large,
+            "truth": "Ground truth" in large,
+            "Object": is_its_own_doing(summary),
+            "small": bool(marked),
             "methods": True,
         }
-        look = next(say("look", cause, reasons=" and ".join(first.reasons)) for cause, is_so in causes.items() if is_so)
+        cause = next(cause for cause, is_so in causes.items() if is_so)
+        untried = ",".join(one for one in HELPFUL.get(cause, ()) if one not in (compared.get("methods") or {}))
+        told = {"reasons": " and ".join(first.reasons), "untried": untried}
+        look = say("look", f"{cause} untried" if untried else cause, **told)
+        # Nothing is left to be found.
+        known = ", object" if first.level == "bad" and not first.judged and cause == "Object" else ""
+        use = say("advice", (first.judged or first.level) + known, name=name, where=where)
         return use if first.level == "good" else Markup("{} {}").format(use, look)
     cases = {
         "no methods": not compared.get("methods"),
@@ -59,6 +72,8 @@ def advice(summary: Summary, statements: list[Statement]) -> Markup:
         "unjudged": bool(compared.get("has_truth")),
         "untold": not trust and "trust" in (summary.get("seconds") or {}),
         "unknown": not trust,
+        "disbelieved, object": is_its_own_doing(summary),
+        "disbelieved, small": bool(trust and trust["doubts"]) and not explains("Lights", summary),
         "disbelieved": bool(trust and trust["doubts"]),
         "recommended": True,
     }

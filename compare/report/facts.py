@@ -66,6 +66,15 @@ def best_method(summary: Summary) -> str | None:
     return recommended or next(iter(by_error(compared)), None)
 
 
+def stated_of_lights(summary: Summary) -> Summary:
+    """Return what `calibrate`, or `align` where it found the lights, says of them; sigmas of given ones are theirs."""
+    # What `align` found of lights that `calibrate` could not tell.
+    told = {**(summary.get("calibrate") or {}), **((summary.get("align") or {}).get("light_probe") or {})}
+    given = (summary.get("compare") or {}).get("lights") or {}
+    keys = ("direction_sigma_deg_median", "intensity_sigma_median")
+    return told | {key: told[key] if is_number(told.get(key)) else given.get(key) for key in keys}
+
+
 def read_optional(store: Store, name: str) -> Any:
     """Return a JSON file of the folder, None where there is none or it holds no JSON."""
     with suppress(SceneError):

@@ -6,7 +6,8 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from compare.report.facts import Summary, all_warnings, by_error, by_runs, family, tied_methods
+from compare.report.doubts import is_its_own_doing
+from compare.report.facts import Summary, all_warnings, by_error, by_runs, family, stated_of_lights, tied_methods
 from compare.report.page import LEVELS, badge, plain, say, words
 from compare.statistics.counterparts import likeness
 from draw.readable import is_number, share
@@ -82,7 +83,8 @@ def verdict(summary: Summary) -> list[Statement]:
         _tolerance(summary, compared),
         _normals(summary, compared, truth),
         truth,
-        _tilt(judged[0], methods[judged[0]]) if judged else None,
+        # What a metal's normals have in common tells of no light.
+        _tilt(judged[0], methods[judged[0]]) if judged and not is_its_own_doing(summary) else None,
         _twin(summary.get("twin") or {}, methods),
         _lights(summary, compared),
     ]
@@ -155,12 +157,12 @@ def _truth(summary: Summary, compared: Summary, measured_deg: list[float]) -> St
     text = Markup(f"{told[0].upper()}{told[1:]}.")
     levels = {level_of(residual, RESIDUAL_BARS_PX), level_of(sigma, TRUTH_SIGMA_BARS_DEG)}
     level = next(name for name in ("bad", "care", "good", "unknown") if name in levels)
-    if is_its_own(sigma, measured_deg):
+    if is_truths_own(sigma, measured_deg):
         text += say("truth", "its own")
     return _statement("Ground truth", level, text, _warned(summary, "align"))
 
 
-def is_its_own(sigma_deg: Any, measured_deg: list[float]) -> bool:
+def is_truths_own(sigma_deg: Any, measured_deg: list[float]) -> bool:
     """Tell whether the truth is so uncertain that much of what is measured by it, or its tolerance, may be its own."""
     return is_number(sigma_deg) and sigma_deg > 0.5 * min(measured_deg, default=sigma_deg * 2)
 
@@ -201,16 +203,11 @@ def _twin(twin: Summary, methods: Summary) -> Statement | None:
 
 
 def _lights(summary: Summary, compared: Summary) -> Statement:
-    calibrate, lights = summary.get("calibrate") or {}, compared.get("lights") or {}
-    # What `align` found of lights that `calibrate` could not tell.
-    probe = (summary.get("align") or {}).get("light_probe")
-    calibrate = {**calibrate, **(probe or {})}
-    if not calibrate and not lights:
+    lights, probe = compared.get("lights") or {}, (summary.get("align") or {}).get("light_probe")
+    if not (summary.get("calibrate") or probe or lights):
         return Statement("Lights", "unknown", say("lights", "none"))
-    sigma, relative = (
-        calibrate[key] if is_number(calibrate.get(key)) else lights.get(key)
-        for key in ("direction_sigma_deg_median", "intensity_sigma_median")
-    )
+    calibrate = stated_of_lights(summary)
+    sigma, relative = calibrate["direction_sigma_deg_median"], calibrate["intensity_sigma_median"]
     model, count = str(calibrate.get("model") or lights.get("model") or "unknown"), lights.get("count")
     known = "unknown" if not is_number(sigma) else "directions and intensities" if is_number(relative) else "directions"
     if model == "unknown" and is_number(count):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from compare.report.picture_strip import CELL_PX, INK, Label, PictureStrip
 from compare.report.pictures import PixelBox, thumbnail
 from compare.report.registration_pictures import WIDTH, shown_pixels, views
+from draw.readable import share
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
@@ -52,7 +53,7 @@ def frame_strip(review: Review) -> PictureStrip | None:
 
     def label(index: int, name: str) -> Label:
         if shares is not None and shares[index] >= MUCH_CLIPPED:
-            return f"{index + 1}  clipped {shares[index]:.1%}", CLIPPED
+            return f"{index + 1}  clipped {share(shares[index], 1)} %", CLIPPED
         return (f"{index + 1} {name}  (!)", WARNED) if index in warned else (f"{index + 1} {name}", INK)
 
     pictures = [exposure.develop(thumbnail(frames, index, CELL_PX)) for index in range(len(frames))]
@@ -136,7 +137,7 @@ def twin_beside(review: Review, index: int, look: PictureLook) -> Beside:
         usual = float(np.median(real[~clipped])) if (~clipped).any() else 0.0
         if usual > 0:
             difference = float(np.median(np.abs(real - made)[~clipped]) / usual)
-            told = f"; differs by {difference:.1%} of the object's brightness (median)"
+            told = f"; differs by {share(difference, 1)} % of the object's brightness (median)"
     exposure = replace(exposure, white=exposure.white / look.brightness)
     picture = exposure.develop(thumbnail(twin, place, WIDTH))
     return Beside(picture, f"twin, the rendered frame of the same flash{told}")

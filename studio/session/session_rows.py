@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from draw.readable import readable, share
 from scene.image_files import read_pixels
 from scene.reading import reading
 from shoot.watch.status import MAP, STATUS
@@ -38,7 +39,7 @@ def _frame_facts(window: SessionWindow) -> str:
         return "" if review.first_look is None else "The session's first photograph, as long as none is decoded here."
     facts = [f"**{plain(frames.names[window.frame])}**, {frames.width} x {frames.height} px"]
     if review.clipped_share is not None:
-        facts.append(f"clipped {review.clipped_share[window.frame]:.2%} (red)")
+        facts.append(f"clipped {share(review.clipped_share[window.frame], 2)} % (red)")
     if review.lights is not None:
         facts += [f"**{plain(flag)}**" for flag in review.lights.flags[window.frame]]
     return ", ".join(facts)
@@ -69,17 +70,19 @@ def _light_facts(window: SessionWindow) -> str:
     spread = lights.intensity_sigma[index]
     lines = [
         f"**{index + 1} {plain(lights.names[index])}**, {lights.model}",
-        f"- {facts['zenith_deg']:.1f}° from the camera's axis, azimuth {facts['azimuth_deg']:.1f}° (0° right, 90° up)",
-        f"- sigma {sigma:.2f}°" if np.isfinite(sigma) else "- sigma: not known, the lights were given",
-        f"- intensity {facts['intensity_mean']:.3f}" + (f" ± {spread:.1%}" if np.isfinite(spread) else ""),
+        f"- {readable(facts['zenith_deg'], 1)}° from the camera's axis, azimuth {readable(facts['azimuth_deg'], 1)}° "
+        "(0° right, 90° up)",
+        f"- sigma {readable(sigma)}°" if np.isfinite(sigma) else "- sigma: not known, the lights were given",
+        f"- intensity {readable(facts['intensity_mean'], 3)}"
+        + (f" ± {share(spread, 1)} %" if np.isfinite(spread) else ""),
     ]
     if lights.positions_mm is not None:
         covariance = review.position_covariance_mm2
         told = "; how uncertain its place is, is not in this folder: calibrate again to have its ellipsoid"
         if covariance is not None and np.isfinite(covariance[index]).all():
             along = lights.directions[index]
-            told = f" ± {np.sqrt(along @ covariance[index] @ along):.1f} mm"
-        lines.append(f"- {facts['distance_mm']:.0f} mm from the object{told}")
+            told = f" ± {readable(np.sqrt(along @ covariance[index] @ along), 1)} mm"
+        lines.append(f"- {readable(facts['distance_mm'], 0)} mm from the object{told}")
     return "\n".join([*lines, *(f"- **{plain(flag)}**" for flag in lights.flags[index])])
 
 
@@ -90,15 +93,15 @@ def _pose_facts(window: SessionWindow) -> str:
     if not (pose := review.pose):
         return "The ground truth was given, not registered from a scan."
     return (
-        f"Registered: outline to {pose['residual_px']:.2f} px rms, place ± {pose['sigma_mm']:.2f} mm, turn ± "
-        f"{pose['sigma_deg']:.2f}°. It lies over the photograph, shaded: **Capture** lays on other things."
+        f"Registered: outline to {readable(pose['residual_px'])} px rms, place ± {readable(pose['sigma_mm'])} mm, turn ± "
+        f"{readable(pose['sigma_deg'])}°. It lies over the photograph, shaded: **Capture** lays on other things."
     )
 
 
 def _errors(window: SessionWindow) -> str:
     methods = (window.review.summary.get("compare") or {}).get("methods") or {}
     rows = [
-        (plain(name), f"{value:.2f}")
+        (plain(name), readable(value))
         for name in window.review.material.methods
         if (value := ((methods.get(name) or {}).get("real") or {}).get("median_deg")) is not None
     ]
@@ -220,12 +223,12 @@ def shoot_text(window: SessionWindow) -> str:
         if normals := status["normals"]:
             following = normals["next_flash"]
             lines += [
-                f"- sigma of the normals {float(normals['sigma_deg_median']):.2g}° (median), "
-                f"{float(normals['share_under_wanted']):.0%} of the object under {float(normals['wanted_deg']):g}° "
+                f"- sigma of the normals {readable(float(normals['sigma_deg_median']))}° (median), "
+                f"{share(float(normals['share_under_wanted']))} % of the object under {float(normals['wanted_deg']):g}° "
                 "(green)",
-                f"- next flash: {float(following['zenith_deg']):.0f}° from the axis, azimuth "
-                f"{float(following['azimuth_deg']):.0f}° (0° right, 90° up): sigma to "
-                f"{float(following['sigma_deg']):.2g}°",
+                f"- next flash: {readable(float(following['zenith_deg']), 0)}° from the axis, azimuth "
+                f"{readable(float(following['azimuth_deg']), 0)}° (0° right, 90° up): sigma to "
+                f"{readable(float(following['sigma_deg']))}°",
             ]
         return "\n".join([*lines, *(f"- **{plain(str(one))}**" for one in reversed(list(status["warnings"])[-SHOWN:]))])
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report.facts import read_optional
+from draw.readable import readable, share
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.output_folder import read_record
@@ -79,7 +80,7 @@ class SessionWindow(PhotographWindow):
         lines = ["as found" if self.is_found(balls[index]) else "corrected by hand, not calibrated with yet"]
         if index < len(review.spheres) and len(balls) == len(review.spheres):
             sphere = review.spheres[index]
-            lines[0] += f"; fitted: centre ± {sphere.sigma_px:.2f} px, outline seen {sphere.score:.0%}"
+            lines[0] += f"; fitted: centre ± {readable(sphere.sigma_px)} px, outline seen {share(sphere.score)} %"
             if sphere.kind == "chrome" and (seen := review.highlights_px) is not None:
                 count = int(np.isfinite(seen[index, :, 0]).sum())
                 lines.append(f"highlight (yellow; of this frame: blue) in {count} of {seen.shape[1]} frames")
@@ -125,7 +126,10 @@ class SessionWindow(PhotographWindow):
         self.review = Review(self.folder, self.place)
         self.status = read_optional(self.review.store, STATUS)
         if before is not None and (turned := turned_deg(before.lights, self.review.lights)) is not None:
-            self.notify("The lights have turned", f"by {np.median(turned):.3f}° (median), {turned.max():.3f}° at most")
+            self.notify(
+                "The lights have turned",
+                f"by {readable(np.median(turned))}° (median), {readable(turned.max())}° at most",
+            )
         found, history = balls_of(self.review), self.history
         # While the balls are sought anew there are none that corrections could be of.
         is_new = self.is_kept_so and "calibrate" in self.review.done
@@ -218,7 +222,7 @@ class SessionWindow(PhotographWindow):
         self.strokes = outline_strokes(review.scan_mesh, found.pose, *review.need("camera"))
         told = "".join(f"\n\n**Warning:** {plain(text)}" for text in found.warnings)
         self.picks_told = (
-            f" They lie {found.residual_px:.1f} px rms apart at the pose that they give. Its outline is drawn in pink: "
+            f" They lie {readable(found.residual_px, 1)} px rms apart at the pose that they give. Its outline is drawn in pink: "
             f"a start, which the step `align` refines.{told}"
         )
         self.choose(is_scan_asked=False)

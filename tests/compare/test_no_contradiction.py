@@ -90,7 +90,11 @@ def random_summary(rng: np.random.Generator) -> dict[str, Any]:
         "warnings": warnings,
         "capture": maybe({"ambient": bool(rng.random() < 0.6)}),
         "camera": maybe({"projection": "perspective", "source": str(rng.choice(["EXIF", "session.toml"]))}),
-        "calibrate": maybe({"direction_sigma_deg_median": some(0.01, 9), "intensity_sigma_median": some(0.001, 1)}),
+        "calibrate": maybe({
+            "direction_sigma_deg_median": some(0.01, 9), "intensity_sigma_median": some(0.0001, 1),
+            "white_ball_deg": maybe(some(0.1, 9)),
+            "cross_validation": maybe({"difference_deg": some(0.01, 9), "stated_deg": some(0.01, 9)}),
+        }),
         "align": maybe(align) if has_truth else None,
         "solve": maybe({"methods": solved}),
         "twin": maybe({"material": {"relative_rmse": some(0.001, 20)}}),
@@ -163,19 +167,44 @@ def keep_the_rules(summary):
         assert "not calibration" not in why
     assert not ("shows little here" in why and "they are doubtful" in todo)
     assert not ("not to be believed" in said and "Use the normals of" in todo and first.level == "unknown")
+    check_sizes(summary, todo, why)
     # No sentence twice, nothing of a machine's in words.
     assert len(statements) == len({one.topic for one in statements})
     assert said.count("By the photographs alone") <= 1
     assert not re.search(r"\bnan\b|None|\binf\b|\de[+-]\d|\d{4,}(\.\d)?\s?%|(?<![\d.])-?0\.0+°|\{|\}", said), said
 
 
+def check_sizes(summary, todo, why):
+    """Assert that no part is named whose stated doubt is below a tenth of the error, nor the object beside a larger."""
+    compared, align = summary["compare"], summary.get("align") or {}
+    real = (compared["methods"].get(best_method(summary)) or {}).get("real")
+    if not real:
+        return
+    calibrate = summary.get("calibrate") or {}
+    lights = [calibrate.get("direction_sigma_deg_median"), 40 * (calibrate.get("intensity_sigma_median") or 0)]
+    lights += [calibrate.get("white_ball_deg"), (calibrate.get("cross_validation") or {}).get("difference_deg")]
+    lights += [0.2] * len((align.get("lights") or {}).get("off", ()))
+    truth = [(compared["truth"] or {}).get("sigma_deg_median"), align.get("sigma_deg")]
+    truth.append(np.degrees((align.get("residual_px") or 0) / np.sqrt(9000 / np.pi)))
+    for stated, named in ((lights, "they are doubtful|may have a part"), (truth, "scan lies on|Look first at the gr")):
+        shares = np.array([value for value in stated if value is not None], float) / real["median_deg"]
+        if stated[0] is not None and np.nanmax(shares) < 0.1:
+            assert not re.search(named, todo + why)
+        if "The object makes the error" in todo:
+            assert np.nanmax(shares) < 0.32
+            assert summary["twin"]["material"]["relative_rmse"] >= 0.2
+
+
 def test_what_is_said_of_300_summaries_contradicts_nothing():
     rng = np.random.default_rng(0)
-    words = set()
+    words, todo = set(), ""
     for _ in range(300):
         summary = random_summary(rng)
         keep_the_rules(summary)
         words.add(verdict(summary)[0].word)
+        todo += plain(advice(summary, verdict(summary)))
+    for said in ("The object makes the error", "lights: they are", "whether the scan lies"):
+        assert said in todo
     assert words == {"good", "take care", "do not rely on it", "not known", "pass", "fail"}
 
 

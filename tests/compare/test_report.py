@@ -119,6 +119,15 @@ def test_pictures_are_all_there_each_with_words_for_it(page):
     assert all(values.get("aria-label") for values in page.all("svg"))
 
 
+def test_how_alike_each_photograph_and_its_twin_are_is_listed(page, session):
+    twin = page.source[page.source.index('<section id="twin"') :]
+    rows = session.summary["compare"]["frames_alike"]["frames"]
+    assert len(rows) == 12
+    for row in rows:
+        (cells,) = re.findall(rf"\d {row['name']}</th>(.*?)</tr>", twin)
+        assert re.findall(r'data-value="(.*?)"', cells) == [repr(row["psnr_db"]), repr(row["ssim"])]
+
+
 def test_what_align_drew_of_a_registered_scan_is_shown(session, tmp_path):
     store = Store(shutil.copytree(session.store.folder, tmp_path / "drawn"))
     for name in ("outline_zoom", "sigma"):

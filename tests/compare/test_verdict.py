@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from markupsafe import Markup
 
-from compare.report.advice import limits
+from compare.report.advice import advice, limits
 from compare.report.page import Sentence, number, plain, words
 from compare.report.report import write_report
 from compare.report.verdict import ranking, verdict
@@ -279,3 +279,52 @@ def test_of_methods_that_are_not_told_apart_the_one_with_the_lighter_tail_stands
     assert "with ls as good" in text_of(summary, "Normals")
     # What is said of the twin is said of the same method.
     assert "The error patterns of iterative" in text_of(summary, "Twin")
+
+
+BRONZE: dict[str, Any] = {
+    "warnings": [{"step": "calibrate", "text": "balls were told apart by their size"}],
+    "calibrate": {"direction_sigma_deg_median": 0.24, "intensity_sigma_median": 0.007, "white_ball_deg": 2.2},
+    "twin": {"material": {"relative_rmse": 0.42}},
+}
+
+
+@pytest.mark.parametrize(
+    ("part", "key", "value", "said"),
+    [
+        ("calibrate", "model", "near", "The object makes the error"),
+        ("calibrate", "direction_sigma_deg_median", 3.5, "the lights: they are doubtful"),
+        ("calibrate", "intensity_sigma_median", 0.1, "the lights: they are doubtful"),
+        ("calibrate", "white_ball_deg", 12.0, "the lights: they are doubtful"),
+        ("calibrate", "cross_validation", {"difference_deg": 12.0, "stated_deg": 1.0}, "the lights: they are doubtful"),
+        ("calibrate", "white_ball_deg", None, "read the warnings"),
+        ("twin", "material", {"relative_rmse": 0.1}, "read the warnings"),
+        ("align", "residual_px", 5.0, "whether the scan lies"),
+        ("align", "lights", {"off": ["a", "b"], "turn_deg": [0.5, 0.7, 0.9, 50.0, 60.0]}, "they are doubtful"),
+        (
+            "align",
+            "lights",
+            {"off": ["a", "b"], "turn_deg": [17.0, 29.0, 33.0, 50.0, 60.0]},
+            "The object makes the error",
+        ),
+        ("align", "fit", {"second_deviations": 1.0, "second_angle_deg": 40.0}, "read the warnings"),
+        ("align", "fit", {"second_deviations": 9.0, "second_angle_deg": 40.0}, "The object makes the error"),
+    ],
+)
+def test_what_makes_the_error_must_be_as_large_and_what_is_left_is_the_object(part, key, value, said):
+    summary = copy.deepcopy({**summary_of(30.0, 9.0, 0.3), **BRONZE})
+    summary[part][key] = value
+    told = plain(advice(summary, verdict(summary)))
+    assert said in told
+    assert ("--method rpca,sbl,hsh" in told) == ("42\u202f%" in plain(limits(summary, verdict(summary))))
+
+
+def test_an_objects_common_turn_tells_of_no_light_and_without_truth_lights_are_weighed_too():
+    summary = copy.deepcopy({**summary_of(30.0, 9.0, 0.3), **BRONZE})
+    summary["compare"]["methods"]["ls"] |= {"real_rotation_deg": 19.0, "real_median_unrotated_deg": 20.0}
+    assert "Common tilt" not in levels(summary)
+    assert "Common tilt" in levels(summary | {"twin": {}})
+    trust = {"recommended": "ls", "relative_rmse": 0.3, "doubts": ["x"], "level": [], "sigma_deg": {"median": None}}
+    for sigma, said in ((0.24, "known too well"), (2.5, "Look first at the lights")):
+        summary["calibrate"]["direction_sigma_deg_median"] = sigma
+        blind = {**summary, "trust": trust, "compare": {"has_truth": False, "methods": {"ls": {}}}}
+        assert said in plain(advice(blind, verdict(blind)))
