@@ -93,8 +93,8 @@ def _pose_facts(window: SessionWindow) -> str:
     if not (pose := review.pose):
         return "The ground truth was given, not registered from a scan."
     return (
-        f"Registered: outline to {readable(pose['residual_px'])} px rms, place ± {readable(pose['sigma_mm'])} mm, turn ± "
-        f"{readable(pose['sigma_deg'])}°. It lies over the photograph, shaded: **Capture** lays on other things."
+        f"Registered: outline to {readable(pose['residual_px'])} px rms, place ± {readable(pose['sigma_mm'])} mm, "
+        f"turn ± {readable(pose['sigma_deg'])}°. It lies over the photograph, shaded: **Capture** lays on other things."
     )
 
 
@@ -224,8 +224,8 @@ def shoot_text(window: SessionWindow) -> str:
             following = normals["next_flash"]
             lines += [
                 f"- sigma of the normals {readable(float(normals['sigma_deg_median']))}° (median), "
-                f"{share(float(normals['share_under_wanted']))} % of the object under {float(normals['wanted_deg']):g}° "
-                "(green)",
+                f"{share(float(normals['share_under_wanted']))} % of the object under "
+                f"{float(normals['wanted_deg']):g}° (green)",
                 f"- next flash: {readable(float(following['zenith_deg']), 0)}° from the axis, azimuth "
                 f"{readable(float(following['azimuth_deg']), 0)}° (0° right, 90° up): sigma to "
                 f"{readable(float(following['sigma_deg']))}°",

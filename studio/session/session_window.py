@@ -222,8 +222,8 @@ class SessionWindow(PhotographWindow):
         self.strokes = outline_strokes(review.scan_mesh, found.pose, *review.need("camera"))
         told = "".join(f"\n\n**Warning:** {plain(text)}" for text in found.warnings)
         self.picks_told = (
-            f" They lie {readable(found.residual_px, 1)} px rms apart at the pose that they give. Its outline is drawn in pink: "
-            f"a start, which the step `align` refines.{told}"
+            f" They lie {readable(found.residual_px, 1)} px rms apart at the pose that they give. Its outline is drawn "
+            f"in pink: a start, which the step `align` refines.{told}"
         )
         self.choose(is_scan_asked=False)
 
