@@ -66,11 +66,13 @@ class MaterialFit:
             bare = f", on a body of roughness {coat.body:.2f}"
         if coat.second > 0:
             bare += f", {100 * coat.second:.0f} % of its facets of roughness {coat.second_roughness:.3f}"
+        roughness, specularity = (
+            f" (± {100 * sigma:.1f} %)" if np.isfinite(sigma) else ""
+            for sigma in (self.roughness_sigma, self.specularity_sigma)
+        )
         return (
-            f"rough plastic, roughness {coat.roughness:.3f} "
-            f"(± {100 * self.roughness_sigma:.1f} %), specularity {self.specularity:.3f} "
-            f"(± {100 * self.specularity_sigma:.1f} %) at index {coat.index:.2f}{bare}: "
-            f"{'; '.join(self.evidence)}"
+            f"rough plastic, roughness {coat.roughness:.3f}{roughness}, specularity {self.specularity:.3f}{specularity} "
+            f"at index {coat.index:.2f}{bare}: {'; '.join(self.evidence)}"
         )
 
 
