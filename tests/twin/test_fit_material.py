@@ -88,6 +88,7 @@ def test_a_material_comes_back(count, roughness, specularity, shape, told):
     fit = fit_material(made(roughness or 0.3, specularity, lights, **shape), lights)
     assert fit.model == "rough plastic"
     assert told in str(fit)
+    assert "nan" not in str(replace(fit, roughness_sigma=np.nan, specularity_sigma=np.nan))
     if roughness is None:
         assert abs(fit.surface.body - shape["body"]) < 0.03
         assert abs(fit.specularity - specularity) < 0.03

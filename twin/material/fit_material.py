@@ -71,8 +71,9 @@ class MaterialFit:
             for sigma in (self.roughness_sigma, self.specularity_sigma)
         )
         return (
-            f"rough plastic, roughness {coat.roughness:.3f}{roughness}, specularity {self.specularity:.3f}{specularity} "
-            f"at index {coat.index:.2f}{bare}: {'; '.join(self.evidence)}"
+            f"rough plastic, roughness {coat.roughness:.3f}{roughness}, "
+            f"specularity {self.specularity:.3f}{specularity} at index {coat.index:.2f}{bare}: "
+            f"{'; '.join(self.evidence)}"
         )
 
 
