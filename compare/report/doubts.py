@@ -34,7 +34,7 @@ def doubts_deg(summary: Summary) -> dict[str, float]:
     fit, witness = align.get("fit") or {}, align.get("lights") or {}
     sigma, relative = lights["direction_sigma_deg_median"], lights["intensity_sigma_median"]
     of_lights = [lights.get("white_ball_deg"), (lights.get("cross_validation") or {}).get("difference_deg")]
-    turns = sorted(witness.get("turn_deg") or ())
+    turns = sorted(filter(is_number, witness.get("turn_deg") or ()))
     if turns and turns[len(turns) // 4] <= AGREED_DEG:
         of_lights.append((turns[-1] - turns[0]) * len(witness["off"]) / len(turns))
     of_truth = [truth.get("sigma_deg_median"), align.get("sigma_deg")]
