@@ -92,6 +92,11 @@ def test_the_first_page_is_one_screen_with_the_two_commands():
     assert {"make demo", "make test"} <= {line.split("#")[0].strip() for line in lines}
 
 
+def test_the_changelog_begins_with_this_version():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert re.search(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[1] == version
+
+
 def test_benchmarks_find_the_pages_and_the_marks_that_they_write():
     for script in sorted((ROOT / "benchmarks").glob("*.py")):
         for page in re.findall(r'"docs" / "evidence" / "([a-z-]+\.md)"', script.read_text()):
