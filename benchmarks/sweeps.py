@@ -89,10 +89,10 @@ def _statistics(scale: Scale) -> list[StatisticRow]:
 
 
 def _table_of(rows: Sequence[StatisticRow], head: str, cell: str) -> str:
-    """Return a line for each staging and experiment, a column for each method."""
-    lines: dict[tuple[str, ...], dict[str, str]] = {}
+    """Return a line for each experiment, a column for each method."""
+    lines: dict[str, dict[str, str]] = {}
     for row in rows:
-        line = lines.setdefault((row.staging, row.experiment), {"what": f"{row.staging}: {row.experiment}"})
+        line = lines.setdefault(row.experiment, {"what": row.experiment})
         text = cell.format(**vars(row)).replace("nan", "undefined")
         line[row.solver] = text + f" ({row.failed} failed)" * bool(row.failed)
     return markdown({head: "{what}"} | {SOLVERS[row.solver]: f"{{{row.solver}}}" for row in rows}, lines.values())
@@ -103,7 +103,7 @@ def _show_statistics(rows: Sequence[StatisticRow]) -> str:
         "default / seed / *the benchmark*, degrees",
         "{default_deg:.1f} / {seed_deg:.1f} / *{benchmark_deg:.1f}*",
     )
-    means = [row for row in rows if row.statistic == "mean"]
+    means = [row for row in rows if (row.staging, row.statistic) == (STAGINGS[0], "mean")]
     ranks = [
         {"of": f"{staging}, {profile}", **{name: _rank(rows, staging, profile, name) for name in STATISTICS}}
         for staging in STAGINGS

@@ -22,7 +22,7 @@ TITLES = {"": "Above all tables", "spheres": "`[[spheres]]`", "camera.board": "`
 
 
 def keys() -> str:
-    """Return a section for each table of session.toml, a row for each key, as Markdown."""
+    """Return a section for each table of session.toml, a line for each key, as Markdown."""
     lines = []
     definitions = Manifest.model_json_schema()["$defs"]
     for name, table in TABLES.items():
@@ -31,21 +31,18 @@ def keys() -> str:
         if name:
             about = (table.__doc__ or "").split(": ", 1)[-1]
             lines += [about[:1].upper() + about[1:], ""]
-        rows = [
-            {
-                "key": key, "takes": _takes(field, key in schema.get("required", [])), "what": field["description"],
-                "example": " ".join(f"`{key} = {_toml(one)}`" for one in table.model_fields[key].examples or []),
-            }
-            for key, field in schema["properties"].items()
-        ]  # fmt: skip
-        lines.append(markdown({"key": "`{key}`", "takes": "{takes}", "what it is": "{what} {example}"}, rows))
+        for key, field in schema["properties"].items():
+            examples = " ".join(f"`{key} = {_toml(one)}`" for one in table.model_fields[key].examples or [])
+            takes = _takes(field, key in schema.get("required", []))
+            lines.append(f"* `{key}` ({takes}): {field['description']} {examples}")
+        lines.append("")
     return "\n".join(lines)
 
 
 def scene_keys() -> str:
-    """Return a section for each table of a scene description, a row for each key, as Markdown.
+    """Return a section for each table of a scene description, a line for each key, as Markdown.
 
-    Tables that differ by their kind share a section: a key that several kinds have alike is one row.
+    Tables that differ by their kind share a section: a key that several kinds have alike is one line.
     """
     lines = []
     sections: dict[str, list[tuple[str, type]]] = {}
@@ -54,27 +51,19 @@ def scene_keys() -> str:
         sections.setdefault(section, []).append((kind.strip('"'), table))
     for section, tables in sections.items():
         lines += [f"### {f'`{section}`' if '[' in section else section or 'Above all tables'}", ""]
+        rows: dict[tuple[str, str, str], list[str]] = {}
         for kind, table in tables:
             about = (table.__doc__ or "").split("\n\n")[0].replace("\n", " ").replace("    ", "")
-            lines += [f"- `{kind}`: {about}" if kind else about]
-        rows: dict[tuple[str, ...], list[str]] = {}
-        for kind, table in tables:
+            lines += [f'* `kind = "{kind}"`: {about}' if kind else f"{about}\n"]
             for key, field in description_file.keys_of(table).items():
                 if key != "kind":
                     row = (key, _takes(field, field["required"]), field.get("description", ""))
                     rows.setdefault(row, []).append(f"`{kind}`")
-        columns = {"key": "`{key}`", "kinds": "{kinds}"} if len(tables) > 1 else {"key": "`{key}`"}
-        columns |= {"takes": "{takes}", "what it is": "{what}"}
-        shown = [
-            {
-                "key": key,
-                "takes": takes,
-                "what": what,
-                "kinds": "all" if len(kinds) == len(tables) else ", ".join(kinds),
-            }
-            for (key, takes, what), kinds in rows.items()
-        ]
-        lines += ["", markdown(columns, shown)]
+        lines += [""] * (len(tables) > 1)
+        for (key, takes, what), kinds in rows.items():
+            of = f"{', '.join(kinds)}: " * (len(tables) > 1)
+            lines.append(f"* `{key}` ({of}{takes}): {what}")
+        lines.append("")
     return "\n".join(lines)
 
 
@@ -151,18 +140,31 @@ def verbs() -> str:
     options = [re.findall(r"^\* (.*)$", part, re.MULTILINE) for part in parts]
     every = re.findall(r"^\* (.*)$", text.partition("**Every verb**")[2].partition("\n## ")[0], re.MULTILINE)
     count = Counter(line for lines in options for line in lines if line.startswith("`-") or line.endswith(SESSION))
-    shared = [*every, *(line for line in count if count[line] > 1 and line not in every)]
+    several = [line for line in count if count[line] > 1 and line not in every]
+    shared = [*every, *sorted(several, key=lambda line: line.startswith("`-"))]
     lines = [", ".join(f"[`{name}`](#rgbn-{name})" for name in order if name[0] != "-") + ".", ""]
     lines += ["## Options of several verbs", "", "Every verb takes the first two.", ""]
     lines += [f"* {line}" for line in shared]
     for part, taken in zip(parts, options, strict=True):
         own = [line.replace(f" {SESSION} ", " As above. ") for line in taken if line not in shared]
-        names = [re.split("[ ,:]", line)[0].strip("`") for line in taken if line in shared and line not in every]
+        names = _runs([shared.index(line) for line in taken if line in shared and line not in every])
         lines += ["", f"## {re.split('^[*]', part, flags=re.MULTILINE)[0].strip()}", "", *(f"* {line}" for line in own)]
         if names:
-            names = ", ".join(f"`{name}`" for name in names)
-            lines += [""] * bool(own) + [f"[As above](#options-of-several-verbs): {names}."]
+            ends = [[f"`{re.split('[ ,:`]', shared[place])[1]}`" for place in run] for run in names]
+            said = ", ".join(f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(run) for run in ends)
+            lines += [""] * bool(own) + [f"[As above](#options-of-several-verbs): {said}."]
     return "\n".join(lines).replace("\n\n\n", "\n\n").strip() + "\n"
+
+
+def _runs(places: list[int]) -> list[list[int]]:
+    """Return places in order, those that follow each other together."""
+    runs: list[list[int]] = []
+    for place in sorted(places):
+        if runs and runs[-1][-1] == place - 1:
+            runs[-1].append(place)
+        else:
+            runs.append([place])
+    return runs
 
 
 def members() -> str:
