@@ -99,6 +99,8 @@ def _kind(field: dict[str, Any]) -> str:
         return "a file's name"
     if "prefixItems" in field:
         inner = _kind(field["prefixItems"][0])
+        if inner.startswith("list of "):
+            return f"{field['minItems']} x {inner.removeprefix('list of ')}"
         return f"list of {field['minItems']} {inner}" + "s" * (not inner.endswith("s"))
     if "$ref" in field or field.get("items", {}).get("$ref"):
         return "list of tables" if "items" in field else "table"

@@ -22,8 +22,8 @@ from studio.studio_command import studio
 
 app = App(
     name="rgbn",
-    help="From a folder of raw flash photographs (and a laser scan) to calibrated lights, ground-truth normals, "
-    "normals by photometric stereo, a synthetic twin, and one report that says how far to trust each.",
+    help="Make lights, normals by photometric stereo, ground-truth normals and a synthetic twin from a folder of raw "
+    "flash photographs and a laser scan. One report says how far to trust each.",
     # Markdown would take a third of the time.
     help_format="plaintext",
     help_flags=["--help", "-h"],
