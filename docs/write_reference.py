@@ -54,7 +54,7 @@ def scene_keys() -> str:
         rows: dict[tuple[str, str, str], list[str]] = {}
         for kind, table in tables:
             about = (table.__doc__ or "").split("\n\n")[0].replace("\n", " ").replace("    ", "")
-            lines += [f'* `kind = "{kind}"`: {about}' if kind else f"{about}\n"]
+            lines += [f'* `kind = "{kind}"`: {about}'] if kind else [about, ""] if section else []
             for key, field in description_file.keys_of(table).items():
                 if key != "kind":
                     row = (key, _takes(field, field["required"]), field.get("description", ""))
@@ -105,7 +105,7 @@ def _kind(field: dict[str, Any]) -> str:
     if "$ref" in field or field.get("items", {}).get("$ref"):
         return "list of tables" if "items" in field else "table"
     if "anyOf" in field:
-        return next(_kind(one) for one in field["anyOf"] if one.get("type") != "null")
+        return " or ".join(dict.fromkeys(_kind(one) for one in field["anyOf"] if one.get("type") != "null"))
     if "const" in field or "enum" in field:
         return " or ".join(f"`{_toml(value)}`" for value in field.get("enum", [field.get("const")]))
     if field.get("type") == "array":

@@ -222,7 +222,7 @@ class SeriesTable(ManifestTable):
     """[series]: the place of this session in a series, in which one factor changes; see `rgbn series`."""
 
     factor: str = _key("Name of the factor that changes, the same in each session.", "iso", default=...)
-    value: float | str = _key("Value of the factor in this session, a number or words.", 400.0, default=...)
+    value: float | str = _key("Value of the factor in this session.", 400.0, default=...)
 
 
 class Manifest(ManifestTable):

@@ -59,7 +59,7 @@ class Sensor:
     ] = "RGGB"
     neutral: Annotated[
         tuple[Positive, Positive, Positive],
-        key("Raw response to white, at most 1, which is the DNG's AsShotNeutral."),
+        key("Raw response to white, at most 1: the DNG's AsShotNeutral. A channel of 1 is white at pixel value 1."),
     ] = (0.58, 1.0, 0.69)
     pixel_um: Annotated[Positive, key("Pixel pitch, for the DNG's focal-plane resolution.", "um")] = 5.0
 

@@ -58,9 +58,11 @@ class DistantLight(LightTable):
     """One light, infinitely far."""
 
     kind: Literal["distant"] = "distant"
-    direction: Annotated[Three | None, key("Direction toward the light, or both angles.")] = None
+    direction: Annotated[Three | None, key("Direction toward the light. Give it or both angles.")] = None
     azimuth_deg: Annotated[Number | None, key("Angle from x toward y.", "deg")] = None
-    elevation_deg: Annotated[Number | None, key("Angle above the picture's plane. 90: from the camera.", "deg")] = None
+    elevation_deg: Annotated[
+        Number | None, key("Angle above the picture's plane. 90: from the camera's side.", "deg")
+    ] = None
 
     @model_validator(mode="after")
     def _one_way(self) -> "DistantLight":

@@ -217,7 +217,7 @@ class SceneDocument(TomlTable):
     materials: Annotated[dict[str, MaterialTable], key("Their materials, by name.")]  # type: ignore[valid-type]
     environment: Annotated[Environment, key("The light that all frames share.")] = Environment()
     lights: Annotated[tuple[LightsTable, ...], AfterValidator(_some), key("The lights. Each makes one frame.")]
-    sampling: Annotated[Sampling, key("How it is rendered.")] = Sampling()
+    sampling: Annotated[Sampling, key("Settings of the rendering.")] = Sampling()
 
     def scene(self) -> TwinScene:
         """Return the scene that is said here; whether it can be rendered, `description_check.check_scene` tells.
