@@ -96,7 +96,7 @@ class Solving:
             help="Another program as a method. A published one that you downloaded: NAME=PRESET:FOLDER, PRESET one of "
             "lino-unips, sdm-unips, geo-unips, uni-ms-ps. Any other: NAME=COMMAND; it reads {data}, photographs in the "
             "DiLiGenT layout, and writes a normal map into {out}. May be given again. See "
-            "docs/guide/learned-methods.md.",
+            "docs/guide/methods.md.",
             negative="--no-external",
             consume_multiple=False,
         ),
