@@ -97,7 +97,7 @@ class Solving:
             help="Another program as a method; may be given several times. A published one that you downloaded is "
             "NAME=PRESET:FOLDER, PRESET one of lino-unips, sdm-unips, geo-unips, uni-ms-ps. Any other one is "
             "NAME=COMMAND. It reads {data}, photographs in the DiLiGenT layout, and writes a normal map into {out}. "
-            "See docs/guide/learned-methods.md.",
+            "See docs/guide/methods.md.",
             negative="--no-external",
             consume_multiple=False,
         ),
