@@ -92,7 +92,7 @@ def test_every_verb_and_key_is_in_the_reference_and_no_page_names_another():
     verbs = {name for name in app if not name.startswith("-")}
     assert {verb for verb in verbs if f"\n## rgbn {verb}\n" not in manual} == set()
     keys = (REFERENCE / "session-toml.md").read_text()
-    assert [key for table in TABLES.values() for key in table.model_fields if f"\n| `{key}` |" not in keys] == []
+    assert [key for table in TABLES.values() for key in table.model_fields if f"\n* `{key}` (" not in keys] == []
     typed = [(page.name, command) for page in WRITTEN for command in commands(page)]
     assert len(typed) > 100
     assert [one for one in typed if one[1].split()[0] not in verbs] == []

@@ -52,12 +52,6 @@ def test_lights_balls_registration_and_truth_are_as_exact_as_they_were(demo, key
     assert demo[1]["calibrate"]["model"] == "near"
 
 
-def test_all_that_is_written_is_in_the_manual(demo):
-    manual = (Path(__file__).parents[2] / "docs" / "reference" / "output-folder.md").read_text()
-    named = {name.split("/")[0] for name in re.findall("`([^`\n]+)`", manual)}
-    assert {path.name for path in demo[0].iterdir()} <= named
-
-
 def test_the_twin_fails_as_the_frames_do(demo):
     """As large, and at the same places: the twin lacks the table and the noise alone."""
     methods = demo[1]["compare"]["methods"]
