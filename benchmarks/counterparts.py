@@ -130,11 +130,13 @@ def _summary(rows: Sequence[PairRow]) -> str:
     of = _figures(rows)
     behind_mm = CENTRE_MM[2] - np.mean([center[2] for _, _, center in BALLS])
     return (
-        f"{counts}\nMedians over the pairs: correlation of the two error maps {of['maps, ls']:.2f} (`ls`) and "
-        f"{of['maps, iterative']:.2f} (`iterative`); rank correlation of the methods {of['rank correlation']:.2f}; "
-        f"lights off by {of['lights_off_deg']:.2f}°; `ls` errs by {of['ls, apart_deg']:.1f}° more or less on the "
-        f"capture, by {of['ls, distance told, apart_deg']:.1f}° where the capture is solved with the object at its "
-        f"true distance: without a scan it is taken to stand amid the balls, {behind_mm:.0f} mm further away.\n"
+        f"{counts}\nMedians over the pairs:\n\n"
+        f"- correlation of the two error maps: {of['maps, ls']:.2f} (`ls`), {of['maps, iterative']:.2f} (`iterative`)\n"
+        f"- rank correlation of the methods: {of['rank correlation']:.2f}\n"
+        f"- error of the lights' directions: {of['lights_off_deg']:.2f}°\n"
+        f"- error of `ls` on the capture against the rendering: {of['ls, apart_deg']:.1f}° apart; "
+        f"{of['ls, distance told, apart_deg']:.1f}° apart with the object at its true distance. Without a scan it is "
+        f"taken to stand amid the balls, {behind_mm:.0f} mm further away.\n"
     )
 
 

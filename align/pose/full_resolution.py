@@ -264,7 +264,7 @@ class FinalEvidence:
             jacobian, offset = jacobian - along, offset - common
         outline = Term(offset / unit, jacobian / unit, self.seen.patches(edges.pixels))
         doubt = 3 * self._edge_doubt_px
-        bias = Term((common - EDGE_BIAS_PX) / doubt, along / doubt, np.zeros(len(common), np.int64))
+        bias = Term((common - EDGE_BIAS_PX) / doubt, along / doubt, np.zeros(len(common), np.int64), is_prior=True)
         return [outline, self.shading(pose), bias]
 
     def shading(self, pose: Pose, scale: float = 1.0) -> Term:

@@ -100,13 +100,19 @@ class Term:
     """(K,): residuals of one block (a patch of the image) err together."""
     weight: float = 1.0
     """The term's share in the cost, which is weight * mean(r^2 / (1 + r^2))."""
+    is_prior: bool = False
+    """Known beforehand, not measured: it has no outliers, and its cost is r^2."""
+
+    @property
+    def pull(self) -> Array:
+        """(K,): weights of the reweighted least squares."""
+        return np.ones(len(self.residuals)) if self.is_prior else 1 / (1 + self.residuals**2) ** 2
 
     def normal_equations(self) -> tuple[Array, Array]:
         """Return (6, 6) and (6,) of the reweighted least squares."""
         if not len(self.residuals):
             return np.zeros((6, 6)), np.zeros(6)
-        pull = self.weight / len(self.residuals) / (1 + self.residuals**2) ** 2
-        weighted = self.jacobian * pull[:, None]
+        weighted = self.jacobian * (self.weight / len(self.residuals) * self.pull)[:, None]
         return weighted.T @ self.jacobian, weighted.T @ self.residuals
 
     def information(self, units: Array) -> tuple[Array, Array, float]:
@@ -119,8 +125,7 @@ class Term:
         together than alone, and both answers are divided by it.
         """
         sigma = 1 / 3
-        pull = 1 / (1 + self.residuals**2) ** 2 / sigma**2
-        weighted = self.jacobian * pull[:, None]
+        weighted = self.jacobian * (self.pull / sigma**2)[:, None]
         hessian = weighted.T @ self.jacobian
         _, block = np.unique(self.blocks, return_inverse=True)
         pulls = np.stack([np.bincount(block, column * self.residuals) for column in weighted.T], -1)

@@ -82,7 +82,7 @@ def free_scale(evidence: FinalEvidence) -> FreeScale | None:
 
 def _with_column(term: Term, column: Array | None) -> Term:
     more = np.zeros(len(term.residuals)) if column is None else column
-    return Term(term.residuals, np.column_stack([term.jacobian, more]), term.blocks, term.weight)
+    return replace(term, jacobian=np.column_stack([term.jacobian, more]))
 
 
 def register_unknown_scale(

@@ -18,6 +18,9 @@ MOST_TILES = 32
 TILE_PX = 96
 REACH_PX = 20
 REACH = (REACH_PX, REACH_PX)
+PARTS, FAINT, MOST = 8, 0.1, 0.75
+"""Parts across the picture that a jolt is asked of; of the edges of the part with most, those that a part must have;
+and the share of the parts that must have moved."""
 FEWEST_BESIDE = 2
 """Frames before and after a step: one alone is a frame that moved."""
 GAIN = 0.17
@@ -133,7 +136,8 @@ def _among(found: CameraStep, looked_at: NDArray[np.bool_], scale: float) -> Cam
 def _jolts(small: list[NDArray], floor: NDArray) -> tuple[NDArray, NDArray[np.bool_]]:
     """Return shifts (F, 2) too large for a tile, in reduced pixels, and which frames have one.
 
-    The whole picture is one tile; a jolt is a peak far from zero that stands well above all near zero.
+    The whole picture is one tile; a jolt is a peak far from zero that stands well above all near zero, and that most
+    parts of the picture prefer: a half that turns dark looks like a jump of its edge, but nothing else jumps with it.
     """
     import cv2
 
@@ -144,14 +148,38 @@ def _jolts(small: list[NDArray], floor: NDArray) -> tuple[NDArray, NDArray[np.bo
         return shift, jolted
     reach = (units.shape[1] // 2 - 1, units.shape[2] // 2 - 1)
     near = REACH_PX // 2
+    others = (units.sum(0) - units) / max(len(units) - 1, 1)
     for i, plane in enumerate(_correlations(units, np.ones(len(units), bool), reach)):
         row, column, _, _ = peak(plane)
         shift[i] = 2 * (column - reach[1]), 2 * (row - reach[0])
         middle = plane[max(reach[0] - near, 0) : reach[0] + near + 1, max(reach[1] - near, 0) : reach[1] + near + 1]
         # The planes are squared: half is a factor of 1.4.
         jolted[i] = np.abs(shift[i]).max() > 0.8 * REACH_PX and middle.max() < 0.5
+        jolted[i] &= _preferring(units[i], others[i], row - reach[0], column - reach[1]) > MOST
     # Where most frames "jump", nothing stands still that could tell.
     return shift, jolted & (jolted.mean() < 0.4)
+
+
+def _preferring(unit: NDArray, others: NDArray, down: int, right: int) -> float:
+    """Return the share of the picture's parts, of those with edges, whose edges (h, w) lie there, not where others' do.
+
+    down, right: how far off they may lie, px.
+    """
+    height, width = unit.shape
+    back = np.zeros_like(unit)
+    rows, columns = (slice(max(-by, 0), size - max(by, 0)) for by, size in ((down, height), (right, width)))
+    from_rows, from_columns = (slice(max(by, 0), size - max(-by, 0)) for by, size in ((down, height), (right, width)))
+    back[rows, columns] = unit[from_rows, from_columns]
+    reference = np.conj(others) * np.abs(others) ** 2
+    gains = np.zeros(others.shape)
+    gains[rows, columns] = np.real(reference * (back - unit))[rows, columns]
+    edges = np.abs(others) ** 3
+    side = -(-max(height, width) // PARTS)
+    v, u = np.indices(gains.shape) // side
+    part = (v * PARTS + u).ravel()
+    gain, there = (np.bincount(part, values.ravel()) for values in (gains, edges))
+    counts = (there > FAINT * there.max()) & (gain != 0)
+    return float(np.mean(gain[counts] > 0)) if counts.any() else 0.0
 
 
 def _correlations(units: NDArray[np.complex64], steady: NDArray[np.bool_], reach: tuple[int, int]) -> NDArray:

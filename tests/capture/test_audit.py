@@ -189,6 +189,23 @@ def test_movement_is_not_claimed_where_nothing_stands_still():
     assert not movement(frames, [facts_of(codes) for codes in frames.codes]).moved.any()
 
 
+@pytest.mark.parametrize("discs", [0.02, 0.08])
+def test_a_half_that_turns_dark_is_no_jolt(discs):
+    """The edge of a folded card seems to jump by the width of a half; discs on the table, whose shadows move, stand."""
+    rng, v, u = np.random.default_rng(1), *np.mgrid[:240, :320]
+    left, right = ((abs(v - 118) < 47) & (abs(u - middle) < 22) for middle in (140, 183))
+    images = []
+    for number, around in enumerate(np.linspace(0, 2 * np.pi, 16, endpoint=False)):
+        image = 0.1 + 0.03 * (np.cos(number) * (u - 160) / 160 + np.sin(number) * (v - 120) / 120)
+        for column, row in ((49, 43), (274, 193), (51, 193)):
+            image[np.hypot(u - column - 18 * np.cos(around), v - row - 18 * np.sin(around)) < 22] = 0.005
+            image[np.hypot(u - column, v - row) < 24] = discs
+        image[left], image[right] = (0.07, 0.6) if number == 12 else (0.5, 0.4)
+        images.append(image[..., None] + rng.normal(scale=0.002, size=(240, 320, 3)))
+    frames = Frames.from_linear(tuple("abcdefghijklmnop"), np.array(images))
+    assert not movement(frames, [facts_of(codes) for codes in frames.codes]).moved.any()
+
+
 REAL = ["sessions/bunny", "real/diligent/catPNG"]
 
 
