@@ -15,7 +15,7 @@ BEND_DEG = 40.0
 AGREED_DEG = 3.0
 """From lights, within which the scan's shading must be of a quarter of them to tell that others are wrong."""
 MISFIT = 0.2
-"""Of the photographs, rms, that a fitted material leaves unexplained: paint, glaze and stone 0.07 to 0.13, bronzes 0.4
+"""Of the photographs, rms, that a fitted material leaves unexplained: paint, glaze and stone 0.06 to 0.13, bronzes 0.4
 to 0.7 (Blender's, seven scenes)."""
 HELPFUL = {"Twin": ("near", "reflectance"), "Object": ("rpca", "sbl", "hsh")}
 """Methods to be tried, by what makes the error. On those bronzes `rpca` erred least: by 22 to 33 degrees, `iterative`
