@@ -144,16 +144,18 @@ def statistics_rows(compared: dict[str, Any]) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        method; frames: real or twin; what `angular_statistics` says, and `albedo_statistics`, None where the true
-        albedo is not known; coverage: share (0 to 1) of the pixels with a truth that were answered. The methods in
-        their order; none where there is no truth.
+        method; frames: real or twin; what `angular_statistics` says; coverage: share (0 to 1) of the pixels with a
+        truth that were answered; what `albedo_statistics` says, None where the true albedo is not known. The methods
+        in their order; none where there is no truth.
     """
-    return [
-        {"method": name, "frames": kind, **dict.fromkeys(ALBEDO), **found, "coverage": row.get(coverage)}
-        for name, row in (compared.get("methods") or {}).items()
-        for kind, coverage in COVERAGE.items()
-        if (found := row.get(kind))
-    ]
+    rows = []
+    for name, row in (compared.get("methods") or {}).items():
+        for kind, coverage in COVERAGE.items():
+            if found := row.get(kind):
+                angles = {key: value for key, value in found.items() if key not in ALBEDO}
+                albedo = {key: found.get(key) for key in ALBEDO}
+                rows.append({"method": name, "frames": kind, **angles, "coverage": row.get(coverage), **albedo})
+    return rows
 
 
 @dataclass(frozen=True)
