@@ -32,6 +32,10 @@ GAPS = "filled_deg"
 """Mean errors in which a pixel without a normal counts 90 degrees: who gives up where it is hard gains nothing."""
 
 
+UNDEFINED = {("images", "hsh", "seed"), ("ring", "hsh", "seed")}
+"""Experiment, method, profile: round-off decides, for the harmonics have no inverse; they are in no comparison."""
+
+
 def benchmark_statistics() -> dict[tuple[str, str], dict[str, float]]:
     """Return the benchmark's own table, Fig. 7, by (experiment, solver): its five statistics."""
     names = {one.label: one.name for one in ONE_FACTOR.values()}
@@ -117,13 +121,13 @@ class Curves:
         self.flipped = float((known["flip_deg"] < known["median_deg"] / 2).mean())
 
     def of(self, solvers: Iterable[str]) -> Results:
-        """Return the curves of some methods, (levels, methods)."""
-        return self.errors[[*solvers]]
+        """Return the curves of some methods, (levels, methods); without those that are undefined here."""
+        return self.errors[[one for one in solvers if one in self.errors]]
 
     def at(self, value: float, solvers: Sequence[str]) -> NDArray[np.float64]:
         """Return the errors at a level that may lie between two."""
         places = self.errors.index.to_numpy(float)
-        return np.array([np.interp(value, places, self.errors[one]) for one in solvers])
+        return np.array([np.interp(value, places, curve) for _, curve in self.of(solvers).items()])
 
     def best(self, solvers: Sequence[str]) -> str:
         """Return the method of the least mean."""
@@ -259,14 +263,18 @@ class Answer(NamedTuple):
 
 
 def answers(table: Results, profiles: Sequence[str] = ("default", "seed")) -> list[Answer]:
-    """Return what results say to each finding whose experiment and methods are among them; see `Curves`."""
+    """Return what results say to each finding whose experiment and methods are among them; see `Curves`.
+
+    What is `UNDEFINED` is in no count and no mean.
+    """
     found, table = [], table[~table["has_failed"]]
     for finding in FINDINGS:
         groups = [table[(table["experiment"] == finding.experiment) & (table["profile"] == one)] for one in profiles]
         if not all(set(finding.solvers) <= set(rows["solver"]) for rows in groups):
             continue
         for profile, rows in zip(profiles, groups, strict=True):
-            curves = Curves(rows)
+            lost = [solver for name, solver, of in UNDEFINED if (name, of) == (finding.experiment, profile)]
+            curves = Curves(rows[~rows["solver"].isin(lost)])
             words = (
                 f"{SOLVERS[str(one)]} {curve.iloc[0]:.1f} to {curve.iloc[-1]:.1f}, "
                 f"least {curve.min():.1f}, most {curve.max():.1f}"

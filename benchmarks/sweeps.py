@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 from pyarrow import parquet
 
-from benchmarks.benchmark_findings import GAPS, agreement, answers, benchmark_statistics, verdict_of
+from benchmarks.benchmark_findings import GAPS, UNDEFINED, agreement, answers, benchmark_statistics, verdict_of
 from benchmarks.harness import ROOT, Figures, Scale, Table, markdown
 from compare.statistics.statistics import error_correlation
 from experiments.stagings import CALIBRATED, ONE_FACTOR, SOLVERS, TOLD_WRONGLY, experiments
@@ -24,8 +24,6 @@ from lab.options import Staging
 OUT = ROOT / "out" / "sweeps"
 STAGINGS: tuple[Staging, ...] = ("benchmark", "one-factor")
 PROFILES = ("default", "seed")
-UNDEFINED = {("images", "hsh", "seed"), ("ring", "hsh", "seed")}
-"""Experiment, method, profile: round-off decides, for the harmonics have no inverse; they are in no comparison."""
 SETS = {
     "the four calibrated": CALIBRATED,
     "without Lsq, whose range was fitted": tuple(one for one in CALIBRATED if one != "ls"),

@@ -12,7 +12,14 @@ from compare.report.facts import method_names, read_optional, sphere_rows, store
 from compare.report.pictures import colour_scale_end, error_picture, with_colour_scale
 from compare.statistics.counterparts import difference, level_methods, thinned
 from compare.statistics.frames_alike import frames_alike
-from compare.statistics.statistics import COVERAGE, angular_statistics, common_rotation, four_ways, is_measured_so
+from compare.statistics.statistics import (
+    COVERAGE,
+    albedo_statistics,
+    angular_statistics,
+    common_rotation,
+    four_ways,
+    is_measured_so,
+)
 from scene.errors import SceneError
 from scene.files import remove, write_npy, write_png
 from scene.map_pictures import known_pixels
@@ -39,9 +46,10 @@ def compare(
     Parameters
     ----------
     store : Store
-        Reads normals/truth.npy, normals/truth_sigma.npy, normals/<method>.npy, twin/normals/<method>.npy and
-        mask.png; none of them is required. Writes compare/error_{real,twin}_<method>.npy, (H, W) float32
-        degrees, NaN where unknown, and .png with its colour scale drawn below.
+        Reads normals/truth.npy, normals/truth_sigma.npy, normals/<method>.npy, twin/normals/<method>.npy,
+        twin/albedo/<method>.npy, twin/truth_albedo.npy and mask.png; none of them is required. Writes
+        compare/error_{real,twin}_<method>.npy, (H, W) float32 degrees, NaN where unknown, and .png with its colour
+        scale drawn below.
     methods : sequence of str, optional
         The methods of this run. Without it, all whose normals are in the folder; an older run's may be among them.
     tolerance_deg : float, optional
@@ -51,9 +59,10 @@ def compare(
     -------
     dict
         has_truth; truth: pixels, sigma_deg_median, sigma_deg_q3 (or None); mask_pixels; methods, by name:
-        real and twin (`angular_statistics`, or None), coverage and twin_coverage (share of the true pixels that
-        were answered), pearson, spearman, correlation_pixels, median_difference_deg with its interval's ends,
-        median_difference_low_deg and median_difference_high_deg (`compare.statistics.counterparts.difference`),
+        real and twin (`angular_statistics`, or None; of the twin `albedo_statistics` too), coverage and twin_coverage
+        (share of the true pixels that were answered), pearson, spearman, correlation_pixels, median_difference_deg
+        with its interval's ends, median_difference_low_deg and median_difference_high_deg
+        (`compare.statistics.counterparts.difference`),
         real/twin_within_tolerance (share of the true pixels, where a tolerance is given, rounded down to a tenth
         of a percent: it is judged as it is shown), real/twin_rotation_deg (the
         turn common to all normals) and real/twin_median_unrotated_deg (the median error
@@ -145,7 +154,7 @@ def _errors(
         if statistics["pixels"] == 0:
             result["warnings"].append(f"{name} ({kind}): no pixel is known both to the method and to the truth")
             continue
-        row[kind] = statistics
+        row[kind] = statistics | _albedo_statistics(store, kind, name, mask)
         row[COVERAGE[kind]] = statistics["pixels"] / pixels if pixels else None
         angle, median = _without_common_rotation(estimate, truth, error)
         row[f"{kind}_rotation_deg"], row[f"{kind}_median_unrotated_deg"] = angle, median
@@ -159,6 +168,15 @@ def _errors(
         shared = difference(maps["real"], maps["twin"])
         row |= {"correlation_pixels": shared.pop("pixels"), **shared}
     return spread
+
+
+def _albedo_statistics(store: Store, kind: str, name: str, mask: Mask | None) -> dict[str, float]:
+    """Return how far a method's albedo is off where the truth is known: on the twin alone."""
+    found, truth = store.path("twin", "albedo", f"{name}.npy"), store.path("twin", "truth_albedo.npy")
+    if kind != "twin" or not found.exists() or not truth.exists():
+        return {}
+    maps = (np.load(path, mmap_mode="r") for path in (found, truth))
+    return albedo_statistics(*(one.reshape(-1, 3) if mask is None else one[mask] for one in maps))
 
 
 def _histograms(store: Store, result: dict[str, Any], end: float) -> set[str]:

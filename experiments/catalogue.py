@@ -5,8 +5,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 
-from experiments.recipe import Dataset, Recipe
-from experiments.stagings import OBJECTS, ONE_FACTOR
+from experiments.recipe import Cell, Dataset, Recipe
+from experiments.solids import FIELDS
+from experiments.stagings import OBJECTS, ONE_FACTOR, Experiment
 from scene.errors import SceneError
 from twin.camera.virtual_camera import Sensor
 
@@ -87,19 +88,15 @@ def benchmark_names() -> tuple[str, ...]:
     The benchmark's authors made 93 synthetic datasets and let the list grow by others' [Berkiten2016]. Which ones they
     were is not published but for the nine experiments, each on one object. The rule here: every level of the nine
     experiments on their first shape (pear, cone, waves), 72 stacks since 3 of the 75 levels repeat one; and the seven
-    experiments that are not about shape once more on a second object, at the levels at a third, at two thirds and at
-    the end: 21.
+    experiments that are not about shape on three further objects each, see `_on_solids`: 21.
     """
-    found, known = set(), catalogue().values()
-    for one in ONE_FACTOR.values():
-        mine = {shape: [each.name for each in known if each.family == one.name and each.recipe.shape == shape]
-                for shape in one.shapes}  # fmt: skip
-        found.update(mine[one.shapes[0]])
-        if one.shapes == OBJECTS:
-            again = mine[one.shapes[1]]
-            found.update(again[round(part * (len(again) - 1) / 3)] for part in (1, 2, 3))
+    found = {
+        one.name
+        for one in catalogue().values()
+        if one.family in ONE_FACTOR and one.recipe.shape in (ONE_FACTOR[one.family].shapes[0], *FIELDS)
+    }
     stacks = {first_names()[name] for name in found}
-    return tuple(one.name for one in known if one.name in stacks)
+    return tuple(name for name in catalogue() if name in stacks)
 
 
 def wanted(patterns: Sequence[str], names: Iterable[str], of_list: Iterable[str], first: Mapping[str, str]) -> set[str]:
@@ -114,14 +111,25 @@ def wanted(patterns: Sequence[str], names: Iterable[str], of_list: Iterable[str]
 
 
 def _of_sweeps() -> Iterator[Dataset]:
+    solids = iter(FIELDS)
     for one in ONE_FACTOR.values():
-        for cell in one.cells(methods=()):
-            if cell.recipe.seed:
-                continue
+        first_draws = [cell for cell in one.cells(methods=()) if not cell.recipe.seed]
+        for cell in (*first_draws, *_on_solids(one, first_draws, solids)):
             recipe, value = cell.recipe, cell.value
             word = value.replace("_", "-") if isinstance(value, str) else _level(value, DECIMALS[one.name])
             axis = "material" if isinstance(value, str) else one.axis
             yield Dataset(f"{recipe.shape}-{one.name}-{word}", one.name, f"{recipe.shape}; {axis}: {word}", recipe)
+
+
+def _on_solids(one: Experiment, cells: Sequence[Cell], solids: Iterator[str]) -> Iterator[Cell]:
+    """Yield an experiment's levels at a third, at two thirds and at the end, each on a solid of its own.
+
+    None where the shape is what the experiment is about. In the order of the experiments every solid is taken once.
+    """
+    if one.shapes == OBJECTS:
+        for third in (1, 2, 3):
+            cell = cells[round(third * (len(one.levels) - 1) / 3)]
+            yield replace(cell, recipe=replace(cell.recipe, shape=next(solids)))
 
 
 def _level(value: float, decimals: int) -> str:

@@ -33,6 +33,9 @@ def sweep(
     quick: Annotated[
         bool, Parameter(help="A first look, with few levels, one shape and small pictures.", negative="")
     ] = False,
+    shape: Annotated[
+        str, Parameter(help="Other shapes than the experiments' own, with commas: gyroid, or bear,heart.")
+    ] = "",
     method: Annotated[
         str, Parameter(alias="-m", help=f"Methods, with commas: {', '.join(METHODS)}.")
     ] = "ls,rpca,iterative,hsh,ldr,entropy,tv",
@@ -49,6 +52,7 @@ def sweep(
         experiment.casefold(),
         quick=quick,
         staging=staging,
+        shape=shape.casefold(),
         method=method,
         out=out,
         processes=processes,

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.solids import FIELDS, solid
 from twin.description.object_mesh import ObjectMesh, built_in, smooth
 
 Array = NDArray[np.float64]
@@ -71,7 +72,7 @@ def ridges(relief: float) -> ObjectMesh:
 
 SHAPES: dict[str, Callable[[float], ObjectMesh]] = {
     shape.__name__: shape for shape in (pear, blob, knot, cone, bowl, waves, ridges)
-}
+} | {name: lambda _, name=name: solid(name) for name in FIELDS}
 """By name; each takes its relief, which those without one leave aside."""
 
 

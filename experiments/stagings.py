@@ -20,6 +20,8 @@ CALIBRATED = ("ls", "rpca", "iterative", "hsh")
 CAMERA_NOISE = 0.005
 """Of 40 000 electrons at pixel value 1. Without any, three lights or a ring about the lens do as well as a dome."""
 OBJECTS = ("pear", "blob", "knot")
+RELIEFS = ("cone", "bowl", "waves", "ridges")
+"""Shapes that the experiments about shape can vary: they have a relief."""
 QUICK_SIDE = 96
 QUICK_LEVELS = 4
 MATERIALS = (
@@ -163,8 +165,12 @@ def experiments(staging: "Staging") -> dict[str, Experiment]:
     return benchmark() if staging == "benchmark" else ONE_FACTOR | TOLD_WRONGLY
 
 
-def experiments_of(text: str, staging: "Staging" = "one-factor") -> tuple[Experiment, ...]:
-    """Return the sweeps that a command line names: some, with commas, or all; raise SceneError for an unknown one."""
+def experiments_of(text: str, staging: "Staging" = "one-factor", shape: str = "") -> tuple[Experiment, ...]:
+    """Return the sweeps that a command line names: some, with commas, or all.
+
+    shape: of `experiments.shapes.SHAPES`, with commas, in place of an experiment's own; empty: its own. SceneError: an
+    unknown name, or a shape without a relief where an experiment varies that.
+    """
     there: Mapping[str, Experiment] = experiments(staging)
     names = list(there) if text == "all" else [name.strip() for name in text.split(",") if name.strip()]
     unknown = [name for name in names if name not in there]
@@ -172,4 +178,19 @@ def experiments_of(text: str, staging: "Staging" = "one-factor") -> tuple[Experi
         raise SceneError(
             f"sweep {text}: {', '.join(unknown) or 'nothing'} is unknown; there are {', '.join(there)}, and all."
         )
-    return tuple(there[name] for name in dict.fromkeys(names))
+    found = tuple(there[name] for name in dict.fromkeys(names))
+    return tuple(_shaped(one, shape) for one in found) if shape else found
+
+
+def _shaped(one: Experiment, shape: str) -> Experiment:
+    # Cells are named without what makes meshes.
+    from experiments.shapes import SHAPES
+
+    shapes = tuple(dict.fromkeys(name.strip() for name in shape.split(",")))
+    can = RELIEFS if one.vary == "relief" else tuple(SHAPES)
+    if unknown := [name for name in shapes if name not in can]:
+        raise SceneError(
+            f"--shape {shape}: {one.name} cannot be run on {', '.join(unknown)}. It takes {', '.join(can)}."
+            + " It varies their relief: leave it out for other shapes." * (one.vary == "relief")
+        )
+    return replace(one, shapes=shapes)

@@ -13,6 +13,7 @@ from scene.normals import angular_error_deg, unit
 Array = NDArray[np.float64]
 COVERAGE = {"real": "coverage", "twin": "twin_coverage"}
 """Under which key a method's row says which share of the true pixels it answered."""
+ALBEDO = tuple(f"albedo_{name}_percent" for name in ("min", "max", "mean", "median", "std"))
 LOW_RANK = ("rpca", *UNCALIBRATED)
 """They all start from a factorisation of the samples, which leaves a linear ambiguity to be settled."""
 MIRROR = np.array([-1.0, -1.0, 1.0])
@@ -52,6 +53,26 @@ def angular_statistics(error_deg: NDArray) -> dict[str, float | int]:
         "q3_deg": q3, "max_deg": high, "under_5_deg": under_5, "under_10_deg": under_10,
     }  # fmt: skip
     return {**{name: float(value) for name, value in found.items()}, "pixels": pixels}
+
+
+def albedo_statistics(found: NDArray, truth: NDArray, *, is_scaled: bool = True) -> dict[str, float]:
+    """Return the statistics of the error of an albedo, percent: |found / true - 1| over pixels and channels.
+
+    found, truth (P, C) float; NaN where unknown, and what truth has at 0, is left out. is_scaled: a channel of the
+    albedo is known up to a factor; the one that makes the channel's median right is put in. albedo_min_percent, max,
+    mean, median and std (of the population); NaN of nothing.
+    """
+    errors = []
+    for channel in range(truth.shape[1]):
+        known = np.isfinite(found[:, channel]) & (truth[:, channel] > 0)
+        ratio = found[known, channel].astype(np.float64) / truth[known, channel]
+        middle = np.median(ratio) if is_scaled and ratio.size else 1.0
+        errors.append(np.abs(ratio / (middle if middle > 0 else 1.0) - 1))
+    percent = 100 * np.concatenate(errors)
+    if not percent.size:
+        percent = np.array([np.nan])
+    numbers = (of(percent) for of in (np.min, np.max, np.mean, np.median, np.std))
+    return {name: float(number) for name, number in zip(ALBEDO, numbers, strict=True)}
 
 
 def error_correlation(real_error: NDArray, twin_error: NDArray) -> dict[str, float | int]:
@@ -124,14 +145,17 @@ def statistics_rows(compared: dict[str, Any]) -> list[dict[str, Any]]:
     -------
     list of dict
         method; frames: real or twin; what `angular_statistics` says; coverage: share (0 to 1) of the pixels with a
-        truth that were answered. The methods in their order; none where there is no truth.
+        truth that were answered; what `albedo_statistics` says, None where the true albedo is not known. The methods
+        in their order; none where there is no truth.
     """
-    return [
-        {"method": name, "frames": kind, **found, "coverage": row.get(coverage)}
-        for name, row in (compared.get("methods") or {}).items()
-        for kind, coverage in COVERAGE.items()
-        if (found := row.get(kind))
-    ]
+    rows = []
+    for name, row in (compared.get("methods") or {}).items():
+        for kind, coverage in COVERAGE.items():
+            if found := row.get(kind):
+                angles = {key: value for key, value in found.items() if key not in ALBEDO}
+                albedo = {key: found.get(key) for key in ALBEDO}
+                rows.append({"method": name, "frames": kind, **angles, "coverage": row.get(coverage), **albedo})
+    return rows
 
 
 @dataclass(frozen=True)

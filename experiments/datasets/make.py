@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from experiments.photographs import VirtualPhotographs, one_thread, photograph_dataset
 from experiments.recipe import Dataset
+from experiments.scenes import dataset_scene
 from experiments.workers import run_all
 from lab.progress import progress_bar, say
 from scene.current import code_fingerprint, fingerprint
@@ -51,6 +52,7 @@ The layout is that of the DiLiGenT benchmark: a program that reads one reads the
 | | `mask`, `object` (which of the objects) |
 | | `attached`, `cast`: shadows, one bit a light, light i in byte i // 8, bit i % 8; as `.png`: white, no light |
 | | `normals`, `z_mm`, `albedo` as `.exr` too (0 outside) |
+| | the object's surface, as a scan of it: `.ply`, mm, where the camera sees it |
 | `recipe.json` | what it is made from |
 | `SHA256SUMS` | checksums: `sha256sum --check SHA256SUMS` |
 
@@ -120,6 +122,7 @@ def make_one(unfinished: Path, dataset: Dataset) -> str | None:
 def _write(folder: Path, dataset: Dataset, stack: VirtualPhotographs) -> None:
     """Write what `_README` lists into an empty folder; SHA256SUMS last."""
     from formats.diligent_layout import NORMALS, write_diligent, write_normal_mat
+    from formats.meshes.scan_files import ObjectMesh, write_mesh
     from formats.picture_files import write_exr
     from scene.normals import encode_normals
     from scene.store import Store
@@ -135,6 +138,9 @@ def _write(folder: Path, dataset: Dataset, stack: VirtualPhotographs) -> None:
         values = getattr(truth, name)
         # What a picture program makes of NaN nobody knows.
         write_exr(folder / "truth" / f"{name}.exr", np.nan_to_num(values if values.ndim == 3 else values[..., None]))
+    for one in dataset_scene(dataset).objects:
+        # Corners and triangles alone, as of a scanner: whoever reads it makes its normals.
+        write_mesh(folder / "truth" / f"{one.name}.ply", ObjectMesh(one.placed.vertices, one.placed.faces))
     # Of how many of the lights a pixel does not see; white: none of them.
     shadows = {name: lights_of(getattr(truth, name), count).mean(0) for name in ("attached", "cast")}
     for name, share in shadows.items():

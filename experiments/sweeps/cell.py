@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from compare.statistics.statistics import albedo_statistics
 from experiments.recipe import ROOM, Cell
 from experiments.tables import GAP_DEG, Row, Rows, errors_of, why
 from scene.current import code_fingerprint
@@ -97,8 +98,8 @@ def measured(photographs: Any, method: str, estimate: Any) -> Row:
 
     status: "ok"; "no answer: why", where a method refused or gave no normal; "failed: why", a fault of ours, which says
     nothing of the method. flip_deg: the median error with convex and concave exchanged where that is better.
-    albedo_error_percent: mean of |found - true| / true over pixels and channels. A method that is not told the lights
-    finds albedo up to a factor: the one that makes the median right is put in.
+    albedo_error_percent: the mean of `albedo_statistics`. A method that is not told the lights finds albedo up to a
+    factor a channel.
     """
     p = photographs
     normals, truth = estimate.normals[p.mask], p.normals[p.mask]
@@ -106,14 +107,9 @@ def measured(photographs: Any, method: str, estimate: Any) -> Row:
     if row["status"] == "ok":
         flipped = float(np.nanmedian(angular_error_deg(normals * [-1, -1, 1], truth)))
         row["flip_deg"] = min(row["median_deg"], flipped)
-    ratio = estimate.albedo[p.mask].astype(np.float64) / p.albedo[p.mask].astype(np.float64)
-    known = ratio[np.isfinite(ratio)]
-    if method in UNCALIBRATED and known.size and np.median(known) > 0:
-        known = known / np.median(known)
-    albedo = 100 * float(np.mean(np.abs(known - 1))) if known.size else None
-    return {
-        **row, "albedo_error_percent": albedo, "frames": len(p.frames), "doubts": " ".join(estimate.warnings)
-    }  # fmt: skip
+    albedo = albedo_statistics(estimate.albedo[p.mask], p.albedo[p.mask], is_scaled=method in UNCALIBRATED)
+    row |= {"albedo_error_percent": albedo["albedo_mean_percent"], "frames": len(p.frames)}
+    return row | {"doubts": " ".join(estimate.warnings)}
 
 
 def _picture(photographs: Any) -> str:

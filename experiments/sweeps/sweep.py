@@ -30,6 +30,7 @@ def sweep(
     out: Path | None = None,
     quick: bool = False,
     staging: Staging = "one-factor",
+    shape: str = "",
     method: str = ",".join(SOLVERS),
     scheduler: str | None = None,
     processes: int | None = None,
@@ -37,13 +38,14 @@ def sweep(
     """Run experiments, as far as their cells are not there yet; return the folder of the tables and the page.
 
     wanted: names with commas, or all. staging: see `experiments.stagings`. quick: a first look, with fewer levels, one
-    shape, one draw, small pictures. method: solvers with commas. scheduler: address of a Dask scheduler; default:
-    processes here, one a core. SceneError: unknown experiment or method, no cluster, a full disk, a folder in use.
+    shape, one draw, small pictures. shape: others than the experiments' own, with commas. method: solvers with commas.
+    scheduler: address of a Dask scheduler; default: processes here, one a core. SceneError: unknown experiment, shape
+    or method, no cluster, a full disk, a folder in use.
     """
-    chosen, methods = experiments_of(wanted, staging), Solving(method, "seed").methods()
+    chosen, methods = experiments_of(wanted, staging, shape), Solving(method, "seed").methods()
     cells = [cell for one in chosen for cell in one.cells(methods=methods, quick=quick)]
     names = "all" if len(chosen) == len(experiments(staging)) else "-".join(one.name for one in chosen)
-    words = ["benchmark"] * (staging == "benchmark") + [names] + ["quick"] * quick
+    words = ["benchmark"] * (staging == "benchmark") + [names] + shape.replace(",", " ").split() + ["quick"] * quick
     folder = (out or Path("out") / "sweeps") / "-".join(words)
     with open_record(folder.parent, origin="sweep") as record, logged(record):
         run_cells(record, cells, scheduler=scheduler, processes=processes)

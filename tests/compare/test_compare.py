@@ -7,6 +7,7 @@ import pytest
 
 import compare.compare as module
 from compare.compare import compare
+from compare.statistics.statistics import ALBEDO, statistics_rows
 from scene.errors import SceneError
 from scene.files import write_npy
 from scene.normals import unit
@@ -96,6 +97,20 @@ def test_real_and_twin_are_not_confused(store, write_normals):
     assert row["real"]["median_deg"] == pytest.approx(6, abs=1e-3)
     assert row["twin"]["median_deg"] == pytest.approx(2, abs=1e-3)
     assert row["median_difference_deg"] == pytest.approx(4, abs=1e-3)
+
+
+def test_the_albedo_s_error_is_told_of_the_twin_within_the_mask(store, write_normals):
+    truth, albedo = some_truth(), np.full((24, 32, 3), [0.5, 0.4, 0.2], np.float32)
+    save_truth(store, truth, mask=np.arange(32) * np.ones((24, 1)) < 20)
+    twin, off = Store(store.path("twin")), np.where(np.arange(32) < 5, 1.2, 1.0)[:, None] * [3.0, 1.0, 0.5]
+    for folder in (store, twin):
+        write_normals(folder, "ls", truth)
+    write_npy(twin.path("truth_albedo.npy"), albedo)
+    write_npy(twin.path("albedo", "ls.npy"), np.where(np.arange(32)[:, None] < 20, off * albedo, 9.0))
+    real, found = statistics_rows(compare(store))
+    assert [real[key] for key in ALBEDO] == [None] * 5
+    # A quarter of the object is a fifth too bright.
+    assert [found[key] for key in ALBEDO] == pytest.approx([0, 20, 5, 0, np.sqrt(75)], abs=1e-3)
 
 
 def test_a_tilt_common_to_all_normals_is_told_apart_from_scatter(store, write_normals):

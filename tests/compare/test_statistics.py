@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from compare.statistics.statistics import angular_statistics, common_rotation, error_correlation
+from compare.statistics.statistics import (
+    ALBEDO,
+    albedo_statistics,
+    angular_statistics,
+    common_rotation,
+    error_correlation,
+)
 from scene.normals import unit
 from scene.pose import rotation_from_vector
 
@@ -34,6 +40,19 @@ def test_no_pixel_is_no_statistic_rather_than_zero():
     found = angular_statistics(np.full((3, 3), NAN))
     assert found.pop("pixels") == 0
     assert np.isnan(list(found.values())).all()
+
+
+def test_the_albedo_s_error_is_relative_and_up_to_a_scale_a_channel():
+    truth = np.array([[0.5, 0.2], [0.4, 0.2], [0.2, 0.2], [0.0, NAN], [0.1, 0.1]])
+    off = np.array([[1.0, 1.0], [1.1, 1.0], [0.8, 1.0], [7.0, 1.0], [NAN, 1.3]])
+    # 0, 10, 20; 0, 0, 0, 30 percent: what is black or unknown counts for nothing.
+    assert list(albedo_statistics(off * truth, truth, is_scaled=False)) == list(ALBEDO)
+    expected = [0, 30, 60 / 7, 0, np.sqrt((100 + 400 + 900) / 7 - (60 / 7) ** 2)]
+    for scale in ([1.0, 1.0], [3.0, 0.2]):
+        found = albedo_statistics(scale * off * truth, truth)
+        assert list(found.values()) == pytest.approx(expected, abs=1e-9)
+    assert albedo_statistics(2 * truth, truth, is_scaled=False)["albedo_mean_percent"] == pytest.approx(100)
+    assert np.isnan(list(albedo_statistics(NAN * truth, truth).values())).all()
 
 
 def test_a_map_is_wholly_correlated_with_itself_and_with_its_multiples():

@@ -11,6 +11,7 @@ from scipy.io import loadmat
 from experiments.catalogue import catalogue
 from experiments.datasets.check import check_dataset
 from experiments.datasets.make import make, make_one, mark_of
+from formats.meshes.scan_files import read_scan
 from scene.errors import SceneError
 from scene.output_folder import open_record
 from twin.engines.variant import SLOW, pick_variant
@@ -81,6 +82,9 @@ def test_every_file_has_its_checksum_and_made_twice_it_is_the_same(shelf, tmp_pa
     files = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()} - {"SHA256SUMS"}
     assert set(sums) == files
     assert all(hashlib.sha256((folder / name).read_bytes()).hexdigest() == value for name, value in sums.items())
+    # The surface as a scan has it: at the places that the camera sees.
+    points, height = read_scan(folder / "truth" / "blob.ply")[0], np.load(folder / "truth" / "truth_z_mm.npy")
+    assert points[:, 2].max() == pytest.approx(np.nanmax(height), abs=0.5)
     # By the command's own process, on one core.
     (again,) = make(tmp_path, [small("blob-ambient-0.00")], processes=1)
     assert (again / "SHA256SUMS").read_bytes() == (folder / "SHA256SUMS").read_bytes()

@@ -113,6 +113,20 @@ def test_what_is_asked_for():
         experiments_of("rings")
 
 
+def test_other_shapes_are_taken_where_they_can_be():
+    own = experiments_of("ring,shadow")
+    ring, shadow = experiments_of("ring,shadow", shape="ridges, cone")
+    assert (ring.shapes, shadow.shapes) == (("ridges", "cone"),) * 2
+    assert replace(ring, shapes=own[0].shapes) == own[0]
+    assert {cell.recipe.shape for cell in experiments_of("noise", "benchmark", "gyroid,bear")[0].cells()} == {
+        "gyroid", "bear"
+    }  # fmt: skip
+    with pytest.raises(SceneError, match=r"shadow cannot be run on bear. It takes cone.*varies their relief"):
+        experiments_of("ring,shadow", shape="bear")
+    with pytest.raises(SceneError, match=r"ring cannot be run on pare. It takes pear, blob"):
+        experiments_of("ring", shape="pare")
+
+
 def test_cells_are_named_without_heavy_libraries():
     """A rerun with nothing changed has no more to do than this."""
     code = (

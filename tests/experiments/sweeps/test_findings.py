@@ -114,3 +114,13 @@ def test_an_experiment_that_was_not_run_is_not_judged():
     rows = rows_of(as_stated)
     rows = rows[(rows["experiment"] == "ring") & (rows["solver"] != "tv")]
     assert {claim[:15] for claim in verdicts(rows)} == {"A ring near the"}
+
+
+def test_what_is_undefined_decides_no_statement():
+    """Whatever round-off makes of plain HSH on a ring and with few images, and of nothing else."""
+    rows = rows_of(as_stated)
+    plain = (rows["solver"] == "hsh") & (rows["profile"] == "seed") & rows["experiment"].isin(["ring", "images"])
+    rows.loc[plain, "filled_deg"] = 90.0 - 10 * rows.loc[plain, "level"]
+    assert set(verdicts(rows).values()) == {"reproduced"}
+    rows.loc[rows["solver"] == "hsh", "filled_deg"] = 90.0
+    assert "not reproduced" in verdicts(rows).values()
