@@ -18,7 +18,8 @@ from dataclasses import asdict, dataclass, fields
 from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Literal
+from types import UnionType
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -187,13 +188,33 @@ def write(table: Table, rows: list[Any], scale: Scale) -> None:
         writer.writerow(names)
         writer.writerows([[_plain(getattr(row, name)) for name in names] for row in rows])
     measured = ", ".join(filter(None, (f"Measured at {commit()} on {os.cpu_count()} cores", SAID[scale])))
-    put(EVIDENCE / f"{table.page}.md", table.name, f"{table.show(rows).rstrip()}\n\n{measured}.\n")
+    put(EVIDENCE / f"{table.page}.md", table.name, f"{shown(table)}\n\n{measured}.\n")
     for name, picture in (table.draw(rows) if table.draw else {}).items():
         (EVIDENCE / name).write_text(picture)
     known = json.loads(MEASURED.read_text()) if MEASURED.is_file() else {}
     found = rounded(table.figures(rows))
     known[table.key] = {"commit": commit(), "code": table.code, "scale": scale, "figures": found}
     MEASURED.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n")
+
+
+def shown(table: Table) -> str | None:
+    """Return a table as the rows beside its page say; None: they were measured when the row had other fields."""
+    kinds = get_type_hints(table.row)
+    with table.data().open(newline="") as file:
+        reader = csv.DictReader(file)
+        if reader.fieldnames != list(kinds):
+            return None
+        rows = [table.row(**{name: _read(kinds[name], text) for name, text in line.items()}) for line in reader]
+    return table.show(rows).rstrip()
+
+
+def _read(kind: Any, text: str) -> Any:
+    """Return a cell of a CSV file as a row has it; `_plain` wrote it."""
+    if isinstance(kind, UnionType):
+        return _read(get_args(kind)[0], text) if text else None
+    if get_origin(kind) is tuple:
+        return tuple(_read(get_args(kind)[0], one) for one in text.split("; ")) if text else ()
+    return text == "True" if kind is bool else kind(text)
 
 
 def rgbn(*words: Any) -> dict[str, Any]:

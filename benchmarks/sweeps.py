@@ -12,7 +12,7 @@ import numpy as np
 from pyarrow import parquet
 
 from benchmarks.benchmark_findings import GAPS, agreement, answers, benchmark_statistics, verdict_of
-from benchmarks.harness import ROOT, Figures, Scale, Table, folded, markdown
+from benchmarks.harness import ROOT, Figures, Scale, Table, markdown
 from compare.statistics.statistics import error_correlation
 from experiments.stagings import CALIBRATED, ONE_FACTOR, SOLVERS, TOLD_WRONGLY, experiments
 from experiments.sweeps.cell import run_cell
@@ -89,11 +89,10 @@ def _statistics(scale: Scale) -> list[StatisticRow]:
 
 
 def _table_of(rows: Sequence[StatisticRow], head: str, cell: str) -> str:
-    """Return a line for each staging, experiment and statistic but the mean, a column for each method."""
-    lines: dict[tuple[str, ...], dict[str, str]] = {}
+    """Return a line for each experiment, a column for each method."""
+    lines: dict[str, dict[str, str]] = {}
     for row in rows:
-        what = f"{row.staging}: {row.experiment}" + f", {row.statistic}" * (row.statistic != "mean")
-        line = lines.setdefault((row.staging, row.experiment, row.statistic), {"what": what})
+        line = lines.setdefault(row.experiment, {"what": row.experiment})
         text = cell.format(**vars(row)).replace("nan", "undefined")
         line[row.solver] = text + f" ({row.failed} failed)" * bool(row.failed)
     return markdown({head: "{what}"} | {SOLVERS[row.solver]: f"{{{row.solver}}}" for row in rows}, lines.values())
@@ -104,8 +103,7 @@ def _show_statistics(rows: Sequence[StatisticRow]) -> str:
         "default / seed / *the benchmark*, degrees",
         "{default_deg:.1f} / {seed_deg:.1f} / *{benchmark_deg:.1f}*",
     )
-    means, others = ([row for row in rows if (row.statistic == "mean") is one] for one in (True, False))
-    first = [row for row in rows if row.staging == STAGINGS[0]]
+    means = [row for row in rows if (row.staging, row.statistic) == (STAGINGS[0], "mean")]
     ranks = [
         {"of": f"{staging}, {profile}", **{name: _rank(rows, staging, profile, name) for name in STATISTICS}}
         for staging in STAGINGS
@@ -114,14 +112,9 @@ def _show_statistics(rows: Sequence[StatisticRow]) -> str:
     forms = {name: f"{{{name}[0]:.2f}} / {{{name}[1]:.2f}}" for name in STATISTICS}
     parts = [
         _table_of(means, head, cell),
-        "Rank correlation with the benchmark's table, all seven methods / without Lsq; baseline: its Lsq stands for "
-        "all.\n",
+        "Rank correlation with the benchmark's table: all seven methods / without Lsq. Baseline: the benchmark's Lsq "
+        "stands for all methods.\n",
         markdown({"staging, profile": "{of}"} | forms, ranks),
-        folded("The other statistics", _table_of(others, head, cell)),
-        folded(
-            "Error of the albedo, after one scale a channel where the lights are not told; profile default",
-            _table_of(first, "percent", "{albedo_percent:.1f}"),
-        ),
     ]
     return "\n".join(parts)
 
@@ -227,12 +220,12 @@ def _show_findings(rows: Sequence[FindingRow]) -> str:
     for section, claim, rule in dict.fromkeys((row.section, row.claim, row.rule) for row in rows):
         some, cells = [row for row in rows if row.claim == claim], {}
         for staging in STAGINGS:
-            told = [(row.profile, "yes" if row.holds else "no", row.numbers) for row in some if row.staging == staging]
-            cells[staging] = "<br>".join(f"{profile}: **{word}**, {numbers}" for profile, word, numbers in told)
+            cells[staging] = " / ".join("yes" if row.holds else "no" for row in some if row.staging == staging)
         verdict = verdict_of(row.holds for row in some if row.staging == STAGINGS[0])
         lines.append({"section": section, "claim": claim, "rule": rule, "verdict": verdict, **cells})
     columns = {"section": "{section}", "the benchmark says": "{claim}", "counts as so if": "{rule}"}
-    return markdown(columns | {one: f"{{{one}}}" for one in STAGINGS} | {"verdict": "**{verdict}**"}, lines)
+    columns |= {f"{one}: {' / '.join(PROFILES)}": f"{{{one}}}" for one in STAGINGS}
+    return markdown(columns | {"verdict": "**{verdict}**"}, lines)
 
 
 def _finding_figures(rows: Sequence[FindingRow]) -> Figures:

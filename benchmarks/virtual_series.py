@@ -61,7 +61,8 @@ def scan_of(setup: Setup) -> Mesh:
     before = np.cumsum([0, *(len(one.vertices) for one in parts)])
     faces = np.concatenate([one.faces + first for one, first in zip(parts, before, strict=False)])
     points = np.concatenate([one.vertices for one in parts]) - CENTRE_MM
-    fine = trimesh.Trimesh(*trimesh.remesh.subdivide_to_size(points, faces, SCAN_EDGE_MM))
+    vertices, small = trimesh.remesh.subdivide_to_size(points, faces, SCAN_EDGE_MM)[:2]
+    fine = trimesh.Trimesh(vertices, small)
     return Mesh(np.array(fine.vertices, np.float64), np.array(fine.faces))
 
 

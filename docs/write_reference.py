@@ -8,12 +8,13 @@
 import inspect
 import json
 import re
+from collections import Counter
 from typing import Any
 
 import rgbn
 from benchmarks.harness import ROOT, markdown, put
 from capture.session.manifest import TABLES, Manifest
-from rgbn.cli import app
+from rgbn.cli import SESSION, app
 from twin.description import description_file
 
 REFERENCE = ROOT / "docs" / "reference"
@@ -21,54 +22,68 @@ TITLES = {"": "Above all tables", "spheres": "`[[spheres]]`", "camera.board": "`
 
 
 def keys() -> str:
-    """Return a section for each table of session.toml, a row for each key, as Markdown."""
+    """Return a section for each table of session.toml, a line for each key, as Markdown."""
     lines = []
     definitions = Manifest.model_json_schema()["$defs"]
     for name, table in TABLES.items():
         schema = Manifest.model_json_schema() if table is Manifest else definitions[table.__name__]
-        required = schema.get("required", [])
         lines += [f"## {TITLES.get(name, f'`[{name}]`')}", ""]
         if name:
             about = (table.__doc__ or "").split(": ", 1)[-1]
             lines += [about[:1].upper() + about[1:], ""]
-        rows = [
-            {
-                "key": key, "type": _kind(field), "unit": field.get("unit", ""),
-                "default": "required" if key in required else _default(field), "what": field.get("description", ""),
-                "example": " ".join(f"`{key} = {_toml(one)}`" for one in table.model_fields[key].examples or []),
-            }
-            for key, field in schema["properties"].items()
-        ]  # fmt: skip
-        columns = {"key": "`{key}`", "type": "{type}", "unit": "{unit}", "default": "{default}"}
-        lines.append(markdown({**columns, "what it is": "{what}", "example": "{example}"}, rows))
+        for key, field in schema["properties"].items():
+            examples = " ".join(f"`{key} = {_toml(one)}`" for one in table.model_fields[key].examples or [])
+            takes = _takes(field, key in schema.get("required", []))
+            lines.append(f"* `{key}` ({takes}): {field['description']} {examples}")
+        lines.append("")
     return "\n".join(lines)
 
 
 def scene_keys() -> str:
-    """Return a section for each table of a scene description, a row for each key, as Markdown."""
+    """Return a section for each table of a scene description, a line for each key, as Markdown.
+
+    Tables that differ by their kind share a section: a key that several kinds have alike is one line.
+    """
     lines = []
+    sections: dict[str, list[tuple[str, type]]] = {}
     for name, table in description_file.TABLES.items():
-        about = (table.__doc__ or "").split("\n\n")[0].replace("\n", " ").replace("    ", "")
-        lines += [f"### {f'`{name}`' if '[' in name else name or 'Above all tables'}", "", about, ""]
-        rows = [
-            {
-                "key": key, "type": _kind(field), "unit": field.get("unit", ""), "range": _range(field),
-                "default": "required" if field["required"] else _default(field), "what": field.get("description", ""),
-            }
-            for key, field in description_file.keys_of(table).items() if key != "kind"
-        ]  # fmt: skip
-        columns = {"key": "`{key}`", "type": "{type}", "range": "{range}", "unit": "{unit}", "default": "{default}"}
-        lines.append(markdown({**columns, "what it is": "{what}"}, rows))
+        section, _, kind = name.partition(" kind = ")
+        sections.setdefault(section, []).append((kind.strip('"'), table))
+    for section, tables in sections.items():
+        lines += [f"### {f'`{section}`' if '[' in section else section or 'Above all tables'}", ""]
+        rows: dict[tuple[str, str, str], list[str]] = {}
+        for kind, table in tables:
+            about = (table.__doc__ or "").split("\n\n")[0].replace("\n", " ").replace("    ", "")
+            lines += [f'* `kind = "{kind}"`: {about}'] if kind else [about, ""] if section else []
+            for key, field in description_file.keys_of(table).items():
+                if key != "kind":
+                    row = (key, _takes(field, field["required"]), field.get("description", ""))
+                    rows.setdefault(row, []).append(f"`{kind}`")
+        lines += [""] * (len(tables) > 1)
+        for (key, takes, what), kinds in rows.items():
+            of = f"{', '.join(kinds)}: " * (len(tables) > 1)
+            lines.append(f"* `{key}` ({of}{takes}): {what}")
+        lines.append("")
     return "\n".join(lines)
+
+
+def _takes(field: dict[str, Any], is_required: bool) -> str:
+    """Say a key's type, range, unit and default, of its JSON schema."""
+    unit = field.get("unit", "")
+    default = "required" if is_required else f"default {_default(field)}" if _default(field) else ""
+    said = " ".join(filter(None, (_kind(field), _range(field)))) + f", {unit}" * bool(unit)
+    return "; ".join(filter(None, (said, default)))
 
 
 def _range(field: dict[str, Any]) -> str:
     """Say which numbers a key takes, of its JSON schema; nothing where only what no scene has is refused."""
     for one in (field, *field.get("anyOf", []), *field.get("prefixItems", [])[:1]):
-        low, high = one.get("minimum", one.get("exclusiveMinimum")), one.get("maximum", one.get("exclusiveMaximum"))
+        low = max((one[name] for name in ("minimum", "exclusiveMinimum") if name in one), default=None)
+        high = min((one[name] for name in ("maximum", "exclusiveMaximum") if name in one), default=None)
         if low is not None and high is not None and low != -high:
-            least = "above 0" if 0 < low < 1e-5 else f"{low:g}"
-            return f"{least} to {high:,g}" if high < 1e6 else least if low else "0 or more"
+            is_above_none = 0 < low < 1e-5 or one.get("exclusiveMinimum") == 0
+            least = "above 0" if is_above_none else f"{low:g}"
+            return f"{least} to {high:,g}" if high < 1e6 else least if is_above_none else f"{low:g} or more"
     return ""
 
 
@@ -84,11 +99,13 @@ def _kind(field: dict[str, Any]) -> str:
         return "a file's name"
     if "prefixItems" in field:
         inner = _kind(field["prefixItems"][0])
+        if inner.startswith("list of "):
+            return f"{field['minItems']} x {inner.removeprefix('list of ')}"
         return f"list of {field['minItems']} {inner}" + "s" * (not inner.endswith("s"))
     if "$ref" in field or field.get("items", {}).get("$ref"):
         return "list of tables" if "items" in field else "table"
     if "anyOf" in field:
-        return next(_kind(one) for one in field["anyOf"] if one.get("type") != "null")
+        return " or ".join(dict.fromkeys(_kind(one) for one in field["anyOf"] if one.get("type") != "null"))
     if "const" in field or "enum" in field:
         return " or ".join(f"`{_toml(value)}`" for value in field.get("enum", [field.get("const")]))
     if field.get("type") == "array":
@@ -114,18 +131,42 @@ def _toml(value: Any) -> str:
 
 
 def verbs() -> str:
-    """Return the command line's own help, as Markdown: a list of the verbs, then a section for each."""
-    text = app.generate_docs(output_format="markdown", heading_level=1, usage_name="rgbn")
-    listed = text.split("**Commands**:\n")[1].replace("\n### ", "\n## ")
-    # `default: ()` and the like say nothing to who types.
-    listed = re.sub(r" \*\[default: (\(\)|False)\]\*", "", listed)
-    # Between verb and options the library names the program that runs here; and its own command's link is wrong.
-    usage = r"(?m)^(## (rgbn.*)\n\n```console\n)(?:\2)?.*?( (?:--|\[|[A-Z]).*)?$"
-    listed = re.sub(usage, r"\1\2\3", listed).replace("(#rgbn-install", "(#rgbn---install")
-    first, *verbs = listed.split("\n## ")
-    # What every verb takes is said once, above.
-    verbs = [re.sub(r"\*\*Every verb\*\*:\n\n(\* .*\n)+\n?", "", verb + "\n") for verb in verbs]
-    return "\n## ".join([first, *verbs]).strip() + "\n"
+    """Return the command line's own help, as Markdown: what several verbs take, once, then a section for each verb."""
+    text = app.generate_docs(output_format="markdown", heading_level=1, usage_name="rgbn").replace("\n### ", "\n## ")
+    order = re.findall(r"^\* \[`(.+?)`\]", text, re.MULTILINE)
+    # `default: ()` and the like say nothing to who types, and the line of the usage shows what is required.
+    text = re.sub(r" \*\[default: (\(\)|False)\]\*| \*\*\[required\]\*\*", "", text)
+    # Between verb and options the library names the program that runs here.
+    text = re.sub(r"(?m)^(## (rgbn.*)\n\n```console\n)(?:\2)?.*?( (?:--|\[|[A-Z]).*)?$", r"\1\2\3", text)
+    parts = sorted(text.split("\n## ")[2:], key=lambda part: order.index(part.split()[1]))
+    options = [re.findall(r"^\* (.*)$", part, re.MULTILINE) for part in parts]
+    every = re.findall(r"^\* (.*)$", text.partition("**Every verb**")[2].partition("\n## ")[0], re.MULTILINE)
+    count = Counter(line for lines in options for line in lines if line.startswith("`-") or line.endswith(SESSION))
+    several = [line for line in count if count[line] > 1 and line not in every]
+    shared = [*every, *sorted(several, key=lambda line: line.startswith("`-"))]
+    lines = [", ".join(f"[`{name}`](#rgbn-{name})" for name in order if name[0] != "-") + ".", ""]
+    lines += ["## Options of several verbs", "", "Every verb takes the first two.", ""]
+    lines += [f"* {line}" for line in shared]
+    for part, taken in zip(parts, options, strict=True):
+        own = [line.replace(f" {SESSION} ", " As above. ") for line in taken if line not in shared]
+        names = _runs([shared.index(line) for line in taken if line in shared and line not in every])
+        lines += ["", f"## {re.split('^[*]', part, flags=re.MULTILINE)[0].strip()}", "", *(f"* {line}" for line in own)]
+        if names:
+            ends = [[f"`{re.split('[ ,:`]', shared[place])[1]}`" for place in run] for run in names]
+            said = ", ".join(f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(run) for run in ends)
+            lines += [""] * bool(own) + [f"[As above](#options-of-several-verbs): {said}."]
+    return "\n".join(lines).replace("\n\n\n", "\n\n").strip() + "\n"
+
+
+def _runs(places: list[int]) -> list[list[int]]:
+    """Return places in order, those that follow each other together."""
+    runs: list[list[int]] = []
+    for place in sorted(places):
+        if runs and runs[-1][-1] == place - 1:
+            runs[-1].append(place)
+        else:
+            runs.append([place])
+    return runs
 
 
 def members() -> str:

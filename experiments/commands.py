@@ -17,8 +17,8 @@ def sweep(
     experiment: Annotated[
         str,
         Parameter(
-            help="ambient, interreflection, material, images, noise, ring, roughness, shadow, specularity; and what "
-            "wrong lights do: directions, intensities. Some, with commas; or all."
+            help="Experiments, with commas, or all: ambient, interreflection, material, images, noise, ring, "
+            "roughness, shadow, specularity; and, with wrong lights, directions, intensities."
         ),
     ],
     /,
@@ -26,21 +26,23 @@ def sweep(
     staging: Annotated[
         Staging,
         Parameter(
-            help="one-factor: all else is easy. benchmark: as the RGBN benchmark's text has it: path-traced, "
-            "Beckmann's facets, levels that span its range of errors."
+            help="one-factor: all else is easy. benchmark: scenes as in the RGBN benchmark's text, path-traced, "
+            "with levels that span its range of errors."
         ),
     ] = "one-factor",
-    quick: Annotated[bool, Parameter(help="A first look: few levels, one shape, small pictures.", negative="")] = False,
+    quick: Annotated[
+        bool, Parameter(help="A first look, with few levels, one shape and small pictures.", negative="")
+    ] = False,
     method: Annotated[
         str, Parameter(alias="-m", help=f"Methods, with commas: {', '.join(METHODS)}.")
     ] = "ls,rpca,iterative,hsh,ldr,entropy,tv",
-    out: Annotated[Path | None, Parameter(alias="-o", help="Output folder. Default: out/sweeps here.")] = None,
-    processes: Annotated[int | None, Parameter(help="How many abreast. Default: one a core.")] = None,
+    out: Annotated[Path | None, Parameter(alias="-o", help="Output folder. Default: out/sweeps.")] = None,
+    processes: Annotated[int | None, Parameter(help="How many run at a time. Default: one per core.")] = None,
     scheduler: Annotated[
-        str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")
+        str | None, Parameter(help="Address of a Dask scheduler. Default: this machine's cores.")
     ] = None,
 ) -> None:
-    """Make one factor harder and harder, and see which method breaks where: tables, charts and a page."""
+    """Make one factor harder and harder, and show which method breaks where."""
     from experiments.sweeps.sweep import sweep as run_sweep
 
     folder = run_sweep(
@@ -57,21 +59,22 @@ def sweep(
 
 dataset = App(
     name="dataset",
-    help="Datasets with known truth: made by name, checked, added, and solved in one table.",
+    help="Make, check, add and solve datasets with known truth.",
     help_flags=["--help", "-h"],
     version_flags=[],
     sort_key=10,
 )
 SHELF = Path("out") / "datasets"
 
-Shelf = Annotated[Path, Parameter(help="Folder of the datasets that were made or added.")]
-Json = Annotated[bool, Parameter(help="Print JSON on standard output.", negative="")]
+Shelf = Annotated[Path, Parameter(help="Folder of the datasets that were made, and of the list of those added.")]
+Json = Annotated[bool, Parameter(help="Print the results as JSON on standard output.", negative="")]
 
 
 @dataset.command(name="list", sort_key=1)
 def list_datasets(
     pattern: Annotated[
-        list[str] | None, Parameter(help="Names, patterns as 'pear-*', or benchmark: its list of 93. Default: all.")
+        list[str] | None,
+        Parameter(help="Names, patterns such as 'pear-*', or benchmark, which is a list of 93. Default: all."),
     ] = None,
     /,
     *,
@@ -93,14 +96,18 @@ def list_datasets(
 
 @dataset.command(sort_key=2)
 def make(
-    name: Annotated[list[str], Parameter(help="Names, patterns as 'pear-*', or benchmark: its list of 93.")],
+    name: Annotated[
+        list[str], Parameter(help="Names, patterns such as 'pear-*', or benchmark, which is a list of 93.")
+    ],
     /,
     *,
     shelf: Shelf = SHELF,
-    side: Annotated[int, Parameter(help="Pixels of a picture's side; other than 256, the name says it.")] = 256,
-    processes: Annotated[int | None, Parameter(help="How many abreast. Default: one a core.")] = None,
+    side: Annotated[
+        int, Parameter(help="Side of a picture, pixels. A side other than 256 is part of the dataset's name.")
+    ] = 256,
+    processes: Annotated[int | None, Parameter(help="How many run at a time. Default: one per core.")] = None,
 ) -> None:
-    """Make datasets: the DiLiGenT layout, true maps, a preview; what is there and current is left."""
+    """Make datasets in the DiLiGenT layout, with true maps and a preview. Keeps what is current."""
     from experiments.catalogue import benchmark_names, catalogue, first_names, wanted
     from experiments.datasets.make import make as make_datasets
 
@@ -120,7 +127,7 @@ def check(
     *,
     json: Json = False,
 ) -> None:
-    """Check a dataset by its files and photographs: axes, intensities, order of the lights."""
+    """Check axes, intensities and the order of the lights of a dataset against its photographs."""
     from experiments.datasets.check import check_dataset
     from scene.reading import told
 
@@ -145,11 +152,11 @@ def add(
     folder: Annotated[Path, Parameter(help="Folder in the DiLiGenT layout.")],
     /,
     *,
-    name: Annotated[str | None, Parameter(help="Default: the folder's.")] = None,
-    text: Annotated[str, Parameter(help="What it is, in a line.")] = "",
+    name: Annotated[str | None, Parameter(help="Its name. Default: the folder's.")] = None,
+    text: Annotated[str, Parameter(help="A line that says what it is.")] = "",
     shelf: Shelf = SHELF,
 ) -> None:
-    """Check a dataset, and note it on the shelf: the list shows it, and `run` solves it, where it lies."""
+    """Check a dataset and note it on the shelf. The files stay where they are."""
     from experiments.datasets.shelf import add as add_dataset
 
     entry = add_dataset(shelf, folder, name=name, text=text)
@@ -161,13 +168,13 @@ def run(
     *,
     on: Annotated[
         list[str] | None,
-        Parameter(help="Datasets of the shelf: names, patterns, or benchmark. Default: all.", negative=""),
+        Parameter(help="Datasets of the shelf, by names, patterns or benchmark. Default: all.", negative=""),
     ] = None,
     said: Solving = BY_DEFAULT,
     shelf: Shelf = SHELF,
     out: Annotated[Path, Parameter(alias="-o", help="Output folder.")] = Path("out") / "datasets-table",
 ) -> None:
-    """Solve datasets of the shelf by methods and other programs: a table of angular errors, and a gallery."""
+    """Solve datasets of the shelf. Writes a table of angular errors and a gallery."""
     from experiments.datasets.run_methods import results_text
     from experiments.datasets.run_methods import run as run_methods
 

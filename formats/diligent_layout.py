@@ -98,7 +98,7 @@ def read_layout(folder: Path) -> DiligentFolder:
         There is no such folder.
     """
     if not folder.is_dir():
-        raise SceneError(f"{folder}: no such folder. Give one in the DiLiGenT layout (docs/guide/datasets.md).")
+        raise SceneError(f"{folder}: no such folder. Give one in the DiLiGenT layout (docs/guide/synthetic.md).")
     found = read_tables(folder)
     _check_directions(found)
     _check_intensities(found)

@@ -80,35 +80,36 @@ class Solving:
         str | None,
         Parameter(
             alias="-m",
-            help=f"Photometric-stereo methods, with commas: {', '.join(METHODS)}. Default: {DEFAULT_METHODS}; where "
-            f"the lights are unknown {','.join(UNCALIBRATED)}; of two folders compared, all.",
+            help=f"Photometric-stereo methods, with commas: {', '.join(METHODS)}. Default: {DEFAULT_METHODS}. "
+            f"Default without lights: {','.join(UNCALIBRATED)}. Default of two folders compared: all.",
         ),
     ] = None
     profile: Annotated[
         str | None,
         Parameter(
-            help="Settings of the methods: default, or seed, the plain reading of the benchmark.", converter=in_any_case
+            help="Settings of the methods: default; or seed, which follows the benchmark to the letter.",
+            converter=in_any_case,
         ),
     ] = None
     external: Annotated[
         tuple[str, ...] | None,
         Parameter(
-            help="Another program as a method. A published one that you downloaded: NAME=PRESET:FOLDER, PRESET one of "
-            "lino-unips, sdm-unips, geo-unips, uni-ms-ps. Any other: NAME=COMMAND; it reads {data}, photographs in the "
-            "DiLiGenT layout, and writes a normal map into {out}. May be given again. See "
-            "docs/guide/learned-methods.md.",
+            help="Another program as a method; may be given several times. A published one that you downloaded is "
+            "NAME=PRESET:FOLDER, PRESET one of lino-unips, sdm-unips, geo-unips, uni-ms-ps. Any other one is "
+            "NAME=COMMAND. It reads {data}, photographs in the DiLiGenT layout, and writes a normal map into {out}. "
+            "See docs/guide/methods.md.",
             negative="--no-external",
             consume_multiple=False,
         ),
     ] = None
     external_timeout_s: Annotated[
-        float | None, Parameter(help=f"Seconds after which such a program is ended. Default: {TIMEOUT_S:g}.")
+        float | None, Parameter(help=f"Seconds after which such a program is stopped. Default: {TIMEOUT_S:g}.")
     ] = None
     trust: Annotated[
         bool | None,
         Parameter(
-            help="Judge the methods by how well their normals explain the photographs. Of all methods, where none is "
-            "named. Default: of process without a scan and without given normals."
+            help="Judge the methods by how well their normals explain the photographs. Takes all methods where none is "
+            "named. Default: yes for process without a scan and without given normals."
         ),
     ] = None
 
@@ -154,20 +155,22 @@ class TwinSettings:
     engine: Annotated[
         Engine | None,
         Parameter(
-            help="The twin's engine; auto: many, where it can render the scene.", converter=one_of("--engine", Engine)
+            help="The twin's engine. auto is many where it can render the scene.", converter=one_of("--engine", Engine)
         ),
     ] = None
-    error: Annotated[float | None, Parameter(help="The twin's error that is aimed at, relative: 0.01 is 1 %.")] = None
-    layers: Annotated[bool | None, Parameter(help="Keep the twin's direct and indirect light as truth_*.npy too.")] = (
+    error: Annotated[float | None, Parameter(help="Relative error that the twin's rendering aims at; 0.01 is 1 %.")] = (
         None
     )
+    layers: Annotated[
+        bool | None, Parameter(help="Also keep the twin's direct and indirect light, as truth_*.npy.")
+    ] = None
     photograph: Annotated[
-        bool | None, Parameter(help="Give the twin of a session a noise like the photographs', Bayer and all.")
+        bool | None, Parameter(help="Give a session's twin the noise and the mosaic of the photographs.")
     ] = None
     held_out: Annotated[
         bool | None,
         Parameter(
-            help="Also fit the twin's material to every second frame, and hold the others against what it foretells. "
+            help="Also fit the twin's material to every second frame, and predict the other frames from it. "
             "Default: yes."
         ),
     ] = None
@@ -184,7 +187,7 @@ class TwinSettings:
         return replace(given, **{name: value for name, value in known.items() if value is not None})
 
 
-SHADED = Parameter(help="Let the registered scan's own shading correct lights that it contradicts.")
+SHADED = Parameter(help="Correct lights that the registered scan's shading contradicts.")
 
 
 @Parameter(name="*")
@@ -196,7 +199,7 @@ class SessionSolving(Solving):
     normals: Annotated[
         GreenAxis | None,
         Parameter(
-            help="Pictures of normals in results/: opengl, green is up, or directx, green is down. Default: opengl.",
+            help="Pictures of normals in results/: opengl has green up, directx green down. Default: opengl.",
             converter=one_of("--normals", GreenAxis),
         ),
     ] = None
@@ -214,8 +217,8 @@ class Settings(TwinSettings, SessionSolving):
         float | None,
         Parameter(
             name="--tolerance",
-            help="The error of normals that your purpose allows, such as 3deg: the verdict is pass or fail. Default: "
-            "tolerance_deg under [object] of session.toml.",
+            help="Error of the normals that your purpose allows, such as 3deg. The verdict is then pass or fail. "
+            "Default: tolerance_deg under [object] of session.toml.",
             converter=degrees_of,
         ),
     ] = None

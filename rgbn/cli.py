@@ -22,8 +22,8 @@ from studio.studio_command import studio
 
 app = App(
     name="rgbn",
-    help="From a folder of raw flash photographs (and a laser scan) to calibrated lights, ground-truth normals, "
-    "normals by photometric stereo, a synthetic twin, and one report that says how far to trust each.",
+    help="Make lights, normals by photometric stereo, ground-truth normals and a synthetic twin from a folder of raw "
+    "flash photographs and a laser scan. One report says how far to trust each.",
     # Markdown would take a third of the time.
     help_format="plaintext",
     help_flags=["--help", "-h"],
@@ -37,19 +37,17 @@ app = App(
     default_parameter=Parameter(show_default=lambda value: str(value) if value else None),  # type: ignore[arg-type]
 )
 app.register_install_completion_command(
-    help="Let the shell complete verbs and options: writes its script, and a line into the shell's startup file."
+    help="Let the shell complete verbs and options. Writes a script and a line of the shell's startup file."
 )
 app.meta.suppress_keyboard_interrupt = False
 app.meta.group_parameters = Group("Every verb", sort_key=100)
 
-SESSION = "Folder with session.toml, or in the DiLiGenT layout; or an output folder, which knows its session."
+SESSION = "Folder with session.toml or in the DiLiGenT layout, or an output folder that was made from one."
 Session = Annotated[Path, Parameter(help=SESSION)]
-Out = Annotated[
-    Path | None, Parameter(alias="-o", help="Output folder. Default: out/NAME here, by the session's name.")
-]
-Json = Annotated[bool, Parameter(help="Print the summary as JSON on standard output.", negative="")]
-Jobs = Annotated[int, Parameter(help="Of many sessions, so many at a time.", validator=Number(gte=1))]
-Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")]
+Out = Annotated[Path | None, Parameter(alias="-o", help="Output folder. Default: out/NAME, by the session's name.")]
+Json = Annotated[bool, Parameter(help="Print the results as JSON on standard output.", negative="")]
+Jobs = Annotated[int, Parameter(help="How many sessions run at a time.", validator=Number(gte=1))]
+Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler. Default: this machine's cores.")]
 
 
 @Parameter(name="*")
@@ -83,7 +81,7 @@ def _start(
     *words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
     quiet: Annotated[bool, Parameter(alias="-q", help="Say only warnings and errors.", negative="")] = False,
     verbose: Annotated[
-        bool, Parameter(alias="-v", help="Say also which steps are current, and what the libraries log.", negative="")
+        bool, Parameter(alias="-v", help="Also say which steps are current, and what the libraries log.", negative="")
     ] = False,
 ) -> Any:
     keep_quiet(quiet)
@@ -93,7 +91,7 @@ def _start(
 
 @app.command(sort_key=1)
 def process(
-    session: Annotated[Path, Parameter(help=f"{SESSION} Or a folder with many sessions below it.")],
+    session: Annotated[Path, Parameter(help=f"{SESSION} A folder with many sessions below it will do, too.")],
     /,
     *,
     place: Place = BY_NAME,
@@ -101,7 +99,7 @@ def process(
     scheduler: Scheduler = None,
     jobs: Jobs = 1,
 ) -> None:
-    """Go the whole way: decode, lights, scan, normals, twin, report; of one session, or of all below a folder."""
+    """Take one session, or all below a folder, the whole way: decode, lights, scan, normals, twin, report."""
     from lab.many_sessions import process_all, sessions_below
 
     if not is_output(session) and (sessions := sessions_below(session)):
@@ -114,7 +112,7 @@ def process(
 def series(
     folder: Annotated[
         Path,
-        Parameter(help='Folder with the sessions below it; each session.toml: [series] factor = "iso", value = 400.'),
+        Parameter(help='Folder of the sessions. Each session.toml has [series], such as factor = "iso", value = 400.'),
     ],
     /,
     *,
@@ -123,7 +121,7 @@ def series(
     scheduler: Scheduler = None,
     jobs: Jobs = 1,
 ) -> None:
-    """Process sessions of one object in which one factor changes; show errors against it, real beside synthetic."""
+    """Process sessions of one object in which one factor changes. Shows errors against it, real beside synthetic."""
     from experiments.series import series as run_series
 
     run_series(folder, place.out, said, jobs=jobs, scheduler=scheduler, as_json=place.json)
@@ -132,29 +130,29 @@ def series(
 @app.command(sort_key=2)
 def demo(
     *,
-    out: Annotated[Path | None, Parameter(alias="-o", help="Output folder. Default: out/demo here.")] = None,
+    out: Annotated[Path | None, Parameter(alias="-o", help="Output folder. Default: out/demo.")] = None,
     json: Json = False,
 ) -> None:
-    """Go the whole way on the small session that comes with rgbn, and judge it by its known truth."""
+    """Take the small session that comes with rgbn the whole way, and judge it by its known truth."""
     folder, place = fixture_folder(), Place(out or Path("out") / "demo", json)
     _run(folder, "compare", place, whole=True, said=Settings(truth=folder))
 
 
 @app.command(sort_key=3)
 def check(session: Session, /, *, place: Place = BY_NAME, scheduler: Scheduler = None) -> None:
-    """Decode a capture and audit it: exposure, misfires, doubles, movement, clipping."""
+    """Decode a capture and check it for wrong exposure, misfires, doubles, movement and clipping."""
     _run(session, "check", place, scheduler=scheduler)
 
 
 @app.command(sort_key=4)
 def calibrate(session: Session, /, *, place: Place = BY_NAME) -> None:
-    """Find the balls, and from them each flash's direction, position and intensity."""
+    """Find the balls. They tell each flash's direction, position and intensity."""
     _run(session, "calibrate", place)
 
 
 @app.command(sort_key=5)
 def align(session: Session, /, *, place: Place = BY_NAME, refine_lights: Annotated[bool | None, SHADED] = None) -> None:
-    """Find the object, register its scan, write the ground-truth normals."""
+    """Find the object, register its scan, and write the ground-truth normals."""
     _run(session, "align", place, said=Settings(refine_lights=refine_lights))
 
 
@@ -165,10 +163,10 @@ def solve(
     *,
     place: Place = BY_NAME,
     said: SessionSolving = AS_BEFORE,
-    mesh: Annotated[Path | None, Parameter(help="Also write the surface, in mm, as this .ply.")] = None,
+    mesh: Annotated[Path | None, Parameter(help="Also write the surface as this .ply, in mm.")] = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Recover normals and albedo by photometric stereo, and the surface as a mesh if asked."""
+    """Recover normals and albedo by photometric stereo."""
     if mesh:
         check_mesh_name(mesh)
     _run(session, "solve", place, said=said, scheduler=scheduler, mesh=mesh)
@@ -176,13 +174,13 @@ def solve(
 
 @app.command(sort_key=7)
 def twin(
-    session: Annotated[Path, Parameter(help=f"{SESSION} Or a scene description, .toml.")],
+    session: Annotated[Path, Parameter(help=f"{SESSION} A scene description (.toml) will do, too.")],
     /,
     *,
     place: Place = BY_NAME,
     said: Settings = AS_BEFORE,
 ) -> None:
-    """Render the registered scan under the calibrated lights, and solve the rendering; or a scene description."""
+    """Render the registered scan under the calibrated lights, or a scene description. Solves the rendering."""
     if is_description(session):
         from experiments.scene_twin import render_description
 
@@ -193,16 +191,17 @@ def twin(
 
 @app.command(sort_key=8)
 def compare(
-    session: Annotated[Path, Parameter(help=f"{SESSION} With a second one: a processed output folder.")],
+    session: Annotated[Path, Parameter(help=f"{SESSION} With COUNTERPART: a processed output folder.")],
     counterpart: Annotated[
-        Path | None, Parameter(help="Another output folder, or the twin/ in the first: do the methods fail alike?")
+        Path | None,
+        Parameter(help="Another output folder, or twin/ in the first. Tells whether methods fail alike on both."),
     ] = None,
     /,
     *,
     place: Place = BY_NAME,
     said: Settings = AS_BEFORE,
 ) -> None:
-    """Compare real and synthetic with the truth, and write report.html; or two processed folders with each other."""
+    """Compare real and synthetic with the truth, and write report.html. Or compare two processed folders."""
     if counterpart is not None:
         from experiments.compare_folders import compare_folders
 
@@ -213,28 +212,28 @@ def compare(
 
 @app.command(sort_key=9)
 def export(
-    session: Annotated[Path, Parameter(help=f"{SESSION} With --format mitsuba, gltf also a scene's .toml.")],
+    session: Annotated[Path, Parameter(help=f"{SESSION} Mitsuba and gltf also take a scene's .toml.")],
     /,
     *,
     format: Annotated[
         str,
         Parameter(
             alias="-f",
-            help=f"Formats, with commas: {', '.join(FORMATS)}. all: every one of the lights. csv: tables of the lights "
-            "and, after compare, of the errors; mat: near_ps; meshroom: photographs and camera as "
-            "SfMData, with AliceVision's lights; relight: the photographs as one relightable picture, for "
-            "OpenLIME and RelightLab; heritage: photographs and maps for an archive, with a IIIF manifest; "
-            "mitsuba, gltf: the twin's scene.",
+            help=f"Formats, with commas: {', '.join(FORMATS)}; or all, which is every format of lights. "
+            "csv: tables of the lights and, after compare, of the errors. mat: for near_ps. "
+            "meshroom: photographs and camera as SfMData, with AliceVision's lights. "
+            "relight: one relightable picture for OpenLIME and RelightLab. "
+            "heritage: photographs and maps for an archive, with a IIIF manifest. mitsuba, gltf: the twin's scene.",
         ),
     ],
     out: Out = None,
-    sfm: Annotated[Path | None, Parameter(help="AliceVision's .sfm of the photographs: its view ids.")] = None,
-    base_url: Annotated[str, Parameter(help="Address at which data/ of heritage will be served: in its IIIF ids.")] = (
-        BASE_URL
-    ),
+    sfm: Annotated[Path | None, Parameter(help="AliceVision's .sfm of the photographs, for its view ids.")] = None,
+    base_url: Annotated[
+        str, Parameter(help="Address at which data/ of heritage will be served. Its IIIF ids begin with it.")
+    ] = (BASE_URL),
     said: SessionSolving = AS_BEFORE,
 ) -> None:
-    """Write lights, a relightable picture or the twin's scene for another program, after the steps that it needs."""
+    """Write lights, a relightable picture or the twin's scene for another program."""
     paths, notes = export_session(session, format, out, sfm, base_url, said)
     for note in notes:
         say(f"note: {note}")
@@ -245,11 +244,11 @@ def export(
 @app.command(sort_key=9)
 def rig(
     *folders: Annotated[
-        Path, Parameter(help="Output folders of sessions with balls, in the order in which they were photographed.")
+        Path, Parameter(help="Output folders of sessions with balls, in the order of their photographs.")
     ],
     out: Annotated[Path, Parameter(alias="-o", help="File for the lamps.")] = Path("rig.json"),
 ) -> None:
-    """Pool the lights of a set-up whose camera and lamps stay, into a file of lights for sessions without balls."""
+    """Pool the lights of a fixed set-up from several sessions. The file serves sessions without balls."""
     from calibrate.known_lights.rig import rig as pool
     from rgbn.step_tables import light_table, print_tables
 
@@ -275,7 +274,7 @@ app.command(tell_example, name="example", sort_key=2)
 
 @app.command(sort_key=11)
 def doctor() -> None:
-    """Say whether this machine can run rgbn, what to mend, and what would make it faster."""
+    """Say whether this machine can run rgbn, what to mend, and what makes it faster."""
     from rgbn.doctor import tell_findings
 
     tell_findings()

@@ -67,14 +67,14 @@ def example(name: str, folder: str | Path | None = None) -> Path:
 
 
 def tell_example(name: str | None = None, folder: Path | None = None, /) -> None:
-    """Unpack a small session to try rgbn on; without NAME, list them.
+    """Unpack a small session to try rgbn on. Without NAME, list them.
 
     Parameters
     ----------
     name : str, optional
         One of those that are listed.
     folder : Path, optional
-        Where to: new, or empty. Default: NAME here.
+        New or empty folder for it. Default: NAME.
     """
     if name is None:
         for known, (_, words) in EXAMPLES.items():

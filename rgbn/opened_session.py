@@ -96,11 +96,11 @@ class Session:
         return self._run("solve", solving)
 
     def twin(self, solving: Method = None, twin: TwinSettings | None = None) -> "Session":
-        """Render the registered scan, and solve the rendering by the same methods; `solving` as in `solve`."""
+        """Render the registered scan, and solve the rendering by the same methods."""
         return self._run("twin", solving, twin)
 
     def compare(self, solving: Method = None, twin: TwinSettings | None = None) -> "Session":
-        """Go the whole way, compare all with the truth, and write report.html; `solving` as in `solve`."""
+        """Go the whole way, compare all with the truth, and write report.html."""
         return self._run("compare", solving, twin)
 
     def _run(self, wanted: str, solving: Method = None, twin: TwinSettings | None = None) -> "Session":
@@ -113,12 +113,12 @@ class Session:
 
     @property
     def summary(self) -> dict[str, Any]:
-        """summary.json: every number so far, units in the key names. Runs `check` where nothing is done yet."""
+        """Every number so far: summary.json. Runs `check` where nothing is done yet."""
         return self._told or self.check()._told
 
     @property
     def warnings(self) -> "Table[dict[str, Any]]":
-        """What is suspicious so far, with the step that says it."""
+        """The warnings so far, each with its step."""
         from rgbn.result_tables import Table
 
         rows = self.summary["warnings"]
@@ -131,7 +131,7 @@ class Session:
 
     @property
     def store(self) -> Store:
-        """Every file of the output folder, as it is."""
+        """The files of the output folder."""
         return Store(self.out)
 
     @property
@@ -142,7 +142,7 @@ class Session:
 
     @property
     def camera(self) -> "Camera":
-        """The camera; once the balls are found, as they corrected it. Runs `check`."""
+        """The camera, corrected by the balls once they are found. Runs `check`."""
         self._need("check")
         return self._as_of("calibrate").load_camera()
 
@@ -186,7 +186,7 @@ class Session:
         return self.store.load_normals("truth")
 
     def normals(self, method: str, *, twin: bool = False) -> "NDArray[np.float32]":
-        """Return a method's normals, (H, W, 3), unit, NaN where unknown; of the twin if asked. Runs `solve`, `twin`."""
+        """Return a method's normals, or those of the twin, (H, W, 3), unit, NaN where unknown. Runs `solve`, `twin`."""
         store, name = self._solved(method, twin)
         return store.load_normals(name)
 
@@ -203,7 +203,7 @@ class Session:
         return store.load_estimate(name, **told, warnings=tuple(row.get("warnings") or ()))
 
     def error_deg(self, method: str, *, twin: bool = False) -> "NDArray[np.float32]":
-        """Return the angle between a method's normals and the truth, (H, W) degrees, NaN where unknown. Needs both."""
+        """Return the angle between a method's normals and the truth, (H, W) degrees, NaN where unknown."""
         from scene.normals import angular_error_deg
 
         truth = self.truth
@@ -220,7 +220,7 @@ class Session:
 
     @property
     def report(self) -> Path:
-        """report.html. Runs `compare`."""
+        """The path of report.html. Runs `compare`."""
         if not (self.out / "report.html").is_file() or not self._is_current("compare"):
             self.compare()
         return self.out / "report.html"

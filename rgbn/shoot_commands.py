@@ -18,15 +18,15 @@ NOTHING = Answers()
 
 
 def init(
-    folder: Annotated[Path, Parameter(help="Folder with the photographs; or with a folder of them for each object.")],
+    folder: Annotated[Path, Parameter(help="Folder with the photographs, or with a folder of them for each object.")],
     /,
     *,
     yes: Annotated[
-        bool, Parameter(name=["--yes", "-y"], help="Ask nothing: what is not known is assumed, and said.", negative="")
+        bool, Parameter(name=["--yes", "-y"], help="Ask nothing. What is not known is assumed, and named.", negative="")
     ] = False,
     told: Answers = NOTHING,
 ) -> None:
-    """Look at a folder of photographs, show what it holds, ask what no file tells, and write its session.toml."""
+    """Look at a folder of photographs, ask what no file tells, and write its session.toml."""
     from shoot.init.init_session import init_sessions
 
     made = init_sessions(folder, told, silent=yes, shown=_show)
@@ -55,7 +55,7 @@ def plan(
     source: Annotated[
         Path | None,
         Parameter(
-            help="The object's scan; or a session under way, or its output folder: then where the next flash helps. "
+            help="The object's scan. Or a session under way or its output folder, to learn where the next flash helps. "
             "Default: a sphere of --size-mm.",
         ),
     ] = None,
@@ -64,11 +64,11 @@ def plan(
     options: PlanOptions = AS_USUAL,
     out: Annotated[
         Path | None,
-        Parameter(alias="-o", help="Output folder. Default: a session's own; else out/plan-NAME here."),
+        Parameter(alias="-o", help="Output folder. Default: a session's own, or out/plan-NAME."),
     ] = None,
-    json: Annotated[bool, Parameter(help="Print the plan as JSON on standard output.", negative="")] = False,
+    json: Annotated[bool, Parameter(help="Print the results as JSON on standard output.", negative="")] = False,
 ) -> None:
-    """Say before the first flash what a shoot will give: where flashes and balls go, expected error, when to stop."""
+    """Plan a shoot: where flashes and balls go, which error to expect, and when to stop."""
     from shoot.plan.run_plan import run_plan
 
     facts = run_plan(source, options, out=out)
@@ -99,21 +99,21 @@ def watch(
     /,
     *,
     out: Annotated[
-        Path | None, Parameter(alias="-o", help="Output folder. Default: out/NAME here, by the folder's name.")
+        Path | None, Parameter(alias="-o", help="Output folder. Default: out/NAME, by the folder's name.")
     ] = None,
     until_idle: Annotated[
         float | None,
         Parameter(
-            help="Seconds without a new photograph after which the shoot is over. Default: Ctrl-C.",
+            help="The shoot ends after so many seconds without a new photograph. Default: it ends by Ctrl-C.",
             validator=Number(gt=0, lt=1e7),
         ),
     ] = None,
     wanted_deg: Annotated[
-        float, Parameter(help="Sigma of the normals, degrees, that is good enough.", validator=Number(gt=0, lt=90))
+        float, Parameter(help="Sigma of the normals that is good enough, degrees.", validator=Number(gt=0, lt=90))
     ] = 1.0,
     told: Answers = NOTHING,
 ) -> None:
-    """Judge each photograph of a shoot within seconds of its coming, and write the session in the end."""
+    """Judge each photograph of a shoot within seconds, and write the session at the end."""
     from shoot.watch.watch_folder import watch_folder
 
     watch_folder(folder, out, told, until_idle_s=until_idle, wanted_deg=wanted_deg)

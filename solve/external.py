@@ -1,7 +1,7 @@
 """Methods that are other programs: given the photographs as they read them, they write a normal map.
 
 Learned methods above all: neither they, nor their weights and libraries, are part of this project
-(docs/guide/learned-methods.md).
+(docs/guide/methods.md).
 """
 
 import contextlib

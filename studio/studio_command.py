@@ -10,20 +10,18 @@ def studio(
     source: Annotated[
         Path | None,
         Parameter(
-            help="A folder of photographs, a session, a folder with several of them, what `rgbn process` has made "
-            "of one, or a scene description, .toml, in the workspace. Default: a page on which one is chosen."
+            help="A folder of photographs, a session, a folder of sessions, an output folder, or a scene description "
+            "in the workspace. Default: a page on which one is chosen."
         ),
     ] = None,
     /,
     *,
-    out: Annotated[
-        Path | None, Parameter(alias="-o", help="Output folder of a session. Default: out/NAME here.")
-    ] = None,
-    workspace: Annotated[Path, Parameter(help="Folder that is listed, and that results are written to.")] = Path("."),
-    port: Annotated[int, Parameter(help="On this machine alone. 0: one that is free.")] = 8080,
-    browser: Annotated[bool, Parameter(help="Open it in the system's browser.")] = True,
+    out: Annotated[Path | None, Parameter(alias="-o", help="Output folder of a session. Default: out/NAME.")] = None,
+    workspace: Annotated[Path, Parameter(help="Folder that is listed, and that results go into.")] = Path("."),
+    port: Annotated[int, Parameter(help="Port on this machine; 0 takes a free one.")] = 8080,
+    browser: Annotated[bool, Parameter(help="Open the page in the system's browser.")] = True,
 ) -> None:
-    """In the browser, from a folder of photographs to the verdict; or from models to a dataset."""
+    """Work in the browser, from a folder of photographs to the verdict, or from models to a dataset."""
     import threading
     import warnings
     import webbrowser

@@ -11,6 +11,7 @@ import pytest
 from capture.session.manifest import TABLES
 from capture.session.manifest_file import parse
 from docs.write_reference import BLOCKS, REFERENCE
+from rgbn.cli import app
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -78,6 +79,38 @@ def test_every_key_of_a_session_is_described_with_an_example():
             assert field.examples, f"{name}.{key}"
 
 
+def commands(page):
+    """Yield what a page gives to be typed as `rgbn ...`: in the text, and in lines of its code."""
+    text = page.read_text()
+    code = "\n".join(re.findall(r"^```.*?^```$", text, re.DOTALL | re.MULTILINE))
+    yield from re.findall(r"`(?:\.venv/bin/)?rgbn ([a-z][^`]*)`", text)
+    yield from re.findall(r"^(?:\.venv/bin/)?rgbn ([a-z][^;#\n]*)", code, re.MULTILINE)
+
+
+def test_every_verb_and_key_is_in_the_reference_and_no_page_names_another():
+    manual = (REFERENCE / "verbs.md").read_text()
+    verbs = {name for name in app if not name.startswith("-")}
+    assert {verb for verb in verbs if f"\n## rgbn {verb}\n" not in manual} == set()
+    keys = (REFERENCE / "session-toml.md").read_text()
+    assert [key for table in TABLES.values() for key in table.model_fields if f"\n* `{key}` (" not in keys] == []
+    typed = [(page.name, command) for page in WRITTEN for command in commands(page)]
+    assert len(typed) > 100
+    assert [one for one in typed if one[1].split()[0] not in verbs] == []
+    options = set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", manual))
+    assert [one for one in typed if not set(re.findall(r"(?<= )--?[a-z][a-z-]*", one[1])) <= options] == []
+    alone = {name for page in (DOCS / "guide").glob("*.md") for name in re.findall(r"`(--[a-z-]+)", page.read_text())}
+    assert alone <= options
+
+
+def test_the_words_that_the_guide_explains_are_those_of_messages():
+    rows = re.findall(r"^\| (`.*?) \|", (DOCS / "guide" / "repair.md").read_text(), re.MULTILINE)
+    code = "".join(path.read_text() for room in ROOT.glob("*/py.typed") for path in room.parent.rglob("*.py"))
+    messages = re.sub(r"\"\s*\n\s*f?\"", "", code)
+    words = [part for row in rows for part in re.findall("`([^`]+)`", row)]
+    assert len(words) > 30
+    assert [part for part in words if part not in messages] == []
+
+
 def test_the_manuals_session_is_read():
     manual = (REFERENCE / "session-toml.md").read_text()
     manifest, faults = parse(tomllib.loads(manual.split("```toml")[1].split("```")[0]))
@@ -90,6 +123,11 @@ def test_the_first_page_is_one_screen_with_the_two_commands():
     lines = (ROOT / "README.md").read_text().splitlines()
     assert len(lines) <= 60
     assert {"make demo", "make test"} <= {line.split("#")[0].strip() for line in lines}
+
+
+def test_the_changelog_begins_with_this_version():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert re.search(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[1] == version
 
 
 def test_benchmarks_find_the_pages_and_the_marks_that_they_write():

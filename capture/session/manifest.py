@@ -63,30 +63,32 @@ class FramesTable(ManifestTable):
     """[frames]: the photographs, and how their values are coded."""
 
     flash: Globs = _key(
-        "The flash photographs, one light each: a glob, or a list of globs. Natural order.",
+        "The flash photographs, one light each: a glob, or a list of globs. They are taken in natural order.",
         "raw/flash_*.dng",
         default=...,
     )
-    ambient: Globs | None = _key("Photographs with the flash off, same exposure; subtracted.", "raw/ambient_*.dng")
+    ambient: Globs | None = _key(
+        "Photographs with the flash off, at the same exposure. They are subtracted.", "raw/ambient_*.dng"
+    )
     dark: Globs | None = _key(
-        "Photographs with the lens covered, same exposure: the sensor's own offset.", "raw/dark_*.dng"
+        "Photographs with the lens covered, at the same exposure. They show the sensor's own offset.", "raw/dark_*.dng"
     )
     flat: Globs | None = _key(
-        "Photographs of an evenly lit white surface: the lens' fall-off is divided out.", "raw/flat_*.dng"
+        "Photographs of an evenly lit white surface. The lens' fall-off is divided out.", "raw/flat_*.dng"
     )
     chart: str | None = _key(
-        "A photograph of a ColorChecker of 24 patches, lit by the flash, or the flash photograph in which it stands: "
-        "results are in sRGB colours then.",
+        "A photograph of a ColorChecker of 24 patches, lit by the flash. Or the flash photograph in which it stands. "
+        "Results are in sRGB colours then.",
         "raw/chart.dng",
     )
     linear: bool | None = _key(
-        "Of 8 and 16-bit files: true, values are proportional to light; false, sRGB-encoded. RAW and EXR files are "
-        "linear by themselves. Absent: linear, with a check by the balls; a JPEG must say it.",
+        "Of files of 8 and 16 bits. true: values are proportional to light; false: they are sRGB. RAW and EXR files "
+        "are linear. Absent: linear, checked by the balls; JPEG files need it.",
         False,
     )
-    gamma: Exponent | None = _key("Instead of linear: light is value to the power of gamma.", 2.2)
+    gamma: Exponent | None = _key("Instead of linear. Light is the value to the power of gamma.", 2.2)
     half: bool = _key(
-        "Average 2 x 2 pixels: a quarter of the memory and time; camera and outputs are halved together.",
+        "Average 2 x 2 pixels, for a quarter of the memory and time. Camera and outputs are halved together.",
         True,
         default=False,
     )
@@ -97,7 +99,7 @@ class BoardTable(ManifestTable):
     """camera.board: the ChArUco board or chessboard of the calibration shots."""
 
     squares: Annotated[list[Squares], Two] = _key(
-        "Squares along and across the board, black and white counted.", [11, 8], default=...
+        "Number of squares along and across the board, black and white together.", [11, 8], default=...
     )
     square_mm: Length = _key("Side of a square. It does not change the camera.", 15.0, "mm", default=20.0)
     marker_mm: Length | None = _key("Side of a marker; ChArUco only.", 11.0, "mm")
@@ -105,41 +107,45 @@ class BoardTable(ManifestTable):
 
 
 class SessionCameraTable(ManifestTable):
-    """[camera]: the focal length in pixels or in millimetres, or a board's photographs. Absent: EXIF, or the balls."""
+    """[camera]: the focal length in pixels or in millimetres, or photographs of a board."""
 
-    width: Pixels | None = _key("Image size that fx to cy refer to. Absent: the photographs'.", 6000, "px")
-    height: Pixels | None = _key("As width.", 4000, "px")
-    fx: Scale | None = _key(
-        "Focal length. Alone it is taken as good to 2 %; with cx and cy, as measured.", 8333.0, "px"
+    width: Pixels | None = _key(
+        "Width of the image that fx, fy, cx and cy refer to. Absent: the photographs'.", 6000, "px"
     )
-    fy: Scale | None = _key("The same along columns. Absent: fx.", 8333.0, "px")
+    height: Pixels | None = _key("Height of that image.", 4000, "px")
+    fx: Scale | None = _key(
+        "Focal length. Alone it counts as good to 2 %; with cx and cy it counts as exact.", 8333.0, "px"
+    )
+    fy: Scale | None = _key("Focal length along columns. Absent: fx.", 8333.0, "px")
     cx: Place | None = _key(
-        "Principal point, column; the upper left pixel's centre is 0. Absent: the middle, +- 1 % of the width.",
+        "Column of the principal point; the upper left pixel's centre is 0. Absent: the middle, to 1 % of the width.",
         2999.5,
         "px",
     )
-    cy: Place | None = _key("Principal point, row.", 1999.5, "px")
+    cy: Place | None = _key("Row of the principal point.", 1999.5, "px")
     distortion: Annotated[list[Term], Five] | None = _key(
-        "OpenCV's k1, k2, p1, p2, k3. Absent: none.", [-0.1, 0.02, 0.0, 0.0, 0.0]
+        "OpenCV's k1, k2, p1, p2, k3. Absent: no distortion.", [-0.1, 0.02, 0.0, 0.0, 0.0]
     )
     focal_mm: Focal | None = _key(
-        "Focal length as engraved on the lens, instead of fx; with sensor_mm, pixel_um, crop_factor or model. "
+        "Focal length as engraved on the lens, instead of fx. It needs sensor_mm, pixel_um, crop_factor or model. "
         "Absent: EXIF's.",
         50.0,
         "mm",
     )
-    sensor_mm: Sensor | None = _key("Width of the sensor, its longer side: 36 for full frame.", 36.0, "mm")
+    sensor_mm: Sensor | None = _key("Longer side of the sensor; 36 for full frame.", 36.0, "mm")
     pixel_um: Pitch | None = _key("Distance from pixel to pixel on the sensor.", 5.94, "um")
     crop_factor: Crop | None = _key("Diagonal of 36 x 24 mm divided by the sensor's.", 1.5)
     model: Annotated[str, Field(min_length=1, max_length=100)] | None = _key(
-        "Maker and model, for the size of its sensor. Absent: EXIF's.", "Nikon D850"
+        "Maker and model of the camera, for the size of its sensor. Absent: EXIF's.", "Nikon D850"
     )
-    charuco: Globs | None = _key("Photographs of a ChArUco board, at the session's focus; with board.", "charuco/*.dng")
+    charuco: Globs | None = _key(
+        "Photographs of a ChArUco board at the session's focus. It needs board.", "charuco/*.dng"
+    )
     chessboard: Globs | None = _key(
-        "Photographs of a plain chessboard, at the session's focus; with board.", "board/*.dng"
+        "Photographs of a plain chessboard at the session's focus. It needs board.", "board/*.dng"
     )
     board: BoardTable | None = _key(
-        "The board: squares, square_mm; of a ChArUco board also marker_mm and dictionary.",
+        "The board. A ChArUco board also needs marker_mm and dictionary.",
         {"squares": [11, 8], "square_mm": 15, "marker_mm": 11, "dictionary": "DICT_4X4_100"},
     )
 
@@ -148,19 +154,19 @@ class SphereTable(ManifestTable):
     """[[spheres]]: one calibration ball."""
 
     kind: Literal["chrome", "white"] = _key(
-        "A mirror gives directions and positions; a matte ball, intensities.", "chrome", default=...
+        "A chrome ball gives directions and positions, a matte white ball intensities.", "chrome", default=...
     )
-    diameter_mm: Length | None = _key("Diameter. Absent: directions, but no positions.", 76.0, "mm")
+    diameter_mm: Length | None = _key("Diameter. Without it directions are known, but no positions.", 76.0, "mm")
     center_px: Annotated[list[Place], Two] | None = _key(
-        "Column and row of the centre, roughly, where the ball is not found by itself.", [160, 650], "px"
+        "Rough column and row of the centre, where the ball is not found by itself.", [160, 650], "px"
     )
-    radius_px: Radius | None = _key("Radius, roughly; goes with center_px.", 67, "px")
+    radius_px: Radius | None = _key("Rough radius. It goes with center_px.", 67, "px")
     reflectance: Reflectance | None = _key(
-        "Of a white ball: share of the light that it gives back. The albedo in results/ is absolute then.", 0.9
+        "Share of the light that a white ball reflects. It makes the albedo in results/ absolute.", 0.9
     )
     mask: str | None = _key("Picture of the frames' size, white where the ball is.", "chrome_mask.png")
     frames: Globs | None = _key(
-        "The ball's own photographs, where it was shot apart: same lights, same order.", "chrome/*.png"
+        "The ball's own photographs, where it was shot apart, under the same lights in the same order.", "chrome/*.png"
     )
 
 
@@ -174,8 +180,8 @@ class LightsTable(ManifestTable):
         return {"file" if key == "rig" else key: value for key, value in data.items()} if is_rig else data
 
     file: str = _key(
-        "Light file: .lp, light_directions.txt, lights.json, rig.json of `rgbn rig` (rig = is the same), .dome, .mat, "
-        ".json of AliceVision.",
+        "File of the lights: .lp, light_directions.txt, lights.json, .dome, .mat, .json of AliceVision, or rig.json of "
+        "`rgbn rig` (also as key `rig`).",
         "lights.lp",
         default=...,
     )
@@ -186,49 +192,51 @@ class SessionObjectTable(ManifestTable):
 
     mask: str | None = _key("Picture of the frames' size, white where the object is. Absent: found.", "mask.png")
     box: Annotated[list[Place], Four] | None = _key(
-        "Left, top, right and bottom of a box about the whole object, where it is not found by itself; its outline is "
-        "found in there.",
+        "Left, top, right and bottom of a box about the whole object, where it is not found by itself. The outline is "
+        "sought in the box.",
         [2100, 900, 3900, 3200],
         "px",
     )
-    scan: str | None = _key("The laser scan, a mesh: PLY, OBJ, STL, OFF or GLB.", "scan/object.ply")
+    scan: str | None = _key("The laser scan, a mesh as PLY, OBJ, STL, OFF or GLB.", "scan/object.ply")
     scan_unit: Unit = _key(
-        "Unit of the scan's coordinates; unknown: found by registering. GLB: m when absent.", "mm", default="mm"
+        "Unit of the scan's coordinates. unknown: registering finds it. Absent: m for GLB, else mm.", "mm", default="mm"
     )
     scan_ball_diameter_mm: Length | None = _key(
-        "Diameter of a ball that was scanned beside the object: it tells the unit.", 50.0, "mm"
+        "Diameter of a ball that was scanned beside the object. It tells the unit.", 50.0, "mm"
     )
     normals: str | None = _key(
-        "Ground-truth normals that are registered already: .mat, .txt, .npy, .png.", "Normal_gt.mat"
+        "Ground-truth normals that are already registered: .mat, .txt, .npy or .png.", "Normal_gt.mat"
     )
-    picks: str | None = _key("Points of the scan with their pixels, a start for the registration.", "picks.csv")
+    picks: str | None = _key(
+        "File of points of the scan with their pixels, as a start for the registration.", "picks.csv"
+    )
     tolerance_deg: Angle | None = _key(
-        "The error of normals that your purpose allows, above 0 and below 90: the verdict is pass or fail. What was "
-        "said by --tolerance goes before it.",
+        "Error of the normals that your purpose allows, between 0 and 90. The verdict is then pass or fail. "
+        "The option --tolerance goes before it.",
         3.0,
         "deg",
     )
 
 
 class SeriesTable(ManifestTable):
-    """[series]: of sessions in which one factor changes, its value in this one; see `rgbn series`."""
+    """[series]: the place of this session in a series, in which one factor changes; see `rgbn series`."""
 
-    factor: str = _key("What changes, the same words in each session.", "iso", default=...)
-    value: float | str = _key("Of the factor in this session: a number, or words.", 400.0, default=...)
+    factor: str = _key("Name of the factor that changes, the same in each session.", "iso", default=...)
+    value: float | str = _key("Value of the factor in this session.", 400.0, default=...)
 
 
 class Manifest(ManifestTable):
     """The whole `session.toml`."""
 
-    version: Literal[1] = _key("Of this format.", 1, default=1)
-    name: str | None = _key("The session's name. Absent: the folder's.", "penguin")
+    version: Literal[1] = _key("Version of this format.", 1, default=1)
+    name: str | None = _key("Name of the session. Absent: the folder's name.", "penguin")
     frames: FramesTable = _key("The photographs.", {"flash": "raw/flash_*.dng"}, default=...)
     camera: SessionCameraTable | None = _key(
         "The camera. Absent: EXIF, or the balls.", {"focal_mm": 50.0, "sensor_mm": 36.0}
     )
     spheres: Annotated[list[SphereTable], Field(max_length=50)] = _key(
-        "The calibration balls, in any order; each is found by itself. Absent: whatever balls there are are looked "
-        "for; []: none is.",
+        "The calibration balls, in any order; each is found by itself. Absent: balls are looked for. []: no ball is "
+        "looked for.",
         [{"kind": "chrome", "diameter_mm": 76.0}],
         default=[],
     )

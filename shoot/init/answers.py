@@ -52,19 +52,19 @@ class Answers:
 
     chrome: Annotated[
         tuple[float, ...],
-        diameters("Diameter of the chrome balls, mm: one for all, or one for each, largest in the picture first."),
+        diameters("Diameter of the chrome balls, mm. One for all, or one for each, largest in the picture first."),
     ] = ()
     white: Annotated[tuple[float, ...], diameters("Diameter of the white balls, mm.")] = ()
     unit: Annotated[
         Unit | None,
-        Parameter(help="Unit of the scan. Default: told by the object's size in the picture, where it can be."),
+        Parameter(help="Unit of the scan. Default: found from the object's size in the picture."),
     ] = None
     focal_mm: Annotated[float | None, Parameter(help="Focal length engraved on the lens, mm. Default: EXIF's.")] = None
-    sensor_mm: Annotated[float | None, Parameter(help="Width of the sensor, mm: 36 for full frame.")] = None
+    sensor_mm: Annotated[float | None, Parameter(help="Width of the sensor, mm; 36 for full frame.")] = None
     linear: Annotated[
         bool | None,
         Parameter(
-            help="Values of 8-bit files are proportional to light. Default: sRGB-encoded, as cameras write them."
+            help="Values of 8-bit files are proportional to light. Default: they are sRGB, as cameras write them."
         ),
     ] = None
 

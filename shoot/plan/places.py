@@ -22,7 +22,7 @@ IN_VIEW = 0.05
 USUAL_MM = (20.0, 25.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0)
 """Diameters of bearing balls that are sold."""
 LEAST_PX, GOOD_PX = 20.0, 60.0
-"""Radius under which some balls are not found, and from which all are: docs/guide/shoot.md."""
+"""Radius under which some balls are not found, and from which all are: docs/guide/shopping-list.md."""
 GAP = 0.3
 """Radii between a ball and the picture's border, or the object."""
 ALONG_SIDE = 24

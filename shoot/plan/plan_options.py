@@ -23,48 +23,55 @@ def _number(what: str, **limits: float) -> Parameter:
 class PlanOptions:
     """Flashes and balls; object and camera where no session or scan tells them. Each field's help says what it is."""
 
-    flashes: Annotated[
-        int, _number("How many flashes, those that there are already included.", gte=FEWEST, lte=MOST)
-    ] = 24
-    unit: Annotated[Unit | None, Parameter(help="Unit of the scan's numbers; needed with a scan.")] = None
+    flashes: Annotated[int, _number("How many flashes in all, with those that there are.", gte=FEWEST, lte=MOST)] = 24
+    unit: Annotated[Unit | None, Parameter(help="Unit of the scan. A scan needs it.")] = None
     seen_from: Annotated[
         View,
-        Parameter(help="The scan's axis that points to the camera. Up in the picture is z, or y if z points there."),
+        Parameter(
+            help="Axis of the scan that points to the camera. Up in the picture is z, or y where z points there."
+        ),
     ] = "+z"
-    size_mm: Annotated[float, _number("Without a scan, the diameter of a sphere in its place.", gt=0)] = 150.0
+    size_mm: Annotated[float, _number("Diameter of the sphere that stands for an object without a scan.", gt=0)] = 150.0
     albedo: Annotated[
-        float, _number("Share of the light that the object gives back: white 0.8, wood 0.4, dark 0.1.", gt=0, lte=1)
+        float,
+        _number("Share of the light that the object reflects. White has 0.8, wood 0.4, dark things 0.1.", gt=0, lte=1),
     ] = 0.5
-    focal_mm: Annotated[float, _number("Focal length of the lens.", gt=0)] = 50.0
-    sensor_mm: Annotated[float, _number("Width of its sensor: 36 for full frame, 23.5 for APS-C.", gt=0)] = 36.0
-    pixels: Annotated[tuple[int, int], _number("Width and height of its picture.", gt=0)] = (6000, 4000)
+    focal_mm: Annotated[float, _number("Focal length of the lens, mm.", gt=0)] = 50.0
+    sensor_mm: Annotated[float, _number("Width of the sensor, mm; 36 for full frame, 23.5 for APS-C.", gt=0)] = 36.0
+    pixels: Annotated[tuple[int, int], _number("Width and height of the picture, pixels.", gt=0)] = (6000, 4000)
     distance_mm: Annotated[
         float | None,
-        _number("From the camera to the object's middle. Default: the object fills 40 % of the picture.", gt=0),
+        _number(
+            "Distance from the camera to the object's middle. Default: the object fills 40 % of the picture.", gt=0
+        ),
     ] = None
-    iso: Annotated[float, _number("Noise as of a usual sensor at this ISO.", gt=0)] = 100.0
-    from_deg: Annotated[float, _number("Flashes from so many degrees beside the camera's axis on.", gte=0, lt=90)] = (
-        12.0
-    )
-    to_deg: Annotated[float, _number("To so many degrees; the same as --from-deg for a ring.", gt=0, lt=90)] = 60.0
+    iso: Annotated[float, _number("ISO, for the noise of a usual sensor.", gt=0)] = 100.0
+    from_deg: Annotated[float, _number("Least angle of a flash from the camera's axis.", gte=0, lt=90)] = 12.0
+    to_deg: Annotated[
+        float, _number("Greatest angle of a flash from that axis. For a ring it equals --from-deg.", gt=0, lt=90)
+    ] = 60.0
     flash_mm: Annotated[
         float | None,
-        _number("From the flash to the object's middle. Default: five times its size, 700 at least.", gt=0),
+        _number(
+            "Distance from the flash to the object's middle. Default: five times its size, and 700 mm at least.", gt=0
+        ),
     ] = None
     azimuths_deg: Annotated[
         tuple[float, float],
-        _number("From where to where around the axis one can go: 0 right, 90 up, as the camera sees it."),
+        _number("Range around the axis that you can reach. 0 is right and 90 is up, as the camera sees it."),
     ] = (0.0, 360.0)
     chrome: Annotated[
         tuple[float, ...],
-        diameters("Diameters of the chrome balls that there are, mm. Default: three of 60 px in radius or more."),
+        diameters("Diameters of the chrome balls, mm. Default: three of a radius of 60 px or more."),
     ] = ()
     white: Annotated[
         tuple[float, ...], diameters("Diameters of the white balls, mm. Default: one like the chrome.")
     ] = ()
     accuracy_deg: Annotated[
         float | None,
-        _number("Wanted median error of the normals: the plan ends with the flash that reaches it.", gt=0, lt=90),
+        _number(
+            "Median error of the normals that you want. The plan ends with the flash that reaches it.", gt=0, lt=90
+        ),
     ] = None
 
 

@@ -143,7 +143,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
         }  # fmt: skip
     summary: dict[str, Any] = {
         "name": NAME, "created": "2026-11-21T10:20:30+00:00",
-        "versions": {"rgbn": "0.1.0", "numpy": np.__version__},
+        "versions": {"rgbn": "0.2.0", "numpy": np.__version__},
         "arguments": {"session": "session.toml", "methods": list(methods)},
         "seconds": {"decode": 1.25, "calibrate": 8.5, "align": 12.0, "solve": 0.75, "twin": 20.5},
         "warnings": [

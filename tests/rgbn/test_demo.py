@@ -2,9 +2,11 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
+from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +27,16 @@ def demo(tmp_path_factory, rgbn_process):
     run = rgbn_process("demo", "--out", out, "--json")
     assert run.returncode == 0, run.stderr
     return out, json.loads(run.stdout)
+
+
+def test_every_file_is_in_the_reference(demo):
+    page = (FIXTURE.parents[1] / "docs" / "reference" / "output-folder.md").read_text()
+    named = {name.replace("METHOD", "*") for name in re.findall(r"`([^`\s]+)`", page)}
+    # What lies in these is a session of its own, or pictures for people.
+    named |= {f"{name}/*" for name in ("frames", "align", "compare", "twin", ".rgbn") if f"{name}/" in named}
+    files = [path.relative_to(demo[0]) for path in demo[0].rglob("*") if path.is_file()]
+    assert len(files) > 50
+    assert not [file for file in files if not any(fnmatch(text, one) for one in named for text in (file, file.name))]
 
 
 @pytest.mark.parametrize(

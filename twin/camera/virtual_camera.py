@@ -36,30 +36,32 @@ _PLACEHOLDER = 34664
 class Sensor:
     """A sensor behind a lens."""
 
-    full_well_e: Annotated[Positive, key("From black to white at ISO 100: the photon noise.", "electrons")] = 40000.0
+    full_well_e: Annotated[
+        Positive, key("Electrons from black to white at ISO 100. They set the photon noise.", "electrons")
+    ] = 40000.0
     read_noise_e: Annotated[
-        NotNegative, key("Standard deviation of the read-out before the signal is amplified: the same at every ISO.",
+        NotNegative, key("Standard deviation of the read-out noise, the same at every ISO.",
                          "electrons")
     ] = 4.0  # fmt: skip
-    adc_noise_dn: Annotated[
-        NotNegative, key("Standard deviation of what the converter adds behind the amplifier.", "DN")
-    ] = 0.0
+    adc_noise_dn: Annotated[NotNegative, key("Standard deviation of the converter's noise.", "DN")] = 0.0
     iso: Annotated[Positive, key("White is `full_well_e` x 100 / `iso` electrons.")] = 100.0
-    black_level: Annotated[Level, key("Of no light.", "DN")] = 512
-    white_level: Annotated[Level, key("Of a full well: nothing above is recorded. 16383: 14 bits.", "DN")] = 16383
+    black_level: Annotated[Level, key("Value of no light.", "DN")] = 512
+    white_level: Annotated[
+        Level, key("Value of a full well, the greatest that is recorded. 14 bits have 16383.", "DN")
+    ] = 16383
     blur_px: Annotated[NotNegative, key("Standard deviation of the lens' Gaussian blur.", "px")] = 0.5
     vignetting: Annotated[
-        Three, key("k1, k2, k3: 1 + k1 r^2 + k2 r^4 + k3 r^6 of the light in the middle, r = 1 at the corners.")
+        Three, key("k1, k2, k3. The share of light is 1 + k1 r^2 + k2 r^4 + k3 r^6, r = 1 at the corners.")
     ] = (0.0, 0.0, 0.0)
     cfa: Annotated[
         Literal["RGGB", "BGGR", "GRBG", "GBRG", "none"],
-        key("Colours of the top left 2 x 2 pixels, row by row; none: all three everywhere."),
+        key("Colours of the top left 2 x 2 pixels, row by row. none: all three colours at each pixel."),
     ] = "RGGB"
     neutral: Annotated[
         tuple[Positive, Positive, Positive],
-        key("Raw response to white, at most 1: the DNG's AsShotNeutral. Where it is 1, pixel value 1 is white."),
+        key("Raw response to white, at most 1: the DNG's AsShotNeutral. A channel of 1 is white at pixel value 1."),
     ] = (0.58, 1.0, 0.69)
-    pixel_um: Annotated[Positive, key("Pixel pitch: the DNG's focal-plane resolution.", "um")] = 5.0
+    pixel_um: Annotated[Positive, key("Pixel pitch, for the DNG's focal-plane resolution.", "um")] = 5.0
 
     def __post_init__(self) -> None:
         if not 0 <= self.black_level < self.white_level <= 65535:

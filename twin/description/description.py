@@ -58,16 +58,16 @@ class TwinObject:
 @checked
 @dataclass(frozen=True)
 class Environment:
-    """Light that stands still: in every frame the same."""
+    """Light that is the same in every frame."""
 
     map: Annotated[
         Texture | None,
         file_of(Texture, read_texture),
-        key("Radiance all round, as latitude and longitude, EXR, HDR or .npy: the first row is up (y), the middle "
+        key("Radiance all round, by latitude and longitude: EXR, HDR or .npy. The first row is up (y). The middle "
             "column lies toward the viewer (z), the quarter to its left toward x.", input="picture"),
     ] = None  # fmt: skip
     scale: Annotated[NotNegative, key("Factor on the map.")] = 1.0
-    rotate_deg: Annotated[Number, key("Turns the map about y, from z toward x.", "deg")] = 0.0
+    rotate_deg: Annotated[Number, key("Turn of the map about y, from z toward x.", "deg")] = 0.0
     ambient: Annotated[Rgb, key("Radiance from everywhere, added to the map's.")] = (0.0, 0.0, 0.0)
 
     @property
@@ -81,16 +81,19 @@ Engine = Literal["auto", "many", "mitsuba"]
 @checked
 @dataclass(frozen=True)
 class Sampling:
-    """How a scene is to be rendered."""
+    """How the scene is rendered."""
 
-    engine: Annotated[Engine, key("auto: the fastest that can render the scene.")] = "auto"
-    samples: Annotated[Count | None, key("Paths a pixel. Absent: as many as the error takes.", start=64)] = None
+    engine: Annotated[Engine, key("Engine. auto: the fastest that can render the scene.")] = "auto"
+    samples: Annotated[Count | None, key("Paths per pixel. Absent: as many as `error` needs.", start=64)] = None
     max_depth: Annotated[
-        int, Strict(), Field(ge=2, le=100), key("2: direct light only; 3: one interreflection; and so on.")
+        int,
+        Strict(),
+        Field(ge=2, le=100),
+        key("Greatest number of a path's segments. 2: direct light; 3: one interreflection."),
     ] = 3
     error: Annotated[
         float, Strict(), Field(ge=1e-4, lt=1),
-        key("Relative root-mean-square error that is aimed at where `samples` is absent."),
+        key("Relative root-mean-square error to aim at where `samples` is absent."),
     ] = 0.01  # fmt: skip
 
 

@@ -36,7 +36,7 @@ def direction(azimuth_deg: ArrayLike, elevation_deg: ArrayLike) -> Array:
 class LightTable(TomlTable):
     """What all lights but a session's have."""
 
-    name: Annotated[str | None, key("Of the frame; a group's lights are numbered. Absent: the kind.")] = None
+    name: Annotated[str | None, key("Name of the frame; a group's lights are numbered. Absent: the kind.")] = None
     intensity: Annotated[Rgb, key("One number or three.")] = (1.0, 1.0, 1.0)
 
     @property
@@ -58,9 +58,11 @@ class DistantLight(LightTable):
     """One light, infinitely far."""
 
     kind: Literal["distant"] = "distant"
-    direction: Annotated[Three | None, key("Toward the light; or by angles.")] = None
-    azimuth_deg: Annotated[Number | None, key("From x toward y.", "deg")] = None
-    elevation_deg: Annotated[Number | None, key("90: from the camera's side, straight.", "deg")] = None
+    direction: Annotated[Three | None, key("Direction toward the light. Give it or both angles.")] = None
+    azimuth_deg: Annotated[Number | None, key("Angle from x toward y.", "deg")] = None
+    elevation_deg: Annotated[
+        Number | None, key("Angle above the picture's plane. 90: from the camera's side.", "deg")
+    ] = None
 
     @model_validator(mode="after")
     def _one_way(self) -> "DistantLight":
@@ -95,16 +97,16 @@ class AreaLight(PointLight):
     """A disc that faces the reference point."""
 
     kind: Literal["area"] = "area"  # type: ignore[assignment]
-    radius_mm: Annotated[Positive, key("Of the disc.", "mm")]
+    radius_mm: Annotated[Positive, key("Radius of the disc.", "mm")]
 
 
 class GroupTable(LightTable):
     """What rings and grids share."""
 
     distance_mm: Annotated[
-        Positive | None, key("From the reference point. Absent: infinitely far.", "mm", start=800.0)
+        Positive | None, key("Distance from the reference point. Absent: infinitely far.", "mm", start=800.0)
     ] = None
-    radius_mm: Annotated[Positive | None, key("Of discs. Absent: points.", "mm", start=20.0)] = None
+    radius_mm: Annotated[Positive | None, key("Radius of discs. Absent: points.", "mm", start=20.0)] = None
 
     @model_validator(mode="after")
     def _an_area_is_near(self) -> "GroupTable":
@@ -126,7 +128,7 @@ class RingTable(GroupTable):
     """Lights in a ring about the camera's axis."""
 
     kind: Literal["ring"] = "ring"
-    count: Annotated[Many, key("Lights.")]
+    count: Annotated[Many, key("Number of lights.")]
     polar_deg: Annotated[Number, Field(gt=0, lt=180), key("Angle from z.", "deg")]
     start_deg: Annotated[Number, key("Azimuth of the first.", "deg")] = 0.0
 
@@ -139,8 +141,8 @@ class GridTable(GroupTable):
     """Rings of lights over the hemisphere of the camera's side."""
 
     kind: Literal["hemisphere"] = "hemisphere"
-    rings: Annotated[Few, key("Rings.")]
-    around: Annotated[Few, key("Lights in a ring.")]
+    rings: Annotated[Few, key("Number of rings.")]
+    around: Annotated[Few, key("Number of lights in a ring.")]
     max_polar_deg: Annotated[Number, Field(gt=0, le=90), key("Angle from z of the outermost ring.", "deg")] = 70.0
 
     def angles(self) -> tuple[Any, Any]:

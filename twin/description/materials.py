@@ -66,9 +66,9 @@ class Texture:
 class TextureTable(TomlTable):
     """A picture: a file, and how its values are coded."""
 
-    file: Annotated[str, key("png, jpg, tif, bmp, exr, hdr or npy; its first row lies at the top of the texture.")]
-    encoding: Annotated[Encoding | None, key("Absent: whole numbers are sRGB.")] = None
-    wrap: Annotated[Wrap, key("Beyond the picture's sides.")] = "repeat"
+    file: Annotated[str, key("png, jpg, tif, bmp, exr, hdr or npy. The first row is the top of the texture.")]
+    encoding: Annotated[Encoding | None, key("Coding of the values. Absent: whole numbers are sRGB.")] = None
+    wrap: Annotated[Wrap, key("What lies beyond the picture's sides.")] = "repeat"
 
 
 def read_texture(path: Path, encoding: Encoding | None = None, wrap: Wrap = "repeat") -> Texture:
@@ -112,12 +112,12 @@ def _specularity(value: Any, info: ValidationInfo[Any]) -> Any:
 Reflectance = Annotated[
     Rgb | Texture | Literal["vertex"],
     PlainValidator(_reflectance),
-    key('0 to 1, linear: a number, `[r, g, b]`, a picture or `"vertex"`, the mesh\'s own colours.', input="colour"),
+    key('Linear, 0 to 1. `"vertex"` takes the mesh\'s own colours.', input="colour"),
 ]
 Distribution = Literal["ggx", "beckmann"]
-Facets = Annotated[Distribution, key("Of the facets' slopes: GGX has a halo [Walter2007], Beckmann's is a Gaussian "
-                                     "[Beckmann1963].")]  # fmt: skip
-Alpha = Annotated[AboveNone, key("alpha of the facets, as Mitsuba has it.")]
+Facets = Annotated[Distribution, key("Law of the facets' slopes. GGX has a halo [Walter2007], Beckmann's is a "
+                                     "Gaussian [Beckmann1963].")]  # fmt: skip
+Alpha = Annotated[AboveNone, key("Roughness of the facets, Mitsuba's alpha.")]
 
 
 @checked
@@ -134,16 +134,16 @@ class Subsurface:
 
     mean_free_path_mm: Annotated[
         Positive,
-        key("How far light goes between two scatterings, on average (a real material's transport mean free path: "
-            "scattering here is even in all directions).", "mm"),
+        key("Mean way of light between two scatterings. Scattering is even in all directions, so this is a real "
+            "material's transport mean free path.", "mm"),
     ]  # fmt: skip
-    albedo: Annotated[Shares, key("Share of the light that goes on at a scattering.")] = (0.9, 0.9, 0.9)
-    share: Annotated[Share, key("How much of the surface is open to the medium.")] = 0.5
+    albedo: Annotated[Shares, key("Share of the light that goes on after a scattering.")] = (0.9, 0.9, 0.9)
+    share: Annotated[Share, key("Share of the surface that is open to the medium.")] = 0.5
 
 
 Below = Annotated[
     Subsurface | None,
-    key("Wax: light wanders below the surface. The mesh must be closed.", start={"mean_free_path_mm": 2.0}),
+    key("Light that scatters below the surface, as in wax. The mesh must be closed.", start={"mean_free_path_mm": 2.0}),
 ]
 
 
@@ -166,46 +166,46 @@ class RoughPlastic:
     specularity: Annotated[
         float | Texture,
         PlainValidator(_specularity),
-        key("Factor on the coat's reflectance: a number or a picture; 1: what its index gives, 0: only the body.",
+        key("Factor on the coat's reflectance. 1: what its index gives; 0: no coat.",
             input="share"),
     ] = 1.0  # fmt: skip
-    index: Annotated[float, Strict(), Field(gt=1, le=5), key("Of refraction, of the coat.")] = 1.49
+    index: Annotated[float, Strict(), Field(gt=1, le=5), key("Index of refraction of the coat.")] = 1.49
     subsurface: Below = None
     covered: Annotated[
         Share,
-        key("Share of the body's light that the coat dims on its way in and out, most where seen or lit aslant; the "
-            "rest leaves as from a matte surface. 0 may give back more light than it gets."),
+        key("Share of the body's light that the coat dims, most where seen or lit aslant. The rest leaves as from a "
+            "matte surface. 0 may reflect more light than comes in."),
     ] = 1.0  # fmt: skip
     distribution: Facets = "ggx"
     body_roughness: Annotated[
         Share | None,
-        key("Of what of the body lies bare, by the law of [Burley2012]: at 1 it gives back more light toward where it "
-            "comes from, as plaster does, at 0 less where seen or lit aslant. Absent: the same everywhere (Lambert).",
+        key("Roughness of the bare body, by the law of [Burley2012]. 1: more light goes back to where it comes from, "
+            "as from plaster. 0: less light where seen or lit aslant. Absent: Lambert's law.",
             start=0.5),
     ] = None  # fmt: skip
-    second: Annotated[Share, key("Share of the facets that are of another roughness: a second lobe.")] = 0.0
-    second_roughness: Annotated[AboveNone, key("Theirs.")] = 0.5
+    second: Annotated[Share, key("Share of the facets that have another roughness, for a second lobe.")] = 0.0
+    second_roughness: Annotated[AboveNone, key("Roughness of these facets.")] = 0.5
 
 
 @checked
 @dataclass(frozen=True)
 class Conductor:
-    """A metal. Polished, of roughness 0, it shows points and distant lights not at all."""
+    """A metal. With roughness 0 it is polished, and shows no points and no distant lights."""
 
     metal: Annotated[str, Strict(), key('Au, Ag, Al, Cr, Cu, W ... or "none", a perfect mirror.', input="metal")]
-    roughness: Annotated[Share, key("As above; 0 is polished.")] = 0.1
+    roughness: Annotated[Share, key("Roughness of the facets; 0 is polished.")] = 0.1
     distribution: Facets = "ggx"
 
 
 @checked
 @dataclass(frozen=True)
 class Principled:
-    """Disney's material [Burley2012], of whose numbers these are kept; its roughness is the root of this one."""
+    """Some numbers of Disney's material [Burley2012]. Disney's roughness is the root of this one."""
 
     reflectance: Reflectance
     roughness: Alpha = 0.25
-    metallic: Annotated[Share, key("A metal's share.")] = 0.0
-    specularity: Annotated[Share, key("Disney's specular; 0.5 is an index of refraction of 1.5.")] = 0.5
+    metallic: Annotated[Share, key("Share of metal.")] = 0.0
+    specularity: Annotated[Share, key("Disney's specular. 0.5 is an index of refraction of 1.5.")] = 0.5
 
 
 @checked

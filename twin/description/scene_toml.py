@@ -58,24 +58,24 @@ Matrix = tuple[Row, Row, Row, Row]
 class CameraTable(TomlTable):
     """The camera, as in session.toml; what its photographs are written as."""
 
-    width: Annotated[Size, key("Of the picture.", "px")]
-    height: Annotated[Size, key("Of the picture.", "px")]
-    fx: Annotated[Positive, key("Focal length; of an orthographic camera pixels per mm.", "px")]
-    fy: Annotated[Positive | None, key("The same along columns. Absent: fx.", "px")] = None
-    cx: Annotated[Number | None, key("Principal point, column. Absent: the middle.", "px")] = None
-    cy: Annotated[Number | None, key("Principal point, row. Absent: the middle.", "px")] = None
+    width: Annotated[Size, key("Width of the picture.", "px")]
+    height: Annotated[Size, key("Height of the picture.", "px")]
+    fx: Annotated[Positive, key("Focal length. Of an orthographic camera: pixels per mm.", "px")]
+    fy: Annotated[Positive | None, key("Focal length along columns. Absent: fx.", "px")] = None
+    cx: Annotated[Number | None, key("Column of the principal point. Absent: the middle.", "px")] = None
+    cy: Annotated[Number | None, key("Row of the principal point. Absent: the middle.", "px")] = None
     distortion: Annotated[
         tuple[Number, Number, Number, Number, Number], key("OpenCV's k1, k2, p1, p2, k3.")
     ] = (0.0, 0.0, 0.0, 0.0, 0.0)  # fmt: skip
-    projection: Annotated[Literal["perspective", "orthographic"], key("How it sees.")] = "perspective"
+    projection: Annotated[Literal["perspective", "orthographic"], key("Kind of projection.")] = "perspective"
     sensor: Annotated[
         Annotated[Sensor, WrapValidator(as_fault)] | None,
-        key("Photographs the frames, with noise. Absent: they are kept as they are.", start={}),
+        key("Sensor that photographs the frames, with noise. Absent: frames without noise.", start={}),
     ] = None
     files: Annotated[
         Files | None,
-        key("PNG and EXR are linear colours, white-balanced, a mosaic interpolated bilinearly; PNG cuts off noise "
-            "below black. Absent: dng of a Bayer sensor, else png."),
+        key("Format of the frames. PNG and EXR hold linear, white-balanced colours; a mosaic is interpolated. PNG cuts "
+            "off noise below black. Absent: dng with a Bayer sensor, else png."),
     ] = None  # fmt: skip
 
     @model_validator(mode="after")
@@ -120,29 +120,37 @@ def _pose(path: Path) -> Array:
 class ObjectTable(TomlTable):
     """A mesh's file or a built-in shape, its place and its material."""
 
-    name: Annotated[str | None, key("Absent: object_0 and so on.")] = None
+    name: Annotated[str | None, key("Name of the object. Absent: object_0 and so on.")] = None
     mesh: Annotated[
-        ObjectMesh | None, file_of(ObjectMesh, read_mesh), key(".ply, .obj, .stl, .off or .glb, taken as it is, in mm.")
+        ObjectMesh | None, file_of(ObjectMesh, read_mesh), key("Mesh in mm: .ply, .obj, .stl, .off or .glb.")
     ] = None
     shape: Annotated[
         Literal["sphere", "square", "disc", "cube", "cylinder", "cone"] | None,
-        key("Instead of `mesh`: radius or half side 1. `square` and `disc` face z; `cylinder` (z from -1 to 1) and "
-            "`cone` (radius 1 at z = 0, tip at z = 1) are open."),
+        key("Shape instead of `mesh`, of radius or half side 1. `square` and `disc` face z. `cylinder` (z from -1 to "
+            "1) and `cone` (base at z = 0, tip at z = 1) are open."),
     ] = None  # fmt: skip
     smooth: Annotated[
         bool, Strict(),
-        key("Normals are interpolated: those of a .ply that has them, or means. Else every face is flat."),
+        key("true: normals are interpolated, those of the .ply or means of the faces. false: every face is flat."),
     ] = True  # fmt: skip
     material: Annotated[str, AfterValidator(_known), key("A name under `[materials]`.")]
-    scale: Annotated[Factors, key("One factor or three, along the object's own axes. First of all.")] = (1.0, 1.0, 1.0)
-    rotate_deg: Annotated[Three, key("Then: about x, y, z, the axes standing still.", "deg")] = (
+    scale: Annotated[Factors, key("One factor or three, along the object's own axes. It comes first.")] = (
+        1.0,
+        1.0,
+        1.0,
+    )
+    rotate_deg: Annotated[Three, key("Second: turns about the fixed axes x, y, z.", "deg")] = (
         0.0,
         0.0,
         0.0,
     )
-    translate_mm: Annotated[Three, key("Then: moved.", "mm")] = (0.0, 0.0, 0.0)
-    matrix: Annotated[Matrix | None, AfterValidator(lambda rows: rows and _affine(rows)), key("Then: 4 x 4.")] = None
-    pose: Annotated[NDArray[np.float64] | None, file_of(np.ndarray, _pose), key("Last: a `pose.json` of rgbn.")] = None
+    translate_mm: Annotated[Three, key("Third: a shift.", "mm")] = (0.0, 0.0, 0.0)
+    matrix: Annotated[
+        Matrix | None, AfterValidator(lambda rows: rows and _affine(rows)), key("Fourth: a 4 x 4 matrix.")
+    ] = None
+    pose: Annotated[
+        NDArray[np.float64] | None, file_of(np.ndarray, _pose), key("Last: the pose of a `pose.json` of rgbn.")
+    ] = None
 
     @model_validator(mode="after")
     def _one_source(self) -> "ObjectTable":
@@ -198,18 +206,18 @@ def _some(tables: tuple) -> tuple:
 class SceneDocument(TomlTable):
     """What stands above all tables."""
 
-    version: Annotated[Literal[1], key("Of this format.")] = 1
-    name: Annotated[str | None, key("The scene's. Absent: the file's.")] = None
+    version: Annotated[Literal[1], key("Version of this format.")] = 1
+    name: Annotated[str | None, key("Name of the scene. Absent: the file's name.")] = None
     reference_point_mm: Annotated[
         Three | None,
-        key("Where intensities hold, and rings have their middle. Absent: the objects' middle.", "mm"),
+        key("Point where intensities hold and rings have their middle. Absent: the objects' middle.", "mm"),
     ] = None
     camera: Annotated[CameraTable, key("The camera.")]
-    objects: Annotated[tuple[ObjectTable, ...], AfterValidator(_some), key("What stands there.")]
-    materials: Annotated[dict[str, MaterialTable], key("What it is made of, by name.")]  # type: ignore[valid-type]
-    environment: Annotated[Environment, key("Light that stands still.")] = Environment()
-    lights: Annotated[tuple[LightsTable, ...], AfterValidator(_some), key("A frame each.")]
-    sampling: Annotated[Sampling, key("How it is rendered.")] = Sampling()
+    objects: Annotated[tuple[ObjectTable, ...], AfterValidator(_some), key("The objects.")]
+    materials: Annotated[dict[str, MaterialTable], key("Their materials, by name.")]  # type: ignore[valid-type]
+    environment: Annotated[Environment, key("The light that all frames share.")] = Environment()
+    lights: Annotated[tuple[LightsTable, ...], AfterValidator(_some), key("The lights. Each makes one frame.")]
+    sampling: Annotated[Sampling, key("Settings of the rendering.")] = Sampling()
 
     def scene(self) -> TwinScene:
         """Return the scene that is said here; whether it can be rendered, `description_check.check_scene` tells.
