@@ -54,8 +54,8 @@ QUOTED = (
         "trust/trust", "[sessions: rank], [scenes: rank]",
     ),
     Quoted(
-        "virtual captures against their renderings: rank correlation of the methods, correlation of the error maps",
-        "counterparts/pairs", "[rank correlation], [maps, ls]",
+        "virtual series, photographs against twins: rank correlation of the errors, correlation of the error maps",
+        "counterparts/series", "[rank correlation], [maps, ls]",
     ),
     Quoted(
         "mean errors against the benchmark's, rank correlation: without `ls`, whose range was fitted; all seven "

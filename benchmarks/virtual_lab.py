@@ -122,6 +122,7 @@ VIRTUAL_EXPERIMENTS: tuple[Experiment, ...] = (
     Experiment(
         "iso", "White sphere, higher and higher ISO", "iso", (100.0, 1600.0, 6400.0, 25600.0), "ISO", Setup(), log=True
     ),
+    Experiment("images", "White sphere, fewer flashes", "frames", (16.0, 10.0, 7.0, 5.0), "flashes", Setup()),
     Experiment(
         "ring", "White sphere, flashes held on a ring", "ring_deg", (15.0, 35.0, 55.0, 75.0),
         "degrees of the ring from the camera's axis", Setup(),

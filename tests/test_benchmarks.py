@@ -15,7 +15,7 @@ from benchmarks.harness import run, tables, write
 
 LONG = {
     "calibration/lights", "calibration/balls", "calibration/scan as probe", "registration/poses",
-    "methods/table", "trust/trust", "twin/relighting", "twin/material", "counterparts/pairs", "sweeps/stability",
+    "methods/table", "trust/trust", "twin/relighting", "twin/material", "counterparts/series", "sweeps/stability",
     "sweeps/agreement", "sweeps/means", "findings/findings", "robustness/kills",
 }  # fmt: skip
 """More than five processor seconds."""

@@ -56,6 +56,21 @@ def test_body_and_coat_are_those_of_mitsuba(numbers):
     assert np.max(np.abs(body / only - 1)) < 0.01
 
 
+@pytest.mark.parametrize("numbers", [{}, {"covered": 0.0}, {"covered": 0.3}, {"covered": 0.0, "body_roughness": 0.1}])
+@pytest.mark.parametrize("specularity", [0.0, 0.6])
+def test_light_that_goes_on_is_as_much_as_is_sent_back(numbers, specularity):
+    """Drawn directions have the mean weight that the reflection has over all directions: interreflection needs it."""
+    mi = import_mitsuba()
+    surface, draw = mi.SurfaceInteraction3f(), np.random.default_rng(10_022).random((3, 40_000), np.float32)
+    surface.wi, surface.uv = mi.Vector3f(*np.tile([[0.3], [0.1], [0.9**0.5]], 40_000)), mi.Point2f(0.5, 0.5)
+    material = RoughPlastic(COLOUR, roughness=0.5, specularity=specularity, **numbers)
+    model, around = mi.load_dict(loadable(mi, bsdf(material))), mi.BSDFContext()
+    _, drawn = model.sample(around, surface, mi.Float(draw[0]), mi.Point2f(draw[1:]))
+    all_round = mi.warp.square_to_cosine_hemisphere(mi.Point2f(draw[1:]))
+    seen = model.eval(around, surface, all_round) / mi.warp.square_to_cosine_hemisphere_pdf(all_round)
+    assert np.asarray(drawn).mean(1) == pytest.approx(np.asarray(seen).mean(1), rel=0.03)
+
+
 def test_matte_is_lambert_and_nothing_comes_from_behind():
     views, lights = directions(4000, 4, 0.1), directions(4000, 5, 0.1)
     body, gloss = reflected(matte(), UP, views, lights[:, None])

@@ -59,6 +59,9 @@ def _one_side(material: Material) -> dict[str, Any]:
             return {"type": "diffuse", "reflectance": _value(material.reflectance)}
         case RoughPlastic(covered=1):
             return _coated(material, material.reflectance, material.specularity)
+        case RoughPlastic(covered=0) if np.max(_numbers(material.specularity)) == 0:
+            # Of a coat that sends nothing back Mitsuba draws no direction, and no light goes on from it.
+            return _bare(material.reflectance, material.body_roughness)
         case RoughPlastic():
             covered = float(material.covered)
             weight = max(covered, LEAST_WEIGHT)
@@ -111,6 +114,10 @@ def _bare(reflectance: Any, roughness: float | None) -> dict[str, Any]:
     return {"type": "principled", "base_color": _value(reflectance), "roughness": float(roughness), "specular": 0.0}
 
 
+def _numbers(value: Any) -> Any:
+    return value.values if isinstance(value, Texture) else np.zeros(0) if value in (None, VERTEX) else value
+
+
 def _times(value: Any, factor: float) -> Any:
     """Return a number or a texture times a factor; three numbers as a texture: colours above 1 are refused."""
     if factor == 1:
@@ -135,8 +142,7 @@ def material_faults(materials: Mapping[str, Material]) -> list[str]:
     faults = []
     for name, material in materials.items():
         for field in ("reflectance", "specularity"):
-            value = getattr(material, field, None)
-            numbers = value.values if isinstance(value, Texture) else np.zeros(0) if value in (None, VERTEX) else value
+            numbers = _numbers(getattr(material, field, None))
             if np.size(numbers) and not (np.min(numbers) >= 0 and np.max(numbers) <= 1):
                 faults.append(
                     f"materials.{name}.{field}: found {np.min(numbers):.3g} to {np.max(numbers):.3g}; expected 0 to 1: "
