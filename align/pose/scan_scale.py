@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.full_resolution import UNMODELLED, FinalEvidence
-from align.pose.motion import Term
+from align.pose.appearance import LEAST_LOSS, Appearance, albedo_of
+from align.pose.full_resolution import LOOKED, FinalEvidence
 from align.pose.photographed import Photographs
 from scene.errors import AlignError
 from scene.mesh import Mesh
@@ -20,11 +20,9 @@ from scene.pose import Pose
 
 Array = NDArray[np.float64]
 
-SCALE_ROUNDS = 4
-"""Of the refinement; it starts within a pixel."""
-STEP = 0.02
-"""Of log scale, for its slope."""
-SUSPICIOUS, DEVIATIONS = 0.04, 4.0
+TRIED = np.linspace(-0.4, 0.4, 21)
+"""Logarithms of the scales that are tried."""
+SUSPICIOUS, DEVIATIONS = 0.04, 3.0
 """How far from 1 a scale must be, and by how many of its sigmas, for a word. Sound sessions stay within 0.02."""
 
 
@@ -54,35 +52,39 @@ class FreeScale:
 def free_scale(evidence: FinalEvidence) -> FreeScale | None:
     """Return the scale of a scan under near lights, None where nothing tells it: distant lights.
 
-    Gauss-Newton on the pose's six unknowns and the logarithm of the scale, with the evidence's own terms; the lights'
-    vectors at a point p of a scan s times as large are those at s p. The sigma is that of the pose, made the same way.
+    The lights' vectors at a point p of a scan s times as large are those at s p, and the picture stays. Scales are
+    tried (`TRIED`), the appearance fitted anew under each: held, it would keep to the scale that it was fitted at.
+    The sigma is the jackknife's over the photographs [Efron1981]: what errs are the places of the lights.
     """
-    lights, pose = evidence.seen.lights, evidence.pose
-    if lights.positions_mm is None or evidence.seen.camera.is_orthographic:
+    lights = evidence.seen.lights
+    if lights.positions_mm is None or evidence.seen.camera.is_orthographic or not evidence.used.any():
         return None
-    units = np.append(evidence.steps(1.0), 0.01)
-    log, matrix = 0.0, np.zeros((7, 7))
-    for _ in range(SCALE_ROUNDS):
-        around = [evidence.shading(pose, float(np.exp(log + side))) for side in (-STEP, 0.0, STEP)]
-        slope = (around[2].residuals - around[0].residuals) / (2 * STEP)
-        shading = _with_column(around[1], slope)
-        outline, _, bias = evidence.terms(pose)
-        matrix, pull = np.zeros((7, 7)), np.zeros(7)
-        for term in (shading, _with_column(outline, None), _with_column(bias, None)):
-            known_of, slope_of, _ = term.information(units)
-            matrix += known_of
-            pull += slope_of
-        step = -np.linalg.lstsq(matrix, pull, rcond=1e-9)[0][6] * units[6]
-        log = float(np.clip(log + np.clip(step, -0.15, 0.15), -1.5, 1.5))
-        if abs(step) < 1e-3:
-            break
-    variance = UNMODELLED * float(np.linalg.pinv(matrix, rcond=1e-12, hermitian=True)[6, 6]) * units[6] ** 2
-    return FreeScale(float(np.exp(log)), float(np.sqrt(variance)))
+    costs = np.stack([_frame_costs(evidence, float(np.exp(log))) for log in TRIED])
+    every = costs.sum(1)
+    without = [_lowest(every - one) for one in costs.T]
+    sigma = np.sqrt((len(without) - 1) * np.var(without))
+    return FreeScale(float(np.exp(_lowest(every))), float(sigma))
 
 
-def _with_column(term: Term, column: Array | None) -> Term:
-    more = np.zeros(len(term.residuals)) if column is None else column
-    return Term(term.residuals, np.column_stack([term.jacobian, more]), term.blocks, term.weight)
+def _frame_costs(evidence: FinalEvidence, scale: float) -> Array:
+    """Return (N,), how badly each photograph is explained by a scan `scale` times as large and as far."""
+    (points, normals), samples = evidence.surface, evidence.seen.samples
+    some = np.arange(0, len(points), max(1, len(points) // LOOKED))
+    used, lit = evidence.used[:, some], evidence.seen.lit(points, scale).only(some)
+    values = np.where(used, samples.values[:, some], 0) / samples.scale[some]
+    shown = Appearance.of(values, used, normals[some], lit).predict(lit, normals[some])
+    albedo = albedo_of(values, used, shown, LEAST_LOSS)[0]
+    square = (np.where(used, values - albedo * shown, 0) / LEAST_LOSS) ** 2
+    return (square / (1 + square)).sum(1)
+
+
+def _lowest(costs: Array) -> float:
+    """Return where the costs at `TRIED` are lowest, by a parabola through the lowest and its neighbours."""
+    lowest = int(np.clip(np.argmin(costs), 1, len(costs) - 2))
+    before, here, after = costs[lowest - 1 : lowest + 2]
+    bend = max(before - 2 * here + after, 1e-12)
+    shift = np.clip(0.5 * (before - after) / bend, -1, 1)
+    return float(TRIED[lowest] + (TRIED[1] - TRIED[0]) * shift)
 
 
 def register_unknown_scale(
