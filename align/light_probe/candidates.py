@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from align.pose.full_resolution import FinalEvidence, ObservedObject
 from align.pose.motion import distinct
 from align.pose.photographed import FEWEST, Photographs, longer_side
-from align.pose.scan_view import View, sample
-from align.pose.search import REACH, ROUGH_ROUNDS
+from align.pose.scan_view import View
+from align.pose.search import REACH, ROUGH_ROUNDS, unexplained
 from align.pose.shading import ShadedSamples
 from align.pose.start import find_starts
 from scene.lights import Lights
@@ -81,10 +81,7 @@ def candidates(
 def _by_outline(one: FinalEvidence) -> tuple[Pose, float]:
     """Return where a pose comes to rest by silhouette against mask alone, and the cost: a rough answer."""
     one = one.refined(rounds=ROUGH_ROUNDS)
-    beside = (sample(one.seen.distance, one.outline.pixels) * CELLS / (2 * longer_side(one.seen.mask))) ** 2
-    return one.pose, 1 - one.outline.overlap(one.seen.mask) + float(np.mean(beside / (1 + beside))) if len(
-        beside
-    ) else 2.0
+    return one.pose, unexplained(one)
 
 
 def _rated(view: View, samples: ShadedSamples) -> Candidate:

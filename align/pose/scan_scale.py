@@ -81,10 +81,9 @@ def _frame_costs(evidence: FinalEvidence, scale: float) -> Array:
 def _lowest(costs: Array) -> float:
     """Return where the costs at `TRIED` are lowest, by a parabola through the lowest and its neighbours."""
     lowest = int(np.clip(np.argmin(costs), 1, len(costs) - 2))
-    before, here, after = costs[lowest - 1 : lowest + 2]
-    bend = max(before - 2 * here + after, 1e-12)
-    shift = np.clip(0.5 * (before - after) / bend, -1, 1)
-    return float(TRIED[lowest] + (TRIED[1] - TRIED[0]) * shift)
+    near = slice(lowest - 1, lowest + 2)
+    curve = np.polyfit(TRIED[near], costs[near], 2)
+    return float(np.clip(-curve[1] / (2 * curve[0]), TRIED[0], TRIED[-1]))
 
 
 def register_unknown_scale(
