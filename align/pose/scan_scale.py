@@ -20,7 +20,7 @@ from scene.pose import Pose
 
 Array = NDArray[np.float64]
 
-TRIED = np.linspace(-0.4, 0.4, 21)
+TRIED = np.linspace(-0.8, 0.8, 33)
 """Logarithms of the scales that are tried."""
 SUSPICIOUS, DEVIATIONS = 0.04, 3.0
 """How far from 1 a scale must be, and by how many of its sigmas, for a word. Sound sessions stay within 0.02."""
