@@ -33,15 +33,25 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     from scene.rays import RayCaster
 
     store = job.store
+    if lights.is_unknown and job.scan_scale_unknown:
+        raise AlignError(
+            "scan_unit: it is unknown, and no ball is there to tell the scale of scan and lights. Give scan_unit, or "
+            "a ball in the scan: scan_ball_diameter_mm under [object]."
+        )
     mesh = job.load_scan()
     picked, picks, smooth = None, job.session.picks, smooth_normals(mesh)
     if picks is not None:
         half = hint_scale(job.session, camera.width) == 2
         picked = read_picks(picks, camera, mesh, unit=job.session.scan_unit, half=half)
     start, probe = picked.pose if picked else None, None
+    witness, doubts = None, []
     if lights.is_unknown:
-        probe = _by_the_scan_alone(job, mesh, smooth, Photographs(camera, frames, lights, rough_mask.mask), start)
-        lights, start = probe.lights, probe.pose
+        try:
+            probe = _by_the_scan_alone(job, mesh, smooth, Photographs(camera, frames, lights, rough_mask.mask), start)
+            lights, start, doubts = probe.lights, probe.pose, list(probe.warnings)
+        except AlignError as error:
+            # No light is told; where the outline is may be.
+            doubts.append(str(error))
     mesh, found, scale = _registered(job, mesh, smooth[0], frames, camera, lights, rough_mask.mask, start)
     if probe:
         found = replace(found, covariance=probe.covariance)
@@ -57,16 +67,18 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     final_mask = scan_mask(truth.mask, rough_mask)
     store.save_mask(final_mask.mask)
     lights = lights.seen_from(found.pose.apply(mesh.center_mm))
-    witness, doubts = None, list(probe.warnings) if probe else []
     if probe and job.settings.refine_lights:
         doubts.append("--refine-lights changes nothing here: the lights are from the scan's shading already.")
-    if probe is None:
+    if probe is None and not lights.is_unknown:
         lights, witness, doubts = _by_the_scan(
             View(RayCaster(mesh, smooth[0]), camera, found.pose),
             Photographs(camera, frames, lights, final_mask.mask),
             refine=bool(job.settings.refine_lights),
         )
     store.save_lights(lights, files=frame_files(job))
+    if lights.is_unknown:
+        # The scan is shown as if lit from the camera.
+        lights = replace(lights, directions=np.tile([0.0, 0.0, 1.0], (len(lights), 1)))
     write_pictures(
         store,
         frames,
@@ -110,11 +122,6 @@ def _by_the_scan_alone(job: Job, mesh: Mesh, smooth: Any, photographs: Any, star
     from align.light_probe.from_scan import lights_from_scan
     from scene.rays import RayCaster
 
-    if job.scan_scale_unknown:
-        raise AlignError(
-            "scan_unit: it is unknown, and no ball is there to tell the scale of scan and lights. Give scan_unit, or "
-            "a ball in the scan: scan_ball_diameter_mm under [object]."
-        )
     with progress_bar("lights by the scan") as progress:
         how = {"start": start, "executor": job.executor, "progress": progress}
         return lights_from_scan(RayCaster(mesh, smooth[0]), smooth[1], photographs, **how)
@@ -150,7 +157,7 @@ def _registered(
     start: Pose | None,
 ) -> tuple[Mesh, Any, float | None]:
     """Return the scan in millimetres, its registration, and its millimetres per unit where they were not known."""
-    from align.pose.photographed import Photographs, sparse_normals
+    from align.pose.photographed import Photographs, shading_tells, sparse_normals
     from align.pose.register import Registration, register
     from align.pose.scan_scale import register_unknown_scale
     from solve.solve import solve
@@ -158,7 +165,8 @@ def _registered(
     def normals_of(some: NDArray[np.bool_]) -> NDArray:
         return solve("iterative", frames, lights, camera, some, executor=job.executor).normals
 
-    normals, photographs = sparse_normals(mask, normals_of), Photographs(camera, frames, lights, mask)
+    photographs = Photographs(camera, frames, lights, mask)
+    normals = sparse_normals(mask, normals_of) if shading_tells(lights) else None
     with progress_bar("register") as progress:
 
         def run(scan: Mesh, begin: Pose | None) -> Registration:

@@ -64,8 +64,9 @@ def calibrate(job: Job) -> Outcome:
 
     store = job.store
     frames, camera = store.load_frames(), Store(store.path("frames")).load_camera()
-    check_count(len(frames))
     session = job.session
+    if session.normals or not session.scan:
+        check_count(len(frames))
     skipped = tuple(set(range(session.photographed)) - set(session.kept))
     file = session.lights_file
     known = read_lights(file, frames.names, skipped=skipped, camera=camera) if file else None

@@ -15,8 +15,8 @@ from scene.store import Store
 def twin(job: Job) -> Outcome:
     """Render the registered scan under the calibrated lights, and solve the rendering too."""
     store = job.store
-    if not store.path("pose.json").exists():
-        # Not a warning of its own: that there is no scan, or that it is not used, was said when it was to be aligned.
+    if not store.path("pose.json").exists() or store.load_lights().is_unknown:
+        # Not a warning of its own: what there is not, scan or lights, was said when it was to be aligned.
         return Outcome({"rendered": False})
     folder = Store(store.path("twin"))
     # Scene and true normals are gone before the solvers' maps come.

@@ -2,18 +2,18 @@
 
 from collections.abc import Callable
 from concurrent.futures import Executor
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.motion import Term, distinct, settle, small_steps
-from align.pose.photographed import Photographs, longer_side
-from align.pose.scan_view import View, sample
+from align.pose.full_resolution import FinalEvidence, ObservedObject
+from align.pose.motion import distinct
+from align.pose.photographed import FEWEST, Photographs, longer_side
+from align.pose.scan_view import View
+from align.pose.search import REACH, ROUGH_ROUNDS, unexplained
 from align.pose.shading import ShadedSamples
 from align.pose.start import find_starts
-from scene.camera import Camera
 from scene.lights import Lights
 from scene.pose import Pose
 from scene.rays import RayCaster
@@ -62,14 +62,15 @@ def candidates(
     """
     camera, mask = photographs.camera, photographs.mask
     starts = find_starts(caster, camera, mask, None, count=STARTS) if start is None else [start]
-    step_px = longer_side(mask) / CELLS
-    by_outline = partial(_by_outline, caster, camera, mask, photographs.distance, step_px)
+    # Of unknown lights no shading counts.
+    seen = ObservedObject.of(caster, photographs, None, count=FEWEST, cells=CELLS)
+    first = [FinalEvidence(seen, pose, REACH * longer_side(mask)) for pose in starts]
     found = []
-    for done, item in enumerate((executor.map if executor else map)(by_outline, starts)):
+    for done, item in enumerate((executor.map if executor else map)(_by_outline, first)):
         found.append(item)
         tell(done + 1)
     found.sort(key=lambda item: item[1])
-    kept = distinct(caster.mesh, camera, [pose for pose, _ in found], least_px=3 * step_px)
+    kept = distinct(caster.mesh, camera, [pose for pose, _ in found], least_px=3 * longer_side(mask) / CELLS)
     rated = [_rated(View(caster, camera, found[number][0]), samples) for number in kept]
     # The silhouette has its say: a pose that lies beside it explains pixels that it should not see.
     outside = np.array([found[number][1] for number in kept]) - found[0][1]
@@ -77,29 +78,10 @@ def candidates(
     return sorted(rated, key=lambda one: one.cost)
 
 
-def _by_outline(
-    caster: RayCaster, camera: Camera, mask: NDArray[np.bool_], distance: NDArray[np.float32], step_px: float,
-    pose: Pose,
-) -> tuple[Pose, float]:  # fmt: skip
-    """Return where a pose comes to rest by silhouette against mask alone, and the cost: a wide basin, a rough answer.
-
-    `distance` (H, W): `Photographs.distance`; `step_px`: of the raster on which the outline is searched.
-    """
-
-    def terms(pose: Pose) -> list[Term]:
-        view = View(caster, camera, pose)
-        outline = view.outline(cells=CELLS)
-        # The slope of the mask's distance, not of the outline's: it is what the residual follows.
-        behind, here, ahead = (sample(distance, outline.pixels + d * outline.outward) for d in (-1.0, 0.0, 1.0))
-        jacobian = view.outline_jacobian(outline.points, outline.outward)
-        jacobian *= (ahead - behind)[:, None] / (4 * step_px)
-        return [Term(here / (2 * step_px), jacobian, np.zeros(len(here), np.int64))]
-
-    scales = small_steps(caster.mesh, camera, pose, step_px=step_px)
-    pose = settle(terms, pose, caster.mesh.center_mm, scales, steps=8, longest=10)
-    outline = View(caster, camera, pose).outline(cells=CELLS)
-    beside = (sample(distance, outline.pixels) / (2 * step_px)) ** 2
-    return pose, 1 - outline.overlap(mask) + float(np.mean(beside / (1 + beside))) if len(beside) else 2.0
+def _by_outline(one: FinalEvidence) -> tuple[Pose, float]:
+    """Return where a pose comes to rest by silhouette against mask alone, and the cost: a rough answer."""
+    one = one.refined(rounds=ROUGH_ROUNDS)
+    return one.pose, unexplained(one)
 
 
 def _rated(view: View, samples: ShadedSamples) -> Candidate:

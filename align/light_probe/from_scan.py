@@ -16,7 +16,7 @@ from align.pose.scan_view import View
 from align.pose.search import SURE, best_of
 from align.pose.shading import ShadedSamples, take_samples
 from scene.errors import AlignError
-from scene.lights import Lights, check_count
+from scene.lights import Lights
 from scene.pose import Pose
 from scene.rays import RayCaster
 
@@ -94,16 +94,14 @@ def lights_from_scan(
     Raises
     ------
     AlignError
-        The mask is empty or cut by the image's border; what is seen of the scan is too flat to tell a light.
-    CalibrationError
-        Fewer than three frames.
+        Fewer than five frames; the mask is empty or cut by the image's border; or what is seen of the scan is too flat
+        to tell a light.
 
     Notes
     -----
     Near lights are claimed where they foretell sectors of the object, left out of the fit, better than distant ones.
     Albedo and intensities share a factor: the mean intensity is 1, and no white value is known.
     """
-    check_count(len(photographs.frames))
     photographs = replace(photographs, lights=Lights.unknown(photographs.frames.names))
     photographs.check_mask()
     if photographs.cut_words:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.mask.backdrop import Contradiction, block_means, bright_mean, bright_picture, contradict_backdrop
-from align.pose.photographed import box_of
+from align.pose.photographed import FEWEST, box_of
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.frames import Frames
@@ -96,6 +96,11 @@ def find_object(
         border[window] = _sharpen(bright_picture(frames, big)[window], big[window], balls[window], reach=reach)
     border = _one_piece(border & ~balls)
     _check_area(border)
+    if len(frames) < FEWEST:
+        warnings.append(
+            f"mask: {len(frames)} photographs hardly tell an object from its backdrop, {FEWEST} do. Look at the "
+            "outline; where it is wrong, give a box about the object, or its mask: box, mask under [object]."
+        )
     frame = np.pad(beside, 1, constant_values=True).astype(np.uint8)
     cut = int((border & (cv2.dilate(frame, np.ones((3, 3), np.uint8)) > 0)[1:-1, 1:-1]).sum())
     if cut > 4:

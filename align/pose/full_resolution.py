@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from align.pose.appearance import Appearance, Lit
 from align.pose.motion import Term, apart_px, disagreement, robust_sigma, settle, small_steps
 from align.pose.outline_edges import EdgePictures, OutlineEdges
-from align.pose.photographed import Photographs, longer_side
+from align.pose.photographed import Photographs, longer_side, shading_tells
 from align.pose.scan_view import Outline, View, probe_rays, sample, signed_distance
 from align.pose.shading import ShadedSamples, choose, explain, find_shadows, take_samples
 from scene.camera import Camera
@@ -91,8 +91,8 @@ class ObservedObject:
 
     @property
     def near_px(self) -> float:
-        """How far beside an edge an outline is still on it: 1 px, or 0.5 % of the object's size."""
-        return max(1.0, 0.005 * longer_side(self.mask))
+        """How far beside an edge an outline is still on it: 1 px, or 0.5 % of the object's size; and a mask's error."""
+        return max(1.0, 0.005 * longer_side(self.mask)) + MASK_PX * (self.pictures is None)
 
     def patches(self, pixels: NDArray) -> NDArray[np.int64]:
         """Return the number (K,) of the patch that holds each pixel (K, 2), 16 patches across the object."""
@@ -145,7 +145,9 @@ class FinalEvidence:
 
     @cached_property
     def used(self) -> NDArray[np.bool_]:
-        """(N, P): samples lit."""
+        """(N, P): samples lit; none where shading tells nothing."""
+        if not shading_tells(self.seen.lights):
+            return np.zeros(self.seen.samples.values.shape, bool)
         points, normals = self.surface
         shadows = find_shadows(self.view, self.seen.lights, points, normals)
         return choose(self.seen.samples, normals, self.lit.vectors, shadows)
@@ -154,7 +156,7 @@ class FinalEvidence:
     def look(self) -> Appearance:
         """How the object looks if it stands here."""
         seen, used = self.seen, self.used
-        if not seen.lights_known:
+        if not seen.lights_known or not used.any():
             return Appearance.matte()
         some = np.arange(0, used.shape[1], max(1, used.shape[1] // LOOKED))
         values = np.where(used, seen.samples.values, 0) / seen.samples.scale
@@ -237,6 +239,9 @@ class FinalEvidence:
         scales = self.steps(1.0)
         inverse = np.linalg.pinv(self.weighed.information, rcond=1e-12, hermitian=True)
         excess = max(1.0, ((self.edges.bias_px - EDGE_BIAS_PX) / self._edge_doubt_px) ** 2)
+        if self.seen.pictures is None:
+            # Anywhere within its bounds, but alike over long stretches: their scatter does not tell it.
+            excess = max(excess, MASK_PX**2 / 3 / self.edges.sigma_px**2)
         return UNMODELLED * excess * inverse * scales * scales[:, None]
 
     @property
@@ -267,13 +272,14 @@ class FinalEvidence:
         bias = Term((common - EDGE_BIAS_PX) / doubt, along / doubt, np.zeros(len(common), np.int64), is_prior=True)
         return [outline, self.shading(pose), bias]
 
-    def shading(self, pose: Pose, scale: float = 1.0) -> Term:
-        """Return the shading's term at a pose, of a scan `scale` times as large and as far."""
+    def shading(self, pose: Pose) -> Term:
+        """Return the shading's term at a pose."""
+        if not self.used.any():
+            return Term(np.zeros(0), np.zeros((0, 6)), np.zeros(0, np.int64))
         seen, at = self.seen, self if pose is self.pose else self.renewed(pose, reach_px=self.reach_px)
         points, normals = at.surface
         slopes = at.view.normal_slopes(seen.rays, points, normals)
-        lit = at.lit if scale == 1 else seen.lit(points, scale)
-        residuals, _, jacobian = explain(seen.samples, self.used, normals, lit, self.look, slopes)
+        residuals, _, jacobian = explain(seen.samples, self.used, normals, at.lit, self.look, slopes)
         assert jacobian is not None
         unit = 3 * self.shading_sigma
         blocks = np.broadcast_to(seen.patches(seen.samples.pixels), self.used.shape)[self.used]
@@ -281,13 +287,10 @@ class FinalEvidence:
 
     @cached_property
     def outline_share(self) -> float:
-        """Share of the outline within `ObservedObject.near_px` of an edge in the photographs.
-
-        Or, where object and backdrop are alike and there is none, of the mask's border.
-        """
+        """Share of the outline within `ObservedObject.near_px` of an edge in the photographs, or of the mask's."""
         seen, outline = self.seen, self.outline
         near = seen.near_px
-        on_edge = np.abs(sample(seen.distance, outline.pixels)) < near + MASK_PX
+        on_edge = np.abs(sample(seen.distance, outline.pixels)) < near + MASK_PX * (seen.pictures is not None)
         if seen.pictures is not None:
             reach_px = max(6.0, 0.05 * longer_side(seen.mask))
             offset = seen.pictures.locate(outline.pixels, outline.outward, reach_px=reach_px)

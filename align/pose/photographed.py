@@ -16,6 +16,8 @@ from scene.lights import Lights
 
 ACROSS = 500
 """Pixels across the object: by no more a scan's first poses are found, and for no fewer normals are solved."""
+FEWEST = 4
+"""A pixel needs this many lit samples: three fit any normal without residual."""
 
 
 @dataclass(frozen=True)
@@ -34,17 +36,18 @@ class Photographs:
         """(H, W), to the mask's border; see `signed_distance`."""
         return signed_distance(self.mask)
 
-    def check(self, normals: NDArray) -> None:
-        """Raise AlignError unless all sizes agree, and mask and normals (H, W, 3) show a whole object."""
+    def check(self, normals: NDArray | None) -> None:
+        """Raise AlignError unless all sizes agree, and mask and normals (H, W, 3), if any, show a whole object."""
         size, mask = (self.camera.height, self.camera.width), self.mask
-        if mask.shape != size or normals.shape != (*size, 3) or (self.frames.height, self.frames.width) != size:
+        shape = mask.shape if normals is None else normals.shape[:2]
+        if mask.shape != size or shape != size or (self.frames.height, self.frames.width) != size:
             raise AlignError(
                 f"align: camera {size[1]} x {size[0]} px, frames {self.frames.width} x {self.frames.height}, mask "
-                f"{mask.shape[1]} x {mask.shape[0]}, normals {normals.shape[1]} x {normals.shape[0]}; all must agree."
+                f"{mask.shape[1]} x {mask.shape[0]}, normals {shape[1]} x {shape[0]}; all must agree."
             )
         if len(self.lights) != len(self.frames):
             raise AlignError(f"align: {len(self.lights)} lights for {len(self.frames)} frames; expected one each.")
-        known = mask & np.isfinite(normals).all(-1)
+        known = mask if normals is None else mask & np.isfinite(normals).all(-1)
         if known.sum() < 0.2 * mask.sum():
             raise AlignError(
                 f"align: normals are known at {known.sum()} of the mask's {mask.sum()} pixels; expected most. "
@@ -71,6 +74,11 @@ class Photographs:
             f" {border.sum()} of the mask's pixels lie on the image's border. If the object leaves the frame, reshoot "
             "with the whole of it in view; if it does not, give the mask: mask under [object], the object white."
         )
+
+
+def shading_tells(lights: Lights) -> bool:
+    """Return whether photographs under these lights tell a surface's normals from others: enough, of known lights."""
+    return len(lights) >= FEWEST and not lights.is_unknown
 
 
 def box_of(mask: NDArray[np.bool_]) -> tuple[slice, slice]:

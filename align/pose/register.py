@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from align.pose.appearance import free_normals
 from align.pose.full_resolution import NEAREST_PX, FinalEvidence
 from align.pose.motion import nudge
-from align.pose.photographed import Photographs
-from align.pose.scan_scale import free_scale
+from align.pose.photographed import FEWEST, Photographs, shading_tells
+from align.pose.scan_scale import check_distance, doubted_lengths, free_scale
 from align.pose.search import FINALISTS, SURE, Found, search
-from align.pose.shading import FEWEST
 from align.scan.smooth_normals import smooth_normals
 from scene.errors import AlignError
 from scene.mesh import Mesh
@@ -32,11 +31,6 @@ MIRRORED = 0.75
 """Of its normals' angle, what a mirrored scan must fit better by to be the right one."""
 POOR_MISFIT = 0.95
 """Above it the pose is doubted."""
-DOUBTED = 1.5
-"""Ratio of the scan's distance to the balls' from which lengths are doubted where the scan does not fit."""
-UNITS = {10.0: "cm and mm", 25.4: "inch and mm", 1000.0: "m and mm", 100.0: "m and cm", 2.54: "inch and cm"}
-"""Between two units of length: the ratio of each pair that people exchange."""
-
 ASKED = 500
 """Pixels, about, whose best normals are looked for."""
 NORMALS_DEG, OF_BESIDE, APART, OUTSIDE = 5.0, 0.55, 0.75, 0.35
@@ -79,15 +73,18 @@ class Fit(NamedTuple):
 
     @property
     def words(self) -> str:
-        return (
+        told = (
             f"at the best pose the silhouette overlaps the mask by {100 * self.overlap:.1f} % (expected above "
             f"{100 * (1 - OUTSIDE):.0f} %), {100 * self.outline_share:.0f} % of the scan's outline lie on an edge in "
             f"the photographs, it is {self.apart:.2g} (median) of a pixel, or in a large picture of 0.5 % of the "
-            f"object, from the edges (expected below {APART:g}), and its normals are {self.normals_deg:.1f} degrees "
-            f"(median) from what the photographs show (expected below {NORMALS_DEG:g}, or below "
-            f"{100 * OF_BESIDE:.0f} % of the {self.beside_deg:.1f} that they are when it is turned by "
-            f"{BESIDE_DEG:g} degrees)"
+            f"object, from the edges (expected below {APART:g})"
         )
+        shading = (
+            f", and its normals are {self.normals_deg:.1f} degrees (median) from what the photographs show (expected "
+            f"below {NORMALS_DEG:g}, or below {100 * OF_BESIDE:.0f} % of the {self.beside_deg:.1f} that they are when "
+            f"it is turned by {BESIDE_DEG:g} degrees)"
+        )
+        return told + shading * (not np.isnan(self.normals_deg))
 
 
 @dataclass(frozen=True)
@@ -133,7 +130,7 @@ class Registration:
 def register(
     mesh: Mesh,
     photographs: Photographs,
-    normals: NDArray,
+    normals: NDArray | None,
     *,
     start: Pose | None = None,
     at_vertices: NDArray | None = None,
@@ -153,7 +150,7 @@ def register(
         The scan, mm.
     photographs : Photographs
         Frames, camera, lights and the object's mask.
-    normals : (H, W, 3) float
+    normals : (H, W, 3) float, optional
         Photometric-stereo normals, camera frame, NaN where unknown; may be many degrees off.
     start : Pose, optional
         camera_from_scan, some pixels off: it is refined, and no other is looked for.
@@ -173,9 +170,9 @@ def register(
     caster = RayCaster(mesh, smooth_normals(mesh)[0] if at_vertices is None else at_vertices)
     found = search(caster, photographs, normals, start=start, executor=executor, progress=progress)
     evidence, pose = found.evidence, found.evidence.pose
-    distance = -float(pose.apply(mesh.center_mm)[2])
-    _check_distance(photographs, distance)
-    fit = fit_of(evidence)
+    fit, distance = fit_of(evidence), -float(pose.apply(mesh.center_mm)[2])
+    if fit.overlap > 1 - OUTSIDE:
+        check_distance(photographs, distance)
     facts = {
         **fit._asdict(),
         "misfit": fit.misfit,
@@ -185,21 +182,16 @@ def register(
         "disagreement": evidence.weighed.disagreement,
     }
     warnings = []
-    if fit.misfit > MIRROR_MISFIT:
+    if fit.misfit > MIRROR_MISFIT and not np.isnan(fit.normals_deg):
         _refuse_mirrored(caster, fit, lambda mirrored: search(mirrored, photographs, normals, most=FINALISTS))
     if fit.misfit > WORST_MISFIT:
         raise AlignError(
             f"scan: it does not fit the photographs: {fit.words}. Is it the scan of this object, whole on the "
-            f"side that the camera sees, and is the mask on the object?{_doubted_lengths(photographs, distance)}"
+            f"side that the camera sees, and is the mask on the object?{doubted_lengths(photographs, distance)}"
             f"{photographs.cut_words}"
         )
     if fit.misfit > POOR_MISFIT:
         warnings.append(f"scan: it fits poorly: {fit.words}. Check the silhouette in the report.")
-    if np.isnan(fit.normals_deg):
-        warnings.append(
-            f"scan: no pixel is lit in {FEWEST} photographs: the outline alone says where it is, and a scan that is "
-            "alike, or turned, may fit as well. Check the silhouette in the report; shoot more flashes."
-        )
     if found.second is not None and found.test is not None:
         facts["cost"], facts["second_cost"] = found.test.costs
         facts["second_deviations"] = found.test.deviations
@@ -217,44 +209,26 @@ def register(
             "the edges in the photographs all round; expected a fraction of a pixel. Is the scan's unit, or the "
             "camera's focal length, a little off?"
         )
-    free = free_scale(evidence)
-    if free is not None:
+    if free := free_scale(evidence):
         facts["scale"], facts["scale_sigma"] = free.scale, free.sigma
-        doubted = _doubted_lengths(photographs, distance)
+        doubted = doubted_lengths(photographs, distance)
         # What surroundings may send back can make up for lights that are far off, but not for both.
         if free.warning and doubted:
             raise AlignError(free.warning + doubted)
         warnings += [free.warning] if free.warning else []
-    focal_shift = 0.0 if photographs.camera.is_orthographic else photographs.camera.focal_sigma * distance
-    if focal_shift:
-        facts["focal_shift_mm"] = focal_shift
-    covariance, residual = evidence.covariance(), evidence.edges.residual_px
-    return Registration(pose, residual, covariance, facts, tuple(warnings))
-
-
-def _check_distance(photographs: Photographs, distance: float) -> None:
-    expected = -float(photographs.lights.reference_point_mm[2])
-    if not photographs.camera.is_orthographic and expected > 0 and not 0.4 < distance / expected < 2.5:
-        large, small = ("large", "small") if distance > expected else ("small", "large")
-        times = max(distance / expected, expected / distance)
-        meant = next((f" ({pair} exchanged?)" for factor, pair in UNITS.items() if 0.9 < times / factor < 1.1), "")
-        raise AlignError(
-            f"scan: about {times:,.1f} times too {large}{meant}, or diameter_mm of the balls so much too {small}: "
-            f"it would have to stand {distance:,.1f} mm from the camera to look as large as the object, but the lights "
-            f"were calibrated about a point {expected:,.1f} mm away. Check scan_unit under [object], and [[spheres]]."
-            f"{photographs.cut_words}"
+    if photographs.camera.focal_sigma and not photographs.camera.is_orthographic:
+        facts["focal_shift_mm"] = photographs.camera.focal_sigma * distance
+    found = Registration(pose, evidence.edges.residual_px, evidence.covariance(), facts)
+    if np.isnan(fit.normals_deg):
+        why = "of unknown lights" if photographs.lights.is_unknown else f"({FEWEST} are needed)"
+        told = (
+            f"scan: registered by the outline alone: with {len(photographs.frames)} photographs {why} shading tells "
+            f"nothing. Its place is known to {found.sigma_mm:.2g} mm and its turn to {found.sigma_deg:.2g} degrees, "
+            "if it is the right scan: a mirrored one, or one that looks alike, may fit as well. Check the outline in "
+            "the report; shoot more flashes."
         )
-
-
-def _doubted_lengths(photographs: Photographs, distance: float) -> str:
-    """Say where a scan that does not fit, or not by its size, stands much nearer or farther than the balls."""
-    expected = -float(photographs.lights.reference_point_mm[2])
-    if photographs.camera.is_orthographic or expected <= 0 or 1 / DOUBTED < distance / expected < DOUBTED:
-        return ""
-    return (
-        f" It stands {distance / expected:.2g} times as far from the camera as the balls do by diameter_mm: check "
-        "scan_unit, and that diameter_mm is the diameter in millimetres, not the radius."
-    )
+        warnings = [told, *warnings]
+    return replace(found, warnings=tuple(warnings))
 
 
 def _refuse_mirrored(caster: RayCaster, fit: Fit, search_for: Callable[[RayCaster], Found]) -> None:
@@ -292,7 +266,7 @@ def normals_off_deg(evidence: FinalEvidence) -> float:
     # Of four photographs all must show a pixel; with more, one that only four show tells too little.
     asked = np.flatnonzero(shown > min(FEWEST, len(evidence.used) - 1))
     if not len(asked):
-        return 90.0 if len(evidence.used) >= FEWEST else float("nan")
+        return 90.0 if shading_tells(evidence.seen.lights) else float("nan")
     asked = asked[:: max(1, len(asked) // ASKED)]
     used, own = evidence.used[:, asked], normals[asked]
     values = np.where(used, samples.values[:, asked], 0) / samples.scale[asked]

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.full_resolution import UNMODELLED, FinalEvidence
-from align.pose.motion import Term
+from align.pose.appearance import LEAST_LOSS, Appearance, albedo_of
+from align.pose.full_resolution import LOOKED, FinalEvidence
 from align.pose.photographed import Photographs
 from scene.errors import AlignError
 from scene.mesh import Mesh
@@ -20,12 +20,14 @@ from scene.pose import Pose
 
 Array = NDArray[np.float64]
 
-SCALE_ROUNDS = 4
-"""Of the refinement; it starts within a pixel."""
-STEP = 0.02
-"""Of log scale, for its slope."""
+TRIED = np.linspace(-0.8, 0.8, 33)
+"""Logarithms of the scales that are tried."""
 SUSPICIOUS, DEVIATIONS = 0.04, 4.0
-"""How far from 1 a scale must be, and by how many of its sigmas, for a word. Sound sessions stay within 0.02."""
+"""How far from 1 a scale must be, and by how many of its sigmas, for a word. Sound sessions lie between 0.97 and 1.07."""
+DOUBTED = 1.5
+"""Ratio of the scan's distance to the balls' from which lengths are doubted where the scan does not fit."""
+UNITS = {10.0: "cm and mm", 25.4: "inch and mm", 1000.0: "m and mm", 100.0: "m and cm", 2.54: "inch and cm"}
+"""Between two units of length: the ratio of each pair that people exchange."""
 
 
 @dataclass(frozen=True)
@@ -54,35 +56,38 @@ class FreeScale:
 def free_scale(evidence: FinalEvidence) -> FreeScale | None:
     """Return the scale of a scan under near lights, None where nothing tells it: distant lights.
 
-    Gauss-Newton on the pose's six unknowns and the logarithm of the scale, with the evidence's own terms; the lights'
-    vectors at a point p of a scan s times as large are those at s p. The sigma is that of the pose, made the same way.
+    The lights' vectors at a point p of a scan s times as large are those at s p, and the picture stays. Scales are
+    tried (`TRIED`), the appearance fitted anew under each: held, it would keep to the scale that it was fitted at.
+    The sigma is the jackknife's over the photographs [Efron1981]: what errs are the places of the lights.
     """
-    lights, pose = evidence.seen.lights, evidence.pose
-    if lights.positions_mm is None or evidence.seen.camera.is_orthographic:
+    lights = evidence.seen.lights
+    if lights.positions_mm is None or evidence.seen.camera.is_orthographic or not evidence.used.any():
         return None
-    units = np.append(evidence.steps(1.0), 0.01)
-    log, matrix = 0.0, np.zeros((7, 7))
-    for _ in range(SCALE_ROUNDS):
-        around = [evidence.shading(pose, float(np.exp(log + side))) for side in (-STEP, 0.0, STEP)]
-        slope = (around[2].residuals - around[0].residuals) / (2 * STEP)
-        shading = _with_column(around[1], slope)
-        outline, _, bias = evidence.terms(pose)
-        matrix, pull = np.zeros((7, 7)), np.zeros(7)
-        for term in (shading, _with_column(outline, None), _with_column(bias, None)):
-            known_of, slope_of, _ = term.information(units)
-            matrix += known_of
-            pull += slope_of
-        step = -np.linalg.lstsq(matrix, pull, rcond=1e-9)[0][6] * units[6]
-        log = float(np.clip(log + np.clip(step, -0.15, 0.15), -1.5, 1.5))
-        if abs(step) < 1e-3:
-            break
-    variance = UNMODELLED * float(np.linalg.pinv(matrix, rcond=1e-12, hermitian=True)[6, 6]) * units[6] ** 2
-    return FreeScale(float(np.exp(log)), float(np.sqrt(variance)))
+    costs = np.stack([_frame_costs(evidence, float(np.exp(log))) for log in TRIED])
+    every = costs.sum(1)
+    without = [_lowest(every - one) for one in costs.T]
+    sigma = np.sqrt((len(without) - 1) * np.var(without))
+    return FreeScale(float(np.exp(_lowest(every))), float(sigma))
 
 
-def _with_column(term: Term, column: Array | None) -> Term:
-    more = np.zeros(len(term.residuals)) if column is None else column
-    return replace(term, jacobian=np.column_stack([term.jacobian, more]))
+def _frame_costs(evidence: FinalEvidence, scale: float) -> Array:
+    """Return (N,), how badly each photograph is explained by a scan `scale` times as large and as far."""
+    (points, normals), samples = evidence.surface, evidence.seen.samples
+    some = np.arange(0, len(points), max(1, len(points) // LOOKED))
+    used, lit = evidence.used[:, some], evidence.seen.lit(points, scale).only(some)
+    values = np.where(used, samples.values[:, some], 0) / samples.scale[some]
+    shown = Appearance.of(values, used, normals[some], lit).predict(lit, normals[some])
+    albedo = albedo_of(values, used, shown, LEAST_LOSS)[0]
+    square = (np.where(used, values - albedo * shown, 0) / LEAST_LOSS) ** 2
+    return (square / (1 + square)).sum(1)
+
+
+def _lowest(costs: Array) -> float:
+    """Return where the costs at `TRIED` are lowest, by a parabola through the lowest and its neighbours."""
+    lowest = int(np.clip(np.argmin(costs), 1, len(costs) - 2))
+    near = slice(lowest - 1, lowest + 2)
+    curve = np.polyfit(TRIED[near], costs[near], 2)
+    return float(np.clip(-curve[1] / (2 * curve[0]), TRIED[0], TRIED[-1]))
 
 
 def register_unknown_scale(
@@ -139,3 +144,29 @@ def scaled_pose(pose: Pose, scale: float) -> Pose:
 
 def _scaled(mesh: Mesh, scale: float) -> Mesh:
     return Mesh(scale * mesh.vertices, mesh.faces, mesh.repairs)
+
+
+def check_distance(photographs: Photographs, distance: float) -> None:
+    """Raise AlignError where a scan stands so much nearer or farther, mm, than the lights that a unit must be wrong."""
+    expected = -float(photographs.lights.reference_point_mm[2])
+    if not photographs.camera.is_orthographic and expected > 0 and not 0.4 < distance / expected < 2.5:
+        large, small = ("large", "small") if distance > expected else ("small", "large")
+        times = max(distance / expected, expected / distance)
+        meant = next((f" ({pair} exchanged?)" for factor, pair in UNITS.items() if 0.9 < times / factor < 1.1), "")
+        raise AlignError(
+            f"scan: about {times:,.1f} times too {large}{meant}, or diameter_mm of the balls so much too {small}: "
+            f"it would have to stand {distance:,.1f} mm from the camera to look as large as the object, but the lights "
+            f"were calibrated about a point {expected:,.1f} mm away. Check scan_unit under [object], and [[spheres]]."
+            f"{photographs.cut_words}"
+        )
+
+
+def doubted_lengths(photographs: Photographs, distance: float) -> str:
+    """Say where a scan that does not fit, or not by its size, stands much nearer or farther than the balls."""
+    expected = -float(photographs.lights.reference_point_mm[2])
+    if photographs.camera.is_orthographic or expected <= 0 or 1 / DOUBTED < distance / expected < DOUBTED:
+        return ""
+    return (
+        f" It stands {distance / expected:.2g} times as far from the camera as the balls do by diameter_mm: check "
+        "scan_unit, and that diameter_mm is the diameter in millimetres, not the radius."
+    )

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from align.pose.full_resolution import NEAREST_PX, FinalEvidence, ObservedObject, patches
 from align.pose.motion import apart_px, distinct
 from align.pose.outline_edges import EdgePictures
-from align.pose.photographed import Photographs, longer_side
+from align.pose.photographed import FEWEST, Photographs, longer_side, shading_tells
 from align.pose.scan_view import View
-from align.pose.shading import FEWEST, cosines, explain
+from align.pose.shading import cosines, explain
 from align.pose.start import find_starts
 from scene.pose import Pose
 from scene.rays import RayCaster
@@ -37,8 +37,6 @@ SURE = 4.0
 """A second pose that explains the photographs worse by fewer standard deviations cannot be told from the best."""
 APART_PX = 5.0
 """Poses that differ by less are one."""
-STEPS = REFINED + 3 * FINALISTS + 2
-"""What `progress` counts to."""
 BLOCKS = 14
 """Patches across the object: residuals in one patch err together."""
 CHANCE = 0.002
@@ -74,7 +72,7 @@ class Found:
 def search(
     caster: RayCaster,
     photographs: Photographs,
-    normals: NDArray,
+    normals: NDArray | None,
     *,
     start: Pose | None = None,
     most: int = 3 * FINALISTS,
@@ -88,18 +86,20 @@ def search(
     """
     tell = progress or (lambda done, total: None)
     camera, mask = photographs.camera, photographs.mask
-    size = longer_side(mask)
+    size, outline_alone = longer_side(mask), not shading_tells(photographs.lights)
+    total = (STARTS if outline_alone else REFINED) + 3 * FINALISTS + 2
     coarse = ObservedObject.of(caster, photographs, None, count=FEW, cells=40)
     if start is None:
         starts = find_starts(caster, camera, mask, normals, count=STARTS)
-        tell(1, STEPS)
+        tell(1, total)
         reach = REACH * size
         rated = sorted((FinalEvidence(coarse, pose, reach) for pose in starts), key=unexplained)
         run_all = executor.map if executor else map
         poses = []
-        for done, pose in enumerate(run_all(_roughly, rated[:REFINED])):
+        # An outline alone rates poses wrongly until they are refined.
+        for done, pose in enumerate(run_all(_roughly, rated if outline_alone else rated[:REFINED])):
             poses.append(pose)
-            tell(2 + done, STEPS)
+            tell(2 + done, total)
         least = max(NEAREST_PX, reach / 2**ROUGH_ROUNDS)
         rough = sorted((FinalEvidence(coarse, pose, least) for pose in poses), key=unexplained)
         kept = distinct(caster.mesh, camera, [one.pose for one in rough], least_px=reach / 2)
@@ -110,10 +110,11 @@ def search(
     # The more frames, the fewer pixels tell as much; neighbours err together, so that more of them tell little more.
     count = int(np.clip(SAMPLES / len(photographs.frames), 3000, 15_000))
     reach = max(6.0, 0.01 * (size - 1))
-    pictures = EdgePictures.of(photographs)
+    # Of a few photographs, what is no shadow's edge is told by the mask.
+    pictures = None if outline_alone else EdgePictures.of(photographs)
 
     def observed(pixels: int, cells: int, pose: Pose | None = None) -> ObservedObject:
-        seen = None if pose is None else View(caster, camera, pose).silhouette()
+        seen = None if pose is None or outline_alone else View(caster, camera, pose).silhouette()
         return ObservedObject.of(caster, photographs, pictures, count=pixels, cells=cells, silhouette=seen)
 
     finalists = [one for one in rough if compare_poses(rough[0], one).deviations < CLEAR][:most]
@@ -121,7 +122,7 @@ def search(
         few = observed(count // 6, 160)
         for done, one in enumerate(finalists):
             finalists[done] = FinalEvidence(few, one.pose, reach).refined(rounds=3)
-            tell(2 + REFINED + done, STEPS)
+            tell(total - 1 - len(finalists) + done, total)
     # Where one pose was left, it and the next are known at low resolution alone.
     found = finalists if len(finalists) > 1 else rough[:2]
     best, rivals = best_of(found)
@@ -134,7 +135,7 @@ def search(
             break
     many = observed(count, 400, pose)
     evidence = FinalEvidence(many, pose, reach).refined(rounds=8)
-    tell(STEPS, STEPS)
+    tell(total, total)
     return Found(evidence, *(rivals[0] if rivals else (None, None)))
 
 
@@ -177,6 +178,8 @@ def pixel_costs(one: FinalEvidence, sigma: float) -> Array:
     counted = one.used | dark
     cost = (counted * relative**2 / (1 + relative**2)).sum(0) / np.maximum(counted.sum(0), 1)
     cost[one.used.sum(0) < FEWEST] = np.nan
+    if not one.used.any():
+        cost[np.isfinite(normals[:, 0])] = 0.0
     cost[~np.isfinite(points[:, 0])] = 1.0
     return cost
 

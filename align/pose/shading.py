@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.appearance import Appearance, Lit, albedo_of, freed_of_appearance
+from align.pose.photographed import FEWEST
 from align.pose.scan_view import View
 from scene.camera import Camera
 from scene.frames import Frames
@@ -19,8 +20,6 @@ Array = NDArray[np.float64]
 
 GRAZING = 0.12
 """A light lower than this over the surface (cosine) is left out: penumbra and bounced light rule there."""
-FEWEST = 4
-"""A pixel needs this many lit samples: three fit any normal without residual."""
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,9 @@ def with_known_lights(
     """
     if len(lights) != len(frames):
         raise CalibrationError(f"lights: {len(lights)} known lights for {len(frames)} flash frames.")
-    lights.check()
+    # Of fewer no normals are asked for: a scan finds its place by the outline.
+    if len(lights) > 2:
+        lights.check()
     notes = Notes()
     if lights.positions_mm is not None and camera.is_orthographic and camera.source == "assumed":
         lights = replace(lights, positions_mm=None)

@@ -45,9 +45,9 @@ MASK = np.pad(np.ones((30, 40), bool), ((15, 15), (20, 20)))
             "check", [("raw/flash_*", "raw/*"), ('ambient = "raw/ambient_*.dng"\n', "")], 2,
             r"^rgbn: ambient_000: the flash did not fire.*belongs under frames\.ambient\.$",
         ),
-        # Told before balls are sought.
+        # Told before balls are sought; a scan would find its place by the outline.
         (
-            "calibrate", [("raw/flash_*", "raw/flash_00[01]")], 2,
+            "calibrate", [("raw/flash_*", "raw/flash_00[01]"), ('scan = "scan/object.ply"\nscan_unit = "mm"\n', "")], 2,
             r"^rgbn: lights: found 2, photometric stereo needs at least 3\. Shoot more flash frames\.$",
         ),
         # The outline fits, the shading does not: it was asked whether this is the scan of another object.
