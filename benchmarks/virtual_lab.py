@@ -208,15 +208,6 @@ def photograph_lab(setup: Setup) -> Images:
     return _exposed(images, object_maps(setup)[0])
 
 
-def photograph_object(setup: Setup) -> Images:
-    """Return pictures (F, H, W, 3) of the lab's object alone, linear, noiseless, exposed for it."""
-    scene = object_scene(setup)
-    images = by_flash_and_medium(scene, ground_truth(scene).mask, WAX_PATHS)
-    if setup.ambient:
-        images += np.float32(setup.ambient) * _by_room(scene)
-    return _exposed(images, object_maps(setup)[0])
-
-
 def _exposed(images: Images, mask: NDArray[np.bool_]) -> Images:
     """Return images (F, H, W, 3) as bright as a photographer would have the object under the mask."""
     return images * np.float32(BRIGHTEST / np.quantile(images[:, mask].max(-1), BRIGHTEST_SHARE))
