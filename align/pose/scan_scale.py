@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 TRIED = np.linspace(-0.8, 0.8, 33)
 """Logarithms of the scales that are tried."""
 SUSPICIOUS, DEVIATIONS = 0.04, 4.0
-"""How far from 1 a scale must be, and by how many of its sigmas, for a word. Sound sessions lie between 0.97 and 1.07."""
+"""How far from 1 a scale must be, and by how many of its sigmas, for a word. Sound sessions: 0.97 to 1.07."""
 DOUBTED = 1.5
 """Ratio of the scan's distance to the balls' from which lengths are doubted where the scan does not fit."""
 UNITS = {10.0: "cm and mm", 25.4: "inch and mm", 1000.0: "m and mm", 100.0: "m and cm", 2.54: "inch and cm"}
