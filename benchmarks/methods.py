@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.harness import ROOT, SHARED, Figures, Scale, Table, markdown, opened
 from compare.report.facts import family
-from draw.speed_chart import SpeedPoint, speed_chart
+from draw.speed_chart import SpeedPoint, pareto_front, speed_chart
 from lab.options import Solving
 from lab.plan import STEPS
 from scene.camera import Camera
@@ -81,9 +81,31 @@ def _errors(rows: Sequence[MethodRow]) -> str:
         for row in some:
             shown = "no answer" if row.mean_deg is None else f"{row.mean_deg:.2f}° ({row.median_deg:.2f}°)"
             cells.setdefault(row.method, {"method": row.method})[session] = f"{shown}, {row.seconds:.2g} s"
-    sessions = [name for name in SESSIONS if any(row.session == name for row in rows)]
-    pictures = "".join(f"\n![speed against accuracy, {name}]({_chart_name(name)})\n" for name in sessions)
-    return markdown(columns, cells.values()) + pictures
+    points = _points(rows)
+    pictures = [
+        f"\n![speed against accuracy, {name}]({_chart_name(name)})\n\n{_front(points[name])}\n"
+        for name in SESSIONS
+        if name in points
+    ]
+    return "".join([markdown(columns, cells.values()), *pictures])
+
+
+def _points(rows: Sequence[MethodRow]) -> dict[str, list[SpeedPoint]]:
+    """Return each session's points: the methods with an answer."""
+    return {
+        session: [
+            SpeedPoint(row.method, family(row.method), "real", row.seconds, row.median_deg)
+            for row in group
+            if row.median_deg
+        ]
+        for session, group in groupby(rows, lambda row: row.session)
+    }
+
+
+def _front(points: Sequence[SpeedPoint]) -> str:
+    """Return in a sentence what each amount of time buys at best."""
+    best = [f"`{one.method}` ({one.seconds:.2g} s, {one.median_deg:.2g}°)" for one in pareto_front(points)]
+    return f"From the fastest to the most accurate, nothing is better than {', '.join(best)}."
 
 
 def _error_figures(rows: Sequence[MethodRow]) -> Figures:
@@ -103,15 +125,10 @@ def _chart_name(session: str) -> str:
 
 
 def _charts(rows: Sequence[MethodRow]) -> dict[str, str]:
-    drawn = {}
-    for session, group in groupby(rows, lambda row: row.session):
-        points = [
-            SpeedPoint(row.method, family(row.method), "real", row.seconds, row.median_deg)
-            for row in group
-            if row.median_deg
-        ]
-        drawn[_chart_name(session)] = speed_chart(points, label=f"Time against median angular error, {session}")
-    return drawn
+    return {
+        _chart_name(session): speed_chart(points, label=f"Time against median angular error, {session}")
+        for session, points in _points(rows).items()
+    }
 
 
 @dataclass(frozen=True)
