@@ -185,10 +185,12 @@ def test_a_file_without_intensities_and_no_white_ball_is_said(table, tmp_path, k
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_fewer_than_three_lights(table, count):
+    """They give no normals, and are told all the same: a scan finds its place by its outline."""
     world, frames = table
     few = Frames(frames.names[:count], frames.codes[:count], frames.gain[:count])
-    with pytest.raises(CalibrationError, match="at least 3"):
-        calibrate(few, world.camera, _hints(world, ["white"]))
+    lights = calibrate(few, world.camera, _hints(world, ["white"])).lights
+    directions = _truth(world, lights.reference_point_mm)[0][:count]
+    assert angular_error_deg(lights.directions, directions).max() < 2.5
 
 
 def test_coplanar_lights(tracer):

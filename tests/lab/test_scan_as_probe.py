@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lab.registration import _by_the_scan_alone
+from lab.registration import register_scan
 from scene.errors import AlignError
+from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.store import Store
 
@@ -39,10 +40,10 @@ def processed(without_balls, rgbn_process, tmp_path_factory):
 
 
 def test_a_scan_of_unknown_unit_cannot_be_the_probe():
-    job: Any = SimpleNamespace(scan_scale_unknown=True)
+    job: Any = SimpleNamespace(scan_scale_unknown=True, store=None)
     nothing: Any = None
     with pytest.raises(AlignError, match=r"scan_unit: it is unknown, and no ball .*scan_ball_diameter_mm"):
-        _by_the_scan_alone(job, nothing, nothing, nothing, None)
+        register_scan(job, nothing, nothing, Lights.unknown(("a", "b")), nothing)
 
 
 @pytest.mark.full

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from align.mask.object_mask import find_object
-from align.pose.register import _check_distance, _doubted_lengths
+from align.pose.scan_scale import check_distance, doubted_lengths
 from calibrate.detection.balls import _match
 from calibrate.detection.detect import Rejected
 from calibrate.detection.diameters import doubted_diameters
@@ -173,8 +173,8 @@ def test_a_scan_in_another_unit(factor, words):
     lights = SimpleNamespace(reference_point_mm=np.array([0.0, 0.0, -1000.0]))
     photographs: Any = SimpleNamespace(lights=lights, camera=Camera(64, 48, 90.0, 90.0, 32.0, 24.0), cut_words="")
     with pytest.raises(AlignError, match="scan_unit under") as told:
-        _check_distance(photographs, 1000 * factor)
+        check_distance(photographs, 1000 * factor)
     assert str(told.value).startswith(f"scan: about {words}")
-    _check_distance(photographs, 1100)
-    assert _doubted_lengths(photographs, 1100) == ""
-    assert "2 times as far" in _doubted_lengths(photographs, 2000)
+    check_distance(photographs, 1100)
+    assert doubted_lengths(photographs, 1100) == ""
+    assert "2 times as far" in doubted_lengths(photographs, 2000)
