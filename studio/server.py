@@ -116,9 +116,13 @@ class Studio:
             if before is not None and before.client is client:
                 return  # Pressed twice.
             self._show(client)
-        if before is not None and before.client.client_id in self._server.get_clients():
+        if before is not None:
             before.wait()
-            self._offer(before.client)
+            with self._lock:
+                is_here = before.client.client_id in self._server.get_clients()
+                # It may have been shown again, if the other one has gone meanwhile.
+                if is_here and (self.window is None or self.window.client is not before.client):
+                    self._offer(before.client)
 
     def _show(self, client: Any) -> None:
         """Show a browser what is worked on, in a window of its area."""

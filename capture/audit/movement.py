@@ -166,19 +166,16 @@ def _preferring(unit: NDArray, others: NDArray, down: int, right: int) -> float:
     down, right: how far off they may lie, px.
     """
     height, width = unit.shape
-    back = np.zeros_like(unit)
-    rows, columns = (slice(max(-by, 0), size - max(by, 0)) for by, size in ((down, height), (right, width)))
-    from_rows, from_columns = (slice(max(by, 0), size - max(-by, 0)) for by, size in ((down, height), (right, width)))
-    back[rows, columns] = unit[from_rows, from_columns]
-    reference = np.conj(others) * np.abs(others) ** 2
+    here = tuple(slice(max(-by, 0), size - max(by, 0)) for by, size in ((down, height), (right, width)))
+    there = tuple(slice(max(by, 0), size - max(-by, 0)) for by, size in ((down, height), (right, width)))
     gains = np.zeros(others.shape)
-    gains[rows, columns] = np.real(reference * (back - unit))[rows, columns]
+    gains[here] = np.real(np.conj(others[here]) * np.abs(others[here]) ** 2 * (unit[there] - unit[here]))
     edges = np.abs(others) ** 3
     side = -(-max(height, width) // PARTS)
     v, u = np.indices(gains.shape) // side
     part = (v * PARTS + u).ravel()
-    gain, there = (np.bincount(part, values.ravel()) for values in (gains, edges))
-    counts = (there > FAINT * there.max()) & (gain != 0)
+    gain, known = (np.bincount(part, values.ravel()) for values in (gains, edges))
+    counts = (known > FAINT * known.max()) & (gain != 0)
     return float(np.mean(gain[counts] > 0)) if counts.any() else 0.0
 
 
