@@ -4,8 +4,6 @@ FAMILIES = {
     "ls": "pixelwise",
     "iterative": "pixelwise",
     "position": "pixelwise",
-    "l1": "pixelwise",
-    "sbl": "pixelwise",
     "hsh": "pixelwise",
     "rpca": "whole",
     "semicalibrated": "whole",
