@@ -212,7 +212,7 @@ def compare(
 
 @app.command(sort_key=9)
 def export(
-    session: Annotated[Path, Parameter(help=f"{SESSION} Mitsuba and gltf also take a scene's .toml.")],
+    session: Annotated[Path, Parameter(help=f"{SESSION} Mitsuba also takes a scene's .toml.")],
     /,
     *,
     format: Annotated[
@@ -223,7 +223,7 @@ def export(
             "csv: tables of the lights and, after compare, of the errors. mat: for near_ps. "
             "meshroom: photographs and camera as SfMData, with AliceVision's lights. "
             "relight: one relightable picture for OpenLIME and RelightLab. "
-            "heritage: photographs and maps for an archive, with a IIIF manifest. mitsuba, gltf: the twin's scene.",
+            "heritage: photographs and maps for an archive, with a IIIF manifest. mitsuba: the twin's scene.",
         ),
     ],
     out: Out = None,

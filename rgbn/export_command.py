@@ -5,7 +5,7 @@
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lab.options import AS_BEFORE, Solving, named
 from lab.run import is_description, open_job, summed_up
@@ -13,13 +13,14 @@ from scene.errors import SceneError
 
 if TYPE_CHECKING:
     from lab.job import Job
+    from twin.description.description import TwinScene
 
 LIGHTS = ("alicevision", "csv", "diligent", "dome", "lp", "mat")
 """What `all` writes: the formats of `formats.light_files`, and tables. Here they are known without loading anything."""
-SCENES = ("gltf", "mitsuba")
+SCENE = "mitsuba"
 HERITAGE, BASE_URL = "heritage", "http://localhost:8000"
 """The address: that of `python -m http.server`."""
-FORMATS = (*LIGHTS, "meshroom", "relight", HERITAGE, *SCENES)
+FORMATS = (*LIGHTS, "meshroom", "relight", HERITAGE, SCENE)
 
 
 def formats_of(text: str) -> tuple[str, ...]:
@@ -35,7 +36,7 @@ def export_session(
     Parameters
     ----------
     source : Path
-        A session, its output folder, or for `mitsuba` and `gltf` alone a scene description.
+        A session, its output folder, or for `mitsuba` alone a scene description.
     text : str
         Formats with commas, or `all`.
     out : Path or None
@@ -63,7 +64,7 @@ def export_session(
         raise SceneError(
             f"--base-url {base_url}: expected a whole address, such as {BASE_URL}: IIIF asks for such ids."
         )
-    if lights := [name for name in names if name not in SCENES]:
+    if lights := [name for name in names if name != SCENE]:
         with open_job(source, out=out, said=said) as job:
             if HERITAGE in lights:
                 from rgbn.heritage_export import export_heritage
@@ -73,8 +74,8 @@ def export_session(
                 paths, notes = export_heritage(job, base_url.rstrip("/"))
             made, more = _lights(job, lights, sfm, left_out=text.strip().casefold() == "all")
             paths, notes = [*paths, *made], [*notes, *more]
-    if scenes := [name for name in names if name in SCENES]:
-        made, more = _scenes(source, out, said, scenes)
+    if SCENE in names:
+        made, more = _scene(source, out, said)
         paths, notes = [*paths, *made], [*notes, *more]
     return paths, notes
 
@@ -118,8 +119,8 @@ def _lights(job: "Job", names: list[str], sfm: Path | None, *, left_out: bool) -
     return paths, notes
 
 
-def _scenes(source: Path, out: Path | None, said: Solving, names: list[str]) -> tuple[list[Path], list[str]]:
-    """Write scene.xml with all that it names (mitsuba), scene.glb (gltf), of a scene description or a session's twin.
+def _scene(source: Path, out: Path | None, said: Solving) -> tuple[list[Path], list[str]]:
+    """Write scene.xml with all that it names, of a scene description or a session's twin.
 
     The twin is the one that `rgbn twin` renders, registered and solved first if it is not yet.
     """
@@ -134,7 +135,7 @@ def _scenes(source: Path, out: Path | None, said: Solving, names: list[str]) -> 
         origin = Origin("scene", source.resolve())
         out = out or own_folder(Path("out") / source.stem, origin)
         with open_record(out, origin=origin, inputs=[source]) as record:
-            return _written(scene, record.folder / "export", names, {})
+            return _written(scene, record.folder / "export")
     with open_job(source, out=out, said=said) as job:
         before = dict(job.done)
         job.run(STEPS, "solve")
@@ -148,28 +149,17 @@ def _scenes(source: Path, out: Path | None, said: Solving, names: list[str]) -> 
             )
         scene, material, warnings, _ = twin_scene(job)
         with job.record.part_of(EXPORTED):
-            paths, notes = _written(scene, job.store.path("export"), names, material)
+            paths, notes = _written(scene, job.store.path("export"))
     return paths, [f"the object is {material['sentence']}", *warnings, *notes]
 
 
-def _written(scene: Any, folder: Path, names: list[str], material: dict[str, Any]) -> tuple[list[Path], list[str]]:
-    from twin.description.gltf_file import write_gltf
+def _written(scene: "TwinScene", folder: Path) -> tuple[list[Path], list[str]]:
     from twin.engines.mitsuba_files import write_mitsuba
 
-    paths, notes = [], []
-    if "mitsuba" in names:
-        made, more = write_mitsuba(scene, folder)
-        first = scene.lights.names[0]
-        command = f"mitsuba -m llvm_ad_rgb -D light={first} -o {first}.exr {made[0]}"
-        paths, notes = [made[0]], [*more, f"{len(scene.lights)} lights, one at a time: {command}"]
-    if "gltf" in names:
-        kept = {key: material[key] for key in ("sentence", "relative_rmse") if key in material}
-        folder.mkdir(parents=True, exist_ok=True)
-        notes += write_gltf(scene, folder / "scene.glb", kept)
-        paths.append(folder / "scene.glb")
-        if "relative_rmse" in kept:
-            notes.append(f"its material misses the photographs by {100 * kept['relative_rmse']:.1f} % (rms)")
-    return paths, notes
+    made, notes = write_mitsuba(scene, folder)
+    first = scene.lights.names[0]
+    command = f"mitsuba -m llvm_ad_rgb -D light={first} -o {first}.exr {made[0]}"
+    return [made[0]], [*notes, f"{len(scene.lights)} lights, one at a time: {command}"]
 
 
 def check_mesh_name(path: Path) -> None:

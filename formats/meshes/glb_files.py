@@ -47,7 +47,7 @@ def textured(
 
 
 def write_glb(path: Path, made: Any) -> None:
-    """Write a `trimesh.Trimesh` or a `trimesh.Scene`, in metres."""
+    """Write a `trimesh.Trimesh`, in metres."""
     data = made.export(file_type="glb")
     assert isinstance(data, bytes)
     with write_whole(path) as file:

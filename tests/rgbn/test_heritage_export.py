@@ -239,6 +239,6 @@ def test_without_a_size_none_is_written(run_rgbn, tmp_path):
     }
     assert "service" not in json.loads((data / "iiif" / "manifest.json").read_text())["items"][0]
     # Solved anew for a twin that there cannot be: what is told of the normals is told anew as well.
-    code, _, said = run_rgbn("export", tmp_path / "out", "--format", "gltf", "--method", "ls")
+    code, _, said = run_rgbn("export", tmp_path / "out", "--format", "mitsuba", "--method", "ls")
     assert (code, "no scan is registered" in said) == (2, True)
     assert [*json.loads((tmp_path / "out" / "summary.json").read_text())["solve"]["methods"]] == ["ls"]

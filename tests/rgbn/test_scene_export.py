@@ -1,4 +1,4 @@
-"""`rgbn export --format mitsuba` and `gltf` of a scene description."""
+"""`rgbn export --format mitsuba` of a scene description."""
 
 import numpy as np
 import pytest
@@ -57,37 +57,3 @@ def test_what_cannot_be_exported_is_refused(export, tmp_path):
         if form == "mitsuba":
             assert message in said
         assert not (tmp_path / "out" / "export").exists()
-
-
-def test_a_gltf_file_has_the_shape_in_metres_its_colours_and_its_gloss(export, tmp_path):
-    """Read by another reader than its writer: glTF's own JSON and buffers, and what trimesh makes of them."""
-    import io
-    import json
-    import struct
-
-    import trimesh
-    from PIL import Image
-
-    # Red above, blue below: a texture that is upside down shows.
-    np.save(tmp_path / "a.npy", np.array([[[0.5, 0.1, 0.1]] * 2, [[0.1, 0.1, 0.5]] * 2]))
-    (tmp_path / "box.toml").write_text(SCENE.replace('"rough_plastic"', '"rough_plastic"\nroughness = 0.25'))
-    code, out, said = export(tmp_path / "box.toml", tmp_path / "out", "gltf")
-    assert code == 0, said
-    path = tmp_path / "out" / "export" / "scene.glb"
-    assert out.strip() == str(path)
-    data = path.read_bytes()
-    magic, version, length = struct.unpack("<4sII", data[:12])
-    assert (magic, version, length) == (b"glTF", 2, len(data))
-    size = struct.unpack("<I", data[12:16])[0]
-    tree, buffer = json.loads(data[20 : 20 + size]), data[28 + size :]
-    (material,) = tree["materials"]
-    assert material["pbrMetallicRoughness"]["roughnessFactor"] == pytest.approx(0.5)
-    assert material["pbrMetallicRoughness"]["metallicFactor"] == 0
-    view = tree["bufferViews"][tree["images"][0]["bufferView"]]
-    start = view.get("byteOffset", 0)
-    picture = np.asarray(Image.open(io.BytesIO(buffer[start : start + view["byteLength"]])))[..., :3]
-    assert np.abs(picture[0, 0].astype(int) - [188, 89, 89]).max() <= 1
-    assert np.abs(picture[1, 0].astype(int) - [89, 89, 188]).max() <= 1
-    loaded = trimesh.load(path)
-    assert isinstance(loaded, trimesh.Scene)
-    np.testing.assert_allclose(loaded.bounds, [[-0.03, -0.03, -0.33], [0.03, 0.03, -0.27]], atol=1e-6)
