@@ -19,8 +19,11 @@ def twin(job: Job) -> Outcome:
         # Not a warning of its own: what there is not, scan or lights, was said when it was to be aligned.
         return Outcome({"rendered": False})
     folder = Store(store.path("twin"))
-    # Scene and true normals are gone before the solvers' maps come.
-    result, warnings = _render(job, folder)
+    try:
+        # Scene and true normals are gone before the solvers' maps come.
+        result, warnings = _render(job, folder)
+    except RenderError as error:
+        return Outcome({"rendered": False}, [f"There is no twin. {error}"])
     solved, more, _ = solve_all(job, folder, "twin", job.methods)
     result["twin_processor_seconds"] = {method: row["processor_seconds"] for method, row in solved["methods"].items()}
     return Outcome(result, [*warnings, *(f"twin: {text}" for text in more)])
@@ -35,8 +38,8 @@ def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
     from twin.twin_session import Shooting, write_session
 
     store = job.store
-    scene, material, scene_warnings, found = twin_scene(job)
-    say(f"twin: {material['sentence'].partition(': ')[0]}")
+    scene, found, scene_warnings = twin_scene(job)
+    say(f"twin: {str(found.fit).partition(': ')[0]}")
     say(f"twin: rendered to an error of {100 * scene.sampling.error:.2g} %")
     with progress_bar("twin") as progress:
         how = {"apart": job.twin.layers, "executor": job.executor, "progress": progress, "tell": say}
@@ -57,22 +60,18 @@ def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
     facts = rendered.facts()
     facts["warnings"] = (*scene_warnings, *rendered.warnings)
     photographed = {} if sensor is None else {"sensor": asdict(sensor)}
-    return {"rendered": True, "material": material, "held_out": foretold, **facts, **photographed}, list(
+    return {"rendered": True, "material": found.facts(), "held_out": foretold, **facts, **photographed}, list(
         facts["warnings"]
     )
 
 
-def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str], Any]:
-    """Return the twin's scene, what it is made of, warnings, the fit; see `twin.session_scene.session_scene`."""
+def twin_scene(job: Job) -> tuple[Any, Any, list[str]]:
+    """Return the twin's scene, its material, warnings; see `twin.session_scene.session_scene`."""
     from twin.description.description import Sampling
     from twin.session_scene import session_scene
 
-    # Of the methods asked for, the one that gloss disturbs least.
-    method = "iterative" if "iterative" in job.methods else job.methods[0]
     sampling, how = job.twin.sampling(Sampling()), job.twin
-    return session_scene(
-        job.store, job.load_scan(), sampling, is_error_given=how.error is not None, method=method
-    )  # fmt: skip
+    return session_scene(job.store, job.load_scan(), sampling, is_error_given=how.error is not None)
 
 
 def _foretold(job: Job, scene: Any, choice: Any, whole: Any) -> dict[str, Any] | None:

@@ -147,10 +147,10 @@ def _scene(source: Path, out: Path | None, said: Solving) -> tuple[list[Path], l
                 f'{job.session.name}: no scan is registered, so there is no twin to export. Add [object] scan = "..." '
                 "to session.toml."
             )
-        scene, material, warnings, _ = twin_scene(job)
+        scene, found, warnings = twin_scene(job)
         with job.record.part_of(EXPORTED):
             paths, notes = _written(scene, job.store.path("export"))
-    return paths, [f"the object is {material['sentence']}", *warnings, *notes]
+    return paths, [f"the object is {found.fit}", *warnings, *notes]
 
 
 def _written(scene: "TwinScene", folder: Path) -> tuple[list[Path], list[str]]:

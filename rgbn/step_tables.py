@@ -206,7 +206,7 @@ def twin_tables(job: Job, summary: Values) -> Iterator[Any]:
     if twin := summary["twin"]:
         yield fact_table("twin", TWIN, twin["material"] | (twin.get("held_out") or {}) | twin)
     else:
-        yield fact_table("twin", {"not rendered": "no scan is registered"})
+        yield fact_table("twin", {"not rendered": "no scan is registered, or no material fits it"})
 
 
 def compare_tables(job: Job, summary: Values) -> Iterator[Any]:

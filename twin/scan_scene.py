@@ -17,16 +17,15 @@ from twin.description.description_check import check_scene
 from twin.description.materials import Diffuse, Material, RoughPlastic
 from twin.description.object_mesh import ObjectMesh
 from twin.material.fit_material import MaterialFit
-from twin.material.measured_albedo import albedo_at_the_surface, textured_surface
+from twin.material.measured_albedo import textured_surface
 from twin.visibility import Sight
 
 NAME = "measured_albedo"
 
 
 def scan_scene(
-    sight: Sight, albedo: NDArray[np.float32], sampling: Sampling, *, fit: MaterialFit | None = None,
-    albedo_depth_mm: float | None = None,
-) -> tuple[TwinScene, tuple[str, ...]]:  # fmt: skip
+    sight: Sight, albedo: NDArray[np.float32], sampling: Sampling, *, fit: MaterialFit | None = None
+) -> tuple[TwinScene, tuple[str, ...]]:
     """Return the scene of a session's object alone, and what is suspicious about it.
 
     The albedo's white value becomes the lights', so that pixel values are those that the albedo was measured in. The
@@ -37,13 +36,9 @@ def scan_scene(
     sight : Sight
         Near lights are rendered as points.
     albedo : (H, W, 3) float32
-        Pixel value under a light of intensity 1 along the normal, NaN where unknown: what a solver measured, or of a
-        fitted material's body.
+        Of the body: pixel value under a light of intensity 1 along the normal, NaN where unknown.
     fit : MaterialFit or None
         The material; None: matte.
-    albedo_depth_mm : float or None
-        The z at which near lights were evaluated when the albedo was measured, if not at the surface itself: a solver
-        that knows no shape takes the reference point's.
 
     Raises
     ------
@@ -67,8 +62,6 @@ def scan_scene(
     scene = TwinScene(camera, (one,), {NAME: Diffuse((0.5, 0.5, 0.5))}, lights, sampling=sampling, name="the scan")
     check_scene(scene)
     film = scene.film()
-    if albedo_depth_mm is not None and lights.positions_mm is not None:
-        albedo = albedo_at_the_surface(sight, albedo, albedo_depth_mm, film.rows, film.columns)
     textured, texture, white, warnings = textured_surface(sight, albedo, film.rows, film.columns)
     material: Material = Diffuse(texture)
     if fit is not None and fit.model != "matte":

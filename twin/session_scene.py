@@ -2,9 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from scene.errors import RenderError
 from scene.frames import Frames
 from scene.mesh import Mesh
 from scene.store import Store
@@ -21,39 +20,29 @@ ENOUGH = 0.5
 
 
 def session_scene(
-    store: Store, mesh: Mesh, sampling: Sampling, *, is_error_given: bool, method: str
-) -> tuple[TwinScene, dict[str, Any], list[str], "ScanMaterial | None"]:
-    """Return a registered scan under the calibrated lights as a scene: of the material that explains the photographs.
+    store: Store, mesh: Mesh, sampling: Sampling, *, is_error_given: bool
+) -> "tuple[TwinScene, ScanMaterial, list[str]]":
+    """Return a registered scan under the calibrated lights as a scene, the material fitted to it, and warnings.
 
-    store: the session's output folder, after `solve`. is_error_given: the sampling's error is what the user asked for.
-    method: the solver whose albedo a matte object has where no material can be fitted. With the scene come
-    `twin.material.scan_material.ScanMaterial.facts`, of a matte object only model and sentence, warnings, and the
-    material if one was fitted.
+    store: the session's output folder, after `align`. is_error_given: the sampling's error is what the user asked for.
+    Raises RenderError: no material can be fitted, or the scene cannot be rendered.
     """
     from twin.material.scan_material import scan_material
     from twin.scan_scene import scan_scene
     from twin.visibility import Sight
 
-    lights = store.load_lights()
-    sight = Sight.of_scan(mesh, store.load_pose(), store.load_camera(), lights, store.load_normals("truth"))
-    try:
-        found = scan_material(sight, store.load_frames(), store.load_mask())
-    except RenderError as error:
-        reason = f"matte, of the albedo of {method}: no material could be fitted. {error}"
-        albedo = store.read_array("albedo", f"{method}.npy")
-        # The solvers evaluate near lights at this one depth; the scan knows better.
-        depth = float(lights.reference_point_mm[2])
-        scene, warnings = scan_scene(sight, albedo, sampling, albedo_depth_mm=depth)
-        return scene, {"model": "matte", "sentence": reason}, [f"The twin is {reason}", *warnings], None
+    truth, lights = store.load_normals("truth"), store.load_lights()
+    sight = Sight.of_scan(mesh, store.load_pose(), store.load_camera(), lights, truth)
+    found = scan_material(sight, store.load_frames(), store.load_mask())
     if not is_error_given:
         # No more than the scene needs: what the material is wrong by, exact light would not mend.
         sampling = replace(sampling, error=max(sampling.error, ENOUGH * found.relative_rmse))
     scene, warnings = scan_scene(sight, found.albedo, sampling, fit=found.fit)
-    return scene, found.facts(), [*found.warnings, *warnings], found
+    return scene, found, [*found.warnings, *warnings]
 
 
 def session_relighting(
-    store: Store, mesh: Mesh, sampling: Sampling, render: Callable[[TwinScene], Frames], whole: "ScanMaterial | None"
+    store: Store, mesh: Mesh, sampling: Sampling, render: Callable[[TwinScene], Frames], whole: "ScanMaterial"
 ) -> "Relighting":
     """Return how well the session's twin foretells frames that it was not fitted to; see `twin.relighting.relighting`.
 

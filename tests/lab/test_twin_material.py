@@ -1,4 +1,4 @@
-"""What a session's twin is made of where the material cannot be fitted, and how exactly it is rendered."""
+"""How exactly a session's twin is rendered, and what there is where no material can be fitted."""
 
 from types import SimpleNamespace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lab.options import TwinSettings
-from lab.twin_step import twin_scene
+from lab.twin_step import twin, twin_scene
 from scene.camera import Camera
 from scene.files import write_npy
 from scene.frames import Frames
@@ -61,3 +61,9 @@ def test_a_rendering_is_no_more_exact_than_its_material(job, monkeypatch, unexpl
     job.twin = TwinSettings(error=said)
     sampling = twin_scene(job)[0]
     assert sampling.error == pytest.approx(error)
+
+
+def test_without_a_material_there_is_no_twin_and_it_is_said(job):
+    outcome = twin(job)
+    assert outcome.result == {"rendered": False}
+    assert [text for text in outcome.warnings if "There is no twin. material: " in text] == outcome.warnings

@@ -13,7 +13,6 @@ from scene.camera import Camera
 from scene.errors import RenderError
 from scene.frames import PEDESTAL
 from scene.mesh import Mesh
-from scene.normals import unit
 from scene.pose import Pose
 from scene.store import Store
 from tests.twin import twin_scenes
@@ -32,12 +31,12 @@ BRIGHT = np.full(3, 0.8)
 ROWS, COLUMNS = np.mgrid[:80, :96]
 
 
-def render(scan, lights, albedo=0.5, *, pose=HERE, camera=CAMERA, samples=None, depth=3, albedo_depth_mm=None, **how):
+def render(scan, lights, albedo=0.5, *, pose=HERE, camera=CAMERA, samples=None, depth=3, **how):
     """Render a scan with its albedo, one for all or a picture, by stock Mitsuba."""
     if np.ndim(albedo) == 0:
         albedo = np.full((camera.height, camera.width, 3), albedo, np.float32)
     sight = Sight.of_scan(scan, pose, camera, lights)
-    scene, warnings = scan_scene(sight, albedo, Sampling("mitsuba", samples, depth), albedo_depth_mm=albedo_depth_mm)
+    scene, warnings = scan_scene(sight, albedo, Sampling("mitsuba", samples, depth))
     rendered = render_scene(scene, **how)
     return replace(rendered, warnings=(*warnings, *rendered.warnings))
 
@@ -196,25 +195,6 @@ def test_frames_are_named_stored_and_the_same_wherever_they_are_rendered(tmp_pat
     assert (here.frames.codes[:, :4, :4] == PEDESTAL).all()
     assert 0 < here.choice.noise == there.choice.noise
     assert (here.variant, here.choice.samples, here.sampling.max_depth) == (there.variant, 4, 3)
-
-
-def test_albedo_that_was_measured_on_a_plane_gives_the_frames_that_it_was_measured_from():
-    """A ball that stands out of the plane at which its albedo was fitted: the twin is not brighter for it."""
-    toward = unit(np.array([[-1, 1, 2], [1, 1, 2.5], [0, -1, 2], [1, -0.5, 2], [-1, -0.7, 3.0]]))
-    lights, how = near(*(CENTER + 300 * toward)), {"pose": AT_CENTER, "depth": 2}
-    real = render(ball(), lights, 0.4, **how).frames.read()
-    _, normals, seen = ball_seen(CAMERA, CENTER, 60.0, rim=0)
-    pixels = seen & (normals[..., 2] > 0.7)
-    vectors = lights.at(CAMERA.points_at_depth(CAMERA.grid()[pixels], CENTER[2]))[:, :, 1]
-    shading = np.einsum("npx,px->np", vectors, normals[pixels])
-    fitted = np.full((80, 96, 3), np.nan, np.float32)
-    fitted[pixels] = (np.sum(shading * real[:, pixels, 1], 0) / np.sum(shading**2, 0))[:, None]
-    naive, mended = (
-        render(ball(), lights, fitted, albedo_depth_mm=depth, **how).frames.read()[:, pixels].mean()
-        for depth in (None, CENTER[2])
-    )
-    assert naive > 1.2 * real[:, pixels].mean()
-    assert mended == pytest.approx(real[:, pixels].mean(), rel=5e-3)
 
 
 def test_what_the_twin_does_not_have_is_told():
