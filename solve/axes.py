@@ -1,7 +1,7 @@
 """In whose axes normals and lights are: told by the photographs under known lights, and by a normal map itself.
 
 Convex for concave is one of these ways. Uncalibrated methods see no difference between a surface under its lights and
-the inverted surface under mirrored ones; a network may invert a part. Lights that were calibrated know.
+the inverted surface under mirrored ones. Lights that were calibrated know.
 """
 
 import numpy as np
@@ -31,14 +31,6 @@ _ALIKE = 0.05
 _WHOLE, _LEAST = 0.25, 0.003
 """Share of what the lights can tell by which the inverted relief must be the better one; misfit that is noise's as well
 as any relief's."""
-_ASIDE = 0.2
-"""Sine of the angle between a normal and the line of sight from which inverting it shows."""
-_CLEAR, _BETTER = 0.05, 0.5
-"""Misfit from which a patch is not explained, and the share of it that the inverted relief may leave there."""
-_PATCHES, _FEWEST = 16, 12
-"""Patches along the object's longer side, and pixels that a patch must have."""
-_PART = 0.02
-"""Share of the object in patches of that kind from which a part is called inverted."""
 _LAMBERT = 0.15**2
 """Misfit of Lambert's law, the same in all axes, above which something else is wrong: the order, the strengths."""
 _LIT, _FEWEST_LIT = 0.05, 4
@@ -53,20 +45,13 @@ class _Lit:
         self.values = samples.valid * np.maximum(samples.gray, 0).astype(np.float64)
         self.lit = self.valid & (self.values > _LIT * self.values.max(1, keepdims=True))
 
-    def misfits(self, normals: Array) -> Array:
-        """Return each pixel's misfit (P,) under normals (P, 3), min_r |m - r max(0, l . n)|^2 / |m|^2.
-
-        NaN where all is dark.
-        """
+    def misfit(self, normals: Array) -> float:
+        """Return the median over pixels of the misfit under normals (P, 3), min_r |m - r max(0, l . n)|^2 / |m|^2."""
         shade = np.maximum(np.einsum("pfi,pi->pf", self.toward, normals), 0) * self.valid
         square, power = (shade**2).sum(1), (self.values**2).sum(1)
         explained = np.divide((self.values * shade).sum(1) ** 2, square, out=np.zeros_like(square), where=square > 0)
-        return 1 - np.divide(explained, power, out=np.full_like(power, np.nan), where=power > 0)
-
-    def misfit(self, normals: Array) -> float:
-        """Return the median misfit."""
-        each = self.misfits(normals)
-        return float(np.nanmedian(each)) if np.isfinite(each).any() else 1.0
+        seen = (power > 0) & np.isfinite(explained)
+        return float(np.median(1 - explained[seen] / power[seen])) if seen.any() else 1.0
 
     def by_chance(self, normals: Array) -> float:
         """Return the misfit of the same normals dealt out to the pixels at random."""
@@ -145,45 +130,15 @@ def relief_cautions(
     thin.flat[some_pixels(known.ravel())] = True
     lit = _Lit(all_samples(Problem.of(frames, lights, camera, thin)))
     there = normals[thin].astype(np.float64)
-    given, other = (lit.misfits(each) for each in (there, there @ INVERTED))
-    if not np.isfinite(given).any():
-        return ()
-    chance, own, inverted = lit.by_chance(there), float(np.nanmedian(given)), float(np.nanmedian(other))
+    chance, own, inverted = lit.by_chance(there), lit.misfit(there), lit.misfit(there @ INVERTED)
     room = chance - min(own, inverted)
-    if room < _TELLING * chance:
+    if room < _TELLING * chance or own <= _LEAST or own - inverted <= _WHOLE * room:
         return ()
-    if own > _LEAST and own - inverted > _WHOLE * room:
-        return (
-            "its relief is inverted, convex for concave: under the calibrated lights normals with x and y negated "
-            f"explain the photographs to {inverted:.1%}, its own to {own:.1%} only. It is left as the method gave it; "
-            "believe a calibrated method.",
-        )
-    telling = (np.hypot(there[:, 0], there[:, 1]) > _ASIDE) & np.isfinite(given) & (lit.lit.sum(1) >= _FEWEST_LIT)
-    row, column = (places[telling] for places in np.nonzero(thin))
-    inside = _in_inverted_patches(row, column, given[telling], other[telling])
-    share = inside.sum() / max(len(inside), 1)
-    if share > _PART:
-        return (
-            f"{share:.0%} of the object, about row {int(np.median(row[inside]))}, column "
-            f"{int(np.median(column[inside]))}, seem inverted, convex for concave: there normals with x and y negated "
-            "explain the photographs better under the calibrated lights.",
-        )
-    return ()
-
-
-def _in_inverted_patches(row: NDArray, column: NDArray, given: Array, other: Array) -> NDArray[np.bool_]:
-    """Return which pixels (P,) lie in a patch of the picture that the inverted relief explains better."""
-    from scipy.ndimage import median
-
-    if not len(row):
-        return np.zeros(0, bool)
-    tall, wide = np.ptp(row) + 1.0, np.ptp(column) + 1.0
-    # Of a small object patches are larger: each is to have its pixels.
-    side = max(max(tall, wide) / _PATCHES, np.sqrt(1.3 * _FEWEST * tall * wide / len(row))) + 1
-    patch = (row - row.min()) // side * (_PATCHES + 1) + (column - column.min()) // side
-    labels, patch, count = np.unique(patch, return_inverse=True, return_counts=True)
-    own, better = (median(misfit, patch, np.arange(len(labels))) for misfit in (given, other))
-    return ((count >= _FEWEST) & (own > _CLEAR) & (better < _BETTER * own))[patch]
+    return (
+        "its relief is inverted, convex for concave: under the calibrated lights normals with x and y negated "
+        f"explain the photographs to {inverted:.1%}, its own to {own:.1%} only. It is left as the method gave it; "
+        "believe a calibrated method.",
+    )
 
 
 def lights_in_other_axes(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]) -> str | None:

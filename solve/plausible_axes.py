@@ -5,6 +5,7 @@ from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 Array = NDArray[np.float64]
 AXES = tuple(
@@ -23,9 +24,11 @@ _STEEP = 0.3
 _CLEARLY = 0.5
 """A misfit is clearly the least when the next is twice as large."""
 _OUT = 0.35
-"""Mean cosine, at the rim, between normals and the way out, from which the rim is one; in wrong axes it is negative."""
-_RIM_PX, _FEWEST = 2.5, 20
-"""How far the rim reaches into the mask, and pixels that it must have."""
+"""See `_way_out`: from it on the rim is one; in wrong axes it is negative."""
+_LIMB = 0.7
+"""Sine of the angle between a normal at the rim and the line of sight from which the rim is a body's."""
+RIM_PX = (1.5, 6.5)
+"""Distance from the outline of the pixels that vote: the outermost are mixed with the background."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ def plausible_axes(normals: Array, mask: NDArray[np.bool_]) -> PlausibleAxes:
     facing = [k for k in facing if np.array_equal(AXES[k][2], third)]
     curls = {k: _curl(normals @ AXES[k].T) for k in facing}
     left = [k for k in facing if curls[k] <= max(min(curls.values()) / _CLEARLY, 1e-4)]
-    outs = {k: _way_out(normals @ AXES[k].T, mask) for k in left}
+    outs = {k: _way_out(normals[mask] @ AXES[k].T, mask) for k in left}
     most = max(outs.values())
     best = [k for k in left if most <= _OUT or outs[k] > most - _OUT]
     by_rim = 0 if 0 in best else max(best, key=lambda k: outs[k])
@@ -81,22 +84,33 @@ def _curl(turned: Array) -> float:
 
 
 def _way_out(turned: Array, mask: NDArray[np.bool_]) -> float:
-    """Return the mean over the rim of the cosine between a normal's x, y and the way out of the mask.
+    """Return how clearly normals (P, 3) point out of the mask at its rim: 1 on a round body, -1 in a hollow.
 
-    1 on a round body, -1 in a hollow, near 0 on a relief that fills its mask.
+    Near 0 on a relief that fills its mask: a rim is steep; the edge of a relief is what it happens to be.
     """
-    import cv2
+    vote, steepness = outward_vote(turned, mask)
+    return 0.0 if np.isnan(vote) else (2 * vote - 1) * min(1.0, steepness / _LIMB)
 
-    depth = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
-    smooth = np.asarray(cv2.GaussianBlur(depth, (0, 0), 1.5), np.float64)
-    rim = mask & np.isfinite(turned[..., 0]) & (depth <= _RIM_PX)
-    # Where the picture ends the object does not.
-    rim[[0, -1]] = rim[:, [0, -1]] = False
-    if rim.sum() < _FEWEST:
-        return 0.0
-    gy, gx = np.gradient(smooth, axis=0), np.gradient(smooth, axis=1)
-    out, flat = np.stack([-gx[rim], gy[rim]], -1), turned[rim][:, :2]
-    scale = np.linalg.norm(out, axis=1) * np.linalg.norm(flat, axis=1)
-    cosine = np.sum(out * flat, 1) / np.maximum(scale, 1e-9)
-    # A rim is steep; the edge of a relief is what it happens to be.
-    return float(np.mean(cosine) * min(1.0, np.median(np.linalg.norm(flat, axis=1)) / 0.7))
+
+def outward_vote(b: Array, mask: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return which share of the outline says that b (P, 3) points out of the mask (H, W), and how steep it is.
+
+    NaN of b does not vote. NaN without an outline: where the mask runs into the picture's edge the object goes on.
+    Steepness: the median of the sine between the normals there and the line of sight.
+    """
+    padded = np.pad(mask, 1, mode="edge")
+    inside = np.asarray(ndimage.distance_transform_edt(padded))[1:-1, 1:-1]
+    smooth = ndimage.gaussian_filter(np.pad(mask, 8, mode="edge").astype(np.float32), 3.0)
+    down, right = np.gradient(smooth)
+    outward = np.stack([-right, down], -1)[8:-8, 8:-8][mask]
+    rim = ((inside > RIM_PX[0]) & (inside < RIM_PX[1]))[mask]
+    rim &= (np.linalg.norm(outward, axis=1) > 1e-3) & (np.linalg.norm(b, axis=1) > 0)
+    if np.count_nonzero(rim) < 20:
+        return np.nan, 0.0
+    # Steep pixels say more than those that face the camera.
+    pull = np.sum(b[rim, :2] * outward[rim], 1) / np.maximum(
+        np.linalg.norm(b[rim], axis=1) * np.linalg.norm(outward[rim], axis=1), 1e-300
+    )
+    share = float(np.sum(np.maximum(pull, 0)) / max(float(np.sum(np.abs(pull))), 1e-300))
+    sine = np.linalg.norm(b[rim, :2], axis=1) / np.maximum(np.linalg.norm(b[rim], axis=1), 1e-300)
+    return share, float(np.median(sine))

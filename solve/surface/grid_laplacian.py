@@ -54,30 +54,31 @@ def solve_grid(
     matrix += np.diag(last.diagonal.ravel() == 0)
     # Its least eigenvalue is the shift's, tiny beside the largest: what is below is rounding.
     least = max(float(last.shift.sum()) / max(int((last.shift > 0).sum()), 1), 1e-15 * float(last.diagonal.max()))
-    grids = _Grids(levels, _inverse(matrix, least))
-    goal = tolerance * _length(rhs)
+    values, vectors = np.linalg.eigh(matrix)
+    grids = _Grids(levels, (vectors / np.maximum(values, least)) @ vectors.T)
+    goal = tolerance * float(np.linalg.norm(rhs))
     change, left = _conjugate(grids, 0, _left(levels[0], rhs, start), goal, iterations)
-    return start + change, _length(left) <= goal
+    return start + change, bool(np.linalg.norm(left) <= goal)
 
 
 def _conjugate(grids: _Grids, depth: int, rhs: Array, goal: float, iterations: int) -> tuple[Array, Array]:
     """Return x of a level and what it leaves of the right side: conjugate gradients, preconditioned by a cycle."""
     if depth == len(grids.levels) - 1:
-        return np.einsum("ij,j", grids.inverse, rhs.ravel()).reshape(rhs.shape), np.zeros_like(rhs)
+        return (grids.inverse @ rhs.ravel()).reshape(rhs.shape), np.zeros_like(rhs)
     x, residual, nothing = np.zeros_like(rhs), rhs, np.zeros_like(rhs)
     step, before, slope = x, residual, 1.0
     for count in range(iterations):
-        if _length(residual) <= goal:
+        if np.linalg.norm(residual) <= goal:
             break
         z = _cycle(grids, depth, residual)
         # Flexible conjugate gradients: a cycle is not the same linear map twice.
-        step = z + (_dot(z, residual - before) / slope) * step if count else z
-        slope = _dot(z, residual)
+        step = z + (np.vdot(z, residual - before) / slope) * step if count else z
+        slope = np.vdot(z, residual)
         image = -_left(grids.levels[depth], nothing, step)
-        bend = _dot(step, image)
+        bend = np.vdot(step, image)
         if not bend > 0.0:
             break
-        length = _dot(step, residual) / bend
+        length = np.vdot(step, residual) / bend
         x += length * step
         before, residual = residual, residual - length * image
     return x, residual
@@ -90,20 +91,11 @@ def _cycle(grids: _Grids, depth: int, rhs: Array) -> Array:
     x = _smoothed(level, rhs, _WEIGHTS[0] * level.reciprocal * rhs, _WEIGHTS[1])
     solved = level.reciprocal > 0
     coarse = _merged(_left(level, rhs, x) * solved)
-    found, _ = _conjugate(grids, depth + 1, coarse, 0.25 * _length(coarse), 2)
+    found, _ = _conjugate(grids, depth + 1, coarse, 0.25 * float(np.linalg.norm(coarse)), 2)
     x += solved * found.repeat(2, 0).repeat(2, 1)[: x.shape[0], : x.shape[1]]
     for weight in _WEIGHTS:
         x = _smoothed(level, rhs, x, weight)
     return x
-
-
-def _dot(a: Array, b: Array) -> float:
-    # Not the linear algebra library's, here and below: waking its threads costs more than the work.
-    return float(np.einsum("ij,ij", a, b))
-
-
-def _length(a: Array) -> float:
-    return float(np.sqrt(_dot(a, a)))
 
 
 def _level(right: Array, down: Array, shift: Array) -> _Level:
@@ -155,21 +147,4 @@ def _left(level, rhs, x):  # pragma: no cover
             if i > 0:
                 total += down[i - 1, j] * x[i - 1, j]
             out[i, j] = total
-    return out
-
-
-@numba.njit(nogil=True, cache=True)
-def _inverse(matrix, least):  # pragma: no cover
-    """Return the inverse of a symmetric matrix by Gauss and Jordan's steps, no pivot below `least`."""
-    out = matrix.copy()
-    for k in range(len(out)):
-        pivot = max(out[k, k], least)
-        out[k, k] = 1.0
-        out[k] /= pivot
-        for i in range(len(out)):
-            if i != k:
-                factor = out[i, k]
-                out[i, k] = 0.0
-                for j in range(len(out)):
-                    out[i, j] -= factor * out[k, j]
     return out

@@ -11,12 +11,12 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from scene.errors import CalibrationError
 from scene.fan_out import fan_out
 from solve.methods import Whole
 from solve.pixelwise import iterative
+from solve.plausible_axes import outward_vote
 from solve.samples import Geometry, Samples
 
 Array = NDArray[np.float64]
@@ -28,8 +28,6 @@ RANK_GAP = 2.0
 EIGEN_GAP = 0.1
 INTEGRABLE_ROUNDS = 15
 """Rounds of reweighting of the integrability's equations."""
-RIM_PX = (1.5, 6.5)
-"""Distance from the outline of the pixels that vote: the outermost are mixed with the background."""
 CLEAR_VOTE = 0.75
 STEEP = 0.4
 
@@ -261,27 +259,3 @@ def finish(
         said.append(f"{behind:.0%} of the lights would stand behind the object.")
     size = float(np.mean(np.linalg.norm(lights, axis=1)))
     return Whole(b * size, found.used, tuple(said), lights / size)
-
-
-def outward_vote(b: Array, mask: NDArray[np.bool_]) -> tuple[float, float]:
-    """Return which share of the outline says that b (P, 3) points out of the mask (H, W), and how steep it is.
-
-    NaN without an outline: where the mask runs into the picture's edge the object goes on. Steepness: the median
-    of the sine between the normals there and the line of sight.
-    """
-    padded = np.pad(mask, 1, mode="edge")
-    inside = np.asarray(ndimage.distance_transform_edt(padded))[1:-1, 1:-1]
-    smooth = ndimage.gaussian_filter(np.pad(mask, 8, mode="edge").astype(np.float32), 3.0)
-    down, right = np.gradient(smooth)
-    outward = np.stack([-right, down], -1)[8:-8, 8:-8][mask]
-    rim = ((inside > RIM_PX[0]) & (inside < RIM_PX[1]))[mask]
-    rim &= np.linalg.norm(outward, axis=1) > 1e-3
-    if np.count_nonzero(rim) < 20:
-        return np.nan, 0.0
-    # Steep pixels say more than those that face the camera.
-    pull = np.sum(b[rim, :2] * outward[rim], 1) / np.maximum(
-        np.linalg.norm(b[rim], axis=1) * np.linalg.norm(outward[rim], axis=1), 1e-300
-    )
-    share = float(np.sum(np.maximum(pull, 0)) / max(float(np.sum(np.abs(pull))), 1e-300))
-    sine = np.linalg.norm(b[rim, :2], axis=1) / np.maximum(np.linalg.norm(b[rim], axis=1), 1e-300)
-    return share, float(np.median(sine))

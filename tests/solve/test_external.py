@@ -58,10 +58,6 @@ if manner == "opencv":
     normals = normals * [1, -1, -1]
 if manner == "inverted":
     normals = normals * [-1, -1, 1]
-if manner == "part inverted":
-    rows, columns = np.nonzero(mask)
-    some = np.s_[rows.min() + 4 : rows.min() + 18, columns.max() - 16 : columns.max() - 2]
-    normals[some] *= [-1, -1, 1]
 if manner == "swapped":
     normals = normals[..., [2, 0, 1]] * [-1, 1, 1]
 if manner == "mat":
@@ -138,14 +134,6 @@ def test_a_map_that_is_convex_for_concave_is_put_right_and_told(run, scene):
     assert estimate.settings["axes"] == "(-x, -y, z)"
     assert angular_error_deg(estimate.normals, normals)[mask].max() < 0.05
     assert [text for text in estimate.warnings if "convex for concave" in text] == list(estimate.warnings)
-
-
-def test_a_part_that_is_convex_for_concave_is_told_and_left_as_it_is(run, scene):
-    *_, mask, normals = scene
-    estimate = run("part inverted")
-    assert estimate.settings["axes"] == "(x, y, z)"
-    assert 0.05 < np.mean(angular_error_deg(estimate.normals, normals)[mask] > 10) < 0.2
-    assert any("% of the object, about row" in text and "convex for concave" in text for text in estimate.warnings)
 
 
 @pytest.mark.parametrize(

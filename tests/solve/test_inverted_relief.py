@@ -1,4 +1,4 @@
-"""Convex for concave: told where calibrated lights know, of the whole object or a part; never put right in silence."""
+"""Convex for concave: told where calibrated lights know; never put right in silence."""
 
 import numpy as np
 import pytest

@@ -19,7 +19,6 @@ from twin.description.materials import Diffuse, RoughPlastic
 from twin.engines import light_layers
 from twin.engines.light_layers import pieces_of, render_layers
 from twin.engines.render import render_scene, rendering_mark
-from twin.engines.unfinished import Unfinished
 from twin.engines.variant import SLOW, pick_variant
 
 pytestmark = pytest.mark.render
@@ -129,23 +128,6 @@ def test_a_mark_tells_what_makes_a_difference_and_nothing_else():
     ]
     marks = {rendering_mark(replace(scene, **change), False) for change in changes} | {rendering_mark(scene, True)}
     assert len(marks - {mark}) == len(changes) + 1
-
-
-def test_damaged_notes_are_started_anew(tmp_path):
-    """Whatever byte of the notes changes, nothing is taken from them, and nothing is raised."""
-    kept = Unfinished(tmp_path / "left", "a")
-    kept.begin({"engine": "many", "samples": 9}, {"codes": ((2, 3), np.uint16, 0)})
-    kept.finished(0)
-    again = Unfinished(tmp_path / "left", "a")
-    assert (again.notes, again.done) == (kept.notes, {0})
-    notes, array = (tmp_path / "left" / name for name in ("rendering.json", "codes.npy"))
-    whole, values = notes.read_bytes(), array.read_bytes()
-    for damaged in (*(whole.replace(byte, b"7") for byte in (b"0", b"d", b":")), whole[:-9], b"[" * 100_000):
-        notes.parent.mkdir(exist_ok=True)
-        notes.write_bytes(damaged)
-        array.write_bytes(values)
-        assert Unfinished(tmp_path / "left", "a").notes is None
-        assert not notes.parent.exists()
 
 
 @pytest.mark.full

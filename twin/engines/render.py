@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, as_completed
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -121,8 +121,7 @@ def render_scene(
     """
     started = time.perf_counter()
     film, folder = scene.film(), scratch if store is None else scratch_for(store.folder)
-    kept = Unfinished(folder, "" if folder is None else rendering_mark(scene, apart))
-    choice = _elsewhere(executor, _choose, scene, film) if kept.notes is None else Choice(**kept.notes)
+    choice = _elsewhere(executor, _choose, scene, film)
     give_memory_back()
     if tell is not None:
         tell(str(choice))
@@ -130,11 +129,11 @@ def render_scene(
             tell("renderer: {}, {}".format(*pick_variant()))
     standing = _elsewhere(executor, standing_light, scene, film)
     work = _Work(scene, film, choice, apart and store is not None, standing)
+    shape = (len(scene.lights), scene.camera.height, scene.camera.width, 3)
+    layers = dict.fromkeys(LAYERS if work.apart else (), (shape, np.float16, 0))
+    mark = "" if folder is None else rendering_mark(scene, apart)
+    kept = Unfinished({"codes": (shape, np.uint16, PEDESTAL), **layers}, folder, mark)
     pieces, found = pieces_of(film, len(scene.lights), choice.engine), len(kept.done)
-    if kept.notes is None:
-        shape = (len(scene.lights), scene.camera.height, scene.camera.width, 3)
-        layers = dict.fromkeys(LAYERS if work.apart else (), (shape, np.float16, 0))
-        kept.begin(asdict(choice), {"codes": (shape, np.uint16, PEDESTAL), **layers})
     if progress is not None and found:
         progress(found, len(pieces))
     for index, parts in _made(work, pieces, sorted(set(range(len(pieces))) - kept.done), executor):
