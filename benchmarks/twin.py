@@ -42,7 +42,6 @@ from twin.visibility import Sight
 Images = NDArray[np.float32]
 
 GRAY_BALL, SCENE = "Washington gray ball", "test scene"
-KINDS = ("linear", "hdr", "ldr")
 
 
 @dataclass(frozen=True)
@@ -55,9 +54,6 @@ class RelightingRow:
     rmse_fitted_percent: float
     rmse_lit_percent: float
     rmse_whole_percent: float
-    psnr_linear_db: float
-    psnr_hdr_db: float
-    psnr_ldr_db: float
 
 
 def _captures(scale: Scale) -> list[tuple]:
@@ -107,14 +103,12 @@ def _relit(name: str) -> list[RelightingRow]:
         # It is not registered: sessions/sessions says why.
         return []
     shares = (100 * found.relative_rmse[key] for key in MASKS)
-    decibels = (found.psnr_db[kind] for kind in KINDS)
-    return [RelightingRow(name, len(found.fitted), len(found.predicted), *shares, *decibels)]
+    return [RelightingRow(name, len(found.fitted), len(found.predicted), *shares)]
 
 
 def _shown_relit(rows: Sequence[RelightingRow]) -> str:
     columns = {"photographs": "{photographs}", "frames fitted, foretold": "{fitted}, {foretold}"}
     columns |= {f"relative RMSE, {name}": f"{{rmse_{name}_percent:.1f}} %" for name in MASKS}
-    columns |= {f"PSNR {kind}": f"{{psnr_{kind}_db:.1f}} dB" for kind in KINDS}
     return markdown(columns, [vars(row) for row in rows])
 
 

@@ -108,23 +108,23 @@ def read_layout(folder: Path) -> DiligentFolder:
 
 
 def write_diligent(
-    folder: Path, frames: Frames, lights: Lights, mask: NDArray[np.bool_], box: tuple[slice, slice] = np.s_[:, :]
-) -> None:
-    """Write a window of the frames, ambient light subtracted, all by one factor. No truth, and no unknown lights."""
-    files = {f"{index + 1:03d}.png": index for index in range(len(frames))}
-    write_photographs(folder, frames, files, box)
-    write_png(folder / MASK, mask[box])
-    for name, text in light_tables(list(files), lights).items():
-        if not lights.is_unknown or name == FILENAMES:
-            write_text(folder / name, text)
+    folder: Path, frames: Frames, lights: Lights, mask: NDArray[np.bool_], box: tuple[slice, slice] = np.s_[:, :],
+    most: int | None = None,
+) -> None:  # fmt: skip
+    """Write a window of the frames, 16-bit linear RGB, ambient light subtracted, all by one factor.
 
-
-def write_photographs(folder: Path, frames: Frames, files: dict[str, int], box: tuple[slice, slice]) -> None:
-    """Write some frames' window, {file name: frame}: 16-bit linear RGB, ambient subtracted, all by one factor."""
-    factor = 65535 / max(float(frames.gain.max()), 1e-12)
+    No truth, and no unknown lights. `most`: at most so many frames, evenly spread.
+    """
+    factor, count = 65535 / max(float(frames.gain.max()), 1e-12), len(frames)
+    chosen = np.unique(np.linspace(0, count - 1, min(most or count, count)).round().astype(int))
+    files = {f"{number:03d}.png": int(index) for number, index in enumerate(chosen, 1)}
     for file, index in files.items():
         image = np.round(frames.read(box[0], [index], columns=box[1])[0] * factor)
         write_png(folder / file, np.clip(image, 0, 65535).astype(np.uint16))
+    write_png(folder / MASK, mask[box])
+    for name, text in light_tables(list(files), lights.only(chosen)).items():
+        if not lights.is_unknown or name == FILENAMES:
+            write_text(folder / name, text)
 
 
 def write_normal_mat(path: Path, normals: NDArray[np.float32]) -> None:

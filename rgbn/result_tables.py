@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from draw.svg import Drawing
 
 T = TypeVar("T")
+PLOTTED_WIDTH = 900
+"""Pixels of a photograph in a notebook."""
 
 
 class Table(tuple[T, ...]):
@@ -128,7 +130,6 @@ def ball_table(balls: Iterable[Sphere], camera: Camera, frames: Frames) -> Table
     def draw() -> "Drawing":
         from compare.report.pictures import Exposure, thumbnail
         from draw.object_charts import map_chart
-        from scene.estimate import PLOTTED_WIDTH
         from scene.map_pictures import data_uri
 
         picture = Exposure.for_frames(frames).develop(thumbnail(frames, 0, PLOTTED_WIDTH))

@@ -2,19 +2,14 @@
 
 from dataclasses import dataclass, field
 from html import escape
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
 
-if TYPE_CHECKING:
-    from draw.svg import Drawing
-
 SHOWN_WIDTH = 360
-PLOTTED_WIDTH = 900
-"""Pixels of the pictures in a notebook: a whole map of 24 megapixels would make it as large."""
+"""Pixels of the picture in a notebook: a whole map of 24 megapixels would make it as large."""
 
 
 @dataclass(frozen=True)
@@ -62,21 +57,6 @@ class Estimate:
     lights: Lights | None = None
     z_mm: NDArray[np.float64] | None = None
 
-    def picture(self, width: int) -> NDArray[np.uint8]:
-        """Return the normals as colours (h, w, 3), at most `width` wide: red right, green up, blue to the viewer."""
-        from scene.map_pictures import normal_picture
-
-        return normal_picture(self.normals, width)
-
-    def plot(self) -> "Drawing":
-        """Return a drawing of the normals as colours: red right, green up, blue toward the viewer; axes in px."""
-        from draw.object_charts import map_chart
-        from scene.map_pictures import data_uri
-
-        height, width = self.normals.shape[:2]
-        picture = data_uri(self.picture(PLOTTED_WIDTH), photograph=False)
-        return map_chart(picture, width=width, height=height, label=f"normals, {self.method}", outlines={})
-
     def __repr__(self) -> str:
         height, width = self.normals.shape[:2]
         known = int(np.isfinite(self.normals[..., 0]).sum())
@@ -91,8 +71,9 @@ class Estimate:
         )
 
     def _repr_html_(self) -> str:
-        from scene.map_pictures import data_uri
+        from scene.map_pictures import data_uri, normal_picture
 
-        shown = f'<img src="{data_uri(self.picture(SHOWN_WIDTH), photograph=False)}" alt="normals">'
+        picture = normal_picture(self.normals, SHOWN_WIDTH)
+        shown = f'<img src="{data_uri(picture, photograph=False)}" alt="normals">'
         doubts = "".join(f"<p>warning: {escape(text)}</p>" for text in self.warnings)
         return f"<p>{escape(repr(self))}</p>{shown}{doubts}"

@@ -178,23 +178,22 @@ class Lights:
         """
         x, y, z = self.directions.T
         zenith, azimuth = np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x)) % 360
-        rows = []
-        for i, name in enumerate(self.names):
-            position = None if self.positions_mm is None else self.positions_mm[i]
-            away = None if position is None else float(np.linalg.norm(position - self.reference_point_mm))
-            row = {
-                "name": name,
-                "zenith_deg": _finite(zenith[i]),
-                "azimuth_deg": _finite(azimuth[i]),
-                "intensity": self.intensities[i].tolist(),
-                "intensity_mean": float(self.intensities[i].mean()),
-                "direction_sigma_deg": _finite(self.direction_sigma_deg[i]),
-                "intensity_sigma": _finite(self.intensity_sigma[i]),
-                "position_mm": None if position is None else position.tolist(),
-                "distance_mm": away,
-                "flags": list(self.flags[i]),
-            }
-            rows.append(row)
+        places, away = self.positions_mm, np.full(len(self), np.nan)
+        if places is not None:
+            away = np.linalg.norm(places - self.reference_point_mm, axis=1)
+        columns = {
+            "name": self.names,
+            "zenith_deg": _known(zenith),
+            "azimuth_deg": _known(azimuth),
+            "intensity": self.intensities.tolist(),
+            "intensity_mean": self.intensities.mean(1).tolist(),
+            "direction_sigma_deg": _known(self.direction_sigma_deg),
+            "intensity_sigma": _known(self.intensity_sigma),
+            "position_mm": [None] * len(self) if places is None else places.tolist(),
+            "distance_mm": _known(away),
+            "flags": map(list, self.flags),
+        }
+        rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
         return {
             "model": self.model,
             "count": len(rows),
@@ -219,9 +218,9 @@ class Lights:
             one; flags: what is suspicious, with "; " between. None where unknown; a distant light has no position.
         """
         rows = []
-        for fact, direction in zip(self.facts()["frames"], self.directions.tolist(), strict=True):
+        for fact, direction in zip(self.facts()["frames"], map(_known, self.directions), strict=True):
             place, tilt = fact["position_mm"] or (None, None, None), fact["zenith_deg"]
-            toward = zip(("direction_x", "direction_y", "direction_z"), map(_finite, direction), strict=True)
+            toward = zip(("direction_x", "direction_y", "direction_z"), direction, strict=True)
             row = {"name": fact["name"], **dict(toward)}
             row |= {"elevation_deg": None if tilt is None else 90 - tilt, "azimuth_deg": fact["azimuth_deg"]}
             row |= {**dict(zip(("x_mm", "y_mm", "z_mm"), place, strict=True)), "distance_mm": fact["distance_mm"]}
@@ -278,8 +277,9 @@ class Lights:
         return table_html([{name: row[name] for name in names} for row in rows], repr(self))
 
 
-def _finite(value: Any) -> float | None:
-    return float(value) if np.isfinite(value) else None
+def _known(values: NDArray[np.float64]) -> list[float | None]:
+    """Return numbers, None for what is not finite."""
+    return [value if np.isfinite(value) else None for value in values.tolist()]
 
 
 def known_median(values: NDArray[np.float64]) -> float | None:

@@ -18,14 +18,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.diligent_layout import MASK, write_diligent, write_photographs
+from formats.diligent_layout import write_diligent
 from formats.normal_maps import read_normal_map
 from scene.errors import SceneError
-from scene.files import write_png
 from scene.frames import Frames
 from scene.lights import Lights
 
+DATA = "object.data"
+"""The folder to read: SDM-UniPS knows an object by this ending."""
 RESULTS = (".npy", ".mat", ".png")
+"""From the most digits to the fewest."""
 PYTHONS = (".venv/bin/python", "venv/bin/python", "env/bin/python")
 """Where, in a published program's folder, its own Python is looked for."""
 LARGE_PX = 1024
@@ -49,8 +51,6 @@ class Preset:
         A file in its folder by which it is known.
     command, large, gpu : tuple of str
         Its Python's words, {program}: its folder; with large pictures; where there is a GPU.
-    folder, picture, result : str
-        The object's folder below {data}, a photograph's name there by its number from 1, its normals below {out}.
     most : int
         Photographs that it is given at most, evenly spread: its memory grows with them.
     weights : str
@@ -60,20 +60,10 @@ class Preset:
     source: str
     entry: str
     command: tuple[str, ...]
-    folder: str
-    picture: str
-    result: str
     most: int = 16
     weights: str = ""
     large: tuple[str, ...] = ()
     gpu: tuple[str, ...] = ()
-
-    def write(self, data: Path, frames: Frames, mask: NDArray[np.bool_], box: tuple[slice, slice]) -> None:
-        """Write the photographs, 16-bit linear RGB, and the mask as the program expects them."""
-        chosen = np.unique(np.linspace(0, len(frames) - 1, min(self.most, len(frames))).round().astype(int))
-        files = {self.picture.format(number): int(index) for number, index in enumerate(chosen, 1)}
-        write_photographs(data / self.folder, frames, files, box)
-        write_png(data / self.folder / MASK, mask[box])
 
 
 PRESETS = {
@@ -179,7 +169,6 @@ class External:
         """Return the command's words, the folders in their places; `side_px`: the pictures' longer side."""
         words = [*self.words]
         if self.preset:
-            data = data / self.preset.folder
             words += self.preset.large if side_px > LARGE_PX else ()
             words += self.preset.gpu if shutil.which("nvidia-smi") else ()
         return [word.replace("{data}", str(data)).replace("{out}", str(out)) for word in words]
@@ -188,8 +177,8 @@ class External:
 def normals_by(external: External, frames: Frames, lights: Lights, mask: NDArray[np.bool_], folder: Path) -> NDArray:
     """Run the program and read what it wrote.
 
-    `folder` gets data/ and out/, and stdout.txt and stderr.txt; data/ is removed when all went well. Near lights are
-    written as seen from the reference point.
+    `folder` gets object.data/ and out/, and stdout.txt and stderr.txt; the first is removed when all went well. Near
+    lights are written as seen from the reference point.
 
     Returns
     -------
@@ -202,13 +191,10 @@ def normals_by(external: External, frames: Frames, lights: Lights, mask: NDArray
         The program is not there, fails, takes too long, or writes no normals of the object's size.
     """
     shutil.rmtree(folder, ignore_errors=True)
-    data, out = folder.resolve() / "data", folder.resolve() / "out"
+    data, out = folder.resolve() / DATA, folder.resolve() / "out"
     box = _square(mask)
     inside = mask[box]
-    if external.preset:
-        external.preset.write(data, frames, mask, box)
-    else:
-        write_diligent(data, frames, lights, mask, box)
+    write_diligent(data, frames, lights, mask, box, external.preset and external.preset.most)
     out.mkdir(parents=True)
     _run(external, external.started(data, out, max(inside.shape)), folder)
     path = _result(external, out)
@@ -242,7 +228,7 @@ def _square(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
 
 def _run(external: External, words: list[str], folder: Path) -> None:
     """Run the command to its end, and whatever it started; its words are kept in files, which never fill a pipe."""
-    data, where = folder.resolve() / "data", external.program
+    data, where = folder.resolve() / DATA, external.program
     with open(folder / "stdout.txt", "wb") as said, open(folder / "stderr.txt", "wb") as complained:
         try:
             process = subprocess.Popen(
@@ -283,18 +269,13 @@ def _last_words(folder: Path) -> str:
 
 
 def _result(external: External, out: Path) -> Path:
-    """Return the one normal map in a folder, or that of a preset."""
-    if external.preset:
-        path = out / external.preset.result
-        if path.is_file():
-            return path
+    """Return the one normal map in a folder; of several files of one name that with the most digits."""
     found = sorted(path for path in out.rglob("*") if path.suffix.lower() in RESULTS and path.is_file())
-    named = [path for path in found if path.stem.lower() in ("normal", "normals", "normal_est")]
-    found = named if len(named) == 1 else found
-    if len(found) != 1:
+    found = [path for path in found if path.stem.lower() in ("normal", "normals", "normal_est")] or found
+    if len({path.with_suffix("") for path in found}) != 1:
         there = ", ".join(str(path.relative_to(out)) for path in found[:5]) or "nothing"
         raise SceneError(
             f"--external {external.name}: the command left {there} in {out}; expected one normal map, normals.npy, "
             f".mat (Normal_est) or .png (16 bits)."
         )
-    return found[0]
+    return min(found, key=lambda path: RESULTS.index(path.suffix.lower()))

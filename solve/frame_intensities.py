@@ -15,6 +15,7 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.intensities import solve_intensities
 from scene.lights import Lights
+from scene.reading import listed
 from solve.problem import Problem
 from solve.whole.semicalibrated import CONTRAST, SemicalibratedSettings, told_by_object
 
@@ -61,7 +62,7 @@ def corrected(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.b
     factor = np.where(off, np.exp(jump), 1.0)
     # The others' stay as they are, not their mean: albedo does.
     own = replace(lights, intensities=lights.intensities * factor[:, None])
-    return own, [_said(lights.names, factor, word) for word in ("brighter", "darker") if _are(factor, word).any()]
+    return own, list(filter(None, (_said(lights.names, factor, word) for word in ("brighter", "darker"))))
 
 
 def _jumps(log_ratio: NDArray, sigma: NDArray, directions: NDArray) -> NDArray:
@@ -101,18 +102,15 @@ def _fit(smooth: NDArray, value: NDArray, weight: NDArray) -> NDArray:
     return np.linalg.lstsq(smooth * root[:, None], value * root, rcond=1e-6)[0]
 
 
-def _are(factor: NDArray, word: str) -> NDArray[np.bool_]:
-    return factor > 1 if word == "brighter" else factor < 1
-
-
 def _said(names: tuple[str, ...], factor: NDArray, word: str) -> str:
-    which = np.flatnonzero(_are(factor, word))
-    shown = ", ".join(names[i] for i in (which if len(which) < 5 else which[:3]))
-    shown += f" and {len(which) - 3} others" if len(which) > 4 else ""
+    """Return what is to be said of frames that are brighter, or darker; empty: there are none."""
+    which = np.flatnonzero(factor > 1 if word == "brighter" else factor < 1)
+    if not len(which):
+        return ""
     share = np.abs(factor[which] - 1)
-    least, most = f"{share.min():.0%}", f"{share.max():.0%}"
-    by = least if least == most else f"{least} to {most}"
+    by = " to ".join(dict.fromkeys(f"{end:.0%}" for end in (share.min(), share.max())))
     return (
-        f"{shown}: {by} {word} than the stated intensities say, beside the other frames of this object. Solved with "
-        "the intensities that the frames show. Was the flash's power or the exposure changed, or the object moved?"
+        f"{listed([names[i] for i in which], 4)}: {by} {word} than the stated intensities say, beside the other frames "
+        "of this object. Solved with the intensities that the frames show. Was the flash's power or the exposure "
+        "changed, or the object moved?"
     )

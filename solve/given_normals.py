@@ -21,6 +21,7 @@ from solve.plausible_axes import AXES, axes_words, plausible_axes
 from solve.problem import Problem
 from solve.samples import Geometry, Samples, row_medians
 from solve.solve import solve
+from solve.uncalibrated.front_end import lights_of
 
 _FACING = 0.1
 """Cosine under which a sample says nothing of the albedo."""
@@ -119,10 +120,7 @@ def _with_lights_of_its_own(normals: NDArray[np.float64], samples: Samples, caut
     albedo = np.maximum(np.quantile(np.where(lit, few.gray, 0), 0.9, axis=1), 1e-9 * scale)
     lights = np.zeros((few.gray.shape[1], 3))
     for _ in range(_ROUNDS):
-        for frame in range(len(lights)):
-            use = lit[:, frame]
-            shaded = albedo[use, None] * n[use]
-            lights[frame] = np.linalg.lstsq(shaded, few.gray[use, frame], rcond=None)[0] if use.sum() > 3 else 0
+        lights = lights_of(few.gray, lit, albedo[:, None] * n)
         shade = n @ lights.T
         lit = few.valid & (shade > _FACING * np.linalg.norm(lights, axis=1)) & (few.gray > _DARK * scale)
         albedo = np.maximum(row_medians(few.gray / np.where(lit, shade, 1), lit), 1e-9 * scale)

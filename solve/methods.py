@@ -51,7 +51,7 @@ class Method:
     name : str
     profiles : mapping of str to NamedTuple
         Settings: `default`, which serves best, and `seed`, the plain reading of the benchmark's text, where a method
-        breaks as it breaks there [Berkiten2016]. A method may have more.
+        breaks as it breaks there [Berkiten2016]; absent: the default. A method may have more.
     fit : callable, optional
         (samples, scale, settings) -> b (P, 3) float64, used (P, F) bool, of any pixels: `solve.samples.Samples`; the
         stack's 99th percentile, to which every threshold is relative; b = albedo x normal, zero where the lit lights
@@ -82,9 +82,10 @@ class Method:
         SceneError
             The method has no such profile.
         """
-        if profile not in self.profiles:
-            raise SceneError(f"solve: {self.name} has no profile {profile!r}; there are {', '.join(self.profiles)}.")
-        return self.profiles[profile]
+        profiles = {"seed": self.profiles["default"], **self.profiles}
+        if profile not in profiles:
+            raise SceneError(f"solve: {self.name} has no profile {profile!r}; there are {', '.join(profiles)}.")
+        return profiles[profile]
 
 
 def method_of(name: str) -> Method:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.picture_files import srgb_from_linear
 from scene.errors import RenderError
 from scene.frames import Frames
 from twin.description.description import Sampling
@@ -22,10 +21,6 @@ Array = NDArray[np.float64]
 FEWEST = 8
 """Frames: of half of them a pixel must be lit by three."""
 MASKS = ("fitted", "lit", "whole")
-BRIGHT = 0.999
-"""Quantile of the photographs' values that counts as white in decibels."""
-HDR_MOST = 4.0
-"""Value, of white, at which the HDR score clips, as Stanford-ORB does."""
 
 
 @dataclass(frozen=True)
@@ -36,27 +31,23 @@ class Relighting:
     relative_rmse: By the set: `fitted` (samples such as the material is fitted to), `lit` (all of the mask in no shadow
         of the scan, not clipped), `whole` (all of the mask that is not clipped: cast shadows, light from elsewhere, and
         outline included). Root of the squared errors' sum over the squared values'.
-    psnr_db: Of `whole`, the mean over images, by kind: `linear` (clipped at white), `hdr` (clipped at four times white,
-        after the gain that makes the photograph's mean that of its sRGB picture) and `ldr` (sRGB).
     """
 
     fitted: tuple[str, ...]
     predicted: tuple[str, ...]
     relative_rmse: dict[str, float]
-    psnr_db: dict[str, float]
 
     def facts(self) -> dict[str, Any]:
         """Return what the summary keeps of it."""
         rmse = {f"relative_rmse_{name}": value for name, value in self.relative_rmse.items()}
-        decibels = {f"psnr_{name}_db": value for name, value in self.psnr_db.items()}
-        return {"fitted": self.fitted, "predicted": self.predicted, **rmse, **decibels}
+        return {"fitted": self.fitted, "predicted": self.predicted, **rmse}
 
     def __str__(self) -> str:
         """The line that is printed."""
         rmse = ", ".join(f"{100 * value:.1f} % {name}" for name, value in self.relative_rmse.items())
         return (
             f"fitted to {len(self.fitted)} frames, it foretells the other {len(self.predicted)} to a relative RMSE of "
-            f"{rmse}; PSNR {self.psnr_db['linear']:.1f} dB linear, {self.psnr_db['ldr']:.1f} dB in sRGB"
+            f"{rmse}"
         )
 
 
@@ -103,19 +94,14 @@ def relighting(
     found = scan_material(seen, frames.only(first), mask, known=known)
     scene, _ = scan_scene(unseen, found.albedo, sampling, fit=found.fit)
     photographs = frames.only(others)
-    rmse, decibels = score(unseen, photographs, render(scene), mask)
-    return Relighting(seen.lights.names, unseen.lights.names, rmse, decibels)
+    return Relighting(seen.lights.names, unseen.lights.names, score(unseen, photographs, render(scene), mask))
 
 
-def score(
-    sight: Sight, photographs: Frames, predicted: Frames, mask: NDArray[np.bool_]
-) -> tuple[dict[str, float], dict[str, float]]:
-    """Return relative RMSE and PSNR; see `Relighting`."""
+def score(sight: Sight, photographs: Frames, predicted: Frames, mask: NDArray[np.bool_]) -> dict[str, float]:
+    """Return the relative RMSE over each set of pixels; see `Relighting`."""
     rows, columns = np.nonzero(mask)
     sets = _sets(sight, photographs, mask)
-    white = _white(photographs, rows, columns)
     sums = {name: np.zeros(2) for name in MASKS}
-    decibels: list[dict[str, float]] = []
     for index in range(len(photographs)):
         read, clipped = photographs.read_pixels(index, rows, columns)
         value = read.astype(np.float64)
@@ -123,27 +109,7 @@ def score(
         for name, total in sums.items():
             own = ~clipped if name == "whole" else ~clipped & sets[name][:, index]
             total += np.sum((guess[own] - value[own]) ** 2), np.sum(value[own] ** 2)
-        decibels.append(_decibels(value[~clipped] / white, guess[~clipped] / white))
-    rmse = {name: float(np.sqrt(a / b)) for name, (a, b) in sums.items()}
-    return rmse, {kind: float(np.mean([one[kind] for one in decibels])) for kind in decibels[0]}
-
-
-def _white(photographs: Frames, rows: NDArray, columns: NDArray) -> float:
-    bright = [np.quantile(photographs.read_pixels(i, rows, columns)[0], BRIGHT) for i in range(len(photographs))]
-    return float(max(np.max(bright), 1e-12))
-
-
-def _decibels(value: Array, guess: Array) -> dict[str, float]:
-    """Return the PSNR of a guess of values whose white is 1; hdr and ldr as [Kuang2023], over the object alone."""
-    value, guess = np.maximum(value, 0), np.maximum(guess, 0)
-    once = np.clip(value, 0, 1)
-    gain = float(srgb_from_linear(once).mean() / max(once.mean(), 1e-12))
-    pairs = {
-        "linear": (once, np.clip(guess, 0, 1)),
-        "hdr": (np.clip(gain * value, 0, HDR_MOST), np.clip(gain * guess, 0, HDR_MOST)),
-        "ldr": (srgb_from_linear(once), srgb_from_linear(guess)),
-    }
-    return {name: float(-10 * np.log10(max(np.mean((a - b) ** 2), 1e-12))) for name, (a, b) in pairs.items()}
+    return {name: float(np.sqrt(a / b)) for name, (a, b) in sums.items()}
 
 
 def _sets(sight: Sight, photographs: Frames, mask: NDArray[np.bool_]) -> dict[str, NDArray[np.bool_]]:

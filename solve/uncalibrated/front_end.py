@@ -121,7 +121,7 @@ def family(samples: Samples, mask: NDArray[np.bool_], settings: FrontEnd) -> Fam
         for _ in range(ROUNDS):
             b, used = _robust_pixels(few, lights, scale)
             # Orthonormal, so that a pixel's lights look as spread as they can.
-            basis, triangle = np.linalg.qr(_lights(few.gray, used, b))
+            basis, triangle = np.linalg.qr(lights_of(few.gray, used, b))
             lights = np.ascontiguousarray(basis * np.where(np.diag(triangle) < 0, -1.0, 1.0))
         b, used = _robust_pixels(samples, lights, scale)
         # Of what was kept: the least dimension against a fourth one of noise.
@@ -164,7 +164,7 @@ def _robust_pixels(samples: Samples, lights: Array, scale: float) -> tuple[Array
     return np.concatenate(b), np.concatenate(used)
 
 
-def _lights(gray: NDArray, used: NDArray[np.bool_], b: Array) -> Array:
+def lights_of(gray: NDArray, used: NDArray[np.bool_], b: Array) -> Array:
     """Return the lights (F, 3) by least squares over the samples that are used."""
     weight = used.T.astype(np.float64)
     normal = (weight @ (b[:, :, None] * b[:, None, :]).reshape(-1, 9)).reshape(-1, 3, 3)

@@ -12,8 +12,6 @@ Array = NDArray[np.float64]
 _GROWTH = 1.5
 _CHUNK = 1 << 12
 """Pixels that a thread takes at a time: fixed, so that sums do not depend on how many threads there are."""
-_SINGLE_THREAD = 1 << 18
-"""Multiplications up to which a product runs on one thread in OpenBLAS."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +75,7 @@ def low_rank(
         first, second = _factors(right, factor)
 
         def finish(part: slice) -> None:
-            _project(state[part], first, second)
+            state[part] = state[part] @ first @ second
 
         list(pool.map(finish, chunks))
     return LowRank(state, right.shape[1], turn, residual)
@@ -98,24 +96,10 @@ def _factors(right: Array, factor: Array) -> tuple[Array, Array]:
 
 @numba.njit(nogil=True, cache=True)
 def _pass(known, there, state, first, second, ratio, limit):  # pragma: no cover
-    """Write the next X over the last one; return X' X, and the sum of (D - A - E)^2 over what is known.
-
-    In blocks so small that the linear algebra library starts no threads of its own: ours are enough.
-    """
-    pixels, frames = known.shape
-    gram = np.zeros((frames, frames))
-    part = np.empty((frames, frames))
-    square = 0.0
-    step = max(1, _SINGLE_THREAD // (frames * frames))
-    for start in range(0, pixels, step):
-        stop = min(start + step, pixels)
-        x = state[start:stop]
-        low = np.dot(np.dot(x, first), second)
-        d, present = known[start:stop].ravel(), there[start:stop].ravel()
-        square += _shrink(d, present, low.ravel(), x.ravel(), ratio, limit)
-        np.dot(x.T, x, part)
-        gram += part
-    return gram, square
+    """Write the next X over the last one; return X' X, and the sum of (D - A - E)^2 over what is known."""
+    low = np.dot(np.dot(state, first), second)
+    square = _shrink(known.ravel(), there.ravel(), low.ravel(), state.ravel(), ratio, limit)
+    return np.dot(state.T, state), square
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"reassoc", "contract", "nnan", "nsz"})
@@ -130,12 +114,3 @@ def _shrink(known, there, low, state, ratio, limit):  # pragma: no cover
         state[k] = a + clipped
         square += (clipped - dual) ** 2
     return square
-
-
-@numba.njit(nogil=True, cache=True)
-def _project(state, first, second):  # pragma: no cover
-    """Write A = X V diag(factor) V' over X."""
-    step = max(1, _SINGLE_THREAD // state.shape[1] ** 2)
-    for start in range(0, len(state), step):
-        x = state[start : start + step]
-        x[:] = np.dot(np.dot(x, first), second)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from scene.fan_out import fan_out
 from scene.lights import Lights
@@ -20,7 +21,7 @@ from solve.whole import near_depth
 from solve.whole.interreflection import Relief, Thrown
 from solve.whole.near import find_positions
 from solve.whole.reflectance_equations import accumulate, back_substitute, refine
-from solve.whole.reflectance_kernels import DIFFERENCE, HALF, SIZE, TABLE, Given, Pixels
+from solve.whole.reflectance_kernels import DIFFERENCE, HALF, INCIDENCE, SIZE, TABLE, Given, Pixels
 
 RIDGE = 1e-8
 """Pull of all that is shared to matte where nothing is seen, per sample."""
@@ -217,22 +218,11 @@ def _learn(
 
 def _second_differences():
     """Return (SIZE, SIZE), the matrix of the table's summed squared second differences; along half angles a tenth."""
-    grid = np.arange(TABLE).reshape(len(HALF), len(DIFFERENCE))
-    curve = np.arange(TABLE, SIZE - 1)
-    out = np.zeros((SIZE, SIZE))
-    for rows, weight in (
-        (np.stack([grid[:, :-2], grid[:, 1:-1], grid[:, 2:]], -1), 1.0),
-        (np.stack([grid[:-2], grid[1:-1], grid[2:]], -1), 0.1),
-        (np.stack([curve[:-2], curve[1:-1], curve[2:]], -1), 1.0),
-    ):
-        for triple in rows.reshape(-1, 3):
-            out[np.ix_(triple, triple)] += weight * np.outer([1, -2, 1], [1, -2, 1])
-    return out
+    half, difference, curve = (
+        step.T @ step for step in (np.diff(np.eye(len(knots)), 2, 0) for knots in (HALF, DIFFERENCE, INCIDENCE))
+    )
+    table = np.kron(np.eye(len(HALF)), difference) + 0.1 * np.kron(half, np.eye(len(DIFFERENCE)))
+    return block_diag(table, curve, 0)
 
 
-METHOD = Method(
-    "reflectance",
-    {"default": ReflectanceSettings(), "seed": ReflectanceSettings()},
-    fit_whole=_fit_whole,
-    prepare=prepare,
-)
+METHOD = Method("reflectance", {"default": ReflectanceSettings()}, fit_whole=_fit_whole, prepare=prepare)

@@ -13,6 +13,7 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.intensities import Evidence, evidence, solve_intensities
 from scene.lights import Lights
+from scene.reading import listed
 from solve.methods import Method
 from solve.pixelwise import iterative
 from solve.problem import Problem
@@ -210,8 +211,7 @@ def _believed(given: Lights, lights: Lights, parts: list[Evidence]) -> tuple[Lig
 
 
 def _named(lights: Lights, which: NDArray[np.bool_]) -> str:
-    names = [name for name, wanted in zip(lights.names, which, strict=True) if wanted]
-    return ", ".join(names[:3]) + (f" and {len(names) - 3} others" if len(names) > 3 else "")
+    return listed([lights.names[i] for i in np.flatnonzero(which)], 3)
 
 
 def _samples(frames: Frames, mask: NDArray[np.bool_], pixels: int):
@@ -247,10 +247,4 @@ def _lambertian(gray, lit, toward, b, sigmas, floor) -> NDArray[np.bool_]:
     return facing & (residual <= sigmas * np.maximum(spread, floor / np.maximum(size, 1e-12)))
 
 
-# The seed has no such method.
-METHOD = Method(
-    "semicalibrated",
-    {"default": SemicalibratedSettings(), "seed": SemicalibratedSettings()},
-    fit=iterative.fit_inner,
-    prepare=find_lights,
-)
+METHOD = Method("semicalibrated", {"default": SemicalibratedSettings()}, fit=iterative.fit_inner, prepare=find_lights)

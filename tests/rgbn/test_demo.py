@@ -83,7 +83,6 @@ def test_the_twin_foretells_frames_that_it_was_not_fitted_to(demo):
     # Not so well as those that it was fitted to, and never much worse.
     assert twin["material"]["relative_rmse"] < found["relative_rmse_fitted"] < 0.03
     assert found["relative_rmse_fitted"] < found["relative_rmse_lit"] < 0.05
-    assert found["psnr_linear_db"] > 38
     assert f'data-value="{found["relative_rmse_lit"]!r}"' in (demo[0] / "report.html").read_text()
 
 

@@ -125,7 +125,7 @@ def test_normals_come_back_in_the_camera_frame_whatever_the_programs_axes(manner
     frames, lights, *_ = scene
     shade = np.einsum("hwi,fi->fhw", normals, lights.directions)[..., None] * lights.intensities[:, None, None]
     np.testing.assert_allclose((estimate.albedo * shade[0])[mask], frames.frame(0)[mask], rtol=0.01)
-    assert not (tmp_path / "external" / "StandIn" / "data").exists()
+    assert not (tmp_path / "external" / "StandIn" / "object.data").exists()
 
 
 def test_a_map_that_is_convex_for_concave_is_put_right_and_told(run, scene):

@@ -59,7 +59,7 @@ def test_the_frames_that_are_off_are_named_and_corrected_and_no_others(count, of
     np.testing.assert_allclose(ratio[right], 1, rtol=1e-12)
     assert word in said
     assert said.startswith(lights.names[off[0]])
-    assert ("and 5 others" in said) == (len(off) == 8)
+    assert ("and 4 more" in said) == (len(off) == 8)
 
 
 @pytest.mark.parametrize("count", [12, 24])

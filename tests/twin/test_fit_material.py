@@ -134,19 +134,6 @@ def test_a_white_value_that_is_unknown_leaves_the_channels_free():
     assert any("white" in text for text in fit.warnings)
 
 
-@pytest.mark.full
-@pytest.mark.parametrize("covered", [0.0, 1.0])
-def test_two_lobes_come_back(covered):
-    lights = dome(24)
-    fit = fit_material(made(0.1, 0.8, lights, covered=covered, second=0.5, second_roughness=0.5), lights)
-    assert "a second lobe lowers the error" in str(fit)
-    lobes = [(fit.surface.roughness, 1 - fit.surface.second), (fit.surface.second_roughness, fit.surface.second)]
-    for (roughness, share), true in zip(sorted(lobes), (0.1, 0.5), strict=True):
-        assert abs(roughness / true - 1) < 0.05
-        assert abs(share - 0.5) < 0.05
-    assert abs(fit.specularity - 0.8) < 0.05
-
-
 def test_too_few_pixels_are_named():
     sight, frames, mask = sight_of_ball(dome(8))
     with pytest.raises(RenderError, match="expected 100 or more"):

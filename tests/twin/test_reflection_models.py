@@ -36,7 +36,6 @@ def in_mitsuba(material, views, lights):
         *({"roughness": 0.3, "index": index} for index in (1.3, 1.8)),
         *({"roughness": 0.3, "covered": share} for share in (0.0, 0.1, 0.4)),
         *({"roughness": 0.3, "covered": 0.2, "body": share} for share in (0.0, 0.4, 1.0)),
-        *({"roughness": 0.2, "covered": c, "second": 0.3, "second_roughness": 0.6} for c in (0.3, 1.0)),
     ],
     ids=str,
 )  # fmt: skip

@@ -183,8 +183,6 @@ class RoughPlastic:
             "as from plaster. 0: less light where seen or lit aslant. Absent: Lambert's law.",
             start=0.5),
     ] = None  # fmt: skip
-    second: Annotated[Share, key("Share of the facets that have another roughness, for a second lobe.")] = 0.0
-    second_roughness: Annotated[AboveNone, key("Roughness of these facets.")] = 0.5
 
 
 @checked

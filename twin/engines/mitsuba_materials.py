@@ -89,14 +89,6 @@ def _one_side(material: Material) -> dict[str, Any]:
 
 
 def _coated(material: RoughPlastic, reflectance: Reflectance, specularity: float | Texture) -> dict[str, Any]:
-    first = _plastic(material, reflectance, specularity)
-    if material.second == 0:
-        return first
-    second = {**first, "alpha": float(material.second_roughness)}
-    return {"type": "blendbsdf", "weight": float(material.second), "first": first, "second": second}
-
-
-def _plastic(material: RoughPlastic, reflectance: Reflectance, specularity: float | Texture) -> dict[str, Any]:
     return {
         "type": "roughplastic",
         "distribution": material.distribution,

@@ -18,7 +18,7 @@ TRIED = np.geomspace(SMOOTHEST, ROUGHEST, 25)
 ROUNDS, SETTLED = 4, 2e-3
 """Of weights and fit in turn, at most; change of each number that is searched, below which they have come to rest."""
 STEP = 1e-3
-"""Of the finite differences: of shares, and of roughnesses' logarithms."""
+"""Of the finite differences: of shares, and of the roughness' logarithm."""
 
 
 class Model(NamedTuple):
@@ -26,7 +26,7 @@ class Model(NamedTuple):
 
     words: What the evidence says of it.
     tried: Numbers of `twin.material.reflection_models.coat`, each with all roughnesses.
-    free: Those that are searched.
+    free: Those that are searched; the last is the roughness.
     """
 
     words: str
@@ -38,7 +38,6 @@ SHARES = (0.0, 0.33, 0.67, 1.0)
 COVERED = Model("all of the body covered", ({"covered": 1.0},))
 PARTLY = Model("part of the body bare", tuple({"covered": share} for share in SHARES), ("covered", "roughness"))
 ROUGH = Model("a rough body", tuple({"covered": 0.0, "body": share} for share in SHARES), ("body", "roughness"))
-SECOND = tuple({"second": share, "second_roughness": float(x)} for share in (0.1, 0.5) for x in TRIED[::3])
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +68,7 @@ class CoatSearch:
     ) -> None:  # fmt: skip
         self._samples, self._white, self._most, self.model = samples, white, most, model
         self._parameters = (2 if white is not None else 4) + len(model.free) - 1
-        variance = first_noise(samples).variance(samples.values, np.zeros_like(samples.values))
+        variance = first_noise(samples).variance(samples.values)
         self.weights = np.where(samples.usable[..., None], 1 / variance, 0).astype(np.float32)
         self.fit = self._anywhere() if about is None else about
         self.noise = self._weigh()
@@ -83,17 +82,10 @@ class CoatSearch:
         """Return the search on other samples, about what was found on these."""
         return CoatSearch(samples, self._white, self._most, self.model, about=self.fit)
 
-    def with_second_lobe(self) -> "CoatSearch":
-        """Return the search for facets of two roughnesses, about what was found."""
-        free = (*self.model.free, "second_roughness", "second")
-        model, surface = Model("a second lobe", (), free), self.fit.surface
-        start = min((self._best(surface.changed(**one)) for one in SECOND), key=lambda one: one[0])[1]
-        return CoatSearch(self._samples, self._white, self._most, model, about=start)
-
     def predicted(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return what the coat gives back (P, F, 3), and its variance."""
-        values, slope, _ = predicted(self._samples, self.weights, self.fit.surface, self.fit.strength)
-        return values, self.noise.variance(values, slope)
+        values = predicted(self._samples, self.weights, self.fit.surface, self.fit.strength)[0]
+        return values, self.noise.variance(values)
 
     def inflation(self) -> float:
         """Return by how much the samples count too often; see `twin.material.material_noise.inflation`."""
@@ -153,12 +145,11 @@ class CoatSearch:
 
         free, surface = self.model.free, self.fit.surface
         level = max(self._best(surface)[0], 1e-300)
-        is_log = self._is_log()
-        bounds = [np.log([SMOOTHEST, ROUGHEST]) if log else (0.0, 1.0) for log in is_log]
+        # The last one is the roughness, by its logarithm; the others are shares.
+        bounds = [*[(0.0, 1.0)] * (len(free) - 1), np.log([SMOOTHEST, ROUGHEST])]
 
         def at(x: Array) -> Coat:
-            values = np.where(is_log, np.exp(np.where(is_log, x, 0)), x)
-            return surface.changed(**dict(zip(free, map(float, values), strict=True)))
+            return surface.changed(**dict(zip(free, [*map(float, x[:-1]), float(np.exp(x[-1]))], strict=True)))
 
         found = minimize(
             lambda x: self._best(at(x))[0] / level, self._place(self.fit), method="L-BFGS-B", bounds=bounds,
@@ -166,20 +157,17 @@ class CoatSearch:
         )  # fmt: skip
         return self._best(at(found.x))[1]
 
-    def _is_log(self) -> NDArray[np.bool_]:
-        return np.array(["roughness" in name for name in self.model.free])
-
     def _place(self, fit: CoatFit) -> Array:
-        """Return the numbers that are searched; of roughnesses, the logarithm."""
-        here = np.array([float(getattr(fit.surface, name)) for name in self.model.free])
-        return np.where(self._is_log(), np.log(np.maximum(here, SMOOTHEST)), here)
+        """Return the numbers that are searched; of the roughness, which is the last, the logarithm."""
+        shares = [float(getattr(fit.surface, name)) for name in self.model.free[:-1]]
+        return np.array([*shares, np.log(max(fit.surface.roughness, SMOOTHEST))])
 
     def _weigh(self) -> Noise:
         """Put weights in place that suit the fit; return the noise."""
         samples = self._samples
-        values, slope, _ = predicted(samples, self.weights, self.fit.surface, self.fit.strength)
-        noise = noise_of(samples.values - values, values, slope, samples.usable)
-        self.weights = student_weights(samples, values, noise.variance(values, slope))
+        values = predicted(samples, self.weights, self.fit.surface, self.fit.strength)[0]
+        noise = noise_of(samples, values)
+        self.weights = student_weights(samples, values, noise.variance(values))
         return noise
 
 

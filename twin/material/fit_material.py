@@ -1,11 +1,11 @@
 """The material of a registered object, from its photographs: no more of it than they ask for.
 
-Matte; rough plastic; that with a coat which dims only a share of the body; or with a
-rough body, which is not Lambert's; each with one lobe or two: the one whose evidence [Schwarz1978] is best.
+Matte; rough plastic; that with a coat that dims only a share of the body; or with a rough body, not Lambert's: the one
+whose evidence [Schwarz1978] is best.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -16,7 +16,7 @@ from scene.spheres import WHITE_BALL_ALBEDO
 from twin.material.coat_search import COVERED, PARTLY, ROUGH, ROUGHEST, SMOOTHEST, CoatFit, CoatSearch
 from twin.material.material_kernels import predicted
 from twin.material.material_noise import Noise, deviances, first_noise, student_weights
-from twin.material.material_samples import FEWEST, MaterialSamples
+from twin.material.material_samples import MaterialSamples
 from twin.material.reflection_models import INDEX, Coat, matte
 
 Array = NDArray[np.float64]
@@ -25,9 +25,6 @@ FIRST_LOOK = 2_000
 """Pixels on which the model is chosen."""
 BRIGHTEST = 2.0
 """Strength that is tried, of a full coat's: a higher index has it. A body of another law would like still more."""
-PAYS = 0.05
-"""Share of the error under lights not fitted to, that a second lobe must take away: less is what wide lobes take of
-anything, light from the table, say, or a body of another law."""
 AT_THE_END = 1.02
 """Factor between a roughness and the end of what is tried, below which it is said that it lies there."""
 
@@ -64,8 +61,6 @@ class MaterialFit:
         bare = "" if coat.covered == 1 else f", dimming {100 * coat.covered:.0f} % of the body"
         if coat.body >= 0:
             bare = f", on a body of roughness {coat.body:.2f}"
-        if coat.second > 0:
-            bare += f", {100 * coat.second:.0f} % of its facets of roughness {coat.second_roughness:.3f}"
         roughness, specularity = (
             f" (± {100 * sigma:.1f} %)" if np.isfinite(sigma) else ""
             for sigma in (self.roughness_sigma, self.specularity_sigma)
@@ -85,8 +80,7 @@ def fit_material(samples: MaterialSamples, lights: Lights) -> MaterialFit:
     value = irradiance (albedo body(alpha, covered) + k coat(alpha)), see `twin.material.reflection_models.shade`; each
     pixel's alpha^2 is the material's plus its own `spread`. Per pixel and channel the squared residual with the best
     albedo is C - 2 k B + k^2 A, whose sums over pixels give k in closed form for each alpha and covered. Weights: 1 /
-    variance, by `noise_of` from the residuals themselves (constant, photons, a share of the value, the normals'
-    errors), times Student's (nu + 1) / (nu + r^2 / variance).
+    variance, by `noise_of` from the residuals themselves, times Student's (nu + 1) / (nu + r^2 / variance).
     """
     white = None if lights.white_value is None else lights.white_value / WHITE_BALL_ALBEDO
     # Where the white ball tells nothing, the brightest albedo is white: the twin's scene supposes the same.
@@ -119,18 +113,16 @@ def fit_material(samples: MaterialSamples, lights: Lights) -> MaterialFit:
 
 def matte_albedo(samples: MaterialSamples) -> NDArray[np.float32]:
     """Return the albedo (P, 3) of a matte object; highlights, outliers, count little."""
-    return robust(samples, CoatFit(matte(), np.zeros(3), 0), first_noise(samples))[3]
+    return robust_albedo(samples, CoatFit(matte(), np.zeros(3), 0), first_noise(samples))
 
 
-def robust(samples: MaterialSamples, fit: MaterialFit | CoatFit, noise: Noise) -> tuple[NDArray[np.float32], ...]:
-    """Return value, slope and variance (P, F, 3) of a fit, and the albedo (P, 3) that is best for Student's weights."""
+def robust_albedo(samples: MaterialSamples, fit: MaterialFit | CoatFit, noise: Noise) -> NDArray[np.float32]:
+    """Return the albedo (P, 3) that is best for Student's weights."""
     weights = np.repeat(samples.usable[..., None], 3, -1).astype(np.float32)
-    for turn in range(3):
-        values, slope, albedo = predicted(samples, weights, fit.surface, fit.strength)
-        variance = noise.variance(values, slope)
-        if turn < 2:
-            weights = student_weights(samples, values, variance)
-    return values, slope, variance, albedo
+    for _ in range(2):
+        values, _ = predicted(samples, weights, fit.surface, fit.strength)
+        weights = student_weights(samples, values, noise.variance(values))
+    return predicted(samples, weights, fit.surface, fit.strength)[1]
 
 
 def _likeliest(samples: MaterialSamples, white: Array | None, most: Array) -> tuple[CoatSearch, tuple[str, ...]]:
@@ -142,26 +134,7 @@ def _likeliest(samples: MaterialSamples, white: Array | None, most: Array) -> tu
     words = [f"it rises by {-gains[best]:,.0f} with {rest[best].model.words} {on}"]
     if gains[best] > 0:
         first, words = rest[best], [f"by {gains[best]:,.0f} more with {rest[best].model.words} {on}"]
-    two = first.with_second_lobe()
-    if _gain(samples, first, two) > 0:
-        one_misses, two_miss = (_foretold(samples, search) for search in (first, two))
-        if two_miss < (1 - PAYS) * one_misses:
-            first = two
-            words.append(f"a second lobe lowers the error in frames not fitted to, {100 * one_misses:.1f} %, to "
-                         f"{100 * two_miss:.1f} %")  # fmt: skip
     return first, tuple(words)
-
-
-def _foretold(samples: MaterialSamples, search: CoatSearch) -> float:
-    """Return the relative RMSE of every second frame, of a coat that is fitted to the others; NaN with too few."""
-    given = np.arange(samples.usable.shape[1]) % 2 == 0
-    every = samples.only((samples.usable & given).sum(1) >= 3)
-    if len(every) < FEWEST:
-        return np.nan
-    found = search.on(replace(every, usable=every.usable & given))
-    values = predicted(every, found.weights, found.fit.surface, found.fit.strength)[0]
-    held = every.usable & ~given
-    return float(np.linalg.norm((every.values - values)[held]) / np.linalg.norm(every.values[held]))
 
 
 def _gain(samples: MaterialSamples, one: CoatSearch, other: CoatSearch) -> float:

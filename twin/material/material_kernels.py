@@ -17,8 +17,6 @@ Image = NDArray[np.float32]
 
 WORTH_A_THREAD = 30_000
 """Samples, pixels times frames, below which to hand them over takes as long as what is done with them."""
-TILT = 1e-3
-"""Radians, of the finite differences."""
 
 
 class _SamplePixels(NamedTuple):
@@ -91,51 +89,30 @@ def reduced(samples: MaterialSamples, weights: Image, surface: Coat) -> NDArray[
 @numba.njit(nogil=True, cache=True, **VECTORS)
 def _predict(pixels, strength, surface):
     count, frames = pixels.toward.shape[:2]
-    predicted, slope = np.empty((count, frames, 3), np.float32), np.empty((count, frames, 3), np.float32)
-    albedo = np.zeros((count, 3), np.float32)
-    shaded = np.empty((3, SHADED, frames))
-    body, coat = shaded[:, 0], shaded[:, 1]
+    found, albedo = np.empty((count, frames, 3), np.float32), np.zeros((count, 3), np.float32)
+    shaded = np.empty((SHADED, frames))
     for p in range(count):
         rough = np.sqrt(surface.roughness * surface.roughness + pixels.spread[p])
-        nx, ny, nz = vector(pixels.normals[p])
-        view = vector(pixels.views[p])
-        # Two tangents: along the smallest component's cross product, and across.
-        if abs(nz) < 0.9:
-            tx, ty, tz = -ny, nx, 0.0 * nz
-        else:
-            tx, ty, tz = 0.0 * nx, -nz, ny
-        length = np.sqrt(tx * tx + ty * ty + tz * tz)
-        tx, ty, tz = tx / length, ty / length, tz / length
-        ux, uy, uz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
-        tilted = ((nx, ny, nz), (nx + TILT * tx, ny + TILT * ty, nz + TILT * tz),
-                  (nx + TILT * ux, ny + TILT * uy, nz + TILT * uz))  # fmt: skip
-        for k in range(3):
-            shade(tilted[k], view, pixels.toward[p], rough, surface, shaded[k])
+        shade(vector(pixels.normals[p]), vector(pixels.views[p]), pixels.toward[p], rough, surface, shaded)
         for c in range(3):
             top, bottom = 0.0, 0.0
             for f in range(frames):
                 e, w = pixels.irradiance[p, f, c], pixels.weights[p, f, c]
-                a = e * body[0, f]
-                top += w * a * (pixels.values[p, f, c] - e * strength[c] * coat[0, f])
+                a = e * shaded[0, f]
+                top += w * a * (pixels.values[p, f, c] - e * strength[c] * shaded[1, f])
                 bottom += w * a * a
             own = max(top / bottom, 0.0) if bottom > 0 else 0.0
             albedo[p, c] = own
             for f in range(frames):
-                e = pixels.irradiance[p, f, c]
-                here = own * body[0, f] + strength[c] * coat[0, f]
-                one = own * body[1, f] + strength[c] * coat[1, f] - here
-                two = own * body[2, f] + strength[c] * coat[2, f] - here
-                predicted[p, f, c] = e * here
-                slope[p, f, c] = e * np.sqrt((one * one + two * two) / 2) / TILT
-    return predicted, slope, albedo
+                found[p, f, c] = pixels.irradiance[p, f, c] * (own * shaded[0, f] + strength[c] * shaded[1, f])
+    return found, albedo
 
 
 def predicted(
     samples: MaterialSamples, weights: Image, surface: Coat, strength: NDArray[np.float64]
-) -> tuple[Image, ...]:
-    """Return what the material gives back (P, F, 3), its change (P, F, 3) for a radian's tilt along one axis of the
-    normal (root mean square over the two), and the albedo (P, 3).
+) -> tuple[Image, Image]:
+    """Return what the material gives back (P, F, 3), and the albedo (P, 3): each pixel's best.
 
-    `strength` (3,): of the coat; the albedo is each pixel's best.
+    `strength` (3,): of the coat.
     """
     return _on_all_cores(_predict, samples, weights, np.ascontiguousarray(strength, np.float64), surface)

@@ -30,7 +30,7 @@ LAMBERT = -1.0
 """Stands for the roughness of a body that has none."""
 VECTORS: Any = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "arcp", "nsz"}}
 """For numba: what keeps it from vector instructions is given up, exceptions at divisions and the order of sums."""
-SHADED = 7
+SHADED = 6
 """Rows that `shade` works in."""
 
 
@@ -39,11 +39,10 @@ class Coat(NamedTuple):
 
     roughness: alpha of the facets' distribution.
     index: Of refraction.
-    transmittance (2, NODES): Share of the light that gets through, at cosines 0 to 1, over index sqrt(1 - R): R is the
-        coat's diffuse reflectance from within. Of either roughness.
+    transmittance (NODES,): Share of the light that gets through, at cosines 0 to 1, over index sqrt(1 - R): R is the
+        coat's diffuse reflectance from within.
     covered: Share of the body's light that passes it.
     body: Roughness of the body that lies bare, 0 to 1, by the law of [Burley2012]; -1: it is Lambert's.
-    second, second_roughness: Share of the facets that are of another roughness, and it: a second lobe.
     """
 
     roughness: float
@@ -51,35 +50,22 @@ class Coat(NamedTuple):
     transmittance: Array
     covered: float = 1.0
     body: float = LAMBERT
-    second: float = 0.0
-    second_roughness: float = 1.0
 
     def changed(self, **new: Any) -> "Coat":
         """Return the coat with other numbers, by their names in `coat`."""
-        names = ("roughness", "index", "covered", "body", "second", "second_roughness")
-        numbers: dict[str, Any] = {name: getattr(self, name) for name in names}
+        numbers = {name: getattr(self, name) for name in ("roughness", "index", "covered", "body")}
         return coat(**{**numbers, **new})
 
     def numbers(self) -> dict[str, Any]:
         """Return its numbers by the names of `twin.description.materials.RoughPlastic`."""
-        same = ("roughness", "index", "covered", "second", "second_roughness")
         body = None if self.body < 0 else self.body
-        return {name: getattr(self, name) for name in same} | {"body_roughness": body}
+        return {"roughness": self.roughness, "index": self.index, "covered": self.covered, "body_roughness": body}
 
 
-def coat(
-    roughness: float,
-    index: float = INDEX,
-    *,
-    covered: float = 1.0,
-    body: float = LAMBERT,
-    second: float = 0.0,
-    second_roughness: float = 1.0,
-) -> Coat:
+def coat(roughness: float, index: float = INDEX, *, covered: float = 1.0, body: float = LAMBERT) -> Coat:
     """Return the coat of a roughness; see `Coat`."""
-    where = np.log(np.clip([roughness, second_roughness], TABLED[0], TABLED[-1]))
-    transmittance = np.asarray(_transmittances(index)(where).real, np.float64)
-    return Coat(roughness, index, transmittance, covered, body, second, second_roughness)
+    where = np.log(np.clip(roughness, TABLED[0], TABLED[-1]))
+    return Coat(roughness, index, np.asarray(_transmittances(index)(where).real, np.float64), covered, body)
 
 
 @lru_cache(16)
@@ -111,7 +97,7 @@ def _transmittance(roughness: float, index: float) -> Array:
 
 def matte() -> Coat:
     """Return the coat that is none: all light gets through."""
-    return Coat(1.0, 1.0, np.ones((2, NODES)))
+    return Coat(1.0, 1.0, np.ones(NODES))
 
 
 @numba.njit(nogil=True, cache=True, **VECTORS)
@@ -137,16 +123,9 @@ def _looked_up(table, cosine):
 def _body(surface, cosines, nv, out):
     """Fill `out` (F,) with the body's value under each light; `cosines` as `shade` has them."""
     nl, c, covered = cosines[0], cosines[1], surface.covered
-    first, other = surface.transmittance[0], surface.transmittance[1]
-    of_view = covered * _looked_up(first, nv)
-    if surface.second > 0:
-        of_view *= 1 - surface.second
+    of_view = covered * _looked_up(surface.transmittance, nv)
     for f in range(len(out)):
-        out[f] = of_view * _looked_up(first, nl[f])
-    if surface.second > 0:
-        of_view = covered * surface.second * _looked_up(other, nv)
-        for f in range(len(out)):
-            out[f] += of_view * _looked_up(other, nl[f])
+        out[f] = of_view * _looked_up(surface.transmittance, nl[f])
     if surface.body < 0:
         for f in range(len(out)):
             out[f] = nl[f] * (1 - covered + out[f])
@@ -170,8 +149,7 @@ def shade(normal, view, lights, roughness, surface, out):
     """Fill out[0] and out[1] with the body's and the coat's pixel values under each light: of albedo and strength 1.
 
     Body: cos_l ((1 - covered) B + covered T(l) T(v)), B of [Burley2012] or 1; coat: pi F D G / (4 cos_v), G by Smith,
-    each direction apart; D and G of GGX [Walter2007], or of two roughnesses mixed. The matte coat (index 1)
-    has the body cos_l and no coat.
+    each direction apart; D and G of GGX [Walter2007]. The matte coat (index 1) has the body cos_l and no coat.
 
     normal, view: Unit, three numbers each.
     lights (F, 3): Unit.
@@ -185,7 +163,7 @@ def shade(normal, view, lights, roughness, surface, out):
     if nv <= 0:
         out[:2] = 0
         return
-    index, cosines, fresnel, lobe, diffuse, gloss = surface.index, out[2:5], out[5], out[6], out[0], out[1]
+    index, cosines, fresnel, diffuse, gloss = surface.index, out[2:5], out[5], out[0], out[1]
     for f in range(lights.shape[0]):
         lx, ly, lz = lights[f, 0], lights[f, 1], lights[f, 2]
         hx, hy, hz = vx + lx, vy + ly, vz + lz
@@ -198,14 +176,8 @@ def shade(normal, view, lights, roughness, surface, out):
         across, along = (c - g) / (c + g), (index * index * c - g) / (index * index * c + g)
         fresnel[f] = (across * across + along * along) / 2
     _body(surface, cosines, nv, diffuse)
-    a2 = roughness * roughness
-    _lobe(a2, cosines, nv, gloss)
-    if surface.second > 0:
-        a2 += surface.second_roughness * surface.second_roughness - surface.roughness * surface.roughness
-        _lobe(a2, cosines, nv, lobe)
-        for f in range(len(lobe)):
-            gloss[f] += surface.second * (lobe[f] - gloss[f])
-    for f in range(len(lobe)):
+    _lobe(roughness * roughness, cosines, nv, gloss)
+    for f in range(len(gloss)):
         lit = cosines[0, f] > 0
         diffuse[f] = diffuse[f] if lit else 0.0
         gloss[f] = np.pi * fresnel[f] * gloss[f] / (4 * nv) if lit else 0.0

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from scene.errors import RenderError
 from scene.frames import Frames
-from twin.material.fit_material import MaterialFit, fit_material, matte_albedo, robust
+from twin.material.fit_material import MaterialFit, fit_material, matte_albedo, robust_albedo
 from twin.material.material_kernels import predicted
 from twin.material.material_light import OnwardLight, onward_light
 from twin.material.material_samples import MOST, MaterialSamples, samples_at, samples_of_scan
@@ -106,13 +106,8 @@ def scan_material(
             own = samples_at(sight, frames, rows[first : first + step], columns[first : first + step], lenient=lenient)
             own = own if onward is None else onward.off(own)
             if len(own):
-                albedo[own.rows, own.columns] = albedo_of(own, fit)
+                albedo[own.rows, own.columns] = robust_albedo(own, fit, fit.noise)
     return ScanMaterial(fit, seen, onward, gone, albedo, *_left(samples, fit), trouble)
-
-
-def albedo_of(samples: MaterialSamples, fit: MaterialFit) -> NDArray[np.float32]:
-    """Return the albedo (P, 3) of samples of a fitted material."""
-    return robust(samples, fit, fit.noise)[3]
 
 
 def _settled(sight: Sight, samples: MaterialSamples) -> OnwardLight:
