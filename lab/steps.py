@@ -216,7 +216,6 @@ def solve_all(job: Job, store: Store, label: str, methods: Sequence[str]) -> tup
             "frames": len(frames),
             "processor_seconds_per_megapixel_image": estimate.processor_seconds / (megapixels * len(frames)),
             "sigma_deg_median": median_or_none(estimate.sigma_deg),
-            "condition_median": median_or_none(estimate.condition),
             "profile": job.profile,
             "settings": estimate.settings,
             "warnings": estimate.warnings,

@@ -32,9 +32,6 @@ class Estimate:
         The options that it ran with.
     warnings : tuple of str
         Why the method should not be believed here.
-    condition : (H, W) float32 or None
-        Condition number of the light vectors that each pixel was fitted to: 1 where they come from all sides alike,
-        large where from nearly one plane.
     sigma_deg : (H, W) float32 or None
         Standard deviation of the normal along one tangent axis, from the scatter of the residuals: noise that
         differs from sample to sample, not what all samples share. NaN where three samples or fewer were fitted.
@@ -52,7 +49,6 @@ class Estimate:
     processor_seconds: float = 0.0
     settings: dict = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
-    condition: NDArray[np.float32] | None = None
     sigma_deg: NDArray[np.float32] | None = None
     lights: Lights | None = None
     z_mm: NDArray[np.float64] | None = None

@@ -183,7 +183,7 @@ class Store:
         write_png(self.path("normals", f"{name}.png"), encode_normals(estimate.normals))
         write_npy(self.path("albedo", f"{name}.npy"), np.asarray(estimate.albedo, np.float32))
         write_npy(self.path("samples", f"{name}.npy"), np.asarray(estimate.samples, np.uint16))
-        maps = (("sigma", estimate.sigma_deg), ("condition", estimate.condition), ("depth", estimate.z_mm))
+        maps = (("sigma", estimate.sigma_deg), ("depth", estimate.z_mm))
         for folder, known in maps:
             if known is not None:
                 write_npy(self.path(folder, f"{name}.npy"), np.asarray(known, np.float32))
@@ -207,5 +207,5 @@ class Store:
             )
 
         albedo, samples = (np.array(self.read_array(folder, f"{name}.npy")) for folder in ("albedo", "samples"))
-        maps = {"condition": known("condition"), "sigma_deg": known("sigma"), "z_mm": known("depth")}
+        maps = {"sigma_deg": known("sigma"), "z_mm": known("depth")}
         return Estimate(name, self.load_normals(name), albedo, samples, **maps, **told)

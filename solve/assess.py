@@ -1,4 +1,4 @@
-"""What a fit is worth, pixel by pixel: albedo, condition number, sigma; the same for every method."""
+"""What a fit is worth, pixel by pixel: albedo, sigma; the same for every method."""
 
 import numba
 import numpy as np
@@ -9,54 +9,28 @@ from solve.pixelwise.kernels import adjugate, light_vector
 
 DARK = 0.02
 """Samples under this share of the stack's 99th percentile are not lit: they cannot count among the three."""
+AMPLIFIED = 20.0
+"""Condition number of light vectors from which noise across their plane comes twentyfold."""
 
 
 @numba.njit(nogil=True, cache=True)
-def condition_and_inverse(a, b, c, d, e, f):  # pragma: no cover
-    """Return the condition number of light vectors, and the inverse of their normal matrix, from its upper triangle.
-
-    The matrix is the sum of v v^T: its eigenvalues are the squares of the singular values. In closed form
-    [Smith1961]. The inverse is an upper triangle too.
-    """
-    mean = (a + d + f) / 3.0
-    x, y, z = a - mean, d - mean, f - mean
-    spread = np.sqrt(max((x * x + y * y + z * z + 2.0 * (b * b + c * c + e * e)) / 6.0, 0.0))
-    det, (ia, ib, ic, id_, ie, if_) = adjugate(a, b, c, d, e, f)
-    condition = 1.0
-    if spread > 1e-12 * mean:
-        centred = x * (y * z - e * e) - b * (b * z - c * e) + c * (b * e - c * y)
-        angle = np.arccos(min(1.0, max(-1.0, 0.5 * centred / (spread * spread * spread)))) / 3.0
-        first = np.cos(angle)
-        # cos(angle - 120 degrees) without another cosine: angle is at most 60 degrees.
-        second = 0.5 * (np.sqrt(max(3.0 * (1.0 - first * first), 0.0)) - first)
-        most, middle = mean + 2.0 * spread * first, mean + 2.0 * spread * second
-        # Not by the third cosine, which cancels; the product of the three is the determinant. Of a single light both
-        # the middle one and the determinant are rounding, of either sign: the cosines are good to 1e-8.
-        spans = det > 0.0 and middle > 1e-7 * mean
-        condition = np.sqrt(most * (most * middle) / det) if spans else np.inf
-    if det <= 0.0:
-        return np.inf, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return condition, (ia / det, ib / det, ic / det, id_ / det, ie / det, if_ / det)
-
-
-@numba.njit(nogil=True, cache=True)
-def sigma_deg(length, normal, squares, count, inverse):  # pragma: no cover
+def sigma_deg(length, normal, squares, count, det, adjoint):  # pragma: no cover
     """Return the standard deviation of a normal, degrees along one tangent axis; NaN where nothing checks the fit.
 
-    `length` is that of b, `squares` the sum of the squared residuals of `count` samples, `inverse` the upper triangle
-    of the inverse of the normal matrix.
+    `length` is that of b, `squares` the sum of the squared residuals of `count` samples, `det` and
+    `adjoint` those of the normal matrix, the latter's upper triangle.
 
     Notes
     -----
     cov b = s^2 (sum v v^T)^-1 with s^2 = squares / (count - 3); what of it lies across the normal, divided by
     |b|: sigma^2 = (trace(cov b) - n^T cov b n) / (2 |b|^2). At most 90 degrees.
     """
-    if count <= 3:
+    if count <= 3 or not det > 0.0:
         return np.nan
     x, y, z = normal
-    ia, ib, ic, id_, ie, if_ = inverse
+    ia, ib, ic, id_, ie, if_ = adjoint
     along = x * (ia * x + 2.0 * (ib * y + ic * z)) + y * (id_ * y + 2.0 * ie * z) + z * z * if_
-    across = max(ia + id_ + if_ - along, 0.0) * squares / (count - 3)
+    across = max(ia + id_ + if_ - along, 0.0) * squares / (det * (count - 3))
     return min(np.degrees(np.sqrt(0.5 * across) / length), 90.0)
 
 
@@ -74,10 +48,10 @@ def assess(band, samples, b, intensities, dark):  # pragma: no cover
         nothing.
     count : (P,) uint16
         Used samples.
-    condition, sigma : (P,) float32
-        Condition number of the used light vectors; see `sigma_deg`.
-    is_dark : (P,) bool
-        Fewer than three used samples are lit.
+    sigma : (P,) float32
+        See `sigma_deg`.
+    doubts : (2,) int64
+        Pixels with fewer than three used samples that are lit; pixels whose used lights lie nearly in a plane.
     """
     gray, used, points, geometry = samples
     codes, shape, ambient, black, unit, runs = band.codes, band.shape, band.ambient, band.black, band.unit, band.runs
@@ -85,9 +59,8 @@ def assess(band, samples, b, intensities, dark):  # pragma: no cover
     normals = np.full((pixels, 3), np.nan, np.float32)
     albedo = np.full((pixels, 3), np.nan, np.float32)
     count = np.zeros(pixels, np.uint16)
-    condition = np.full(pixels, np.nan, np.float32)
     sigma = np.full(pixels, np.nan, np.float32)
-    is_dark = np.zeros(pixels, np.bool_)
+    doubts = np.zeros(2, np.int64)
     normal, top = np.empty(3), np.empty(3)
     # Three divisions a sample would take as long as all the rest.
     per_intensity = 1.0 / intensities
@@ -130,13 +103,16 @@ def assess(band, samples, b, intensities, dark):  # pragma: no cover
                     top[channel] += value * per_intensity[k, channel] * shade
             normals[i] = normal
             count[i] = size
-            is_dark[i] = lit < 3
-            condition[i], inverse = condition_and_inverse(xx, xy, xz, yy, yz, zz)
-            sigma[i] = sigma_deg(length, (normal[0], normal[1], normal[2]), squares, size, inverse)
+            det, adjoint = adjugate(xx, xy, xz, yy, yz, zz)
+            doubts[0] += lit < 3
+            # trace(M) trace(M^-1) is twice the condition number's square where two of three are far from the third.
+            spread = (xx + yy + zz) * (adjoint[0] + adjoint[3] + adjoint[5])
+            doubts[1] += not spread <= 2.0 * AMPLIFIED * AMPLIFIED * det
+            sigma[i] = sigma_deg(length, (normal[0], normal[1], normal[2]), squares, size, det, adjoint)
             if bottom > 0.0:
                 for channel in range(3):
                     albedo[i, channel] = top[channel] / bottom
-    return normals, albedo, count, condition, sigma, is_dark
+    return normals, albedo, count, sigma, doubts
 
 
 def shared_sigma_deg(normals: NDArray, directions: NDArray, covariance: NDArray) -> NDArray[np.float32]:

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 __all__ = ["METHODS", "UNCALIBRATED", "method_of", "solve"]
 
 Call = tuple[Callable, tuple]
-ILL_CONDITIONED = 20.0
-"""Condition number of a pixel's light vectors from which noise across their plane comes twentyfold."""
 
 
 def solve(
@@ -91,7 +89,7 @@ def solve(
     else:
         parts, work = _fit_bands(what.name, settings, problem)
     maps = _empty_maps(mask.shape)
-    dark = 0
+    doubts = np.zeros(2, int)
     with nullcontext(executor) if executor else ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         assert pool is not None
         for done, (rows, values) in enumerate(_finished(pool, work), 1):
@@ -102,10 +100,10 @@ def solve(
                     place[rows] = value.reshape(place[rows].shape)
                 else:
                     place[rows][inside] = value
-            dark += int(np.count_nonzero(values[-1]))
+            doubts += values[-1]
             if progress:
                 progress(done, parts)
-    normals, albedo, samples, condition, sigma_deg = maps
+    normals, albedo, samples, sigma_deg = maps
     if what.fit and not what.is_linear:
         from solve.bootstrap import sigma_factors
 
@@ -116,22 +114,21 @@ def solve(
         shared = shared_sigma_deg(normals, problem.lights.directions, problem.intensity_covariance)
         sigma_deg = np.hypot(sigma_deg, shared)
     spent = since(start)
-    cautions = (*problem.cautions, *_cautions_of(mask, normals, samples, condition, dark))
+    cautions = (*problem.cautions, *_cautions_of(mask, normals, samples, *doubts.tolist()))
     if not what.is_calibrated:
         from solve.axes import relief_cautions
 
         cautions += relief_cautions(normals, frames, lights, camera, mask)
     return Estimate(
         what.name, normals, albedo, samples, spent["seconds"], spent["processor_seconds"], as_dict(settings), cautions,
-        condition, sigma_deg, problem.own_lights, problem.z_mm,
+        sigma_deg, problem.own_lights, problem.z_mm,
     )  # fmt: skip
 
 
 def _empty_maps(shape: tuple[int, ...]) -> tuple[NDArray, ...]:
-    """Return normals, albedo, samples, condition and sigma with nothing known yet."""
+    """Return normals, albedo, samples and sigma with nothing known yet."""
     normals, albedo = (np.full((*shape, 3), np.nan, np.float32) for _ in range(2))
-    condition, sigma = (np.full(shape, np.nan, np.float32) for _ in range(2))
-    return normals, albedo, np.zeros(shape, np.uint16), condition, sigma
+    return normals, albedo, np.zeros(shape, np.uint16), np.full(shape, np.nan, np.float32)
 
 
 def _finished(pool: Executor, work: Iterator[Call]) -> Iterator[Any]:
@@ -184,7 +181,7 @@ def _fit_band(name: str, settings: Settings, part: Problem, scale: float) -> tup
 
 
 def _judged(band: "Band", used: "Samples", b: NDArray, part: Problem, scale: float) -> tuple:
-    """Return normals, albedo, samples, condition, sigma and darkness of the pixels of a band; see `assess`."""
+    """Return normals, albedo, samples, sigma and doubts of the pixels of a band; see `assess`."""
     from solve.assess import DARK, assess
 
     return assess(band, used, b, np.ascontiguousarray(part.lights.intensities), DARK * scale)
@@ -235,21 +232,18 @@ def _own_lights(lights: Lights, found: NDArray[np.float64]) -> Lights:
     return Lights(lights.names, directions, lights.intensities * strength).normalised()
 
 
-def _cautions_of(
-    mask: NDArray[np.bool_], normals: NDArray, samples: NDArray, condition: NDArray, dark: int
-) -> tuple[str, ...]:
+def _cautions_of(mask: NDArray[np.bool_], normals: NDArray, samples: NDArray, dark: int, flat: int) -> tuple[str, ...]:
     """Return what is suspicious about the maps (H, W[, 3]) of an estimate, said before its error is known.
 
-    `dark` is how many pixels were solved with fewer than three lit samples; for the maps see `scene.estimate.Estimate`.
+    `dark` and `flat`: see `solve.assess.assess`; for the maps see `scene.estimate.Estimate`.
     """
     shares = (
         (~np.isfinite(normals[..., 0]), 0.01, "pixels have no normal: their lit lights do not span space."),
         (dark, 0.01, "pixels have fewer than three lit samples: not to be believed."),
         (samples == 3, 0.05, "pixels rest on three samples: nothing there checks the fit."),
         (
-            condition > ILL_CONDITIONED, 0.05,
-            f"pixels are lit from nearly one plane (condition number above {ILL_CONDITIONED:.0f}): noise is amplified "
-            "there. Lights from more sides would help.",
+            flat, 0.05,
+            "pixels are lit from nearly one plane: noise is amplified there. Lights from more sides would help.",
         ),
         (
             normals[..., 2] < 0, 0.02,

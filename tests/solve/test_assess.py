@@ -1,4 +1,4 @@
-"""Condition number, sigma and albedo against numpy, against Monte Carlo, and against the other way to read samples."""
+"""Sigma and albedo against numpy, against Monte Carlo, and against the other way to read samples."""
 
 import numpy as np
 import pytest
@@ -7,8 +7,7 @@ from fixtures.lit_surfaces import as_floats, even_cap, lights_along, spiral
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
-from scene.normals import angular_error_deg
-from solve.assess import condition_and_inverse
+from scene.normals import angular_error_deg, unit
 from solve.samples import GRAY, read_band
 from solve.solve import solve
 
@@ -31,16 +30,15 @@ def run(method, frames, lights, mask=None):
     return solve(method, frames, lights, camera, np.ones((HEIGHT, WIDTH), bool) if mask is None else mask)
 
 
-def test_condition_and_inverse_are_numpys():
-    rng = np.random.default_rng(0)
-    for narrow in (1.0, 0.1, 1e-3):
-        vectors = rng.normal(size=(9, 3)) * [1, 1, narrow] @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
-        m = vectors.T @ vectors
-        condition, inverse = condition_and_inverse(m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2])
-        assert condition == pytest.approx(np.linalg.cond(vectors), rel=1e-6)
-        np.testing.assert_allclose(inverse, np.linalg.inv(m)[np.triu_indices(3)], rtol=1e-6)
-    assert condition_and_inverse(2.0, 0.0, 0.0, 2.0, 0.0, 2.0)[0] == 1
-    assert condition_and_inverse(1.0, 0.0, 0.0, 1.0, 0.0, 0.0)[0] == np.inf
+@pytest.mark.parametrize("narrow", [[1, 0, 1], [0, 0, 1]], ids=["one plane", "one line"])
+@pytest.mark.parametrize(("condition", "told"), [(40, True), (12, False)])
+def test_lights_from_nearly_one_plane_or_line_are_told(narrow, condition, told):
+    toward = spiral(np.linspace(0.5, 0.95, COUNT))
+    squeezed = {share: unit(toward * np.maximum(narrow, share)) for share in np.geomspace(0.01, 1, 200)}
+    seen = lights_along(min(squeezed.values(), key=lambda one: abs(np.linalg.cond(one) - condition)))
+    images, _ = plane(seen)
+    found = run("ls", as_floats(seen, images), seen)
+    assert any("nearly one plane" in text for text in found.warnings) == told
 
 
 @pytest.mark.parametrize("method", ["ls", "iterative", "hsh"])
@@ -58,7 +56,6 @@ def test_sigma_is_what_noise_does_to_the_normals(method, heights):
     scatter = np.sqrt(np.mean(error**2) / 2)
     stated = np.sqrt(np.mean(found.sigma_deg**2))
     assert 0.9 < stated / scatter < 1.1
-    np.testing.assert_allclose(found.condition, np.linalg.cond(seen.directions), rtol=0.3)
 
 
 @pytest.mark.parametrize("count", [12, 32])
@@ -88,7 +85,6 @@ def test_sigma_needs_a_fourth_sample_and_vanishes_without_noise():
     three = Lights(seen.names[::8], seen.directions[::8], seen.intensities[::8])
     found = run("ls", Frames.from_linear(three.names, images[::8]), three)
     assert np.isnan(found.sigma_deg).all()
-    assert np.isfinite(found.condition).all()
     assert any("three samples" in text for text in found.warnings)
     exact = run("ls", as_floats(seen, images), seen)
     assert exact.sigma_deg.max() < 0.01
