@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.normals import unit
-from solve.design.normal_information import information, inverted, sigma_of_normals
 from solve.problem import Problem
 from solve.samples import Samples, all_samples
 
@@ -65,10 +64,14 @@ def _scatter(samples: Samples, toward: NDArray, b: NDArray, used: NDArray) -> tu
 
     As in `solve.assess.sigma_deg`; zero where there are none.
     """
-    covariance = inverted(information(toward.swapaxes(0, 1), np.ones(1), used.T))
-    gain = np.nan_to_num(np.radians(sigma_of_normals(b, covariance)) ** 2)
-    free = np.where(np.isfinite(covariance[:, 0, 0]), np.maximum(used.sum(1) - 3.0, 0), 0)
+    matrix = np.swapaxes(toward * used[..., None], 1, 2) @ toward
+    spans = np.linalg.det(matrix) > 0
+    inverse = np.linalg.inv(np.where(spans[:, None, None], matrix, np.eye(3)))
+    free = np.where(spans, np.maximum(used.sum(1) - 3.0, 0), 0)
     gap = np.where(used, samples.gray - np.einsum("pfi,pi->pf", toward, b), 0)
+    along, length = np.nan_to_num(unit(b)), np.sum(b**2, 1)
+    across = np.trace(inverse, axis1=1, axis2=2) - np.einsum("pi,pij,pj->p", along, inverse, along)
+    gain = np.divide(0.5 * np.maximum(across, 0), length, where=length > 0, out=np.zeros(len(b)))
     return np.sum(gap**2, 1) / np.maximum(free, 1), free, gain
 
 

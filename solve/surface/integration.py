@@ -40,17 +40,11 @@ class IntegratedSurface:
     gap_right, gap_down : (H, W) float64
         How far the neighbour in the next column, the next row, lies off the tangent plane, in pixels of the picture:
         the lesser of the two sides' distances. Infinite where there is no such neighbour.
-    rounds : int
-        Times that the sides were weighed.
-    settled : bool
-        Weights and depth had come to rest.
     """
 
     z_mm: Array
     gap_right: Array
     gap_down: Array
-    rounds: int
-    settled: bool
 
     def points_mm(self, camera: Camera) -> Array:
         """Return the points (H, W, 3), camera frame."""
@@ -164,18 +158,15 @@ def integrate(
         depth = np.where(known, _unknown(np.where(known, start[box], z_mm), camera), 0.0)
         depth = np.where(known, depth, np.median(depth[known]) if known.any() else 0.0) * edges.inside
         opinions = _opinions(edges, depth, sharpness)
-    settled, count = sharpness == 0, 0
-    for count in range(1, rounds + 1):  # noqa: B007 (reported afterwards)
+    for _ in range(rounds):
         before = depth
         depth = _solved(edges, opinions, before, target, pull, 1e-5)
         gap = (depth - before)[edges.inside]
-        if settled or np.sqrt(np.mean((gap - gap.mean()) ** 2)) < tolerance:
-            settled = True
+        if sharpness == 0 or np.sqrt(np.mean((gap - gap.mean()) ** 2)) < tolerance:
             break
         opinions = _opinions(edges, depth, sharpness)
     depth = _solved(edges, opinions, depth, target, pull, 1e-11)
-    anchor = z_mm if hint is None else None
-    return _surface(edges, depth, inside, camera, box, anchor, count, settled)
+    return _surface(edges, depth, inside, camera, box, z_mm if hint is None else None)
 
 
 def surface_at(z_mm: Array, normals: NDArray, camera: Camera) -> IntegratedSurface:
@@ -184,7 +175,7 @@ def surface_at(z_mm: Array, normals: NDArray, camera: Camera) -> IntegratedSurfa
     box = (slice(0, inside.shape[0]), slice(0, inside.shape[1]))
     edges = edges_of(np.where(inside[..., None], normals, 0.0), inside, camera, box)
     depth = np.where(inside, _unknown(np.where(inside, z_mm, -1.0), camera), 0.0)
-    return _surface(edges, depth, inside, camera, box, None, 0, True)
+    return _surface(edges, depth, inside, camera, box, None)
 
 
 def _opinions(edges: GridEdges, depth: Array, sharpness: float) -> Opinions:
@@ -227,7 +218,7 @@ def _unknown(z_mm: Array, camera: Camera) -> Array:
 
 def _surface(
     edges: GridEdges, depth: Array, inside: NDArray[np.bool_], camera: Camera, box: tuple[slice, slice],
-    z_mm: float | None, rounds: int, settled: bool,
+    z_mm: float | None,
 ) -> IntegratedSurface:  # fmt: skip
     found = depth / np.sqrt(camera.fx * camera.fy)
     found = -found if camera.is_orthographic else -np.exp(found)
@@ -244,4 +235,4 @@ def _surface(
         forth, back = edges.gaps(axis, depth)
         gaps.append(np.full(inside.shape, np.inf))
         gaps[-1][box] = np.where(axis.pair, np.minimum(forth, back), np.inf)
-    return IntegratedSurface(whole, gaps[0], gaps[1], rounds, settled)
+    return IntegratedSurface(whole, gaps[0], gaps[1])

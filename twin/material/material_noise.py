@@ -28,7 +28,7 @@ class Noise:
 
     def variance(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the variance (P, F, 3) at predicted values."""
-        return (self.share * np.maximum(values, np.float32(self.dim))) ** 2
+        return (np.float32(self.share) * np.maximum(values, np.float32(self.dim))) ** 2
 
 
 def first_noise(samples: MaterialSamples) -> Noise:
