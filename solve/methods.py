@@ -82,7 +82,8 @@ class Method:
         SceneError
             The method has no such profile.
         """
-        profiles = {"seed": self.profiles["default"], **self.profiles}
+        default = self.profiles["default"]
+        profiles = {"default": default, "seed": default, **self.profiles}
         if profile not in profiles:
             raise SceneError(f"solve: {self.name} has no profile {profile!r}; there are {', '.join(profiles)}.")
         return profiles[profile]
