@@ -32,7 +32,7 @@ SESSIONS = {
 }
 """Of the last three one thing was chosen: how strongly `reflectance` is pulled to matte, with all four in view."""
 LIGHTS, SEED, ROUNDS = 96, 10_001, 3
-ALONE = ("ls", "iterative", "position", "hsh")
+ALONE = ("ls", "iterative", "position", "l1", "sbl", "hsh")
 """Methods that treat each pixel alone."""
 READING = "reading the bytes once"
 

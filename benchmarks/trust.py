@@ -131,7 +131,7 @@ def _rows(group: str, name: str, shot: Registered, methods: str) -> list[TrustRo
 
 def _cases(scale: Scale) -> list[tuple]:
     if scale == "small":
-        return [("scenes", FIRST + 1, "ls,iterative,position", 40)]
+        return [("scenes", FIRST + 1, "ls,iterative,l1", 40)]
     every = ",".join(METHODS)
     there = {name: place for name, place in {**with_truth(), **SESSIONS}.items() if place.is_dir()}
     names = sorted(there, key=lambda name: name == "fixture")

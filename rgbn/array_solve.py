@@ -46,7 +46,7 @@ def solve_arrays(
     mask : (H, W) array, optional
         The object's pixels: not 0. Default: all.
     method : str
-        One of `ls`, `iterative`, `position`, `hsh`, `rpca`, `semicalibrated`, `near`, `reflectance`,
+        One of `ls`, `iterative`, `position`, `l1`, `sbl`, `hsh`, `rpca`, `semicalibrated`, `near`, `reflectance`,
         `ldr`, `entropy`, `tv`.
     camera : Camera, optional
         Needed for near lights. Default: orthographic.

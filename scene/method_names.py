@@ -4,6 +4,8 @@ FAMILIES = {
     "ls": "pixelwise",
     "iterative": "pixelwise",
     "position": "pixelwise",
+    "l1": "pixelwise",
+    "sbl": "pixelwise",
     "hsh": "pixelwise",
     "rpca": "whole",
     "semicalibrated": "whole",

@@ -8,6 +8,7 @@ import numpy as np
 from solve.methods import Method
 from solve.pixelwise.kernels import (
     NO_KEY,
+    SINGULAR,
     agreeing,
     light_vector,
     lit_samples,
@@ -82,10 +83,10 @@ def fit(samples, scale, settings):  # pragma: no cover
                 columns[0, k], columns[1, k], columns[2, k] = vectors[0, k], vectors[1, k], vectors[2, k]
         count = lit_samples(values, valid[i], settings.shadow_threshold, keys, room, lit)
         _without_brightest(lit, count, settings.highlight_share, keys, now)
-        x, y, z, well = solve_sums(weighted_sums(vectors, values, now))
+        x, y, z, well = solve_sums(weighted_sums(vectors, values, now), SINGULAR)
         if not well:
             now[:] = lit
-            x, y, z, well = solve_sums(weighted_sums(vectors, values, now))
+            x, y, z, well = solve_sums(weighted_sums(vectors, values, now), SINGULAR)
         if well:
             for _ in range(settings.iterations):
                 count = residuals_of(columns, values, now, (x, y, z), residual)
@@ -94,7 +95,7 @@ def fit(samples, scale, settings):  # pragma: no cover
                 size, changed = agreeing(columns, values, lit, before, (x, y, z), limit, now)
                 if not changed:
                     break
-                p, q, r, well = solve_sums(weighted_sums(vectors, values, now))
+                p, q, r, well = solve_sums(weighted_sums(vectors, values, now), SINGULAR)
                 if size < settings.support or not well:
                     now[:] = before
                     break

@@ -15,6 +15,8 @@ NO_KEY = np.int32(2**31 - 1)
 """Larger than the key of any number: for what is left out."""
 SINGULAR = 1e-6
 """det / (trace / 3)^3 of the 3 x 3 normal matrix under which a pixel's lit lights lie in a plane."""
+SINGULAR_WEIGHTED = 1e-12
+"""The same where a few samples may outweigh the rest a thousandfold: what float64 still solves."""
 
 
 @numba.njit(nogil=True, cache=True)
@@ -95,6 +97,13 @@ def light_vector(light, point, lights):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
+def light_vectors(point, lights, out):  # pragma: no cover
+    """Write the light vectors of every light at one point to `out` (F, 3)."""
+    for k in range(len(out)):
+        out[k] = light_vector(k, point, lights)
+
+
+@numba.njit(nogil=True, cache=True)
 def least_squares(samples, used, spare):  # pragma: no cover
     """Return b (P, 3) of min_b sum over `used` (P, F) of (v . b - m)^2; zeros where the lights do not span space.
 
@@ -118,7 +127,7 @@ def least_squares(samples, used, spare):  # pragma: no cover
                     p += x * m
                     q += y * m
                     r += z * m
-            b[i, 0], b[i, 1], b[i, 2], well = solve_sums((a00, a01, a02, a11, a12, a22, p, q, r))
+            b[i, 0], b[i, 1], b[i, 2], well = solve_sums((a00, a01, a02, a11, a12, a22, p, q, r), SINGULAR)
             if well or attempt:
                 break
             used[i] = spare[i]
@@ -181,12 +190,15 @@ def adjugate(a, b, c, d, e, f):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def solve_sums(sums):  # pragma: no cover
-    """Solve [[a b c] [b d e] [c e f]] (x, y, z) = (p, q, r) by the adjugate; return b, and whether it is told."""
+def solve_sums(sums, singular):  # pragma: no cover
+    """Solve [[a b c] [b d e] [c e f]] (x, y, z) = (p, q, r) by the adjugate; return b, and whether it is told.
+
+    `singular` is `SINGULAR` where weights are alike, `SINGULAR_WEIGHTED` where they span decades.
+    """
     a, b, c, d, e, f, p, q, r = sums
     det, (ia, ib, ic, id_, ie, if_) = adjugate(a, b, c, d, e, f)
     trace = (a + d + f) / 3.0
-    if det <= SINGULAR * trace * trace * trace or trace <= 0.0:
+    if det <= singular * trace * trace * trace or trace <= 0.0:
         return 0.0, 0.0, 0.0, False
     return (ia * p + ib * q + ic * r) / det, (ib * p + id_ * q + ie * r) / det, (ic * p + ie * q + if_ * r) / det, True
 

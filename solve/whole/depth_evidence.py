@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from solve.pixelwise.kernels import light_vector, solve_sums
+from solve.pixelwise.kernels import SINGULAR, light_vector, solve_sums
 
 
 @numba.njit(nogil=True, cache=True)
@@ -58,7 +58,7 @@ def depth_evidence(samples, b, way):  # pragma: no cover
             across += step * gap
             squares[i] += gap * gap
             count[i] += 1
-        x, y, z, well = solve_sums((xx, xy, xz, yy, yz, zz, sx, sy, sz))
+        x, y, z, well = solve_sums((xx, xy, xz, yy, yz, zz, sx, sy, sz), SINGULAR)
         if well:
             information[i] = max(along - (x * sx + y * sy + z * sz), 0.0)
             slope[i] = across - (x * p + y * q + z * r)

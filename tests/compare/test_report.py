@@ -236,11 +236,11 @@ def test_the_methods_are_ranked_on_top_with_what_they_doubt(page, session):
 
 @pytest.fixture(scope="module")
 def crowd(session, tmp_path_factory) -> tuple[Store, dict[str, Any]]:
-    """Return a session with nine methods more: copies of one, turned a little; one of them knows nothing."""
+    """Return a session with eleven methods more: copies of one, turned a little; one of them knows nothing."""
     store = Store(tmp_path_factory.mktemp("crowd") / "out")
     shutil.copytree(session.store.folder, store.folder)
     summary = copy.deepcopy(session.summary)
-    names = ("position", "hsh", "rpca", "near", "ldr", "entropy", "tv", "Learned", "silent")
+    names = ("position", "l1", "sbl", "hsh", "rpca", "near", "ldr", "entropy", "tv", "Learned", "silent")
     for number, name in enumerate(names):
         angle = np.radians(2 + number)
         turn = np.array([[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]])
@@ -259,7 +259,7 @@ def test_many_methods_stay_readable(crowd):
     _, summary = crowd
     page = Page(write_report(*crowd))
     assert_self_contained(page)
-    # The pairs are folded away: 11 methods make 55.
+    # The pairs are folded away: 13 methods make 78.
     assert re.search(r"<details><summary>All statistics of each two methods", page.source)
     (square,) = re.findall(r'<table class="square">.*?</table>', page.source, re.S)
     assert square.count("<tr>") == 1 + 12

@@ -271,11 +271,11 @@ def test_a_tolerance_is_passed_or_not_and_is_said_first(share, word, level):
 def test_of_methods_that_are_not_told_apart_the_one_with_the_lighter_tail_stands_first():
     summary = summary_of()
     methods = summary["compare"]["methods"]
-    for name, median, mean in (("ls", 2.0, 3.5), ("iterative", 2.1, 3.1), ("position", 2.5, 2.6)):
+    for name, median, mean in (("ls", 2.0, 3.5), ("iterative", 2.1, 3.1), ("l1", 2.5, 2.6)):
         methods[name] = {**methods["ls"], "real": {**statistics(median), "mean_deg": mean}}
-    assert [row["name"] for row in ranking(summary)] == ["ls", "iterative", "position"]
+    assert [row["name"] for row in ranking(summary)] == ["ls", "iterative", "l1"]
     summary["compare"]["level"] = {"best": "ls", "level": ["iterative"]}
-    assert [row["name"] for row in ranking(summary)] == ["iterative", "ls", "position"]
+    assert [row["name"] for row in ranking(summary)] == ["iterative", "ls", "l1"]
     assert "with ls as good" in text_of(summary, "Normals")
     # What is said of the twin is said of the same method.
     assert "The error patterns of iterative" in text_of(summary, "Twin")
@@ -315,7 +315,7 @@ def test_what_makes_the_error_must_be_as_large_and_what_is_left_is_the_object(pa
     summary[part][key] = value
     told = plain(advice(summary, verdict(summary)))
     assert said in told
-    assert ("--method rpca,hsh" in told) == ("42\u202f%" in plain(limits(summary, verdict(summary))))
+    assert ("--method rpca,sbl,hsh" in told) == ("42\u202f%" in plain(limits(summary, verdict(summary))))
 
 
 def test_an_objects_common_turn_tells_of_no_light_and_without_truth_lights_are_weighed_too():

@@ -154,7 +154,7 @@ def test_no_order_of_verbs_sessions_and_folders_loses_results(quick, seed):
         if generator.random() < 0.2:
             sessions[text] = Path(shutil.move(sessions[text], quick / f"{text}{turn}"))
         verb = str(generator.choice(["check", "calibrate", "align", "solve", "twin", "compare"]))
-        methods = str(generator.choice(["", "position", "ls,position"])) if verb in ("solve", "twin", "compare") else ""
+        methods = str(generator.choice(["", "position", "ls,l1"])) if verb in ("solve", "twin", "compare") else ""
         mine = [out for out, whose in owner.items() if whose == text]
         source, given = sessions[text], None
         if generator.random() < 0.3:

@@ -81,11 +81,11 @@ def test_verbs_return_the_session_and_methods_add_up(small, tmp_path):
 def test_an_output_folder_is_gone_on_with(small, tmp_path):
     """It goes to its session, and stays as it was made: methods, profile."""
     out = tmp_path / "out"
-    rgbn.open(small, out=out).solve(rgbn.Solving("ls,position", profile="seed"))
+    rgbn.open(small, out=out).solve(rgbn.Solving("ls,l1", profile="seed"))
     before = made(out)
     session = rgbn.open(out)
     assert (session.path, session.out) == (small, out)
-    session.normals("position")
+    session.normals("l1")
     session.solve()
     assert made(out) == before
     assert session.summary["arguments"]["profile"] == "seed"

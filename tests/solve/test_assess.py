@@ -41,7 +41,7 @@ def test_lights_from_nearly_one_plane_or_line_are_told(narrow, condition, told):
     assert any("nearly one plane" in text for text in found.warnings) == told
 
 
-@pytest.mark.parametrize("method", ["ls", "iterative", "hsh"])
+@pytest.mark.parametrize("method", ["ls", "iterative", "l1", "sbl", "hsh"])
 @pytest.mark.parametrize("heights", [(0.5, 0.95), (0.9, 0.98)])
 def test_sigma_is_what_noise_does_to_the_normals(method, heights):
     """Two thousand pixels of a plane: the errors' scatter along a tangent is sigma, under wide and narrow lights."""
@@ -59,7 +59,8 @@ def test_sigma_is_what_noise_does_to_the_normals(method, heights):
 
 
 @pytest.mark.parametrize("count", [12, 32])
-def test_sigma_holds_for_a_method_that_chooses_its_samples_among_gloss_and_shadows(count):
+@pytest.mark.parametrize("method", ["iterative", "l1", "sbl"])
+def test_sigma_holds_for_methods_that_choose_their_samples_among_gloss_and_shadows(method, count):
     """A ball with attached shadows, and one sample in ten too bright: two errors in three are within sigma."""
     size, rng = 44, np.random.default_rng(count)
     v, u = (np.mgrid[:size, :size] - (size - 1) / 2) / (size / 2)
@@ -69,7 +70,7 @@ def test_sigma_holds_for_a_method_that_chooses_its_samples_among_gloss_and_shado
     shade = 0.5 * np.maximum(np.einsum("hwi,fi->fhw", normals, seen.directions), 0)
     shade += np.where(rng.random(shade.shape) < 0.1, rng.uniform(0.1, 0.4, shade.shape), 0)
     images = (shade + rng.normal(0, 0.006, shade.shape))[..., None].repeat(3, -1)
-    found = solve("iterative", as_floats(seen, images), seen, Camera.orthographic(size, size), mask)
+    found = solve(method, as_floats(seen, images), seen, Camera.orthographic(size, size), mask)
     assert found.sigma_deg is not None
     aside = np.cross(normals, [0.0, 1.0, 0.0])
     aside /= np.linalg.norm(aside, axis=-1, keepdims=True)
