@@ -220,12 +220,12 @@ def _of_doors(rows: Sequence[DoorRow]) -> str:
     families = {row.door: re.split(r"[ .:]", row.door)[0] for row in rows}
     some = {name: [row for row in rows if families[row.door] == name] for name in families.values()} | {"all": rows}
     summed = [
-        {"door": name, "wrong": sum(len(row.wrong) for row in part), "slowest_s": max(row.slowest_s for row in part)}
-        | {field: sum(getattr(row, field) for row in part) for field in ("cases", "read", "refused")}
+        {"door": name, "wrong": sum(len(row.wrong) for row in part)}
+        | {field: sum(getattr(row, field) for row in part) for field in ("read", "refused")}
         for name, part in some.items()
     ]
-    columns = {"what is damaged": "{door}", "cases": "{cases}", "read": "{read}", "refused by one message": "{refused}"}
-    columns |= {"traceback, crash, hang": "{wrong}", "slowest, s": "{slowest_s:.0f}"}
+    columns = {"what is damaged": "{door}", "read": "{read}", "refused by one message": "{refused}"}
+    columns |= {"traceback, crash, hang": "{wrong}"}
     return markdown(columns, summed) + folded(
         "What must not be", (f"{row.door}: {said}" for row in rows for said in row.wrong)
     )

@@ -31,9 +31,7 @@ WEBGL = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-
 SCREEN = {"width": 1280, "height": 800}
 HEAD = """# Example reports
 
-What a session's report says when all is well, when something is missing, and when something is wrong. Each picture is
-the report's first screen; under *the whole page* is all of it, with its viewer. `make gallery` makes the reports, the
-pictures and this page; `make docs` then takes the reports into the site. How to read them:
+Each picture is a report's first screen; *the whole page* has its viewer, too. How to read them:
 [Read the report](guide/read-the-report.md).
 """
 
