@@ -75,12 +75,17 @@ def _solved(session: str, methods: str) -> list[MethodRow]:
 def _errors(rows: Sequence[MethodRow]) -> str:
     """Return a row a method, a column a session: mean error, and seconds; and the charts."""
     columns, cells = {"method": "`{method}`"}, {}
+    seconds: dict[str, list[float]] = {}
     for session, group in groupby(rows, lambda row: row.session):
         some = list(group)
         columns[f"{session}, {some[0].frames} x {some[0].kilopixels:.0f} kpx"] = f"{{{session}}}"
         for row in some:
             shown = "no answer" if row.mean_deg is None else f"{row.mean_deg:.2f}°"
-            cells.setdefault(row.method, {"method": row.method})[session] = f"{shown}, {row.seconds:.2g} s"
+            cells.setdefault(row.method, {"method": row.method})[session] = shown
+            seconds.setdefault(row.method, []).append(row.seconds)
+    for method, some in seconds.items():
+        cells[method]["seconds"] = f"{min(some):.2g} to {max(some):.2g}"
+    columns["seconds"] = "{seconds}"
     pictures = [f"\n![{name}]({_chart_name(name)})\n" for name in _points(rows)]
     return "".join([markdown(columns, cells.values()), *pictures])
 

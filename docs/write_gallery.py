@@ -123,16 +123,14 @@ def processed(example: Example, outputs: Path) -> Path | None:
 def told(example: Example, out: Path) -> str:
     """Return an example's part of the page."""
     summary = json.loads((out / "summary.json").read_text())
-    first, count = verdict(summary)[0], len(all_warnings(summary))
+    said, count = LEVELS[verdict(summary)[0].level].capitalize(), len(all_warnings(summary))
     return f"""## {example.title}
 
 {example.what}
 
-**{LEVELS[first.level].capitalize()}.** {first.text}
+![{said}](gallery/{example.name}.webp)
 
-![The first screen of the report](gallery/{example.name}.webp)
-
-<p><a href="{example.name}.html">The whole page</a>, {(out / "report.html").stat().st_size / 1e6:.1f} MB; \
+<p>{said}. <a href="{example.name}.html">The whole page</a>, {(out / "report.html").stat().st_size / 1e6:.1f} MB; \
 {count or "no"} warning{"s" if count != 1 else ""}.</p>
 """
 

@@ -89,7 +89,7 @@ def _takes(key: str, field: dict[str, Any], is_required: bool, *, example: bool 
     if kind in EITHER or not (is_shown or said):
         said = kind
     elif is_shown and kind.startswith("`") and kind != BOOL:
-        others = [one for one in kind.split(" or ") if one != f"`{default}`"]
+        others = [one for one in kind.split(", ") if one != f"`{default}`"]
         said = "or " * (not example and bool(others)) + ", ".join(others)
     parts = [", ".join(filter(None, (said, unit * (not key.endswith(f"_{unit}"))))), "required" * is_required]
     if example and default and "Absent" not in field["description"]:
@@ -127,7 +127,7 @@ def _kind(field: dict[str, Any]) -> str:
     if "anyOf" in field:
         return " or ".join(dict.fromkeys(_kind(one) for one in field["anyOf"] if one.get("type") != "null"))
     if "const" in field or "enum" in field:
-        return " or ".join(f"`{_toml(value)}`" for value in field.get("enum", [field.get("const")]))
+        return ", ".join(f"`{_toml(value)}`" for value in field.get("enum", [field.get("const")]))
     if field.get("type") == "array":
         inner = _kind(field["items"])
         return "texts" if inner == "text" else f"{field['minItems']} {inner}s"
@@ -154,16 +154,26 @@ def verbs() -> str:
     order = re.findall(r"^\* \[`(.+?)`\]", text, re.MULTILINE)
     # `default: ()` and the like say nothing to who types.
     text = re.sub(r" \*\[default: (\(\)|False)\]\*", "", text)
+    text = re.sub(r"(?m) CHOICE`(.*) \*\[choices: (.*?)\]\*", lambda m: f" {m[2].replace(', ', '|')}`{m[1]}", text)
     text = re.sub(r"```console\n.*?\n```\n\n", "", text)
     text = re.sub(r"(?m)^\* `([A-Z]+)`(?!.*\*\*\[required\]\*\*$)", r"* `[\1]`", text)
     text = re.sub(r"(?m)^(\* `[A-Z].*) \*\*\[required\]\*\*$", r"\1", text).replace("**[required]**", "Required.")
+    # What the library says of its own verb is the shell's matter.
+    text = re.sub(
+        r"(?s)(\n## rgbn --install-completion\n.*?)\*\*Parameters\*\*.*?(?=\*\*Every verb|\n## |$)", r"\1", text
+    )
     parts = sorted(text.split("\n## ")[2:], key=lambda part: order.index(part.split()[1]))
     options = [re.findall(r"^\* (.*)$", part, re.MULTILINE) for part in parts]
     every = re.findall(r"^\* (.*)$", text.partition("**Every verb**")[2].partition("\n## ")[0], re.MULTILINE)
     count = Counter(line for lines in options for line in lines if line.startswith("`-") or SESSION in line)
     several = [line for line in count if count[line] > 1 and line not in every]
     shared = [*every, *sorted(several, key=lambda line: line.startswith("`-"))]
-    lines = ["## Options of several verbs", "", "Every verb takes the first two. `[NAME]` may be left out.", ""]
+    lines = [
+        "## Options of several verbs",
+        "",
+        "Every verb takes the first two; below, *also* names others of these. `[NAME]` may be left out.",
+        "",
+    ]
     lines += [f"* {line}" for line in shared]
     for part, taken in zip(parts, options, strict=True):
         own = [line.replace(f" {SESSION} ", " As above. ") for line in taken if line not in shared]
@@ -173,7 +183,7 @@ def verbs() -> str:
         if names:
             ends = [[f"`{re.split('[ ,:`]', shared[place])[1]}`" for place in run] for run in names]
             said = ", ".join(f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(run) for run in ends)
-            lines += [""] * bool(own) + [f"[As above](#options-of-several-verbs): {said}."]
+            lines += [""] * bool(own) + [f"Also {said}."]
     return "\n".join(lines).replace("\n\n\n", "\n\n").strip() + "\n"
 
 
