@@ -87,7 +87,7 @@ def _statistics(scale: Scale) -> list[StatisticRow]:
 
 
 def _show_statistics(rows: Sequence[StatisticRow]) -> str:
-    """Return a line for each experiment, a column for each method; and the rank correlation of each statistic."""
+    """Return a line for each experiment, a column for each method."""
     lines: dict[str, dict[str, str]] = {}
     for row in rows:
         if (row.staging, row.statistic) == (STAGINGS[0], "mean"):
@@ -95,20 +95,14 @@ def _show_statistics(rows: Sequence[StatisticRow]) -> str:
             text = f"{row.default_deg:.1f} *{row.benchmark_deg:.1f}*".replace("nan", "undefined")
             line[row.solver] = text + f" ({row.failed} failed)" * bool(row.failed)
     columns = {"ours *the benchmark's*": "{what}"} | {SOLVERS[row.solver]: f"{{{row.solver}}}" for row in rows}
-    ranks = [
-        {"of": f"{staging}, {profile}", **{name: _rank(rows, staging, profile, name) for name in STATISTICS}}
-        for staging, profile in (*product(STAGINGS, PROFILES), (STAGINGS[0], "baseline"))
-    ]
-    forms = {"rank correlation": "{of}"} | {name: f"{{{name}:.2f}}" for name in STATISTICS}
-    return f"{markdown(columns, lines.values())}\n{markdown(forms, ranks)}"
+    return markdown(columns, lines.values())
 
 
 def _rank(rows: Sequence[StatisticRow], staging: str, profile: str, statistic: str) -> float:
     """Return the rank correlation of one statistic with the benchmark's, over all methods [Spearman1904]."""
     some = [row for row in rows if (row.staging, row.statistic) == (staging, statistic)]
-    lsq = {row.experiment: row.benchmark_deg for row in some if row.solver == "ls"}
-    mine = [lsq[row.experiment] if profile == "baseline" else getattr(row, f"{profile}_deg") for row in some]
-    return float(error_correlation(np.array(mine), np.array([row.benchmark_deg for row in some]))["spearman"])
+    ours, theirs = np.array([(getattr(row, f"{profile}_deg"), row.benchmark_deg) for row in some]).T
+    return float(error_correlation(ours, theirs)["spearman"])
 
 
 def _statistic_figures(rows: Sequence[StatisticRow]) -> Figures:
