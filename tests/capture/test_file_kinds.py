@@ -22,8 +22,7 @@ ROWS = [
     (file, holds.partition(" → ")[0], verdict)
     for file, *cells in re.findall(r"^\| ([^|`]+) \| ([^|]*) \| ([^|]*) \|$", PAGE.split("## Lights")[0], re.M)
     for verdict, cell in zip(("read", "refused"), cells, strict=True)
-    for holds in filter(None, cell.strip().split("<br> "))
-    if file != "file"
+    for holds in re.findall("<li>(.*?)</li>", cell)
 ]
 """(file, what it holds, what becomes of it): the entries of the page's table by kinds."""
 HEIGHT, WIDTH = 36, 50
