@@ -68,7 +68,7 @@ dataset = App(
 )
 SHELF = Path("out") / "datasets"
 
-Shelf = Annotated[Path, Parameter(help="Folder of the datasets that were made, and of the list of those added.")]
+Shelf = Annotated[Path, Parameter(help="Folder of the datasets and of their list.")]
 Json = Annotated[bool, Parameter(help="Print the results as JSON.", negative="")]
 
 
