@@ -114,8 +114,7 @@ def _relit(name: str) -> list[RelightingRow]:
 def _shown_relit(rows: Sequence[RelightingRow]) -> str:
     columns = {"photographs": "{photographs}", "frames fitted, foretold": "{fitted}, {foretold}"}
     columns |= {f"relative RMSE, {name}": f"{{rmse_{name}_percent:.1f}} %" for name in MASKS}
-    columns |= {f"PSNR {kind}": f"{{psnr_{kind}_db:.1f}} dB" for kind in KINDS}
-    return markdown(columns, [vars(row) for row in rows])
+    return markdown(columns | {"PSNR": "{psnr_linear_db:.1f} dB"}, [vars(row) for row in rows])
 
 
 @dataclass(frozen=True)
@@ -276,11 +275,11 @@ def _shown_engines(rows: Sequence[EngineRow]) -> str:
     for scene, some in groupby(rows, lambda row: row.scene):
         columns = {
             scene: "`{engine}`, {setting}", "error": "{error_percent:.2f} %", "processor, s": "{processor_s:.2f}",
-            "wall, s": "{wall_s:.2f}", "stock at that error, processor s": "{stock_s:.0f}{beyond}",
-            "times": "**{times:.1f}**",
+            "stock, s": "{stock_s:.0f}{beyond}", "times": "**{times:.1f}**",
         }  # fmt: skip
         beyond = ("", " (extrapolated)")
-        shown = [{**vars(row), "times": _times(row), "beyond": beyond[row.is_beyond]} for row in some]
+        ours = (row for row in some if row.stock_s is not None)
+        shown = [{**vars(row), "times": _times(row), "beyond": beyond[row.is_beyond]} for row in ours]
         text += markdown(columns, shown) + "\n"
     return text + "![Processor seconds a frame against the image's error](twin-error-time.svg)\n"
 
