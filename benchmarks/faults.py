@@ -185,9 +185,8 @@ def _shown(rows: Sequence[FaultRow]) -> str:
         ("noticed", "{noticed:.0%}"), (f"silent, more than {HARMFUL_DEG:g}° of harm", "{silent:.0%}"),
         ("mistakes that they cannot tell or that do no harm, cases", "{others:.0f}"),
         (f"silent, more than {HARMFUL_DEG:g}° of harm", "{silent others:.0%}"),
-        ("sessions without a mistake, warned", "{sound warned:.0f} of {sound:.0f}"),
-        ("sessions without a mistake, refused", "{sound refused:.0f} of {sound:.0f}"),
-        ("mistakes in these: in no rate", "{not counted:.0f}"), ("ended in a traceback", "{crashed:.0f}"),
+        ("sessions without a mistake, warned; refused", "{sound warned:.0f}; {sound refused:.0f} of {sound:.0f}"),
+        ("ended in a traceback", "{crashed:.0f}"),
     ]  # fmt: skip
     rates = markdown({"": "{what}", "measured": "{value}"},
                      [{"what": what, "value": form.format(**figures)} for what, form in lines])  # fmt: skip
@@ -195,11 +194,15 @@ def _shown(rows: Sequence[FaultRow]) -> str:
     cells: dict[str, dict[str, Any]] = {}
     for one in _judged(rows):
         name = one.row.mistake
-        told = MISTAKES[name].tells
+        told = MISTAKES[name].tells.removeprefix("yes")
         cells.setdefault(name, {"name": name, "tells": told, **dict.fromkeys(sessions, "")})[one.row.session] = _cell(
             one
         )
-    columns = {"mistake": "{name}", **{where: f"{{{where}}}" for where in sessions}, "data can tell": "{tells}"}
+    columns = {
+        "mistake": "{name}",
+        **{where: f"{{{where}}}" for where in sessions},
+        "data can tell; empty: yes": "{tells}",
+    }
     return f"{rates}\n{markdown(columns, cells.values())}"
 
 

@@ -174,7 +174,7 @@ def _row(table: Table, values: dict[str, Any]) -> Any:
 
 
 SAID: dict[Scale, str] = {
-    "small": "with the smallest case alone", "gates": "with the cases of `make gates`", "full": "",
+    "small": "with the smallest case alone", "gates": "in `make gates`", "full": "",
 }  # fmt: skip
 """What a page says of the scale of its tables."""
 

@@ -162,7 +162,7 @@ def _shown(rows: Sequence[MaterialRow]) -> str:
         "roughness": "{roughness:.3f}", "roughness found": "{roughness_percent:+.1f} %",
         "specularity": "{specularity:.3f}", "specularity found": "{specularity_percent:+.1f} %",
         "albedo, median": "{albedo_percent:+.1f} %", "albedo of a pixel": "{pixel_percent:.1f} %",
-        "unexplained": "{unexplained_percent:.2f} %", "processor, s": "{processor_s:.0f}",
+        "unexplained": "{unexplained_percent:.2f} %",
     }  # fmt: skip
     shown = [
         {**vars(row), "object": f"{row.shape}, {row.seed}", "lights": ("distant", "near")[row.is_near]} for row in rows

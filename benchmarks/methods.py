@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.harness import ROOT, SHARED, Figures, Scale, Table, markdown, opened
 from compare.report.facts import family
-from draw.speed_chart import SpeedPoint, pareto_front, speed_chart
+from draw.speed_chart import SpeedPoint, speed_chart
 from lab.options import Solving
 from lab.plan import STEPS
 from scene.camera import Camera
@@ -73,20 +73,20 @@ def _solved(session: str, methods: str) -> list[MethodRow]:
 
 
 def _errors(rows: Sequence[MethodRow]) -> str:
-    """Return a row a method, a column a session: mean (median) error, and seconds."""
+    """Return a row a method, a column a session: mean error, and seconds; and the charts."""
     columns, cells = {"method": "`{method}`"}, {}
+    seconds: dict[str, list[float]] = {}
     for session, group in groupby(rows, lambda row: row.session):
         some = list(group)
         columns[f"{session}, {some[0].frames} x {some[0].kilopixels:.0f} kpx"] = f"{{{session}}}"
         for row in some:
-            shown = "no answer" if row.mean_deg is None else f"{row.mean_deg:.2f}° ({row.median_deg:.2f}°)"
-            cells.setdefault(row.method, {"method": row.method})[session] = f"{shown}, {row.seconds:.2g} s"
-    points = _points(rows)
-    pictures = [
-        f"\n![speed against accuracy, {name}]({_chart_name(name)})\n\n{_front(points[name])}\n"
-        for name in SESSIONS
-        if name in points
-    ]
+            shown = "no answer" if row.mean_deg is None else f"{row.mean_deg:.2f}°"
+            cells.setdefault(row.method, {"method": row.method})[session] = shown
+            seconds.setdefault(row.method, []).append(row.seconds)
+    for method, some in seconds.items():
+        cells[method]["seconds"] = f"{min(some):.2g} to {max(some):.2g}"
+    columns["seconds"] = "{seconds}"
+    pictures = [f"\n![{name}]({_chart_name(name)})\n" for name in _points(rows)]
     return "".join([markdown(columns, cells.values()), *pictures])
 
 
@@ -100,12 +100,6 @@ def _points(rows: Sequence[MethodRow]) -> dict[str, list[SpeedPoint]]:
         ]
         for session, group in groupby(rows, lambda row: row.session)
     }
-
-
-def _front(points: Sequence[SpeedPoint]) -> str:
-    """Return in a sentence what each amount of time buys at best."""
-    best = [f"`{one.method}` ({one.seconds:.2g} s, {one.median_deg:.2g}°)" for one in pareto_front(points)]
-    return f"From the fastest to the most accurate, nothing is better than {', '.join(best)}."
 
 
 def _error_figures(rows: Sequence[MethodRow]) -> Figures:
@@ -209,7 +203,7 @@ TABLES = (
         lambda scale: [({"small": 128, "gates": 512, "full": 1024}[scale],)], _pixelwise,
         lambda rows: markdown(
             {
-                f"method, {rows[0].megapixels:.2f} megapixels x {LIGHTS}": "{method}", "wall, s": "{wall_s:.2f}",
+                f"method, {rows[0].megapixels:.2f} megapixels x {LIGHTS}": "{method}",
                 "processor, s a megapixel": "{processor_s:.2f}", "to reading": "{to_reading:.1f}",
                 "error": "{mean_deg:.2f}°",
             },

@@ -25,14 +25,14 @@ SCHOLAR = "Harvard, scholar, two chrome balls, 20, against these, refined by the
 FITTED = "without Lsq, whose range was fitted"
 QUOTED = (
     Quoted(
-        "light direction in scenes rendered by other programs: by Cycles; balls among clutter, and a figurine, by "
-        "Mitsuba", "calibration/lights",
+        "light direction in scenes rendered by Cycles; by Mitsuba, among clutter and beside a figurine",
+        "calibration/lights",
         "[Cycles, handed out: direction_median_deg]°; [Mitsuba, balls among clutter: direction_median_deg]°, "
         "[path-traced bunny: direction_median_deg]°",
         "#balls-and-lights",
     ),
     Quoted(
-        "light direction in real captures: against a gray ball's shading, against highlights by hand",
+        "light direction in real captures, against a gray ball's shading, highlights by hand",
         "real-captures/captures", f"[{WASHINGTON}: median_deg]°, [{SCHOLAR}: median_deg]°",
     ),
     Quoted(
@@ -46,20 +46,20 @@ QUOTED = (
         "[DiLiGenT cat: ls, mean_deg]°, [DiLiGenT cat: least, mean_deg]°",
     ),
     Quoted(
-        "a person's mistakes that data can tell: noticed, harmful in silence; sound sessions warned", "faults/faults",
+        "mistakes that data can tell: noticed, harmful in silence; sound sessions warned", "faults/faults",
         "[noticed:.0%], [silent:.1%]; [sound warned:.0f] of [sound:.0f]",
     ),
     Quoted(
-        "without any truth: methods ordered against the true order, rank correlation in one session, one own scene",
+        "methods ordered without truth, rank correlation in one session, one own scene",
         "trust/trust", "[sessions: rank], [scenes: rank]",
     ),
     Quoted(
-        "virtual series, photographs against twins: rank correlation of the errors, correlation of the error maps",
+        "virtual series, photographs against twins: rank correlation of errors, correlation of error maps",
         "counterparts/series", "[rank correlation], [maps, ls]",
     ),
     Quoted(
-        "mean errors against the benchmark's, rank correlation: without `ls`, whose range was fitted; all seven "
-        "methods; the benchmark's `ls` standing for all", "sweeps/agreement",
+        "mean errors against the benchmark's, rank correlation: without `ls`, which was fitted; all seven methods; its "
+        "`ls` for all", "sweeps/agreement",
         f"[benchmark, default, {FITTED}: overall]; [benchmark, default, all seven: overall]; "
         "[benchmark, default, all seven: baseline]", "#beside-the-benchmark",
     ),

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.harness import ROOT, Scale, Table, folded, markdown
+from benchmarks.harness import ROOT, Scale, Table, folded
 from fixtures.bad_input.law import Case, Watched, shares, take
 
 SCENE = """name = "box"
@@ -166,10 +166,8 @@ def _kill_cases(scale: Scale) -> list[tuple]:
 
 
 def _of_kills(rows: Sequence[KillRow]) -> str:
-    total = {"verb": "all", "undisturbed_s": None, "killed": sum(row.killed for row in rows),
-             "alike": sum(row.alike for row in rows)}  # fmt: skip
-    columns = {"verb": "{verb}", "undisturbed, s": "{undisturbed_s:.1f}", "killed": "{killed}"}
-    text = markdown({**columns, "ended with the same files": "{alike}"}, [*map(vars, rows), total])
+    killed, alike = (sum(getattr(row, field) for row in rows) for field in ("killed", "alike"))
+    text = f"{killed} runs of {len(rows)} verbs were killed; {alike} ended with the same files.\n\n"
     wrong = (f"`{row.verb}`: {', '.join(row.differing)}" for row in rows if row.differing)
     return text + folded("Files that differed", wrong)
 
@@ -217,18 +215,13 @@ def _door_cases(scale: Scale) -> list[tuple]:
 
 
 def _of_doors(rows: Sequence[DoorRow]) -> str:
-    families = {row.door: re.split(r"[ .:]", row.door)[0] for row in rows}
-    some = {name: [row for row in rows if families[row.door] == name] for name in families.values()} | {"all": rows}
-    summed = [
-        {"door": name, "wrong": sum(len(row.wrong) for row in part), "slowest_s": max(row.slowest_s for row in part)}
-        | {field: sum(getattr(row, field) for row in part) for field in ("cases", "read", "refused")}
-        for name, part in some.items()
-    ]
-    columns = {"what is damaged": "{door}", "cases": "{cases}", "read": "{read}", "refused by one message": "{refused}"}
-    columns |= {"traceback, crash, hang": "{wrong}", "slowest, s": "{slowest_s:.0f}"}
-    return markdown(columns, summed) + folded(
-        "What must not be", (f"{row.door}: {said}" for row in rows for said in row.wrong)
+    cases, read, refused = (sum(getattr(row, field) for row in rows) for field in ("cases", "read", "refused"))
+    wrong = [f"{row.door}: {said}" for row in rows for said in row.wrong]
+    text = (
+        f"{cases} damaged files of {len(rows)} kinds: {read} read, {refused} refused by one message, {len(wrong)} "
+        "ended in a traceback, crash or hang.\n\n"
     )
+    return text + folded("What must not be", wrong)
 
 
 TABLES = (

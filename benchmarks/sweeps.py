@@ -86,47 +86,23 @@ def _statistics(scale: Scale) -> list[StatisticRow]:
     return found
 
 
-def _table_of(rows: Sequence[StatisticRow], head: str, cell: str) -> str:
+def _show_statistics(rows: Sequence[StatisticRow]) -> str:
     """Return a line for each experiment, a column for each method."""
     lines: dict[str, dict[str, str]] = {}
     for row in rows:
-        line = lines.setdefault(row.experiment, {"what": row.experiment})
-        text = cell.format(**vars(row)).replace("nan", "undefined")
-        line[row.solver] = text + f" ({row.failed} failed)" * bool(row.failed)
-    return markdown({head: "{what}"} | {SOLVERS[row.solver]: f"{{{row.solver}}}" for row in rows}, lines.values())
+        if (row.staging, row.statistic) == (STAGINGS[0], "mean"):
+            line = lines.setdefault(row.experiment, {"what": row.experiment})
+            text = f"{row.default_deg:.1f} *{row.benchmark_deg:.1f}*".replace("nan", "undefined")
+            line[row.solver] = text + f" ({row.failed} failed)" * bool(row.failed)
+    columns = {"ours *the benchmark's*": "{what}"} | {SOLVERS[row.solver]: f"{{{row.solver}}}" for row in rows}
+    return markdown(columns, lines.values())
 
 
-def _show_statistics(rows: Sequence[StatisticRow]) -> str:
-    head, cell = (
-        "default / seed / *the benchmark*, degrees",
-        "{default_deg:.1f} / {seed_deg:.1f} / *{benchmark_deg:.1f}*",
-    )
-    means = [row for row in rows if (row.staging, row.statistic) == (STAGINGS[0], "mean")]
-    ranks = [
-        {"of": f"{staging}, {profile}", **{name: _rank(rows, staging, profile, name) for name in STATISTICS}}
-        for staging in STAGINGS
-        for profile in (*PROFILES, "baseline")
-    ]
-    forms = {name: f"{{{name}[0]:.2f}} / {{{name}[1]:.2f}}" for name in STATISTICS}
-    parts = [
-        _table_of(means, head, cell),
-        "Rank correlation with the benchmark's table: all seven methods / without Lsq. Baseline: the benchmark's Lsq "
-        "stands for all methods.\n",
-        markdown({"staging, profile": "{of}"} | forms, ranks),
-    ]
-    return "\n".join(parts)
-
-
-def _rank(rows: Sequence[StatisticRow], staging: str, profile: str, statistic: str) -> tuple[float, float]:
-    """Return the rank correlation of one statistic with the benchmark's [Spearman1904], with and without Lsq."""
+def _rank(rows: Sequence[StatisticRow], staging: str, profile: str, statistic: str) -> float:
+    """Return the rank correlation of one statistic with the benchmark's, over all methods [Spearman1904]."""
     some = [row for row in rows if (row.staging, row.statistic) == (staging, statistic)]
-    lsq = {row.experiment: row.benchmark_deg for row in some if row.solver == "ls"}
-
-    def rank(some: Sequence[StatisticRow]) -> float:
-        mine = [lsq[row.experiment] if profile == "baseline" else getattr(row, f"{profile}_deg") for row in some]
-        return float(error_correlation(np.array(mine), np.array([row.benchmark_deg for row in some]))["spearman"])
-
-    return rank(some), rank([row for row in some if row.solver != "ls"])
+    ours, theirs = np.array([(getattr(row, f"{profile}_deg"), row.benchmark_deg) for row in some]).T
+    return float(error_correlation(ours, theirs)["spearman"])
 
 
 def _statistic_figures(rows: Sequence[StatisticRow]) -> Figures:
@@ -138,7 +114,7 @@ def _statistic_figures(rows: Sequence[StatisticRow]) -> Figures:
             means = [getattr(row, f"{profile}_deg") for row in some if (row.solver, row.statistic) == (solver, "mean")]
             figures[f"{staging}, {profile}: {solver}, mean_deg"] = float(np.nanmedian(means))
         for name in STATISTICS:
-            figures[f"{staging}, {profile}: rank correlation of {name}"] = _rank(rows, staging, profile, name)[0]
+            figures[f"{staging}, {profile}: rank correlation of {name}"] = _rank(rows, staging, profile, name)
     return figures
 
 
@@ -190,6 +166,14 @@ def _agreements(scale: Scale) -> list[AgreementRow]:
     return found
 
 
+def _show_agreement(rows: Sequence[AgreementRow]) -> str:
+    lines: dict[str, dict[str, str]] = {}
+    for row in rows:
+        line = lines.setdefault(f"{row.staging}, {row.profile}", {"of": f"{row.staging}, {row.profile}"})
+        line[row.methods] = f"{row.overall:.2f} ({row.low:.2f} to {row.high:.2f}); {row.baseline:.2f}"
+    return markdown({"staging, profile": "{of}"} | {words: f"{{{words}}}" for words in SETS}, lines.values())
+
+
 @dataclass(frozen=True)
 class FindingRow:
     """A statement of the benchmark's text, and whether it holds in a staging and profile."""
@@ -215,14 +199,11 @@ def _findings(scale: Scale) -> list[FindingRow]:
 
 def _show_findings(rows: Sequence[FindingRow]) -> str:
     lines = []
-    for section, claim, rule in dict.fromkeys((row.section, row.claim, row.rule) for row in rows):
-        some, cells = [row for row in rows if row.claim == claim], {}
-        for staging in STAGINGS:
-            cells[staging] = " / ".join("yes" if row.holds else "no" for row in some if row.staging == staging)
-        verdict = verdict_of(row.holds for row in some if row.staging == STAGINGS[0])
-        lines.append({"section": section, "claim": claim, "rule": rule, "verdict": verdict, **cells})
-    columns = {"section": "{section}", "the benchmark says": "{claim}", "counts as so if": "{rule}"}
-    columns |= {f"{one}: {' / '.join(PROFILES)}": f"{{{one}}}" for one in STAGINGS}
+    for section, claim in dict.fromkeys((row.section, row.claim) for row in rows):
+        holds = [row.holds for row in rows if (row.claim, row.staging) == (claim, STAGINGS[0])]
+        told = " / ".join("yes" if one else "no" for one in holds)
+        lines.append({"section": section, "claim": claim, "told": told, "verdict": verdict_of(holds)})
+    columns = {"section": "{section}", "the benchmark says": "{claim}", " / ".join(PROFILES): "{told}"}
     return markdown(columns | {"verdict": "**{verdict}**"}, lines)
 
 
@@ -267,11 +248,10 @@ def _stability(scale: Scale) -> list[StabilityRow]:
 
 
 def _show_stability(rows: Sequence[StabilityRow]) -> str:
+    rows = [row for row in rows if row.profile == PROFILES[0]]
     lines = [vars(row) | dict(zip(row.experiments, row.breaks, strict=True)) for row in rows]
-    columns = {"method, profile": "`{solver}`, {profile}"}
+    columns = {"method": "`{solver}`"}
     columns |= {name: f"{{{name}}}" for name in (*ONE_FACTOR, *TOLD_WRONGLY) if name in rows[0].experiments}
-    columns["doubted, of its broken cells"] = "{broken_doubted} of {broken}"
-    columns["of the others"] = "{whole_doubted} of {whole}"
     return markdown(columns, lines)
 
 
@@ -284,15 +264,7 @@ TABLES = (
     ),
     Table(
         "sweeps", "agreement", MEASURES, AgreementRow, lambda scale: [(scale,)], _agreements,
-        lambda rows: markdown(
-            {
-                "staging, profile": "{staging}, {profile}", "methods": "{methods}", "means": "{means}",
-                "all means": "{overall:.2f} ({low:.2f} to {high:.2f})", "baseline": "{baseline:.2f}",
-                "methods within an experiment": "{within:.2f}", "between experiments": "{between:.2f}",
-                "its baseline": "{baseline_between:.2f}",
-            },
-            rows,
-        ),
+        _show_agreement,
         lambda rows: {
             f"{row.staging}, {row.profile}, {row.methods}: {key}": getattr(row, key)
             for row in rows for key in ("overall", "within", "between", "baseline")

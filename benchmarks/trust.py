@@ -152,7 +152,6 @@ def _verdicts(rows: Sequence[TrustRow]) -> list[dict[str, Any]]:
             "group": group, "scene": scene, "recommended": taken.method, "over_least": taken.mean_deg / least,
             "rank": _rank(every), "rank_calibrated": _rank([row for row in every if row.method not in UNCALIBRATED]),
             "relative_rmse": taken.relative_rmse, "within_sigmas": taken.within_sigmas,
-            "processor_s": taken.processor_s,
         })  # fmt: skip
     return verdicts
 
@@ -175,10 +174,9 @@ def _shown(rows: Sequence[TrustRow]) -> str:
         every = list(some)
         text += markdown(
             {
-                group: "{scene}", "rank correlation": "{rank:.2f}", "of the calibrated": "{rank_calibrated:.2f}",
+                group: "{scene}", "rank correlation": "{rank:.2f}",
                 "recommended": "{recommended}", "its error over the least": "{over_least:.2f}",
                 "within two sigmas": "{within_sigmas:.0%}", "unexplained, rms": "{relative_rmse:.1%}",
-                "processor, s": "{processor_s:.0f}",
             },
             [*every, {"scene": f"all {len(every)}", "recommended": "", **_means(every)}],
         ) + "\n"  # fmt: skip

@@ -130,7 +130,7 @@ def _figures(rows: Sequence[TruthRow]) -> Figures:
 COLUMNS = {
     "shape": "{shape}", "faces": "{thousand_faces} k", "noise, mm": "{noise}", "faces' mean": "{faces_mean_deg:.2f}°",
     "this": "**{median_deg:.2f}°**", "90 %": "{p90_deg:.2f}°", "sigma": "{sigma_deg:.2f}°",
-    "under 2 sigma": "{under_two_sigma:.0%}", "known": "{known:.0%}", "processor, s": "{processor_s:.1f}",
+    "under 2 sigma": "{under_two_sigma:.0%}", "known": "{known:.0%}",
 }  # fmt: skip
 TABLES = (
     Table(

@@ -270,11 +270,11 @@ def _shown_engines(rows: Sequence[EngineRow]) -> str:
     for scene, some in groupby(rows, lambda row: row.scene):
         columns = {
             scene: "`{engine}`, {setting}", "error": "{error_percent:.2f} %", "processor, s": "{processor_s:.2f}",
-            "wall, s": "{wall_s:.2f}", "stock at that error, processor s": "{stock_s:.0f}{beyond}",
-            "times": "**{times:.1f}**",
+            "stock, s": "{stock_s:.0f}{beyond}", "times": "**{times:.1f}**",
         }  # fmt: skip
         beyond = ("", " (extrapolated)")
-        shown = [{**vars(row), "times": _times(row), "beyond": beyond[row.is_beyond]} for row in some]
+        ours = (row for row in some if row.stock_s is not None)
+        shown = [{**vars(row), "times": _times(row), "beyond": beyond[row.is_beyond]} for row in ours]
         text += markdown(columns, shown) + "\n"
     return text + "![Processor seconds a frame against the image's error](twin-error-time.svg)\n"
 

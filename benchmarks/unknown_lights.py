@@ -166,7 +166,7 @@ def _shown_distances(rows: Sequence[DistanceRow]) -> str:
         "object": "{subject}", "lights, m": "{lights_m:.1f}", "distances, common": "{common_percent:+.0f} %",
         "each": "{each_percent:.0f} %", "`iterative`, distant": "{distant_deg:.2f}°",
         "`near`, found": "{near_deg:.2f}°", "`near`, known positions": "{near_known_deg:.2f}°",
-        "`reflectance`, found": "{reflectance_deg:.2f}°", "processor, s": "{processor_s:.1f}",
+        "`reflectance`, found": "{reflectance_deg:.2f}°",
     }  # fmt: skip
     return markdown(columns, rows)
 
@@ -198,7 +198,7 @@ def _uncalibrated(name: str, seed: int, farther: float, height: int) -> list[Fou
 def _shown_ways(rows: Sequence[FourWaysRow]) -> str:
     columns = {"object": "{subject}", "method": "`{method}`", "raw": "{raw_deg:.2f}°"}
     columns |= {"best sign": "{best_sign_deg:.2f}°", "oracle relief": "{oracle_relief_deg:.2f}°"}
-    return markdown({**columns, "oracle linear": "{oracle_linear_deg:.2f}°", "doubts": "{doubts}"}, rows)
+    return markdown({**columns, "oracle linear": "{oracle_linear_deg:.2f}°"}, rows)
 
 
 TABLES = (

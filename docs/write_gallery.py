@@ -31,9 +31,7 @@ WEBGL = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-
 SCREEN = {"width": 1280, "height": 800}
 HEAD = """# Example reports
 
-What a session's report says when all is well, when something is missing, and when something is wrong. Each picture is
-the report's first screen; under *the whole page* is all of it, with its viewer. `make gallery` makes the reports, the
-pictures and this page; `make docs` then takes the reports into the site. How to read them:
+Each picture is a report's first screen; *the whole page* has its viewer, too. How to read them:
 [Read the report](guide/read-the-report.md).
 """
 
@@ -125,16 +123,14 @@ def processed(example: Example, outputs: Path) -> Path | None:
 def told(example: Example, out: Path) -> str:
     """Return an example's part of the page."""
     summary = json.loads((out / "summary.json").read_text())
-    first, count = verdict(summary)[0], len(all_warnings(summary))
+    said, count = LEVELS[verdict(summary)[0].level].capitalize(), len(all_warnings(summary))
     return f"""## {example.title}
 
 {example.what}
 
-**{LEVELS[first.level].capitalize()}.** {first.text}
+![{said}](gallery/{example.name}.webp)
 
-![The first screen of the report](gallery/{example.name}.webp)
-
-<p><a href="{example.name}.html">The whole page</a>, {(out / "report.html").stat().st_size / 1e6:.1f} MB; \
+<p>{said}. <a href="{example.name}.html">The whole page</a>, {(out / "report.html").stat().st_size / 1e6:.1f} MB; \
 {count or "no"} warning{"s" if count != 1 else ""}.</p>
 """
 

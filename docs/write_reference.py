@@ -19,28 +19,32 @@ from twin.description import description_file
 
 REFERENCE = ROOT / "docs" / "reference"
 TITLES = {"": "Above all tables", "spheres": "`[[spheres]]`", "camera.board": "`board` of `[camera]`"}
+EITHER = ("number or text", 'number, 3 numbers, picture or `"vertex"`', "number or picture")
+"""Kinds that no value shows."""
+BOOL = "`true` or `false`"
 
 
 def keys() -> str:
-    """Return a section for each table of session.toml, a line for each key, as Markdown."""
+    """Return a section for each table of session.toml, a line for each key with an example, as Markdown."""
     lines = []
-    definitions = Manifest.model_json_schema()["$defs"]
+    whole = Manifest.model_json_schema()
     for name, table in TABLES.items():
-        schema = Manifest.model_json_schema() if table is Manifest else definitions[table.__name__]
+        schema = whole if table is Manifest else whole["$defs"][table.__name__]
         lines += [f"## {TITLES.get(name, f'`[{name}]`')}", ""]
         if name:
-            about = (table.__doc__ or "").split(": ", 1)[-1]
-            lines += [about[:1].upper() + about[1:], ""]
+            above, _, key = name.rpartition(".")
+            lines += [TABLES[above].model_fields[key].description or "", ""]
         for key, field in schema["properties"].items():
-            examples = " ".join(f"`{key} = {_toml(one)}`" for one in table.model_fields[key].examples or [])
-            takes = _takes(field, key in schema.get("required", []))
-            lines.append(f"* `{key}` ({takes}): {field['description']} {examples}")
+            if f"{name}.{key}".strip(".") not in TABLES:
+                takes = _brackets(_takes(key, field, key in schema.get("required", []), example=True))
+                example = _toml((table.model_fields[key].examples or [])[0])
+                lines.append(f"* `{key} = {example}`{takes}: {field['description']}")
         lines.append("")
     return "\n".join(lines)
 
 
 def scene_keys() -> str:
-    """Return a section for each table of a scene description, a line for each key, as Markdown.
+    """Return a section for each table of a scene description, a line for each key with its default, as Markdown.
 
     Tables that differ by their kind share a section: a key that several kinds have alike is one line.
     """
@@ -56,23 +60,41 @@ def scene_keys() -> str:
             about = (table.__doc__ or "").split("\n\n")[0].replace("\n", " ").replace("    ", "")
             lines += [f'* `kind = "{kind}"`: {about}'] if kind else [about, ""] if section else []
             for key, field in description_file.keys_of(table).items():
-                if key != "kind":
-                    row = (key, _takes(field, field["required"]), field.get("description", ""))
+                if key != "kind" and f"[{key}]" not in sections and f"[[{key}]]" not in sections:
+                    value = _default(field)
+                    row = (f"`{key} = {value}`" if value else f"`{key}`", _takes(key, field, field["required"]),
+                           field.get("description", ""))  # fmt: skip
                     rows.setdefault(row, []).append(f"`{kind}`")
         lines += [""] * (len(tables) > 1)
         for (key, takes, what), kinds in rows.items():
-            of = f"{', '.join(kinds)}: " * (len(tables) > 1)
-            lines.append(f"* `{key}` ({of}{takes}): {what}")
+            of = f"{', '.join(kinds)}: " * (0 < len(kinds) < len(tables) - 1)
+            if len(kinds) == len(tables) - 1 > 1:
+                of = "".join(f"all but `{kind}`: " for kind, _ in tables if f"`{kind}`" not in kinds)
+            lines.append(f"* {key}{_brackets(of + takes)}: {what}")
         lines.append("")
     return "\n".join(lines)
 
 
-def _takes(field: dict[str, Any], is_required: bool) -> str:
-    """Say a key's type, range, unit and default, of its JSON schema."""
-    unit = field.get("unit", "")
-    default = "required" if is_required else f"default {_default(field)}" if _default(field) else ""
-    said = " ".join(filter(None, (_kind(field), _range(field)))) + f", {unit}" * bool(unit)
-    return "; ".join(filter(None, (said, default)))
+def _brackets(takes: str) -> str:
+    return f" ({takes.removesuffix(': ')})" if takes else ""
+
+
+def _takes(key: str, field: dict[str, Any], is_required: bool, *, example: bool = False) -> str:
+    """Say what a key takes, of its JSON schema, beyond what its name and its value show, in brackets.
+
+    example: the value shown is an example; else it is the default, if there is one.
+    """
+    default, unit = _default(field), field.get("unit", "")
+    is_shown, kind, said = example or bool(default), _kind(field), _range(field)
+    if kind in EITHER or not (is_shown or said):
+        said = kind
+    elif is_shown and kind.startswith("`") and kind != BOOL:
+        others = [one for one in kind.split(", ") if one != f"`{default}`"]
+        said = "or " * (not example and bool(others)) + ", ".join(others)
+    parts = [", ".join(filter(None, (said, unit * (not key.endswith(f"_{unit}"))))), "required" * is_required]
+    if example and default and "Absent" not in field["description"]:
+        parts.append(f"default `{default}`")
+    return "; ".join(filter(None, parts))
 
 
 def _range(field: dict[str, Any]) -> str:
@@ -90,7 +112,7 @@ def _range(field: dict[str, Any]) -> str:
 def _kind(field: dict[str, Any]) -> str:
     """Say a key's type in words, of its JSON schema."""
     if field.get("input") == "colour":
-        return 'number, list of 3, picture or `"vertex"`'
+        return 'number, 3 numbers, picture or `"vertex"`'
     if field.get("input") == "share":
         return "number or picture"
     if "discriminator" in field.get("items", {}) or "additionalProperties" in field:
@@ -99,27 +121,23 @@ def _kind(field: dict[str, Any]) -> str:
         return "a file's name"
     if "prefixItems" in field:
         inner = _kind(field["prefixItems"][0])
-        if inner.startswith("list of "):
-            return f"{field['minItems']} x {inner.removeprefix('list of ')}"
-        return f"list of {field['minItems']} {inner}" + "s" * (not inner.endswith("s"))
+        return f"{field['minItems']} {'x ' * inner[0].isdigit()}{inner}{'s' * (not inner.endswith('s'))}"
     if "$ref" in field or field.get("items", {}).get("$ref"):
         return "list of tables" if "items" in field else "table"
     if "anyOf" in field:
         return " or ".join(dict.fromkeys(_kind(one) for one in field["anyOf"] if one.get("type") != "null"))
     if "const" in field or "enum" in field:
-        return " or ".join(f"`{_toml(value)}`" for value in field.get("enum", [field.get("const")]))
+        return ", ".join(f"`{_toml(value)}`" for value in field.get("enum", [field.get("const")]))
     if field.get("type") == "array":
         inner = _kind(field["items"])
-        return "text, or a list of texts" if inner == "text" else f"list of {field['minItems']} {inner}s"
-    return {"boolean": "`true` or `false`", "integer": "whole number", "number": "number", "string": "text"}[
-        field["type"]
-    ]
+        return "texts" if inner == "text" else f"{field['minItems']} {inner}s"
+    return {"boolean": BOOL, "integer": "whole number", "number": "number", "string": "text"}[field["type"]]
 
 
 def _default(field: dict[str, Any]) -> str:
-    """Return a key's default as TOML has it; what is absent is said in the key's description."""
+    """Return a key's default as TOML has it; what holds without one is said in the key's description."""
     value = field.get("default")
-    return "" if value is None or isinstance(value, dict) or value == [] else f"`{_toml(value)}`"
+    return "" if value is None or isinstance(value, dict) or value == [] else _toml(value)
 
 
 def _toml(value: Any) -> str:
@@ -134,27 +152,38 @@ def verbs() -> str:
     """Return the command line's own help, as Markdown: what several verbs take, once, then a section for each verb."""
     text = app.generate_docs(output_format="markdown", heading_level=1, usage_name="rgbn").replace("\n### ", "\n## ")
     order = re.findall(r"^\* \[`(.+?)`\]", text, re.MULTILINE)
-    # `default: ()` and the like say nothing to who types, and the line of the usage shows what is required.
-    text = re.sub(r" \*\[default: (\(\)|False)\]\*| \*\*\[required\]\*\*", "", text)
-    # Between verb and options the library names the program that runs here.
-    text = re.sub(r"(?m)^(## (rgbn.*)\n\n```console\n)(?:\2)?.*?( (?:--|\[|[A-Z]).*)?$", r"\1\2\3", text)
+    # `default: ()` and the like say nothing to who types.
+    text = re.sub(r" \*\[default: (\(\)|False)\]\*", "", text)
+    text = re.sub(r"(?m) CHOICE`(.*) \*\[choices: (.*?)\]\*", lambda m: f" {m[2].replace(', ', '|')}`{m[1]}", text)
+    text = re.sub(r"```console\n.*?\n```\n\n", "", text)
+    text = re.sub(r"(?m)^\* `([A-Z]+)`(?!.*\*\*\[required\]\*\*$)", r"* `[\1]`", text)
+    text = re.sub(r"(?m)^(\* `[A-Z].*) \*\*\[required\]\*\*$", r"\1", text).replace("**[required]**", "Required.")
+    # What the library says of its own verb is the shell's matter.
+    text = re.sub(
+        r"(?s)(\n## rgbn --install-completion\n.*?)\*\*Parameters\*\*.*?(?=\*\*Every verb|\n## |$)", r"\1", text
+    )
     parts = sorted(text.split("\n## ")[2:], key=lambda part: order.index(part.split()[1]))
     options = [re.findall(r"^\* (.*)$", part, re.MULTILINE) for part in parts]
     every = re.findall(r"^\* (.*)$", text.partition("**Every verb**")[2].partition("\n## ")[0], re.MULTILINE)
-    count = Counter(line for lines in options for line in lines if line.startswith("`-") or line.endswith(SESSION))
+    count = Counter(line for lines in options for line in lines if line.startswith("`-") or SESSION in line)
     several = [line for line in count if count[line] > 1 and line not in every]
     shared = [*every, *sorted(several, key=lambda line: line.startswith("`-"))]
-    lines = [", ".join(f"[`{name}`](#rgbn-{name})" for name in order if name[0] != "-") + ".", ""]
-    lines += ["## Options of several verbs", "", "Every verb takes the first two.", ""]
+    lines = [
+        "## Options of several verbs",
+        "",
+        "Every verb takes the first two; below, *also* names others of these. `[NAME]` may be left out.",
+        "",
+    ]
     lines += [f"* {line}" for line in shared]
     for part, taken in zip(parts, options, strict=True):
         own = [line.replace(f" {SESSION} ", " As above. ") for line in taken if line not in shared]
         names = _runs([shared.index(line) for line in taken if line in shared and line not in every])
-        lines += ["", f"## {re.split('^[*]', part, flags=re.MULTILINE)[0].strip()}", "", *(f"* {line}" for line in own)]
+        lines += ["", f"## {re.split('^[*]', part, flags=re.MULTILINE)[0].strip()}", ""]
+        lines += [f"* {line}" for line in own]
         if names:
             ends = [[f"`{re.split('[ ,:`]', shared[place])[1]}`" for place in run] for run in names]
             said = ", ".join(f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(run) for run in ends)
-            lines += [""] * bool(own) + [f"[As above](#options-of-several-verbs): {said}."]
+            lines += [""] * bool(own) + [f"Also {said}."]
     return "\n".join(lines).replace("\n\n\n", "\n\n").strip() + "\n"
 
 

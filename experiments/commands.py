@@ -26,13 +26,11 @@ def sweep(
     staging: Annotated[
         Staging,
         Parameter(
-            help="one-factor: all else is easy. benchmark: scenes as in the RGBN benchmark's text, path-traced, "
-            "with levels that span its range of errors."
+            help="one-factor: all else is easy. benchmark: path-traced scenes as in the RGBN benchmark's text, "
+            "with levels that span its errors."
         ),
     ] = "one-factor",
-    quick: Annotated[
-        bool, Parameter(help="A first look, with few levels, one shape and small pictures.", negative="")
-    ] = False,
+    quick: Annotated[bool, Parameter(help="A first look: few levels, one shape, small pictures.", negative="")] = False,
     shape: Annotated[
         str, Parameter(help="Other shapes than the experiments' own, with commas: gyroid, or bear,heart.")
     ] = "",
@@ -70,8 +68,8 @@ dataset = App(
 )
 SHELF = Path("out") / "datasets"
 
-Shelf = Annotated[Path, Parameter(help="Folder of the datasets that were made, and of the list of those added.")]
-Json = Annotated[bool, Parameter(help="Print the results as JSON on standard output.", negative="")]
+Shelf = Annotated[Path, Parameter(help="Folder of the datasets and of their list.")]
+Json = Annotated[bool, Parameter(help="Print the results as JSON.", negative="")]
 
 
 @dataset.command(name="list", sort_key=1)

@@ -97,9 +97,8 @@ class Solving:
         tuple[str, ...] | None,
         Parameter(
             help="Another program as a method; may be given several times. A published one that you downloaded is "
-            "NAME=PRESET:FOLDER, PRESET one of lino-unips, sdm-unips, geo-unips, uni-ms-ps. Any other one is "
-            "NAME=COMMAND. It reads {data}, photographs in the DiLiGenT layout, and writes a normal map into {out}. "
-            "See docs/guide/methods.md.",
+            "NAME=PRESET:FOLDER, PRESET one of lino-unips, sdm-unips, geo-unips, uni-ms-ps. Any other is NAME=COMMAND "
+            "with {data} to read and {out} to write a normal map into. See docs/guide/methods.md.",
             negative="--no-external",
             consume_multiple=False,
         ),
@@ -110,8 +109,8 @@ class Solving:
     trust: Annotated[
         bool | None,
         Parameter(
-            help="Judge the methods by how well their normals explain the photographs. Takes all methods where none is "
-            "named. Default: yes for process without a scan and without given normals."
+            help="Judge the methods by how well they explain the photographs; all where none is named. Default: yes "
+            "for process without a scan and without given normals."
         ),
     ] = None
 
@@ -171,10 +170,7 @@ class TwinSettings:
     ] = None
     held_out: Annotated[
         bool | None,
-        Parameter(
-            help="Also fit the twin's material to every second frame, and predict the other frames from it. "
-            "Default: yes."
-        ),
+        Parameter(help="Also fit the twin's material to every second frame, and predict the others. Default: yes."),
     ] = None
 
     def __post_init__(self) -> None:
@@ -205,10 +201,9 @@ class SessionSolving(Solving):
             converter=one_of("--normals", GreenAxis),
         ),
     ] = None
-    exr: Annotated[
-        bool | None,
-        Parameter(help="Write the maps in results/ as 32-bit OpenEXR, too, NaN where unknown. Default: no."),
-    ] = None
+    exr: Annotated[bool | None, Parameter(help="Write the maps in results/ as 32-bit OpenEXR, too. Default: no.")] = (
+        None
+    )
 
 
 @Parameter(name="*")
@@ -223,8 +218,8 @@ class Settings(TwinSettings, SessionSolving):
         float | None,
         Parameter(
             name="--tolerance",
-            help="Error of the normals that your purpose allows, such as 3deg. The verdict is then pass or fail. The "
-            "output folder keeps it until you say none. Default: tolerance_deg under [object] of session.toml.",
+            help="Error of the normals that your purpose allows, such as 3deg. The verdict is then pass or fail, until "
+            "you say none. Default: tolerance_deg of session.toml.",
             converter=degrees_of,
         ),
     ] = None

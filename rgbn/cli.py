@@ -45,7 +45,7 @@ app.meta.group_parameters = Group("Every verb", sort_key=100)
 SESSION = "Folder with session.toml or in the DiLiGenT layout, or an output folder that was made from one."
 Session = Annotated[Path, Parameter(help=SESSION)]
 Out = Annotated[Path | None, Parameter(alias="-o", help="Output folder. Default: out/NAME, by the session's name.")]
-Json = Annotated[bool, Parameter(help="Print the results as JSON on standard output.", negative="")]
+Json = Annotated[bool, Parameter(help="Print the results as JSON.", negative="")]
 Jobs = Annotated[int, Parameter(help="How many sessions run at a time.", validator=Number(gte=1))]
 Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler. Default: this machine's cores.")]
 
@@ -220,10 +220,9 @@ def export(
         Parameter(
             alias="-f",
             help=f"Formats, with commas: {', '.join(FORMATS)}; or all, which is every format of lights. "
-            "csv: tables of the lights and, after compare, of the errors. mat: for near_ps. "
-            "meshroom: photographs and camera as SfMData, with AliceVision's lights. "
-            "relight: one relightable picture for OpenLIME and RelightLab. "
-            "heritage: photographs and maps for an archive, with a IIIF manifest. mitsuba: the twin's scene.",
+            "csv: tables of lights and errors. mat: for near_ps. meshroom: photographs and camera as SfMData, with "
+            "AliceVision's lights. relight: one picture for OpenLIME and RelightLab. heritage: a bag for an archive, "
+            "with a IIIF manifest. mitsuba: the twin's scene.",
         ),
     ],
     out: Out = None,

@@ -66,7 +66,7 @@ def plan(
         Path | None,
         Parameter(alias="-o", help="Output folder. Default: a session's own, or out/plan-NAME."),
     ] = None,
-    json: Annotated[bool, Parameter(help="Print the results as JSON on standard output.", negative="")] = False,
+    json: Annotated[bool, Parameter(help="Print the results as JSON.", negative="")] = False,
 ) -> None:
     """Plan a shoot: where flashes and balls go, which error to expect, and when to stop."""
     from shoot.plan.run_plan import run_plan

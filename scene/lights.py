@@ -94,6 +94,12 @@ class Lights:
             return "unknown"
         return "distant" if self.positions_mm is None else "near"
 
+    @property
+    def room_share(self) -> Array | None:
+        """The ambient light on white over a mean flash's, (3,); None if not known."""
+        known = self.ambient is not None and self.white_value is not None
+        return np.asarray(self.ambient / self.white_value) if known else None  # type: ignore[operator]
+
     def normalised(self) -> "Lights":
         """Return the same lights with each channel's mean intensity 1 (`white_value` takes the factor)."""
         mean = self.intensities.mean(0)

@@ -1,8 +1,8 @@
 """A registered scan with its measured albedo under the session's lights, as a scene description.
 
 What is physical of it: the shape with its cast shadows, near or distant lights, the measured albedo, light that goes
-from one part of the object to another, the gloss of a material that was fitted. What is not: the table and whatever
-else stands around.
+from one part of the object to another, the gloss of a material that was fitted, the room's light where the white ball
+shows it. What is not: the table and whatever else stands around.
 """
 
 from dataclasses import replace
@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import RenderError
+from scene.lights import Lights
 from scene.spheres import WHITE_BALL_ALBEDO
-from twin.description.description import Sampling, TwinObject, TwinScene
+from twin.description.description import Environment, Sampling, TwinObject, TwinScene
 from twin.description.description_check import check_scene
 from twin.description.materials import Diffuse, Material, RoughPlastic
 from twin.description.object_mesh import ObjectMesh
@@ -50,7 +51,8 @@ def scan_scene(
     -----
     With reflectance rho = albedo / white * 0.8 and irradiance E = pi * intensity * white / 0.8, a Lambertian surface
     has the radiance rho / pi * E * cos = albedo * intensity * cos: the direct light's pixel values are the session's
-    own, whatever the ball's true reflectance.
+    own, whatever the ball's true reflectance. The room's light comes evenly from all sides: the radiance ambient / 0.8
+    gives the white ball the pixel value that it shows in every frame.
     """
     camera, lights = sight.camera, sight.lights
     if albedo.shape != (camera.height, camera.width, 3):
@@ -73,5 +75,15 @@ def scan_scene(
         objects=(replace(one, mesh=textured),),
         materials={NAME: material},
         lights=replace(lights, white_value=white),
+        environment=_room(lights, sampling.error),
         name="scene",
     ), warnings
+
+
+def _room(lights: Lights, error: float) -> Environment:
+    """Return the light that is left in every frame; darkness where it is less than the rendering's relative error."""
+    share = lights.room_share
+    if lights.ambient is None or share is None or share.mean() < error:
+        return Environment()
+    red, green, blue = map(float, lights.ambient / WHITE_BALL_ALBEDO)
+    return Environment(ambient=(red, green, blue))

@@ -63,7 +63,7 @@ class FramesTable(ManifestTable):
     """[frames]: the photographs, and how their values are coded."""
 
     flash: Globs = _key(
-        "The flash photographs, one light each: a glob, or a list of globs. They are taken in natural order.",
+        "The flash photographs, one light each, in natural order: a glob or a list of globs.",
         "raw/flash_*.dng",
         default=...,
     )
@@ -71,19 +71,18 @@ class FramesTable(ManifestTable):
         "Photographs with the flash off, at the same exposure. They are subtracted.", "raw/ambient_*.dng"
     )
     dark: Globs | None = _key(
-        "Photographs with the lens covered, at the same exposure. They show the sensor's own offset.", "raw/dark_*.dng"
+        "Photographs with the lens covered, at the same exposure, for the sensor's offset.", "raw/dark_*.dng"
     )
     flat: Globs | None = _key(
         "Photographs of an evenly lit white surface. The lens' fall-off is divided out.", "raw/flat_*.dng"
     )
     chart: str | None = _key(
-        "A photograph of a ColorChecker of 24 patches, lit by the flash. Or the flash photograph in which it stands. "
-        "Results are in sRGB colours then.",
+        "Photograph of a ColorChecker of 24 patches under the flash, its own or one of `flash`. It makes colours sRGB.",
         "raw/chart.dng",
     )
     linear: bool | None = _key(
-        "Of files of 8 and 16 bits. true: values are proportional to light; false: they are sRGB. RAW and EXR files "
-        "are linear. Absent: linear, checked by the balls; JPEG files need it.",
+        "Whether values of 8 and 16 bits are proportional to light; false: they are sRGB. RAW and EXR files are "
+        "linear. Absent: true, checked by the balls; JPEG files need the key.",
         False,
     )
     gamma: Exponent | None = _key("Instead of linear. Light is the value to the power of gamma.", 2.2)
@@ -113,9 +112,7 @@ class SessionCameraTable(ManifestTable):
         "Width of the image that fx, fy, cx and cy refer to. Absent: the photographs'.", 6000, "px"
     )
     height: Pixels | None = _key("Height of that image.", 4000, "px")
-    fx: Scale | None = _key(
-        "Focal length. Alone it counts as good to 2 %; with cx and cy it counts as exact.", 8333.0, "px"
-    )
+    fx: Scale | None = _key("Focal length. Alone it counts as good to 2 %; with cx and cy as exact.", 8333.0, "px")
     fy: Scale | None = _key("Focal length along columns. Absent: fx.", 8333.0, "px")
     cx: Place | None = _key(
         "Column of the principal point; the upper left pixel's centre is 0. Absent: the middle, to 1 % of the width.",
@@ -127,8 +124,7 @@ class SessionCameraTable(ManifestTable):
         "OpenCV's k1, k2, p1, p2, k3. Absent: no distortion.", [-0.1, 0.02, 0.0, 0.0, 0.0]
     )
     focal_mm: Focal | None = _key(
-        "Focal length as engraved on the lens, instead of fx. It needs sensor_mm, pixel_um, crop_factor or model. "
-        "Absent: EXIF's.",
+        "Focal length engraved on the lens. It needs sensor_mm, pixel_um, crop_factor or model. Absent: EXIF's.",
         50.0,
         "mm",
     )
@@ -136,7 +132,7 @@ class SessionCameraTable(ManifestTable):
     pixel_um: Pitch | None = _key("Distance from pixel to pixel on the sensor.", 5.94, "um")
     crop_factor: Crop | None = _key("Diagonal of 36 x 24 mm divided by the sensor's.", 1.5)
     model: Annotated[str, Field(min_length=1, max_length=100)] | None = _key(
-        "Maker and model of the camera, for the size of its sensor. Absent: EXIF's.", "Nikon D850"
+        "Maker and model of the camera, for its sensor's size. Absent: EXIF's.", "Nikon D850"
     )
     charuco: Globs | None = _key(
         "Photographs of a ChArUco board at the session's focus. It needs board.", "charuco/*.dng"
@@ -192,14 +188,13 @@ class SessionObjectTable(ManifestTable):
 
     mask: str | None = _key("Picture of the frames' size, white where the object is. Absent: found.", "mask.png")
     box: Annotated[list[Place], Four] | None = _key(
-        "Left, top, right and bottom of a box about the whole object, where it is not found by itself. The outline is "
-        "sought in the box.",
+        "Left, top, right and bottom of a box about the whole object, in which its outline is sought.",
         [2100, 900, 3900, 3200],
         "px",
     )
     scan: str | None = _key("The laser scan, a mesh as PLY, OBJ, STL, OFF or GLB.", "scan/object.ply")
     scan_unit: Unit = _key(
-        "Unit of the scan's coordinates. unknown: registering finds it. Absent: m for GLB, else mm.", "mm", default="mm"
+        "Unit of the scan. unknown: registering finds it. Absent: m for GLB, else mm.", "mm", default="mm"
     )
     scan_ball_diameter_mm: Length | None = _key(
         "Diameter of a ball that was scanned beside the object. It tells the unit.", 50.0, "mm"
@@ -211,8 +206,8 @@ class SessionObjectTable(ManifestTable):
         "File of points of the scan with their pixels, as a start for the registration.", "picks.csv"
     )
     tolerance_deg: Angle | None = _key(
-        "Error of the normals that your purpose allows, between 0 and 90. The verdict is then pass or fail. "
-        "The option --tolerance goes before it.",
+        "Error of the normals that your purpose allows. The verdict is then pass or fail. The option --tolerance goes "
+        "before it.",
         3.0,
         "deg",
     )
@@ -230,19 +225,24 @@ class Manifest(ManifestTable):
 
     version: Literal[1] = _key("Version of this format.", 1, default=1)
     name: str | None = _key("Name of the session. Absent: the folder's name.", "penguin")
-    frames: FramesTable = _key("The photographs.", {"flash": "raw/flash_*.dng"}, default=...)
+    frames: FramesTable = _key(
+        "The photographs, and how their values are coded.", {"flash": "raw/flash_*.dng"}, default=...
+    )
     camera: SessionCameraTable | None = _key(
         "The camera. Absent: EXIF, or the balls.", {"focal_mm": 50.0, "sensor_mm": 36.0}
     )
     spheres: Annotated[list[SphereTable], Field(max_length=50)] = _key(
-        "The calibration balls, in any order; each is found by itself. Absent: balls are looked for. []: no ball is "
-        "looked for.",
+        "The calibration balls, in any order. Absent: balls are looked for. []: none is looked for.",
         [{"kind": "chrome", "diameter_mm": 76.0}],
         default=[],
     )
-    lights: LightsTable | None = _key("Known lights.", {"file": "lights.lp"})
-    object: SessionObjectTable = _key("The object.", {"scan": "scan/object.ply"}, default=SessionObjectTable())
-    series: SeriesTable | None = _key("This session's place in a series.", {"factor": "iso", "value": 400.0})
+    lights: LightsTable | None = _key("Known lights instead of balls.", {"file": "lights.lp"})
+    object: SessionObjectTable = _key(
+        "What is known of the object.", {"scan": "scan/object.ply"}, default=SessionObjectTable()
+    )
+    series: SeriesTable | None = _key(
+        "This session's place in a series: see `rgbn series`.", {"factor": "iso", "value": 400.0}
+    )
 
 
 TABLES: dict[str, type[ManifestTable]] = {

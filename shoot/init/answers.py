@@ -63,9 +63,7 @@ class Answers:
     sensor_mm: Annotated[float | None, Parameter(help="Width of the sensor, mm; 36 for full frame.")] = None
     linear: Annotated[
         bool | None,
-        Parameter(
-            help="Values of 8-bit files are proportional to light. Default: they are sRGB, as cameras write them."
-        ),
+        Parameter(help="Values of 8-bit files are proportional to light. Default: they are sRGB."),
     ] = None
 
     def __post_init__(self) -> None:

@@ -27,14 +27,12 @@ class PlanOptions:
     unit: Annotated[Unit | None, Parameter(help="Unit of the scan. A scan needs it.")] = None
     seen_from: Annotated[
         View,
-        Parameter(
-            help="Axis of the scan that points to the camera. Up in the picture is z, or y where z points there."
-        ),
+        Parameter(help="Axis of the scan that points to the camera. Up is z, or y where z points there."),
     ] = "+z"
     size_mm: Annotated[float, _number("Diameter of the sphere that stands for an object without a scan.", gt=0)] = 150.0
     albedo: Annotated[
         float,
-        _number("Share of the light that the object reflects. White has 0.8, wood 0.4, dark things 0.1.", gt=0, lte=1),
+        _number("Share of the light that the object reflects: white 0.8, wood 0.4, dark things 0.1.", gt=0, lte=1),
     ] = 0.5
     focal_mm: Annotated[float, _number("Focal length of the lens, mm.", gt=0)] = 50.0
     sensor_mm: Annotated[float, _number("Width of the sensor, mm; 36 for full frame, 23.5 for APS-C.", gt=0)] = 36.0
@@ -58,7 +56,7 @@ class PlanOptions:
     ] = None
     azimuths_deg: Annotated[
         tuple[float, float],
-        _number("Range around the axis that you can reach. 0 is right and 90 is up, as the camera sees it."),
+        _number("Range around the axis that you can reach. 0 is right, 90 is up."),
     ] = (0.0, 360.0)
     chrome: Annotated[
         tuple[float, ...],
@@ -69,9 +67,7 @@ class PlanOptions:
     ] = ()
     accuracy_deg: Annotated[
         float | None,
-        _number(
-            "Median error of the normals that you want. The plan ends with the flash that reaches it.", gt=0, lt=90
-        ),
+        _number("Median error of the normals that ends the plan.", gt=0, lt=90),
     ] = None
 
 

@@ -40,22 +40,19 @@ class Sensor:
         Positive, key("Electrons from black to white at ISO 100. They set the photon noise.", "electrons")
     ] = 40000.0
     read_noise_e: Annotated[
-        NotNegative, key("Standard deviation of the read-out noise, the same at every ISO.",
-                         "electrons")
-    ] = 4.0  # fmt: skip
+        NotNegative, key("Standard deviation of the read-out noise, at every ISO.", "electrons")
+    ] = 4.0
     adc_noise_dn: Annotated[NotNegative, key("Standard deviation of the converter's noise.", "DN")] = 0.0
     iso: Annotated[Positive, key("White is `full_well_e` x 100 / `iso` electrons.")] = 100.0
     black_level: Annotated[Level, key("Value of no light.", "DN")] = 512
-    white_level: Annotated[
-        Level, key("Value of a full well, the greatest that is recorded. 14 bits have 16383.", "DN")
-    ] = 16383
+    white_level: Annotated[Level, key("Value of a full well, the greatest that is recorded.", "DN")] = 16383
     blur_px: Annotated[NotNegative, key("Standard deviation of the lens' Gaussian blur.", "px")] = 0.5
     vignetting: Annotated[
         Three, key("k1, k2, k3. The share of light is 1 + k1 r^2 + k2 r^4 + k3 r^6, r = 1 at the corners.")
     ] = (0.0, 0.0, 0.0)
     cfa: Annotated[
         Literal["RGGB", "BGGR", "GRBG", "GBRG", "none"],
-        key("Colours of the top left 2 x 2 pixels, row by row. none: all three colours at each pixel."),
+        key("Colours of the top left 2 x 2 pixels, row by row. none: all three at each pixel."),
     ] = "RGGB"
     neutral: Annotated[
         tuple[Positive, Positive, Positive],

@@ -123,7 +123,7 @@ Alpha = Annotated[AboveNone, key("Roughness of the facets, Mitsuba's alpha.")]
 @checked
 @dataclass(frozen=True)
 class Subsurface:
-    """What lies below a surface that is partly open: a cloudy medium that light wanders through.
+    """A cloudy medium below a surface that is partly open. Only the engine `mitsuba` renders it.
 
     Notes
     -----
@@ -134,8 +134,7 @@ class Subsurface:
 
     mean_free_path_mm: Annotated[
         Positive,
-        key("Mean way of light between two scatterings. Scattering is even in all directions, so this is a real "
-            "material's transport mean free path.", "mm"),
+        key("Mean way of light between two scatterings, even in all directions: the transport mean free path.", "mm"),
     ]  # fmt: skip
     albedo: Annotated[Shares, key("Share of the light that goes on after a scattering.")] = (0.9, 0.9, 0.9)
     share: Annotated[Share, key("Share of the surface that is open to the medium.")] = 0.5
@@ -143,7 +142,7 @@ class Subsurface:
 
 Below = Annotated[
     Subsurface | None,
-    key("Light that scatters below the surface, as in wax. The mesh must be closed.", start={"mean_free_path_mm": 2.0}),
+    key("Light that scatters below the surface of a closed mesh, as in wax.", start={"mean_free_path_mm": 2.0}),
 ]
 
 
@@ -173,14 +172,14 @@ class RoughPlastic:
     subsurface: Below = None
     covered: Annotated[
         Share,
-        key("Share of the body's light that the coat dims, most where seen or lit aslant. The rest leaves as from a "
-            "matte surface. 0 may reflect more light than comes in."),
+        key("Share of the body's light that the coat dims; the rest leaves as from a matte surface. 0 may reflect more "
+            "light than comes in."),
     ] = 1.0  # fmt: skip
     distribution: Facets = "ggx"
     body_roughness: Annotated[
         Share | None,
-        key("Roughness of the bare body, by the law of [Burley2012]. 1: more light goes back to where it comes from, "
-            "as from plaster. 0: less light where seen or lit aslant. Absent: Lambert's law.",
+        key("Roughness of the bare body [Burley2012]. 1: more light goes back to where it comes from, as from "
+            "plaster; 0: less light aslant. Absent: Lambert's law.",
             start=0.5),
     ] = None  # fmt: skip
 
@@ -198,7 +197,7 @@ class Conductor:
 @checked
 @dataclass(frozen=True)
 class Principled:
-    """Some numbers of Disney's material [Burley2012]. Disney's roughness is the root of this one."""
+    """Disney's material [Burley2012] in part. Disney's roughness is the root of this one."""
 
     reflectance: Reflectance
     roughness: Alpha = 0.25

@@ -56,7 +56,7 @@ Matrix = tuple[Row, Row, Row, Row]
 
 
 class CameraTable(TomlTable):
-    """The camera, as in session.toml; what its photographs are written as."""
+    """The camera, as in session.toml."""
 
     width: Annotated[Size, key("Width of the picture.", "px")]
     height: Annotated[Size, key("Height of the picture.", "px")]
@@ -74,8 +74,8 @@ class CameraTable(TomlTable):
     ] = None
     files: Annotated[
         Files | None,
-        key("Format of the frames. PNG and EXR hold linear, white-balanced colours; a mosaic is interpolated. PNG cuts "
-            "off noise below black. Absent: dng with a Bayer sensor, else png."),
+        key("Format of the frames. PNG and EXR hold linear, white-balanced, interpolated colours; PNG cuts off noise "
+            "below black. Absent: dng with a Bayer sensor, else png."),
     ] = None  # fmt: skip
 
     @model_validator(mode="after")
@@ -131,7 +131,7 @@ class ObjectTable(TomlTable):
     ] = None  # fmt: skip
     smooth: Annotated[
         bool, Strict(),
-        key("true: normals are interpolated, those of the .ply or means of the faces. false: every face is flat."),
+        key("true: normals are interpolated, of the .ply or means of the faces. false: every face is flat."),
     ] = True  # fmt: skip
     material: Annotated[str, AfterValidator(_known), key("A name under `[materials]`.")]
     scale: Annotated[Factors, key("One factor or three, along the object's own axes. It comes first.")] = (

@@ -1,4 +1,4 @@
-"""Light that comes by way of the object's other parts, rendered small."""
+"""Light that no flash sends straight: by way of the object's other parts, and from the room; rendered small."""
 
 from dataclasses import dataclass, replace
 
@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from scene.camera import Camera
 from twin.description.description import Sampling
+from twin.engines.light_layers import standing_light
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.material.material_samples import MaterialSamples
 from twin.scan_scene import scan_scene
@@ -19,7 +20,7 @@ SAMPLES, DEPTH = 64, 4
 
 @dataclass(frozen=True, eq=False)
 class OnwardLight:
-    """Pixel values that come by way of two surfaces or three, rendered small.
+    """Pixel values that come by way of two surfaces or three, and from the room, rendered small.
 
     images (F, h, w, 3): Of some of a picture that is `scale` times the camera's.
     row, column: Of that picture, where the images begin.
@@ -41,7 +42,7 @@ class OnwardLight:
 
 
 def onward_light(sight: Sight, samples: MaterialSamples, albedo: NDArray[np.float32]) -> OnwardLight:
-    """Return the light that comes by way of the object's other parts, all of them matte.
+    """Return the light that comes by way of the object's other parts, all of them matte, and from the room.
 
     What a highlight throws on another place is left out: narrow as it is, so few paths find it that they would put more
     noise into the samples than they take out.
@@ -62,7 +63,8 @@ def onward_light(sight: Sight, samples: MaterialSamples, albedo: NDArray[np.floa
     scene, _ = scan_scene(replace(sight, camera=small, normals=None), picture, sampling)
     film = scene.film()
     many = Many(mitsuba_scene(scene), film, scene.lights, max_depth=DEPTH)
-    images = many.band(slice(0, film.size[0]), SAMPLES)[1]
+    images, standing = many.band(slice(0, film.size[0]), SAMPLES)[1], standing_light(scene, film)
+    images = images if standing is None else images + standing
     return OnwardLight(images, film.rows.start, film.columns.start, scale)
 
 

@@ -26,7 +26,8 @@ class ScanMaterial:
     """What a scanned object is made of.
 
     samples: What it was fitted to, that light still in them.
-    onward: Light by way of other parts of the object, that was subtracted; None where it could not be rendered.
+    onward: Light by way of other parts of the object and from the room, that was subtracted; None where it could not
+        be rendered.
     onward_share: Its root mean square over that of the values.
     albedo (H, W, 3): Of the body: pixel value of what faces a light of intensity 1 where no coat is in the way. NaN
         where unknown.
@@ -116,6 +117,11 @@ def _settled(sight: Sight, samples: MaterialSamples) -> OnwardLight:
     Raises RenderError: It cannot be rendered.
     """
     body = matte_albedo(samples)
+    if (room := sight.lights.room_share) is not None:
+        # Values of a (s + room), s the flash's shading, are fitted by a (1 + room sum(s) / sum(s^2)) s.
+        cosine = np.einsum("pi,pfi->pf", samples.normals, samples.toward) * samples.usable
+        flash = cosine[..., None] * samples.irradiance
+        body = body / (1 + room * flash.sum(1) / np.sum(flash**2, 1)).astype(np.float32)
     onward = onward_light(sight, samples, body)
     return onward_light(sight, samples, np.sqrt(body * matte_albedo(onward.off(samples))))
 
