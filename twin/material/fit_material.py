@@ -25,6 +25,8 @@ FIRST_LOOK = 2_000
 """Pixels on which the model is chosen."""
 BRIGHTEST = 2.0
 """Strength that is tried, of a full coat's: a higher index has it. A body of another law would like still more."""
+WHITE_SIGMA = 0.05
+"""Relative standard deviation of what white balls reflect about the value that they are taken to have."""
 AT_THE_END = 1.02
 """Factor between a roughness and the end of what is tried, below which it is said that it lies there."""
 
@@ -151,7 +153,7 @@ def _doubts(roughness: float, specularity: float, sigma: float, *, known: bool) 
             yield f"The roughness ran to {end:g}, the end of what is tried: {what} would do that."
     if not known:
         yield "The white ball's pixel value is unknown: the specularity is that of a surface whose pixel value is 1."
-    elif specularity > 1 + 3 * sigma:
+    elif specularity > 1 + 3 * float(np.hypot(sigma, WHITE_SIGMA)):
         yield (
             f"The highlights are {specularity:.2f} times those of a full coat of index {INDEX}; the twin has 1. A "
             "higher index, a metal, or a wrong white ball would do that."
