@@ -100,7 +100,7 @@ class Experiment:
     name: str
     label: str
     vary: str  # the field of `base` that the levels are of
-    levels: tuple[float | str, ...]
+    levels: tuple[float | int | str, ...]
     axis: str  # what the chart's axis says
     base: Setup
     log: bool = False  # the chart's axis is logarithmic
@@ -122,7 +122,7 @@ VIRTUAL_EXPERIMENTS: tuple[Experiment, ...] = (
     Experiment(
         "iso", "White sphere, higher and higher ISO", "iso", (100.0, 1600.0, 6400.0, 25600.0), "ISO", Setup(), log=True
     ),
-    Experiment("images", "White sphere, fewer flashes", "frames", (16.0, 10.0, 7.0, 5.0), "flashes", Setup()),
+    Experiment("images", "White sphere, fewer flashes", "frames", (16, 10, 7, 5), "flashes", Setup()),
     Experiment(
         "ring", "White sphere, flashes held on a ring", "ring_deg", (15.0, 35.0, 55.0, 75.0),
         "degrees of the ring from the camera's axis", Setup(),
