@@ -104,8 +104,9 @@ class Registration:
     evidence: dict[str, float]
     """What `Fit` has, and its misfit; shading (relative residual), rim_points, edge_bias_px,
     disagreement (of outline and shading: the variance is inflated by it); where shadows or near lights tell it, scale,
-    scale_sigma (see `shadow_scale`, `free_scale`); of the best pose and the next, where there is one: cost, second_cost, second_deviations (see
-    `compare_poses`), second_angle_deg; where the focal length is not known: focal_shift_mm."""
+    scale_sigma and shadow_scale (see `shadow_scale`, `free_scale`); of the best pose and the next, where there is one:
+    cost, second_cost, second_deviations (see `compare_poses`), second_angle_deg; where the focal length is not known:
+    focal_shift_mm."""
     warnings: tuple[str, ...] = ()
 
     @property
@@ -210,8 +211,10 @@ def register(
             "the edges in the photographs all round; expected a fraction of a pixel. Is the scan's unit, or the "
             "camera's focal length, a little off?"
         )
-    told = [free for free in (shadow_scale(evidence, photographs), free_scale(evidence)) if free]
-    if told:
+    shadow = shadow_scale(evidence, photographs)
+    if shadow:
+        facts["shadow_scale"] = shadow.scale
+    if told := [free for free in (shadow, free_scale(evidence)) if free]:
         free = min(told, key=lambda free: free.sigma)
         facts["scale"], facts["scale_sigma"] = free.scale, free.sigma
         doubted = doubted_lengths(photographs, distance)

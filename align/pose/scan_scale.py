@@ -104,7 +104,8 @@ def register_unknown_scale(
     """Register a scan whose unit is not known: its scale comes out of the registration.
 
     A camera alone cannot tell a small object nearby from a large one far off. The lights were calibrated about a point
-    at a known distance, though, where the balls stand and the object with them: that distance is the scale.
+    at a known distance, though, where the balls stand and the object with them: that distance is the scale, unless
+    shadows tell it better (`align.pose.cast_shadows`).
 
     `mesh` and `start`, camera_from_scan as picks give it, are in the file's unit; `register` takes a mesh in mm, and a
     start or None, and gives a `Registration`. Return the mesh in mm, its registration, and the millimetres of one unit.
@@ -131,12 +132,18 @@ def register_unknown_scale(
         scale = distance / -float(start.apply(mesh.center_mm)[2])
         first = register(_scaled(mesh, scale), scaled_pose(start, scale))
     middle = first.pose.apply(scale * mesh.center_mm)
-    nearer = distance / -float(middle[2])
+    shadow = first.evidence.get("shadow_scale")
+    nearer = distance / -float(middle[2]) if shadow is None else shadow
     scale *= nearer
     found = register(_scaled(mesh, scale), scaled_pose(first.pose, nearer))
     said = (
-        f"scan_unit is unknown: 1 unit of the scan's file was taken for {scale:.4g} mm, which puts the object at the "
-        f"distance that the lights were calibrated about, {distance:.4g} mm. Normals hardly depend on it; lengths do."
+        f"scan_unit is unknown: 1 unit of the scan's file was taken for {scale:.4g} mm, "
+        + (
+            f"which puts the object at the distance that the lights were calibrated about, {distance:.4g} mm"
+            if shadow is None
+            else "as its shadow on the table and the balls' shadows tell"
+        )
+        + ". Normals hardly depend on it; lengths do."
     )
     return _scaled(mesh, scale), replace(found, warnings=(*found.warnings, said)), scale
 
