@@ -53,10 +53,12 @@ def told(beside_balls, factor, monkeypatch, spheres=()):
 @pytest.mark.parametrize("factor", [1.0, 1.05])
 def test_a_scan_too_large_is_named_with_its_scale_and_a_right_one_is_not(beside_balls, factor, monkeypatch):
     found = told(beside_balls, factor, monkeypatch)
+    assert found is not None
     assert abs(np.log(found.scale * factor)) < 4 * found.sigma < 0.02
     if factor == 1:
         assert found.warning is None
     else:
+        assert found.warning is not None
         assert f"by its shadow on the table it is {1 / found.scale:.3f} times too large" in found.warning
 
 
