@@ -165,7 +165,7 @@ def _registered(
     def normals_of(some: NDArray[np.bool_]) -> NDArray:
         return solve("iterative", frames, lights, camera, some, executor=job.executor).normals
 
-    photographs = Photographs(camera, frames, lights, mask)
+    photographs = Photographs(camera, frames, lights, mask, tuple(job.store.load_spheres()))
     normals = sparse_normals(mask, normals_of) if shading_tells(lights) else None
     with progress_bar("register") as progress:
 

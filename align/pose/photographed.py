@@ -13,6 +13,7 @@ from scene.camera import Camera
 from scene.errors import AlignError
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.spheres import Sphere
 
 ACROSS = 500
 """Pixels across the object: by no more a scan's first poses are found, and for no fewer normals are solved."""
@@ -30,6 +31,8 @@ class Photographs:
     """One a frame; near lights are taken at each point."""
     mask: NDArray[np.bool_]
     """(H, W): the object."""
+    spheres: tuple[Sphere, ...] = ()
+    """The calibration balls."""
 
     @cached_property
     def distance(self) -> NDArray[np.float32]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.appearance import free_normals
+from align.pose.cast_shadows import shadow_scale
 from align.pose.full_resolution import NEAREST_PX, FinalEvidence
 from align.pose.motion import nudge
 from align.pose.photographed import FEWEST, Photographs, shading_tells
@@ -102,9 +103,10 @@ class Registration:
     `align.pose.motion.nudge`, for the camera as given; without depth, where an orthographic one does not tell it."""
     evidence: dict[str, float]
     """What `Fit` has, and its misfit; shading (relative residual), rim_points, edge_bias_px,
-    disagreement (of outline and shading: the variance is inflated by it); under near lights scale, scale_sigma (see
-    `free_scale`); of the best pose and the next, where there is one: cost, second_cost, second_deviations (see
-    `compare_poses`), second_angle_deg; where the focal length is not known: focal_shift_mm."""
+    disagreement (of outline and shading: the variance is inflated by it); where shadows or near lights tell it, scale,
+    scale_sigma and shadow_scale (see `shadow_scale`, `free_scale`); of the best pose and the next, where there is one:
+    cost, second_cost, second_deviations (see `compare_poses`), second_angle_deg; where the focal length is not known:
+    focal_shift_mm."""
     warnings: tuple[str, ...] = ()
 
     @property
@@ -209,7 +211,11 @@ def register(
             "the edges in the photographs all round; expected a fraction of a pixel. Is the scan's unit, or the "
             "camera's focal length, a little off?"
         )
-    if free := free_scale(evidence):
+    shadow = shadow_scale(evidence, photographs)
+    if shadow:
+        facts["shadow_scale"] = shadow.scale
+    if told := [free for free in (shadow, free_scale(evidence)) if free]:
+        free = min(told, key=lambda free: free.sigma)
         facts["scale"], facts["scale_sigma"] = free.scale, free.sigma
         doubted = doubted_lengths(photographs, distance)
         # What surroundings may send back can make up for lights that are far off, but not for both.

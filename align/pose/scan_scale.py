@@ -32,24 +32,28 @@ UNITS = {10.0: "cm and mm", 25.4: "inch and mm", 1000.0: "m and mm", 100.0: "m a
 
 @dataclass(frozen=True)
 class FreeScale:
-    """By how much larger the scan would have to be for the lights to explain its shading best."""
+    """By how much larger the scan would have to be to look best."""
 
     scale: float
     sigma: float
     """Relative."""
+    witness: str
+    """What looks best then."""
+    least: float
+    """How far from 1 the scale must be for a word."""
 
     @property
     def warning(self) -> str | None:
         """What to say of a scale that is not 1; None where it may be."""
         log = float(np.log(self.scale))
-        if abs(log) < max(SUSPICIOUS, DEVIATIONS * self.sigma):
+        if abs(log) < max(self.least, DEVIATIONS * self.sigma):
             return None
-        small, large = ("small", "large") if log > 0 else ("large", "small")
+        large, small = ("small", "large") if log > 0 else ("large", "small")
         return (
-            f"scan: under these lights its shading fits best if it were {self.scale:.3f} times as large (+- "
-            f"{self.sigma:.1%}). One length is wrong: the scan is too {small} (scan_unit), or diameter_mm of all the "
-            f"balls is too {large}, or the lights' file is in another unit. Lights and distance are wrong "
-            "until then: measure a ball and the object with calipers."
+            f"scan: by {self.witness} it is {np.exp(abs(log)):.3f} times too {large} (+- {self.sigma:.1%}). One length "
+            f"is wrong: the scan is too {large} (scan_unit), or diameter_mm of all the balls is too {small}, or the "
+            "lights' file is in another unit. Lights and distance are wrong until then: measure a ball and the object "
+            "with calipers."
         )
 
 
@@ -67,7 +71,7 @@ def free_scale(evidence: FinalEvidence) -> FreeScale | None:
     every = costs.sum(1)
     without = [_lowest(every - one) for one in costs.T]
     sigma = np.sqrt((len(without) - 1) * np.var(without))
-    return FreeScale(float(np.exp(_lowest(every))), float(sigma))
+    return FreeScale(float(np.exp(_lowest(every))), float(sigma), "its shading under these lights", SUSPICIOUS)
 
 
 def _frame_costs(evidence: FinalEvidence, scale: float) -> Array:
@@ -100,7 +104,8 @@ def register_unknown_scale(
     """Register a scan whose unit is not known: its scale comes out of the registration.
 
     A camera alone cannot tell a small object nearby from a large one far off. The lights were calibrated about a point
-    at a known distance, though, where the balls stand and the object with them: that distance is the scale.
+    at a known distance, though, where the balls stand and the object with them: that distance is the scale, unless
+    shadows tell it better (`align.pose.cast_shadows`).
 
     `mesh` and `start`, camera_from_scan as picks give it, are in the file's unit; `register` takes a mesh in mm, and a
     start or None, and gives a `Registration`. Return the mesh in mm, its registration, and the millimetres of one unit.
@@ -127,12 +132,18 @@ def register_unknown_scale(
         scale = distance / -float(start.apply(mesh.center_mm)[2])
         first = register(_scaled(mesh, scale), scaled_pose(start, scale))
     middle = first.pose.apply(scale * mesh.center_mm)
-    nearer = distance / -float(middle[2])
+    shadow = first.evidence.get("shadow_scale")
+    nearer = distance / -float(middle[2]) if shadow is None else shadow
     scale *= nearer
     found = register(_scaled(mesh, scale), scaled_pose(first.pose, nearer))
     said = (
-        f"scan_unit is unknown: 1 unit of the scan's file was taken for {scale:.4g} mm, which puts the object at the "
-        f"distance that the lights were calibrated about, {distance:.4g} mm. Normals hardly depend on it; lengths do."
+        f"scan_unit is unknown: 1 unit of the scan's file was taken for {scale:.4g} mm, "
+        + (
+            f"which puts the object at the distance that the lights were calibrated about, {distance:.4g} mm"
+            if shadow is None
+            else "as its shadow on the table and the balls' shadows tell"
+        )
+        + ". Normals hardly depend on it; lengths do."
     )
     return _scaled(mesh, scale), replace(found, warnings=(*found.warnings, said)), scale
 
