@@ -1,6 +1,5 @@
 """Two sessions of one scanned object laid over each other through its scan: where did its surface change?"""
 
-
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -21,7 +20,7 @@ from lab.results import pixel_size_mm
 from lab.session_place import session_of
 from scene.current import file_digest
 from scene.errors import SceneError
-from scene.files import write_json, write_npy, write_png
+from scene.files import write_npy, write_png
 from scene.mesh import Mesh
 from scene.normals import unit
 from scene.rays import RayCaster
@@ -30,7 +29,6 @@ from scene.store import Store
 Array = NDArray[np.float64]
 Map = NDArray[np.float32]
 
-CHANGE = "change.json"
 FITTED = 40_000
 """Pixels, about, that tell what all normals share."""
 BAND_PIXELS = 1 << 18
@@ -58,18 +56,38 @@ class LaidOver(NamedTuple):
     seen: tuple[Array, Array]  # points and the scan's normals (P, 3) there
 
 
-def tell_change(stores: tuple[Store, Store], methods: tuple[str, ...], out: Store) -> dict[str, Any]:
-    """Write change.json, the maps of change and their picture; return what change.json says.
+def tell_change(before: Store, after: Store, methods: tuple[str, ...], out: Store) -> dict[str, Any]:
+    """Write the maps of change and their picture, and tell what changed.
 
-    stores: before and after. methods: that both have; the one that errs least before is taken.
+    Parameters
+    ----------
+    before, after : Store
+        Output folders, their scan in place.
+    methods : tuple of str
+        That both have. The one that errs least before is taken.
+    out : Store
+        Gets change.npy, degrees, change_z.npy, sigmas, both also as .tif, and change.png.
+
+    Returns
+    -------
+    dict
+        method; verdict, in words; places, the largest change first: u, v, change_deg, chance, area_mm2; pixels that
+        both see, the share of them that is stated to be flagged, and is; least_deg: the change that is still told;
+        over_stated: how many times the stated sigmas the changes scatter by; common_deg: what all normals turned by,
+        median; moved_px: how far the second pose was moved.
 
     Raises
     ------
     SceneError
         The two have no scan in common, or no method with a stated sigma.
     """
-    method = _method(stores, methods)
-    before, after = _sides(stores, method)
+    method, pixel_mm = _method(before, after, methods), pixel_size_mm(before.load_camera(), before.load_lights())
+    facts = _told(*_sides((before, after), method), out, pixel_mm)
+    return {"method": method, **facts}
+
+
+def _told(before: Side, after: Side, out: Store, pixel_mm: float | None) -> dict[str, Any]:
+    """Lay the two over each other, write the maps, and return the facts."""
     rows, columns = np.nonzero(np.isfinite(before.normals[..., 0]))
     pixels = np.stack([columns, rows], -1).astype(np.float64)
     low, high = pixels.min(0), pixels.max(0)
@@ -102,9 +120,10 @@ def tell_change(stores: tuple[Store, Store], methods: tuple[str, ...], out: Stor
         common_deg = np.append(common_deg, np.degrees(np.linalg.norm(shared, axis=1)))
     test, change_deg = tested(turned, variance), np.degrees(np.linalg.norm(turned, axis=-1)).astype(np.float32)
     changed = places(test, change_deg, pixel_mm2)
-    _write_maps(out, change_deg, test, pixel_size_mm(before.view.camera, stores[0].load_lights()))
-    facts = {
-        "method": method,
+    _write_maps(out, change_deg, test, pixel_mm)
+    return {
+        "verdict": _verdict(changed, test),
+        "places": [place._asdict() for place in changed],
         "pixels": int(np.isfinite(test.square).sum()),
         "stated_share": STATED,
         "flagged_share": float(np.mean(test.square[np.isfinite(test.square)] > -2 * np.log(STATED))),
@@ -112,11 +131,7 @@ def tell_change(stores: tuple[Store, Store], methods: tuple[str, ...], out: Stor
         "over_stated": test.over_stated,
         "common_deg": float(np.median(common_deg)),
         "moved_px": float(np.linalg.norm(moved)),
-        "places": [place._asdict() for place in changed],
-        "verdict": _verdict(changed, test),
     }
-    write_json(out.path(CHANGE), facts)
-    return facts
 
 
 def _verdict(changed: list[Place], test: Tested) -> str:
@@ -129,11 +144,11 @@ def _verdict(changed: list[Place], test: Tested) -> str:
     )
 
 
-def _method(stores: tuple[Store, Store], methods: tuple[str, ...]) -> str:
-    stated = [name for name in methods if all(one.path("sigma", f"{name}.npy").exists() for one in stores)]
+def _method(before: Store, after: Store, methods: tuple[str, ...]) -> str:
+    stated = [name for name in methods if all(one.path("sigma", f"{name}.npy").exists() for one in (before, after))]
     if not stated:
         raise SceneError("change: no method of both sessions states a sigma (sigma/*.npy). Solve both by iterative.")
-    best = best_method(read_optional(stores[0], "summary.json") or {})
+    best = best_method(read_optional(before, "summary.json") or {})
     return best if best in stated else stated[0]
 
 

@@ -182,7 +182,7 @@ class Job:
 
 
 def scan_of(session: Any, store: Store) -> Mesh:
-    """Return a session's scan, mended; in millimetres where its unit is known, or a ball or the store's pose told it."""
+    """Return a session's scan, mended; in millimetres where its unit is known, or a ball or a pose told it."""
     from align.scan.mended_scan import load_scan
 
     mesh = load_scan(session.scan, session.scan_unit, ball_diameter_mm=session.scan_ball_diameter_mm)

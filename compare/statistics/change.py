@@ -23,7 +23,7 @@ CLIPPED = 8.0
 PLACE_PX = 5
 """Side of the window whose pixels together tell a place."""
 QUANTILE = 0.9
-"""Of the object's windows, that tells with the median how unevenly windows err; the changed ones are fewer than 10 %."""
+"""Of the windows, that tells with their median how unevenly they err; the changed ones are fewer than a tenth."""
 
 
 class Place(NamedTuple):
@@ -126,9 +126,7 @@ def places(found: Tested, change_deg: NDArray, pixel_mm2: NDArray) -> list[Place
     """Return where the object changed, the largest change first; (H, W): the changes, each pixel's area of surface."""
     from scipy import ndimage
 
-    clear = found.log_chance < np.log(STATED)
-    label, count = ndimage.label(clear)
-    out = []
+    label, out = ndimage.label(found.log_chance < np.log(STATED))[0], []
     for number, box in enumerate(ndimage.find_objects(label), 1):
         v, u = np.nonzero(label[box] == number)
         v, u = v + box[0].start, u + box[1].start
