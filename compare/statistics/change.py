@@ -16,12 +16,14 @@ STATED = 0.01
 """Share of an unchanged object's pixels that is flagged; and the chance that a place is told of an unchanged object."""
 MEDIAN = 2 * np.log(2)
 """Of chi-square with two degrees of freedom: of a normal's squared change over its variance along one tangent axis."""
-LOCAL = 12
+LOCAL = 16
 """Windows across the object, in each of which errors are measured: a change is smaller than a window."""
-CLIPPED = 8.0
+CLIPPED = 24.0
 """Medians at which a squared change is cut for the window's mean: a real change shall not pass for an error."""
 PLACE_PX = 5
 """Side of the window whose pixels together tell a place."""
+BORDER_PX = 3
+"""What lies nearer to an edge of what is known tells nothing: lens and demosaicing mix the two sides."""
 QUANTILE = 0.9
 """Of the windows, that tells with their median how unevenly they err; the changed ones are fewer than a tenth."""
 
@@ -94,10 +96,14 @@ def tested(turned: Array, variance: Array) -> Tested:
     Neighbours err together. The means over small windows are taken for a chi-square whose degrees of freedom their own
     median and `QUANTILE` tell; a window must be clearer than `STATED` over the number of pixels (Bonferroni).
     """
+    import cv2
     from scipy.optimize import brentq
     from scipy.special import chdtri, gammaincc
 
     known = np.isfinite(turned).all(-1) & np.isfinite(variance)
+    inner = cv2.erode(known.astype(np.uint8), np.ones((2 * BORDER_PX + 1,) * 2)) > 0
+    # Of an object of few pixels all is border.
+    known = inner if inner.any() else known
     rows, columns = (np.flatnonzero(known.any(axis)) for axis in (1, 0))
     side = max(PLACE_PX, int(max(np.ptp(rows), np.ptp(columns)) / LOCAL) | 1)
     # A few samples tell a pixel's noise badly; neighbours have the same.
