@@ -13,7 +13,7 @@ from align.truth import EDGE_FOOTPRINTS
 from capture.session.session import load_session
 from compare.report.facts import best_method, read_optional
 from compare.report.pictures import PixelBox, colour_scale_end, error_picture, with_colour_scale
-from compare.statistics.change import STATED, Place, Tested, common_turn, fit_common, places, tested
+from compare.statistics.change import STATED, ChangedPlace, Tested, common_turn, fit_common, places, tested
 from formats.map_tiff import write_map
 from lab.job import scan_of
 from lab.results import pixel_size_mm
@@ -134,7 +134,7 @@ def _told(before: Side, after: Side, out: Store, pixel_mm: float | None) -> dict
     }
 
 
-def _verdict(changed: list[Place], test: Tested) -> str:
+def _verdict(changed: list[ChangedPlace], test: Tested) -> str:
     if not changed:
         return f"nothing changed by more than {test.least_deg:.2f} degrees (rms of 5 x 5 pixels)"
     most, count = changed[0], len(changed)
@@ -155,8 +155,8 @@ def _method(before: Store, after: Store, methods: tuple[str, ...]) -> str:
 def _sides(stores: tuple[Store, Store], method: str) -> tuple[Side, Side]:
     """Return both sessions with their scans in place."""
     sessions = [load_session(session_of(one.folder)) for one in stores]
-    scans = [session.scan for session in sessions]
-    if None in scans or len({file_digest(scan) for scan in scans}) > 1:
+    scans = {session.scan and file_digest(session.scan) for session in sessions}
+    if None in scans or len(scans) > 1:
         raise SceneError(
             f"change: {stores[0].folder} and {stores[1].folder} have no scan in common, which tells what pixels of the "
             "two show the same place. Give both sessions one file: [object] scan. Process them again."
@@ -182,7 +182,7 @@ def _lay_over(before: Side, after: Side, pixels: Array) -> LaidOver:
     # One file, whatever scale each session found for it: a place is a face and its corners' weights.
     points = after.view.pose.apply(hits.interpolate(scan, scan.vertices))
     places = camera.project(points)
-    inside = (places >= 0).all(1) & (places <= [camera.width - 1, camera.height - 1]).all(1)
+    inside = np.asarray((places >= 0).all(1) & (places <= [camera.width - 1, camera.height - 1]).all(1))
     places = np.where(inside[:, None], places, 0.0)
     seen = after.view.surface(*camera.rays(places))
     width = (1.0 if camera.is_orthographic else -points[:, 2]) / camera.fx

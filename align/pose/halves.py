@@ -13,7 +13,7 @@ ROUNDS = 2
 """Of each half's refinement, which begins where all evidence put the scan."""
 
 
-class CrossValidation(NamedTuple):
+class Halves(NamedTuple):
     """How far two poses lie apart, each of every second flash and of every second square of the picture's outline.
 
     Halves share no sample, but the scan, the camera, and what calibrating got wrong of all lights alike.
@@ -29,7 +29,7 @@ class CrossValidation(NamedTuple):
     """Of difference and stated sigma, rms over the pose's unknowns: above 1 the stated sigma is too small."""
 
 
-def cross_validate(evidence: FinalEvidence) -> CrossValidation | None:
+def cross_validate(evidence: FinalEvidence) -> Halves | None:
     """Refine the pose on each half alone, and compare; None where half of the flashes tell no normal."""
     seen, pivot, scales = evidence.seen, evidence.view.pivot, evidence.steps(1.0)
     if seen.pictures is None or len(seen.lights) < 2 * FEWEST:
@@ -50,4 +50,4 @@ def cross_validate(evidence: FinalEvidence) -> CrossValidation | None:
     ratio = np.sqrt(step @ np.linalg.pinv(known, hermitian=True) @ step / len(step))
     turn, shift = np.degrees(np.linalg.norm(twist[:3])), np.linalg.norm(twist[3:])
     stated = np.sqrt([np.trace(part) for part in (covariance[:3, :3], covariance[3:, 3:])])
-    return CrossValidation(*map(float, (turn, np.degrees(stated[0]), shift, stated[1], ratio)))
+    return Halves(*map(float, (turn, np.degrees(stated[0]), shift, stated[1], ratio)))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from align.pose.appearance import free_normals
 from align.pose.full_resolution import NEAREST_PX, FinalEvidence
-from align.pose.halves import CrossValidation, cross_validate
+from align.pose.halves import Halves, cross_validate
 from align.pose.motion import nudge
 from align.pose.photographed import FEWEST, Photographs, shading_tells
 from align.pose.scan_scale import check_distance, doubted_lengths, free_scale
@@ -107,7 +107,7 @@ class Registration:
     `free_scale`); of the best pose and the next, where there is one: cost, second_cost, second_deviations (see
     `compare_poses`), second_angle_deg; where the focal length is not known: focal_shift_mm."""
     warnings: tuple[str, ...] = ()
-    cross_validation: CrossValidation | None = None
+    cross_validation: Halves | None = None
     """None where half of the flashes tell no normal."""
 
     @property

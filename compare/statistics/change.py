@@ -1,6 +1,6 @@
 """Where an object's normals changed between two sessions, by more than both sessions' errors explain."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ QUANTILE = 0.9
 """Of the windows, that tells with their median how unevenly they err; the changed ones are fewer than a tenth."""
 
 
-class Place(NamedTuple):
+class ChangedPlace(NamedTuple):
     """A part of the object that changed; its middle is (u, v), `change_deg` the largest in it."""
 
     u: float
@@ -119,7 +119,8 @@ def tested(turned: Array, variance: Array) -> Tested:
     def exceeds(free: float) -> float:
         return chdtri(free, 1 - QUANTILE) / chdtri(free, 0.5) - spread
 
-    free = float(brentq(exceeds, 0.5, 1e4)) if exceeds(0.5) > 0 > exceeds(1e4) else 2.0
+    solve: Any = brentq
+    free = float(solve(exceeds, 0.5, 1e4)) if exceeds(0.5) > 0 > exceeds(1e4) else 2.0
     unit, count = middle / chdtri(free, 0.5), np.count_nonzero(known)
     chance = gammaincc(free / 2, windows / unit / 2)
     least = unit * chdtri(free, STATED / count)
@@ -128,17 +129,18 @@ def tested(turned: Array, variance: Array) -> Tested:
     return Tested(square, windows, log_chance, float(np.sqrt(usual / MEDIAN)), float(least_deg))
 
 
-def places(found: Tested, change_deg: NDArray, pixel_mm2: NDArray) -> list[Place]:
+def places(found: Tested, change_deg: NDArray, pixel_mm2: NDArray) -> list[ChangedPlace]:
     """Return where the object changed, the largest change first; (H, W): the changes, each pixel's area of surface."""
     from scipy import ndimage
 
-    label, out = ndimage.label(found.log_chance < np.log(STATED))[0], []
+    labelled: Any = ndimage.label(found.log_chance < np.log(STATED))
+    label, out = labelled[0], []
     for number, box in enumerate(ndimage.find_objects(label), 1):
         v, u = np.nonzero(label[box] == number)
         v, u = v + box[0].start, u + box[1].start
         chance = float(np.exp(found.log_chance[v, u].min()))
         most = float(np.nanmax(change_deg[v, u]))
-        out.append(Place(float(u.mean()), float(v.mean()), most, chance, float(np.nansum(pixel_mm2[v, u]))))
+        out.append(ChangedPlace(float(u.mean()), float(v.mean()), most, chance, float(np.nansum(pixel_mm2[v, u]))))
     return sorted(out, key=lambda place: -place.change_deg)
 
 
