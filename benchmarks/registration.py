@@ -61,8 +61,7 @@ class PoseRow:
 
     `apart_px`: rms distance of the scan's pictures at our pose and at the given one; of a ball, whose turn cannot be
     known, of its centre's. `truth_deg`, `truth_at_given_deg`: median error of the ground truth at the two poses.
-    `processor_s`: of the registration; of a session by others, of the whole step. `halves`: how far the poses from half
-    of the evidence lie apart, over their stated sigma.
+    `processor_s`: of the registration; of a session by others, of the whole step.
     """
 
     group: str
@@ -79,7 +78,6 @@ class PoseRow:
     truth_at_given_deg: float | None = None
     under_two_sigma: float | None = None
     processor_s: float | None = None
-    halves: float | None = None
 
     @property
     def is_found(self) -> bool:
@@ -123,13 +121,11 @@ def _session(group: str, folder: str, place: str) -> list[PoseRow]:
             exact = np.load(scene / "truth.npz")["normals"]
             error = float(np.nanmedian(angular_error_deg(store.load_normals("truth"), exact)))
         scan = load_scan(job.session.scan, job.session.scan_unit)
-        alone = job.done["align"]["result"]["truth"]["cross_validation"]
         return [
             PoseRow(
                 group, scene.name, OWN, "", warnings, any("two poses" in text for text in warnings),
                 apart_px(camera, scan, pose, true), (pose @ true.inverse()).angle_deg(),
                 store.read_json("pose.json")["sigma_deg"], truth_deg=error, processor_s=spent,
-                halves=alone and alone["ratio"],
             )
         ]  # fmt: skip
 
@@ -159,7 +155,7 @@ def register_on(
         "apart_px": apart_px(camera, Mesh(center, scan.faces[:0]) if is_ball else scan, found.pose, pose),
         "turn_deg": None if is_ball else off.angle_deg(), "sigma_deg": None if is_ball else found.sigma_deg,
         "is_inside": None if is_ball else bool(square < INSIDE[camera.is_orthographic]), "processor_s": spent,
-        "halves": found.cross_validation and found.cross_validation.ratio, "found": found,
+        "found": found,
     }  # fmt: skip
 
 
@@ -257,7 +253,7 @@ def _summary(rows: Sequence[PoseRow]) -> dict[str, Any]:
         "ambiguous": sum(row.ambiguous for row in rows), "refused": sum(bool(row.refused) for row in rows),
         "warned": sum(bool(row.warnings) for row in rows), "silent": sum(row.is_silent for row in rows),
     }  # fmt: skip
-    for key in ("apart_px", "turn_deg", "truth_deg", "truth_at_given_deg", "under_two_sigma", "processor_s", "halves"):
+    for key in ("apart_px", "turn_deg", "truth_deg", "truth_at_given_deg", "under_two_sigma", "processor_s"):
         known = [value for row in good if (value := getattr(row, key)) is not None]
         found[key] = float(np.median(known)) if known else None
     inside = [row.is_inside for row in good if row.is_inside is not None and row.name not in SYMMETRIC]
@@ -286,7 +282,6 @@ def _shown(rows: Sequence[PoseRow]) -> str:
             {
                 "photographs by others": "{name}", "scan": "{scan}", "pose off": "{apart_px:.2f} px",
                 "turned": "{turn_deg:.2f}°", "stated sigma": "{sigma_deg:.2f}°", "in the 95 % region": "{inside}",
-                "halves apart, sigmas": "{halves:.2f}",
                 "ground truth off": "{truth_deg:.2f}°", "at the given pose": "{truth_at_given_deg:.2f}°",
                 "said": "{came}", "processor, s": "{processor_s:.0f}",
             },
@@ -297,7 +292,6 @@ def _shown(rows: Sequence[PoseRow]) -> str:
                 "our shapes": "{name}", "": "{kind}", "sessions": "{sessions}", "found": "{found}",
                 "said to be ambiguous": "{ambiguous}", "refused": "{refused}", "wrong, and not said": "{silent}",
                 "pose off": "{apart_px:.2f} px", "turned": "{turn_deg:.2f}°", "in the 95 % region": "{inside:.0%}",
-                "halves apart, sigmas": "{halves:.2f}",
                 "ground truth off": "{truth_deg:.2f}°", "at the true pose": "{truth_at_given_deg:.2f}°",
                 "under 2 sigma": "{under_two_sigma:.0%}", "processor, s": "{processor_s:.0f}",
             },
@@ -315,8 +309,7 @@ def _shown(rows: Sequence[PoseRow]) -> str:
 
 
 def _figures(rows: Sequence[PoseRow]) -> Figures:
-    kept = ("sessions", "found", "refused", "silent", "apart_px", "turn_deg", "inside", "halves", "truth_deg")
-    kept += ("under_two_sigma",)
+    kept = ("sessions", "found", "refused", "silent", "apart_px", "turn_deg", "inside", "truth_deg", "under_two_sigma")
     groups = _grouped(
         [row for row in rows if row.name not in SYMMETRIC],
         lambda row: row.group if row.scan == OWN else f"{row.group}, wrong scans",

@@ -92,7 +92,6 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         "residual_px": found.residual_px,
         "sigma_mm": found.sigma_mm,
         "sigma_deg": found.sigma_deg,
-        "cross_validation": found.cross_validation and found.cross_validation._asdict(),
         "focal_px": None if camera.is_orthographic else camera.fx,
         "focal_sigma": camera.focal_sigma,
         "fit": found.evidence,

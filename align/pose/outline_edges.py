@@ -34,8 +34,6 @@ CONTRAST = 0.2
 STILL_PX, STILL = 0.75, 0.5
 """An outline's edge stands still: at least in this share of the other directions' pictures that show one, it lies as
 near to where it was found. A shadow's border does not."""
-SQUARES = 16
-"""Across the picture."""
 FARTHEST_PX = 2.5
 """An edge expected farther inside is the border of the object's own shadow, not its outline."""
 
@@ -53,8 +51,6 @@ class EdgePictures:
     """(2,): pixel (u, v) of pictures[:, 0, 0]."""
     members: NDArray[np.bool_]
     """(S, N): the frames of each."""
-    half: int | None = None
-    """0 or 1: edges are looked for in every second square of the picture alone, as on a chessboard; None: in all."""
 
     @classmethod
     def of(cls, photographs: Photographs) -> "EdgePictures":
@@ -98,11 +94,7 @@ class EdgePictures:
         ]
         others = np.stack(found[1:])
         near = (np.abs(others - found[0]) < STILL_PX).sum(0)
-        still = near >= STILL * np.isfinite(others).sum(0)
-        if self.half is not None:
-            squares = (pixels - self.corner) // (max(self.pictures.shape[1:]) / SQUARES)
-            still &= squares.sum(1) % 2 == self.half
-        return np.where(still, found[0], np.nan)
+        return np.where(near >= STILL * np.isfinite(others).sum(0), found[0], np.nan)
 
     def expect(self, view: View, lights: Lights, look: Appearance, outline: Outline, located: NDArray) -> Array:
         """Return where `locate` would find the edge of the viewed scan (K,), px.

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from align.pose.appearance import free_normals
 from align.pose.full_resolution import NEAREST_PX, FinalEvidence
-from align.pose.halves import Halves, cross_validate
 from align.pose.motion import nudge
 from align.pose.photographed import FEWEST, Photographs, shading_tells
 from align.pose.scan_scale import check_distance, doubted_lengths, free_scale
@@ -107,8 +106,6 @@ class Registration:
     `free_scale`); of the best pose and the next, where there is one: cost, second_cost, second_deviations (see
     `compare_poses`), second_angle_deg; where the focal length is not known: focal_shift_mm."""
     warnings: tuple[str, ...] = ()
-    cross_validation: Halves | None = None
-    """None where half of the flashes tell no normal."""
 
     @property
     def focal_shift_mm(self) -> float:
@@ -221,7 +218,7 @@ def register(
         warnings += [free.warning] if free.warning else []
     if photographs.camera.focal_sigma and not photographs.camera.is_orthographic:
         facts["focal_shift_mm"] = photographs.camera.focal_sigma * distance
-    found = Registration(pose, evidence.edges.residual_px, evidence.covariance(), facts, (), cross_validate(evidence))
+    found = Registration(pose, evidence.edges.residual_px, evidence.covariance(), facts)
     if np.isnan(fit.normals_deg):
         why = "of unknown lights" if photographs.lights.is_unknown else f"({FEWEST} are needed)"
         told = (

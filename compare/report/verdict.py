@@ -155,7 +155,6 @@ def _truth(summary: Summary, compared: Summary, measured_deg: list[float]) -> St
     if not told:
         return Statement("Ground truth", "unknown", say("truth", "unknown"))
     text = Markup(f"{told[0].upper()}{told[1:]}.")
-    text += say("truth", "alone", **apart) if (apart := align.get("cross_validation")) else ""
     levels = {level_of(residual, RESIDUAL_BARS_PX), level_of(sigma, TRUTH_SIGMA_BARS_DEG)}
     level = next(name for name in ("bad", "care", "good", "unknown") if name in levels)
     if is_truths_own(sigma, measured_deg):
