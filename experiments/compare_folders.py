@@ -1,4 +1,4 @@
-"""`rgbn compare REAL TWIN`: two processed folders, whether the methods fail alike on both."""
+"""`rgbn compare ONE OTHER`: two processed folders: do the methods fail alike, and did the object change in between?"""
 
 import json as json_module
 from collections.abc import Sequence
@@ -25,8 +25,6 @@ from scene.store import Store
 Map = NDArray[np.float32]
 
 PAGE, NUMBERS = "counterparts.html", "counterparts.json"
-VIRTUAL = "virtual.json"
-"""In a session that a virtual camera took, and in what was made of it."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,7 @@ class Folder:
     """A folder that `process`, or `twin`, has left."""
 
     store: Store
-    kind: str  # "photographs", "virtual capture" or "rendering"
+    kind: str  # "photographs" or "rendering"
     methods: tuple[str, ...]  # whose normals are there
     truth: Map  # (H, W, 3)
     mask: NDArray[np.bool_]  # (H, W)
@@ -52,7 +50,7 @@ class Folder:
 def compare_folders(
     real: Path, twin: Path, out: Path | None = None, *, methods: str | None = None, json: bool = False
 ) -> dict[str, Any]:
-    """Compare two processed folders, and write counterparts.html and counterparts.json.
+    """Compare two processed folders, and write counterparts.html and counterparts.json; of a scanned object its change.
 
     Parameters
     ----------
@@ -68,8 +66,8 @@ def compare_folders(
     Returns
     -------
     dict
-        Of `compare.statistics.counterparts.compare_counterparts`, with name, created, versions, and captures: name and
-        kind of each.
+        Of `compare.statistics.counterparts.compare_counterparts`, with name, created, versions, captures: name and
+        kind of each; and change: see `experiments.before_after.tell_change`, or None.
 
     Raises
     ------
@@ -93,6 +91,7 @@ def compare_folders(
             "versions": libraries(),
             "captures": {kind: {"name": one.name, "kind": one.kind} for kind, one in folders.items()},
             **compare_counterparts(errors["real"], errors["twin"]),
+            "change": _change((folders["real"], folders["twin"]), common, place),
         }
         write_json(place.path(NUMBERS), found)
         write_text(place.path(PAGE), counterpart_page(found, errors))
@@ -114,9 +113,25 @@ def told(found: dict[str, Any]) -> str:
         ends = (row[f"median_difference_{end}_deg"] for end in ("low", "high"))
         between = " to ".join("unknown" if end is None else f"{end:.2f}" for end in ends)
         lines.append(f"  {name}: {row['likeness']}: {r}, medians {real:.2f} and {twin:.2f} degrees, {between} apart")
+    if found["change"]:
+        lines.append(f"  the object, by {found['change']['method']}: {found['change']['verdict']}")
     if found["left_out"]:
         lines.append(f"  left out, without a known error on one of the two: {', '.join(found['left_out'])}")
     return "\n".join(lines)
+
+
+def _change(folders: tuple[Folder, Folder], methods: tuple[str, ...], out: Store) -> dict[str, Any] | None:
+    """Return where the object changed between two sessions with a scan in place; None where that cannot be told."""
+    from experiments.before_after import tell_change
+
+    before, after = (one.store for one in folders)
+    if any(one.kind == "rendering" or not one.store.path("pose.json").exists() for one in folders):
+        return None
+    try:
+        return tell_change(before, after, methods, out)
+    except SceneError as error:
+        say(f"warning: where the object changed is not told. {error}", always=True)
+        return None
 
 
 def _common(folders: tuple[Folder, Folder], asked: str | None) -> tuple[str, ...]:
@@ -149,10 +164,10 @@ def open_folder(path: Path) -> Folder:
         )
     if not truth.exists():
         raise SceneError(
-            f"{path}: found no ground truth ({truth.name}), so no errors can be compared. Give the session a scan or "
-            "normals, and process it again."
+            f"{path}: found no ground truth ({truth.name}), so neither errors nor the object before and after can be "
+            "compared. Give the session a scan, which places it, and process it again."
         )
-    kind = "rendering" if rendered else "virtual capture" if store.path(VIRTUAL).exists() else "photographs"
+    kind = "rendering" if rendered else "photographs"
     normals, mask = np.array(array_of(truth)), store.load_mask()
     if normals.shape != (*mask.shape, 3):
         raise SceneError(f"{path}: {truth.name} is {normals.shape[:2]} px, mask.png {mask.shape}. Process it again.")

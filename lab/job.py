@@ -132,18 +132,13 @@ class Job:
         return self.record.done
 
     def load_scan(self) -> Mesh:
-        """Return the session's scan, mended; in millimetres where its unit is known, or a ball or a pose told it."""
-        from align.scan.mended_scan import load_scan
-
-        session = self.session
-        mesh = load_scan(session.scan, session.scan_unit, ball_diameter_mm=session.scan_ball_diameter_mm)
-        scale = self.store.load_scan_scale() if self.scan_scale_unknown else 1.0
-        return mesh if scale == 1 else replace(mesh, vertices=scale * mesh.vertices)
+        """Return the session's scan; see `scan_of`."""
+        return scan_of(self.session, self.store)
 
     @property
     def scan_scale_unknown(self) -> bool:
         """Neither a unit nor a ball tells the scan's scale."""
-        return self.session.scan_unit == "unknown" and self.session.scan_ball_diameter_mm is None
+        return _scale_unknown(self.session)
 
     def run(self, steps: dict[str, Step], wanted: str) -> None:
         """Run a step, after the steps that it needs, unless they are current."""
@@ -184,6 +179,19 @@ class Job:
         before = [self.done[need]["fingerprint"] for need in step.needs]
         inputs = tuple(step.inputs(self))
         return fingerprint(step.name, inputs, before, code=code_fingerprint(), digest=self.record.digest)
+
+
+def scan_of(session: Any, store: Store) -> Mesh:
+    """Return a session's scan, mended; in millimetres where its unit is known, or a ball or a pose told it."""
+    from align.scan.mended_scan import load_scan
+
+    mesh = load_scan(session.scan, session.scan_unit, ball_diameter_mm=session.scan_ball_diameter_mm)
+    scale = store.load_scan_scale() if _scale_unknown(session) else 1.0
+    return mesh if scale == 1 else replace(mesh, vertices=scale * mesh.vertices)
+
+
+def _scale_unknown(session: Any) -> bool:
+    return session.scan_unit == "unknown" and session.scan_ball_diameter_mm is None
 
 
 def _made_from(steps: dict[str, Step], wanted: str) -> list[str]:

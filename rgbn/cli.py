@@ -194,7 +194,10 @@ def compare(
     session: Annotated[Path, Parameter(help=f"{SESSION} With COUNTERPART: a processed output folder.")],
     counterpart: Annotated[
         Path | None,
-        Parameter(help="Another output folder, or twin/ in the first. Tells whether methods fail alike on both."),
+        Parameter(
+            help="Another output folder, or twin/ in the first. Tells whether methods fail alike on both; of two "
+            "sessions of one object with one scan, where its surface changed."
+        ),
     ] = None,
     /,
     *,
