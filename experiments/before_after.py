@@ -32,6 +32,8 @@ Map = NDArray[np.float32]
 FITTED = 40_000
 """Pixels, about, that tell what all normals share."""
 BAND_PIXELS = 1 << 18
+LIT = 0.5
+"""Share of a place's pixels that every flash must light in both sessions: half."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,7 @@ class Side:
     view: View
     normals: Map  # (H, W, 3), NaN where the scan's own is not known: at edges and holes, at grazing angles
     variance: Map  # (H, W): stated, of a normal along one tangent axis, square radians
+    lit: NDArray[np.bool_]  # (H, W): the normal was fitted to all frames
     sigma_deg: float  # of the pose
     sigma_mm: float
 
@@ -52,6 +55,7 @@ class LaidOver(NamedTuple):
     turned: Array  # (P, 3): the second's less the first's, radians; NaN where one is not known
     variance: Array  # (P,): of a turn along one tangent axis
     pixel_mm2: Array  # (P,): of the surface
+    lit: NDArray[np.bool_]  # (P,): both normals were fitted to all frames
     places: Array  # (P, 2): pixels of the second
     seen: tuple[Array, Array]  # points and the scan's normals (P, 3) there
 
@@ -71,10 +75,10 @@ def tell_change(before: Store, after: Store, methods: tuple[str, ...], out: Stor
     Returns
     -------
     dict
-        method; verdict, in words; places, the largest change first: u, v, change_deg, chance, area_mm2; pixels that
-        both see, the share of them that is stated to be flagged, and is; least_deg: the change that is still told;
-        over_stated: how many times the stated sigmas the changes scatter by; common_deg: what all normals turned by,
-        median; moved_px: how far the second pose was moved.
+        method; verdict, in words; places, the largest change first: u, v, change_deg, chance, area_mm2, lit_share;
+        pixels that both see, the share of them that is stated to be flagged, and is; least_deg: the change that is
+        still told; over_stated: how many times the stated sigmas the changes scatter by; common_deg: what all normals
+        turned by, median; moved_px: how far the second pose was moved.
 
     Raises
     ------
@@ -110,16 +114,17 @@ def _told(before: Side, after: Side, out: Store, pixel_mm: float | None) -> dict
     after = replace(after, view=replace(view, pose=nudge(view.pose, -moved * steps, view.pivot)))
 
     turned, common_deg = np.full(before.normals.shape, np.nan), np.zeros(0)
-    variance, pixel_mm2 = (np.full(turned.shape[:2], np.nan) for _ in range(2))
+    variance, pixel_mm2, lit = (np.full(turned.shape[:2], fill) for fill in (np.nan, np.nan, False))
     for first in range(0, len(pixels), BAND_PIXELS):
         part = slice(first, first + BAND_PIXELS)
         v, u = rows[part], columns[part]
         laid = _lay_over(before, after, pixels[part])
         shared = common(laid, pixels[part]) @ bent
-        turned[v, u], variance[v, u], pixel_mm2[v, u] = laid.turned - shared, laid.variance, laid.pixel_mm2
+        turned[v, u], variance[v, u] = laid.turned - shared, laid.variance
+        pixel_mm2[v, u], lit[v, u] = laid.pixel_mm2, laid.lit
         common_deg = np.append(common_deg, np.degrees(np.linalg.norm(shared, axis=1)))
     test, change_deg = tested(turned, variance), np.degrees(np.linalg.norm(turned, axis=-1)).astype(np.float32)
-    changed = places(test, change_deg, pixel_mm2)
+    changed = places(test, change_deg, pixel_mm2, lit)
     _write_maps(out, change_deg, test, pixel_mm)
     return {
         "verdict": _verdict(changed, test),
@@ -135,13 +140,17 @@ def _told(before: Side, after: Side, out: Store, pixel_mm: float | None) -> dict
 
 
 def _verdict(changed: list[ChangedPlace], test: Tested) -> str:
-    if not changed:
-        return f"nothing changed by more than {test.least_deg:.2f} degrees (rms of 5 x 5 pixels)"
-    most, count = changed[0], len(changed)
-    return (
-        f"changed at {count} place{'s' * (count > 1)}, most at pixel ({most.u:.0f}, {most.v:.0f}): by "
-        f"{most.change_deg:.1f} degrees, over {most.area_mm2:.2g} mm2"
-    )
+    clear = [place for place in changed if place.lit_share > LIT]
+    text = f"nothing changed by more than {test.least_deg:.2f} degrees (rms of 5 x 5 pixels)"
+    if clear:
+        most, count = clear[0], len(clear)
+        text = (
+            f"changed at {count} place{'s' * (count > 1)}, most at pixel ({most.u:.0f}, {most.v:.0f}): by "
+            f"{most.change_deg:.1f} degrees, over {most.area_mm2:.2g} mm2"
+        )
+    if rest := len(changed) - len(clear):
+        text += f"; {rest} more where a flash is shadowed or left out, which may be its error: look at change.png"
+    return text
 
 
 def _method(before: Store, after: Store, methods: tuple[str, ...]) -> str:
@@ -172,7 +181,8 @@ def _side(store: Store, mesh: Mesh, smooth: Array, method: str) -> Side:
     normals, told = store.load_normals(method), store.read_json("pose.json")
     normals[~np.isfinite(store.load_normals("truth"))] = np.nan
     variance = np.radians(np.asarray(store.read_array("sigma", f"{method}.npy"))) ** 2
-    return Side(view, normals, variance, told["sigma_deg"], told["sigma_mm"])
+    lit = np.asarray(store.read_array("samples", f"{method}.npy")) >= len(store.load_lights())
+    return Side(view, normals, variance, lit, told["sigma_deg"], told["sigma_mm"])
 
 
 def _lay_over(before: Side, after: Side, pixels: Array) -> LaidOver:
@@ -198,7 +208,8 @@ def _lay_over(before: Side, after: Side, pixels: Array) -> LaidOver:
     far = np.linalg.norm(before.view.pose.apply(hits.interpolate(mesh, mesh.vertices)), axis=1)
     mm2 = (1.0 if before.view.camera.is_orthographic else far) ** 2 / before.view.camera.fx**2 / facing
     turned = np.where(same[:, None], other @ turn.T - normals, np.nan)
-    return LaidOver(normals, turned, before.variance[v, u] + variance, mm2, places, seen)
+    lit = before.lit[v, u] & (sample(after.lit.astype(np.float64), places) == 1)
+    return LaidOver(normals, turned, before.variance[v, u] + variance, mm2, lit, places, seen)
 
 
 def _moved(before: Side, after: Side, laid: LaidOver) -> Array:

@@ -37,6 +37,8 @@ class ChangedPlace(NamedTuple):
     chance: float
     """Of one that is as clear on an unchanged object."""
     area_mm2: float
+    lit_share: float
+    """Of its pixels: what every flash lights in both sessions. Elsewhere a shadow's error may pass for a change."""
 
 
 class Tested(NamedTuple):
@@ -129,8 +131,11 @@ def tested(turned: Array, variance: Array) -> Tested:
     return Tested(square, windows, log_chance, float(np.sqrt(usual / MEDIAN)), float(least_deg))
 
 
-def places(found: Tested, change_deg: NDArray, pixel_mm2: NDArray) -> list[ChangedPlace]:
-    """Return where the object changed, the largest change first; (H, W): the changes, each pixel's area of surface."""
+def places(found: Tested, change_deg: NDArray, pixel_mm2: NDArray, lit: Mask) -> list[ChangedPlace]:
+    """Return where the object changed, the largest change first.
+
+    (H, W): the changes, each pixel's area of surface, and whether every flash lights it in both sessions.
+    """
     from scipy import ndimage
 
     labelled: Any = ndimage.label(found.log_chance < np.log(STATED))
@@ -140,7 +145,8 @@ def places(found: Tested, change_deg: NDArray, pixel_mm2: NDArray) -> list[Chang
         v, u = v + box[0].start, u + box[1].start
         chance = float(np.exp(found.log_chance[v, u].min()))
         most = float(np.nanmax(change_deg[v, u]))
-        out.append(ChangedPlace(float(u.mean()), float(v.mean()), most, chance, float(np.nansum(pixel_mm2[v, u]))))
+        area, share = float(np.nansum(pixel_mm2[v, u])), float(lit[v, u].mean())
+        out.append(ChangedPlace(float(u.mean()), float(v.mean()), most, chance, area, share))
     return sorted(out, key=lambda place: -place.change_deg)
 
 

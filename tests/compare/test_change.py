@@ -32,7 +32,7 @@ def flagged(found):
 
 
 def told(found, turned):
-    return places(found, np.degrees(np.linalg.norm(turned, axis=-1)), np.full(MASK.shape, MM**2))
+    return places(found, np.degrees(np.linalg.norm(turned, axis=-1)), np.full(MASK.shape, MM**2), U > SIDE / 2)
 
 
 def dents(where, depth_mm=0.1, across_mm=3.0):
@@ -100,6 +100,7 @@ def test_dents_of_a_tenth_of_a_millimetre_are_found_where_they_are_and_nothing_e
     # The whole dent has 7.1 square millimetres; its middle and its rim are level.
     assert 3 < np.median(areas) < 14
     assert all(place.chance < STATED for place in told(found, turned))
+    assert {(place.u > SIDE / 2, place.lit_share) for place in told(found, turned)} == {(False, 0), (True, 1)}
 
 
 def test_a_large_change_is_no_error():

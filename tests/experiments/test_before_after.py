@@ -31,7 +31,7 @@ def scan():
     return Mesh(40 * d * reach[:, None] + [5, -80, 30], np.array(ball.faces))
 
 
-def session(parent, name, scan, pose, camera, seed, *, changed=None, told_pose=None, other_scan=None):
+def session(parent, name, scan, pose, camera, seed, *, changed=None, told_pose=None, other_scan=None, lit=1):
     """A session's folder, and what was processed from it: true normals with noise, turned in one place."""
     folder, store = parent / f"session {name}", Store(parent / name)
     write_png(folder / "flash.png", np.zeros((4, 4, 3), np.uint8))
@@ -54,8 +54,8 @@ def session(parent, name, scan, pose, camera, seed, *, changed=None, told_pose=N
     store.save_pose(told_pose or pose, residual_px=0.2, sigma_mm=0.3, sigma_deg=0.1)
     sigma = np.where(mask, SIGMA_DEG, np.nan).astype(np.float32)
     given = unit(normals).astype(np.float32)
-    albedo, samples = np.ones_like(given), mask.astype(np.uint16)
-    store.save_estimate(Estimate("ls", given, albedo, samples, 1.0, 1.0, {}, (), sigma, sigma))
+    albedo, samples = np.ones_like(given), lit * mask.astype(np.uint16)
+    store.save_estimate(Estimate("ls", given, albedo, samples, 1.0, 1.0, {}, (), sigma))
     return store.folder
 
 
@@ -104,6 +104,12 @@ def test_a_change_is_told_where_it_is_and_an_unchanged_object_is_not_accused(sca
     u, v = camera.project(first.apply(point)[None])[0]
     assert (place["u"], place["v"]) == pytest.approx((u, v), abs=1.5)
     assert place["change_deg"] == pytest.approx(np.degrees(0.12), rel=0.3)
+    assert "changed at 1 place," in change["verdict"]
+    # A flash less in one of the sessions: a shadow's error may look like this.
+    dim = session(tmp_path, "dim", scan, second, other, 2, changed=changed, told_pose=moved, lit=0)
+    doubtful = compare_folders(before, dim, tmp_path / "doubtful")["change"]
+    assert "nothing changed" in doubtful["verdict"]
+    assert "1 more where a flash is shadowed" in doubtful["verdict"]
 
 
 def test_without_one_scan_for_both_it_is_said_and_the_rest_is_done(scan, views, tmp_path, capsys):
