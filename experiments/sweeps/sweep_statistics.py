@@ -95,10 +95,12 @@ def speed_points(table: Results, seconds: Rows) -> list[SpeedPoint]:
     """Return each method and profile once: `kind` "real" for default, "twin" for seed, as the chart draws them.
 
     Medians over the cells of the processor seconds for a million pixels of one frame, and of the median angular errors.
-    A cell without a result is in neither.
+    A cell without a result is in neither; without any there are no points.
     """
     from pandas import DataFrame
 
+    if not seconds:
+        return []
     both = table[table["is_ok"]].merge(DataFrame(seconds, columns=[*KEY, "seconds"]), on=[*KEY])
     both["speed"] = both["seconds"] / (both["pixels"] / (1 - both["unanswered"]) / 1e6) / both["frames"]
     found = both.groupby(["solver", "profile"], sort=False)[["speed", "median_deg"]].median()

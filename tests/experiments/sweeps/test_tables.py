@@ -117,6 +117,8 @@ def test_speed_is_a_million_pixels_of_one_frame():
     (point,) = speed_points(results(rows), times)
     assert (point.seconds, point.median_deg) == (pytest.approx(0.4 / 0.008 / 8), 3.0)
     assert speed_points(results([one | FAILED for one in rows]), times) == []
+    # All workers died, and the levels are numbers: it was a fault of rgbn.
+    assert speed_points(results([one | FAILED for one in rows]), []) == []
 
 
 def test_the_benchmark_s_own_numbers():
