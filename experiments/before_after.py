@@ -208,7 +208,7 @@ def _lay_over(before: Side, after: Side, pixels: Array) -> LaidOver:
     far = np.linalg.norm(before.view.pose.apply(hits.interpolate(mesh, mesh.vertices)), axis=1)
     mm2 = (1.0 if before.view.camera.is_orthographic else far) ** 2 / before.view.camera.fx**2 / facing
     turned = np.where(same[:, None], other @ turn.T - normals, np.nan)
-    lit = before.lit[v, u] & (sample(after.lit.astype(np.float64), places) == 1)
+    lit = before.lit[v, u] & (sample(after.lit.astype(np.float32), places) == 1)
     return LaidOver(normals, turned, before.variance[v, u] + variance, mm2, lit, places, seen)
 
 

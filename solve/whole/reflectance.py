@@ -222,7 +222,7 @@ def _second_differences():
         step.T @ step for step in (np.diff(np.eye(len(knots)), 2, 0) for knots in (HALF, DIFFERENCE, INCIDENCE))
     )
     table = np.kron(np.eye(len(HALF)), difference) + 0.1 * np.kron(half, np.eye(len(DIFFERENCE)))
-    return block_diag(table, curve, 0)
+    return np.asarray(block_diag(table, curve, 0))
 
 
 METHOD = Method("reflectance", {"default": ReflectanceSettings()}, fit_whole=_fit_whole, prepare=prepare)
