@@ -241,6 +241,7 @@ def _summary(rows: Sequence[SessionRow]) -> dict[str, Any]:
         "alone": _or_none(np.median, alone), "alone_fair": _or_none(np.mean, (alone > FAIR[0]) & (alone < FAIR[1])),
         "position_percent": _or_none(np.median, np.array([x for row in rows for x in row.position_percent])),
         "intensity_rms_percent": _or_none(_rms, np.array([x for row in rows for x in row.intensity_percent])),
+        "processor_s": _or_none(np.median, np.array([row.processor_s for row in rows])),
     }  # fmt: skip
 
 
@@ -270,7 +271,7 @@ def _shown(rows: Sequence[SessionRow]) -> str:
         {
             "balls": "{group}", "sessions": "{sessions}", "found": "{found} of {there}", "false": "{false}",
             "refused": "{refused}", "wrong, and not said": "{silent}", "chrome radius off, px: median, p95": "{radius}",
-            "within two sigmas": "{radius_inside:.0%}",
+            "signed": "{radius_median_px:+.3f}", "within two sigmas": "{radius_inside:.0%}",
         },
         [{"group": name, **one} for name, one in groups.items()],
     )  # fmt: skip
@@ -278,8 +279,9 @@ def _shown(rows: Sequence[SessionRow]) -> str:
         {
             "lights": "{group}", "direction, degrees: median": "{direction_median_deg:.3f}",
             "p95": "{direction_p95_deg:.2f}", "worst": "{worst_deg:.2f}", "stated sigma": "{sigma_deg:.3f}",
-            "inside the 95 % region": "{inside:.0%}", "position, of the distance": "{position_percent:.2f} %",
-            "intensity, rms": "{intensity_rms_percent:.2f} %",
+            "inside the 95 % region": "{inside:.0%}", "balls alone, over stated": "{alone:.2f}",
+            "of these 0.5 to 1.5": "{alone_fair:.0%}", "position, of the distance": "{position_percent:.2f} %",
+            "intensity, rms": "{intensity_rms_percent:.2f} %", "processor, s": "{processor_s:.0f}",
         },
         [{"group": name, **one} for name, one in groups.items() if one["direction_median_deg"] is not None],
     )  # fmt: skip

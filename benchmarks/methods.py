@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.harness import ROOT, SHARED, Figures, Scale, Table, markdown, opened
 from compare.report.facts import family
-from draw.speed_chart import SpeedPoint, speed_chart
+from draw.speed_chart import SpeedPoint, pareto_front, speed_chart
 from lab.options import Solving
 from lab.plan import STEPS
 from scene.camera import Camera
@@ -86,7 +86,7 @@ def _errors(rows: Sequence[MethodRow]) -> str:
     for method, some in seconds.items():
         cells[method]["seconds"] = f"{min(some):.2g} to {max(some):.2g}"
     columns["seconds"] = "{seconds}"
-    pictures = [f"\n![{name}]({_chart_name(name)})\n" for name in _points(rows)]
+    pictures = [f"\n![{name}]({_chart_name(name)})\n\n{_front(some)}\n" for name, some in _points(rows).items()]
     return "".join([markdown(columns, cells.values()), *pictures])
 
 
@@ -100,6 +100,12 @@ def _points(rows: Sequence[MethodRow]) -> dict[str, list[SpeedPoint]]:
         ]
         for session, group in groupby(rows, lambda row: row.session)
     }
+
+
+def _front(points: Sequence[SpeedPoint]) -> str:
+    """Return in a sentence what each amount of time buys at best."""
+    best = [f"`{one.method}` ({one.seconds:.2g} s, {one.median_deg:.2g}°)" for one in pareto_front(points)]
+    return f"Nothing is better than {', '.join(best)}."
 
 
 def _error_figures(rows: Sequence[MethodRow]) -> Figures:

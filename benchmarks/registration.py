@@ -253,7 +253,7 @@ def _summary(rows: Sequence[PoseRow]) -> dict[str, Any]:
         "ambiguous": sum(row.ambiguous for row in rows), "refused": sum(bool(row.refused) for row in rows),
         "warned": sum(bool(row.warnings) for row in rows), "silent": sum(row.is_silent for row in rows),
     }  # fmt: skip
-    for key in ("apart_px", "turn_deg", "truth_deg", "truth_at_given_deg", "under_two_sigma"):
+    for key in ("apart_px", "turn_deg", "truth_deg", "truth_at_given_deg", "under_two_sigma", "processor_s"):
         known = [value for row in good if (value := getattr(row, key)) is not None]
         found[key] = float(np.median(known)) if known else None
     inside = [row.is_inside for row in good if row.is_inside is not None and row.name not in SYMMETRIC]
@@ -269,7 +269,8 @@ def _grouped(rows: Iterable[PoseRow], name_of: Callable[[PoseRow], str]) -> dict
 
 def _shown(rows: Sequence[PoseRow]) -> str:
     ours, wrong = ([row for row in rows if row.group == SHAPES and (row.scan == OWN) == own] for own in (True, False))
-    others = [{**vars(row), "came": row.came} for row in rows if row.group != SHAPES]
+    words = {True: "yes", False: "no", None: ""}
+    others = [{**vars(row), "came": row.came, "inside": words[row.is_inside]} for row in rows if row.group != SHAPES]
     kinds: dict[str, str] = {
         **dict.fromkeys(SYMMETRIC, "symmetric"),
         **dict.fromkeys(NEARLY_SYMMETRIC, "nearly symmetric"),
@@ -280,9 +281,9 @@ def _shown(rows: Sequence[PoseRow]) -> str:
         (
             {
                 "photographs by others": "{name}", "scan": "{scan}", "pose off": "{apart_px:.2f} px",
-                "turned": "{turn_deg:.2f}°", "stated sigma": "{sigma_deg:.2f}°",
+                "turned": "{turn_deg:.2f}°", "stated sigma": "{sigma_deg:.2f}°", "in the 95 % region": "{inside}",
                 "ground truth off": "{truth_deg:.2f}°", "at the given pose": "{truth_at_given_deg:.2f}°",
-                "said": "{came}",
+                "said": "{came}", "processor, s": "{processor_s:.0f}",
             },
             others,
         ),
@@ -292,7 +293,7 @@ def _shown(rows: Sequence[PoseRow]) -> str:
                 "said to be ambiguous": "{ambiguous}", "refused": "{refused}", "wrong, and not said": "{silent}",
                 "pose off": "{apart_px:.2f} px", "turned": "{turn_deg:.2f}°", "in the 95 % region": "{inside:.0%}",
                 "ground truth off": "{truth_deg:.2f}°", "at the true pose": "{truth_at_given_deg:.2f}°",
-                "under 2 sigma": "{under_two_sigma:.0%}",
+                "under 2 sigma": "{under_two_sigma:.0%}", "processor, s": "{processor_s:.0f}",
             },
             [{"name": name, "kind": kinds.get(name, ""), **_summary(some)} for name, some in shapes.items() if some],
         ),

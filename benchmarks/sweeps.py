@@ -95,14 +95,29 @@ def _show_statistics(rows: Sequence[StatisticRow]) -> str:
             text = f"{row.default_deg:.1f} *{row.benchmark_deg:.1f}*".replace("nan", "undefined")
             line[row.solver] = text + f" ({row.failed} failed)" * bool(row.failed)
     columns = {"ours *the benchmark's*": "{what}"} | {SOLVERS[row.solver]: f"{{{row.solver}}}" for row in rows}
-    return markdown(columns, lines.values())
+    ranks = [
+        {"of": f"{staging}, {profile}", **{name: _rank(rows, staging, profile, name) for name in STATISTICS}}
+        # The baseline is of the benchmark alone: the same in both stagings.
+        for staging, profile in (*product(STAGINGS, PROFILES), (STAGINGS[0], "baseline"))
+    ]
+    forms = {name: f"{{{name}[0]:.2f}} / {{{name}[1]:.2f}}" for name in STATISTICS}
+    return "\n".join([
+        markdown(columns, lines.values()),
+        "Rank correlation of each statistic: all methods / without Lsq.\n",
+        markdown({"staging, profile": "{of}"} | forms, ranks),
+    ])  # fmt: skip
 
 
-def _rank(rows: Sequence[StatisticRow], staging: str, profile: str, statistic: str) -> float:
-    """Return the rank correlation of one statistic with the benchmark's, over all methods [Spearman1904]."""
+def _rank(rows: Sequence[StatisticRow], staging: str, profile: str, statistic: str) -> tuple[float, float]:
+    """Return the rank correlation of one statistic with the benchmark's [Spearman1904], with and without Lsq."""
     some = [row for row in rows if (row.staging, row.statistic) == (staging, statistic)]
-    ours, theirs = np.array([(getattr(row, f"{profile}_deg"), row.benchmark_deg) for row in some]).T
-    return float(error_correlation(ours, theirs)["spearman"])
+    lsq = {row.experiment: row.benchmark_deg for row in some if row.solver == "ls"}
+
+    def rank(some: Sequence[StatisticRow]) -> float:
+        mine = [lsq[row.experiment] if profile == "baseline" else getattr(row, f"{profile}_deg") for row in some]
+        return float(error_correlation(np.array(mine), np.array([row.benchmark_deg for row in some]))["spearman"])
+
+    return rank(some), rank([row for row in some if row.solver != "ls"])
 
 
 def _statistic_figures(rows: Sequence[StatisticRow]) -> Figures:
@@ -114,7 +129,7 @@ def _statistic_figures(rows: Sequence[StatisticRow]) -> Figures:
             means = [getattr(row, f"{profile}_deg") for row in some if (row.solver, row.statistic) == (solver, "mean")]
             figures[f"{staging}, {profile}: {solver}, mean_deg"] = float(np.nanmedian(means))
         for name in STATISTICS:
-            figures[f"{staging}, {profile}: rank correlation of {name}"] = _rank(rows, staging, profile, name)
+            figures[f"{staging}, {profile}: rank correlation of {name}"] = _rank(rows, staging, profile, name)[0]
     return figures
 
 
