@@ -19,7 +19,7 @@ from calibrate.silhouette.cone_fit import (
     fit_cone,
 )
 from calibrate.silhouette.explained_profiles import LAWS, Law
-from calibrate.silhouette.mirrored_table import MirroredTable, fit_mirrored_table
+from calibrate.silhouette.mirrored_table import SURE, MirroredTable, fit_mirrored_table
 from calibrate.silhouette.outline import (
     KERNEL_REACH,
     agree,
@@ -44,8 +44,7 @@ WELL_SEEN = 0.6  # and from which no softer edge is looked for
 SOFTER_BETTER = 0.15  # by which a softer edge must be seen along more of the outline
 SEARCH = 0.05  # radii by which a chrome ball's outline is searched around its coarse circle, at least
 SEARCH_MASK = 0.06  # the same around a given mask's circle, 3 px at least
-TABLE_EXPLAINS = 0.975  # share of a chrome edge's variance from which on the mirrored table is taken for its cause,
-TABLE_FROM_PX, TABLE_LOCATES_PX = 12.0, 0.15  # on a ball at least so large, whose radius it locates to this sigma
+TABLE_FROM_PX, TABLE_LOCATES_PX = 12.0, 0.15  # least radius for the mirrored table; and the radius's sigma by it
 TABLE_FLOOR_PX, TABLE_BLURS, TABLE_DOUBT_PX = 0.07, 26.0, 6.0
 """What bends the mirrored table's outline beyond its residuals' scatter, sigma: on a large ball; radius, in blurs, of a
 ball so small that the blur mixes what it mirrors, and as much comes to it; and times the share of the variance that is
@@ -250,7 +249,7 @@ def _fit_chrome(
         tries = [(shown.sphere, shown.plane.values, shown.blur_px), *tries]
     for near, plane, blur_px in tries if sphere.radius_px > TABLE_FROM_PX else ():
         table = fit_mirrored_table(frames, camera, near, blur_px=blur_px, start=plane, laws=laws)
-        if table and table.explained > TABLE_EXPLAINS and _apart(table.sphere, near) < farthest:
+        if table and table.explained > SURE and _apart(table.sphere, near) < farthest:
             floor = table_floor_px(table.sphere.radius_px, table.blur_px, table.plane.steepness)
             doubt = np.hypot(floor, TABLE_DOUBT_PX * (1 - table.explained))
             covariance = table.covariance + doubt**2 * np.eye(3)

@@ -53,10 +53,11 @@ TILTS, AZIMUTHS = np.tan(np.deg2rad([30, 55])), np.deg2rad(np.arange(0, 360, 60)
 HEIGHTS, SURE = (1.0, 1.6), 0.985
 """Radii from the ball's centre to the planes that are tried, at these tilts, until one explains so much."""
 LOWEST = 0.85  # a plane nearer than this, in radii, would cut the ball (a ring lets it in a little)
-TURNS, ROUGH_TURNS, LAST_TURNS = 40, 8, 8
+TURNS, ROUGH_TURNS, LAST_TURNS = 40, 8, 20
+LAST_STEP = 0.5  # whole steps would go to and fro: bilinear interpolation has kinks, and weights are read anew
 FIRST_DAMPING, MOST_DAMPING = 1e-2, 1e1  # of a step that does not lead down
 USUAL = 0.6  # the same of chromium, before it is known
-ROUGH_PX, FINE_PX = 0.1, 0.005  # step of a rough fit, and of one to the end, from which on no more is taken
+ROUGH_PX, REST = 0.1, 0.1  # a rough fit's step from which on no more is taken; the same in sigmas of each unknown
 BLUR_DOUBT = 0.5  # relative, of the blur that edges alone suggest
 FARTHEST = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2, 0.1])  # a step's (u, v, radius) px, plane, and blur in blurs
 SINGULAR = 1e10
@@ -152,7 +153,7 @@ def _settle(
     prior = np.zeros(8)
     prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / known.sigma**2
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
-    normal, gradient, least, is_last = np.eye(8), np.zeros(8), np.inf, False
+    normal, gradient, sigma, least, is_last = np.eye(8), np.zeros(8), np.ones(8), np.inf, False
     kept: ExplainedProfiles | None = None
     for turn in range(ROUGH_TURNS if rough else TURNS):
         if abs(np.log(blur / at.blur_px)) > ANEW:
@@ -176,7 +177,8 @@ def _settle(
                 return None
             sums, inverse = cluster_sums(scores.T, SECTOR), np.linalg.inv(normal)
             covariance = inverse @ (sums.T @ sums + np.diag(prior)) @ inverse
-            seen = TablePlane(plane, np.sqrt(np.diag(covariance)[PLANE]))
+            sigma = np.sqrt(np.diag(covariance))
+            seen = TablePlane(plane, sigma[PLANE])
             found = MirroredTable(sphere, covariance[OUTLINE, OUTLINE], seen, blur, explained.mirror, explained.share)
             gradient = scores.sum(1) - prior * np.concatenate([np.zeros(3), plane - known.values, [blur - blur_px, 0]])
             damping, kept, least = damping / 10, explained, explained.cost(explained.noise)
@@ -186,10 +188,13 @@ def _settle(
             damping = max(10 * damping, FIRST_DAMPING)
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
         step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12))))
-        is_at_rest = np.abs(step[OUTLINE]).max() < (ROUGH_PX if rough else FINE_PX)
+        moves = np.abs(step[OUTLINE]) / ROUGH_PX if rough else np.abs(step[:BLUR]) / (REST * sigma[:BLUR])
+        is_at_rest = moves.max() < 1
         if is_at_rest and (rough or is_last):
             break
-        if is_at_rest or damping > MOST_DAMPING or turn == TURNS - LAST_TURNS:
+        if is_last:
+            step = LAST_STEP * step
+        elif is_at_rest or damping > MOST_DAMPING or turn == TURNS - LAST_TURNS:
             is_last, damping, step = True, 0.0, 0 * step
         sphere, plane = moved(found.sphere, np.asarray(step[OUTLINE], np.float64)), found.plane.values + step[PLANE]
         plane[2] = max(plane[2], LOWEST)

@@ -58,8 +58,7 @@ def test_on_a_table_seen_aslant_the_fit_goes_to_its_end(off: tuple[float, float,
     assert np.abs(found.sphere.center_px - true.center_px).max() < 0.04
     assert found.sphere.radius_px == pytest.approx(true.radius_px, abs=0.04)
     assert found.explained > 0.999
-    # The outline is at rest before the plane is: another processor's rounding ends 0.064 off, with the same outline.
-    assert found.plane.values == pytest.approx([0.1, 1.2, 1.0], abs=0.08)
+    assert found.plane.values == pytest.approx([0.1, 1.2, 1.0], abs=0.06)
 
 
 @pytest.mark.full

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from align.truth import ground_truth
+from experiments.before_after import tell_change
 from experiments.compare_folders import compare_folders, told
 from formats.meshes.ply import write_ply
 from scene.camera import Camera
@@ -107,7 +108,7 @@ def test_a_change_is_told_where_it_is_and_an_unchanged_object_is_not_accused(sca
     assert "changed at 1 place," in change["verdict"]
     # A flash less in one of the sessions: a shadow's error may look like this.
     dim = session(tmp_path, "dim", scan, second, other, 2, changed=changed, told_pose=moved, lit=0)
-    doubtful = compare_folders(before, dim, tmp_path / "doubtful")["change"]
+    doubtful = tell_change(Store(before), Store(dim), ("ls",), Store(tmp_path / "doubtful"))
     assert "nothing changed" in doubtful["verdict"]
     assert "1 more where a flash is shadowed" in doubtful["verdict"]
 
