@@ -20,16 +20,20 @@ def twin(job: Job) -> Outcome:
         return Outcome({"rendered": False})
     folder = Store(store.path("twin"))
     try:
-        # Scene and true normals are gone before the solvers' maps come.
-        result, warnings = _render(job, folder)
+        scene, found, scene_warnings = twin_scene(job)
     except RenderError as error:
         return Outcome({"rendered": False}, [f"There is no twin. {error}"])
+    result, warnings = _render(job, folder, scene, found, scene_warnings)
+    # They are large, and the solvers' maps come.
+    del scene, found
     solved, more, _ = solve_all(job, folder, "twin", job.methods)
     result["twin_processor_seconds"] = {method: row["processor_seconds"] for method, row in solved["methods"].items()}
     return Outcome(result, [*warnings, *(f"twin: {text}" for text in more)])
 
 
-def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
+def _render(
+    job: Job, folder: Store, scene: Any, found: Any, scene_warnings: list[str]
+) -> tuple[dict[str, Any], list[str]]:
     """Write the twin as a session of its own; return what the summary keeps of it, and what is suspicious."""
     from capture.photographs.decode import decode
     from capture.session.session import load_session
@@ -38,7 +42,6 @@ def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
     from twin.twin_session import Shooting, write_session
 
     store = job.store
-    scene, found, scene_warnings = twin_scene(job)
     say(f"twin: {str(found.fit).partition(': ')[0]}")
     say(f"twin: rendered to an error of {100 * scene.sampling.error:.2g} %")
     with progress_bar("twin") as progress:
