@@ -13,6 +13,8 @@ from scipy.spatial.transform import Rotation
 
 PATIENCE_S = 240
 """For what comes in the end, however busy the machine is."""
+STUCK_S = 60
+"""After which a page is loaded again that does not show a button."""
 SHOTS = Path(__file__).parents[2] / "out" / "studio"
 """Where screenshots are left to be looked at."""
 VIEW = {"width": 1060, "height": 560}
@@ -160,7 +162,7 @@ class Visitor:
     """
 
     def __init__(self, chromium, studio, ready):
-        self.asked, self.interactions, self._studio = [], 0, studio
+        self.asked, self.drawn, self.interactions, self._studio = [], None, 0, studio
         self.page = chromium.new_page(viewport=VIEW)
         self.page.add_init_script(FEWER_FRAMES + HEARD)
         self.page.set_default_timeout(1000 * PATIENCE_S)
@@ -215,9 +217,15 @@ class Visitor:
     def press(self, name):
         """Press a button until the page heard it: a press on a page that is still being laid out is lost.
 
-        By force: a software renderer may take seconds for two frames that show it.
+        By force: a software renderer may take seconds for two frames that show it. Where the button does not come, the
+        page is loaded again: on a machine that stands still for 10 s, viser's page takes messages out of their order.
         """
         self.interactions += 1
+        if not self.is_soon(self.button(name).count, STUCK_S):
+            print(f"{name}: not there within {STUCK_S} s; the page says: {self.page.inner_text('body')}")
+            self.reload(name)
+            if self.drawn is not None:
+                self._listen()
         before = self.page.evaluate("heard.length")
         for _ in range(PATIENCE_S):
             self.button(name).click(force=True)
@@ -255,12 +263,18 @@ class Visitor:
     def preview(self, change):
         """Make a change, and return the previews that come of it, the refined one last."""
         self.see("refined")
-        drawn, show = [], self.window.show_preview
-        self.window.show_preview = lambda one: (drawn.append(one), show(one))
+        self.drawn, quiet = [], self._listen()
         change()
-        self.until(lambda: drawn and drawn[-1].is_refined, "a refined picture")
-        self.window.show_preview = show
+        self.until(lambda: self.drawn and self.drawn[-1].is_refined, "a refined picture")
+        quiet()
+        drawn, self.drawn = self.drawn, None
         return drawn
+
+    def _listen(self):
+        """Note the previews that the window shows; return what ends that."""
+        window, show = self.window, self.window.show_preview
+        window.show_preview = lambda one: (self.drawn.append(one), show(one))
+        return lambda: setattr(window, "show_preview", show)
 
     def send(self, button, path):
         """Send a file by a button."""
@@ -268,13 +282,18 @@ class Visitor:
             self.press(button)
         chooser.value.set_files(path)
 
-    def until(self, condition, what):
-        """Wait until something is so; the browser goes on meanwhile."""
-        for _ in range(PATIENCE_S * 20):
+    def is_soon(self, condition, within_s=PATIENCE_S):
+        """Return whether something is so in the end; the browser goes on meanwhile."""
+        for _ in range(within_s * 20):
             if condition():
-                return
+                return True
             self.page.wait_for_timeout(50)
-        pytest.fail(f"{what}: not within {PATIENCE_S} s; pressed: {self.page.evaluate('heard')}")
+        return False
+
+    def until(self, condition, what):
+        """Wait until something is so."""
+        if not self.is_soon(condition):
+            pytest.fail(f"{what}: not within {PATIENCE_S} s; pressed: {self.page.evaluate('heard')}")
 
     def on_screen(self, point):
         """Return where on the page a point (3,) of the 3-D view is seen, px."""
