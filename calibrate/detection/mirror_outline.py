@@ -9,7 +9,7 @@ Static is what the median over the frames keeps of the logarithm's gradient [Wei
 some of the frames leaves no trace, an edge of reflectance stays.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -21,7 +21,7 @@ from calibrate.detection.circles import gradient, rank
 from calibrate.detection.coarse import Coarse
 from calibrate.detection.evidence import Points
 from calibrate.silhouette.mirrored_surroundings import ANY_PLANE, TablePlane
-from calibrate.silhouette.mirrored_table import SURE, MirroredTable, fit_mirrored_table
+from calibrate.silhouette.mirrored_table import SURE, MirroredTable, fit_mirrored_table, mirrored_share
 from calibrate.silhouette.outline import circles_apart, sampled, share_in_picture
 from scene.camera import Camera
 from scene.frames import Frames
@@ -47,14 +47,14 @@ SAME_PX, SAME_SHARE = 1.5, 0.05  # px, and radii, within which two circles are t
 HORIZON, HORIZON_SIGMA = 0.7, 0.08
 """Radius of the table's edge as a ball shows it, in its own: sin 45 degrees for a table seen from above; its spread."""
 TRIED, EDGES, SETTLED = 4, 3, 2
-"""Circles about a mirror on which its law is tried; that are taken for the table's edge in it; and fits that are taken
-to the end."""
+"""Circles about a mirror on which its law is tried, the likeliest by their edges and as many by what they mirror; that
+are taken for the table's edge in it; and fits that are taken to the end."""
 HORIZONS = 0.6, 0.69  # radii of a finite table's edge as a ball shows it, in its own, that are tried
 FARTHEST_MOVED = 0.3  # radii by which the law may move a circle
 EXPLAINS = 0.97  # share of the variance that the mirrored table explains beside a mirror's outline
 CLEAR = 0.98  # the same, from which on no more circles are tried
 LOCATES_PX = 0.15  # standard deviation of the radius to which the law locates a mirror's outline
-FRAMES = 6  # in which it is tried
+FRAMES, FEW_FRAMES = 6, 2  # in which it is tried; and in which the share is read of a plane as it is
 
 
 def by_points(candidates: list[Candidate]) -> list[list[Candidate]]:
@@ -183,8 +183,10 @@ def by_mirrored_table(
     """
     some = frames.some(FRAMES)
     fit = partial(fit_mirrored_table, some, camera, blur_px=blur_px, plane=plane)
+    flat = (ANY_PLANE if plane is None else plane).values
     tables: list[MirroredTable] = []
-    for circle in circles[:TRIED]:
+    share = partial(mirrored_share, frames.some(FEW_FRAMES), camera, plane=flat, blur_px=blur_px)
+    for circle in _likeliest(circles, share):
         table = fit(circle, rough=True)
         if table and circles_apart(table.sphere, circle) < FARTHEST_MOVED * circle.radius_px:
             tables.append(table)
@@ -194,7 +196,7 @@ def by_mirrored_table(
     settled: set[int] = set()
     for horizons in (False, True):
         if horizons and best is None:
-            starts = about_horizons(circles, (ANY_PLANE if plane is None else plane).values)
+            starts = about_horizons(circles, flat)
             around = (fit(circle, rough=True) for circle in starts)
             tables += [table for table in around if table]
         for one in sorted(tables, key=lambda one: -one.explained)[: SETTLED if horizons else 1]:
@@ -206,6 +208,15 @@ def by_mirrored_table(
         return None
     seen = share_in_picture(camera, best.sphere)
     return best._replace(sphere=replace(best.sphere, score=seen * best.explained))
+
+
+def _likeliest(circles: list[Sphere], share: Callable[[Sphere], float]) -> Iterator[Sphere]:
+    """Yield the likeliest circles by their edges; then, where none of them was it, those that mirror most.
+
+    Not the other way round: of a plain table every circle mirrors much.
+    """
+    yield from circles[:TRIED]
+    yield from sorted(circles[TRIED:], key=lambda one: -share(one))[:TRIED]
 
 
 def about_horizons(circles: list[Sphere], plane: Array) -> Iterator[Sphere]:

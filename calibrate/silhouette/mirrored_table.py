@@ -115,6 +115,15 @@ def fit_mirrored_table(
     return best._replace(is_fresnels=float(np.log(left[schlick] / left[fresnel])))
 
 
+def mirrored_share(frames: Frames, camera: Camera, sphere: Sphere, *, plane: Array, blur_px: float) -> float:
+    """Return the share of the profiles' variance that a plane (3,) explains beside a circle, as it is; 0: unknown."""
+    table, at = Surroundings(frames, camera, sphere), samples(sphere.radius_px, blur_px)
+    profiles, _ = table.profiles(sphere, at)
+    shown = table.mirrored_by(sphere, plane, at)
+    explained = explain(profiles, shown, LAWS[0](at.middle, USUAL), at.offsets, blur_px)
+    return explained.share if explained else 0.0
+
+
 def _starts(
     table: Surroundings, sphere: Sphere, law: Law, blur_px: float, *, rough: bool
 ) -> Iterator[tuple[Sphere, Array, float]]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calibrate.detection.mirror_outline import by_mirrored_table
 from calibrate.silhouette.ball_silhouette import fit_outline
 from calibrate.silhouette.mirrored_table import fit_mirrored_table
 from fixtures.ball_scene import World, flashes, photograph
@@ -44,6 +45,20 @@ def test_outline_plane_and_reflectance_of_a_ball_on_a_textured_table(texture: st
     assert found.mirror == pytest.approx(0.56, abs=0.015)
     n = world.table_normal
     assert found.plane.values == pytest.approx([n[0] / n[2], n[1] / n[2], 1.0], abs=0.03)
+
+
+def test_of_many_circles_the_one_that_mirrors_the_table_is_found() -> None:
+    """On a strong texture edges agree on many circles: the right one was the ninth, and was not tried."""
+    world = table_world(20001, texture="wood")
+    true, frames = world.spheres()[0], seen(world, 20001)
+    r = true.radius_px
+    ways = [(0.2 * r * np.cos(a), 0.2 * r * np.sin(a)) for a in np.deg2rad(np.arange(0, 360, 45))]
+    wrong = [replace(true, center_px=true.center_px + way, radius_px=0.9 * r, score=0.4) for way in ways]
+    right = replace(true, center_px=true.center_px + [0.8, -0.6], radius_px=r + 0.9, score=0.3)
+    found = by_mirrored_table(frames, CAMERA, [*wrong, right], blur_px=1.0)
+    assert found is not None
+    assert np.abs(found.sphere.center_px - true.center_px).max() < 0.1
+    assert found.sphere.radius_px == pytest.approx(r, abs=0.1)
 
 
 @pytest.mark.full
