@@ -88,6 +88,7 @@ def test_no_ball_is_an_error_that_says_what_was_seen():
         )
 
 
+@pytest.mark.full
 def test_hint_and_mask_skip_detection(table):
     world, frames = table
     (_, center, radius), _, (_, white, white_radius) = _truth(world)
@@ -108,7 +109,7 @@ def test_hint_and_mask_skip_detection(table):
     np.testing.assert_allclose(balls[1].sphere.center_px, white, atol=0.06)
 
 
-@pytest.mark.parametrize("ball", [0, 2], ids=["chrome", "white"])
+@pytest.mark.parametrize("ball", [pytest.param(0, id="chrome", marks=pytest.mark.full), pytest.param(2, id="white")])
 @pytest.mark.parametrize(
     "slip",
     [
