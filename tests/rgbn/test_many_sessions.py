@@ -124,6 +124,7 @@ def test_a_folder_that_may_not_be_looked_into_is_passed_over(captures, monkeypat
     assert names_of(captures) == NAMES
 
 
+@pytest.mark.full
 def test_one_that_is_refused_stops_no_other(captures, here, run_rgbn):
     code, printed, said = run_rgbn("process", "captures", "--json")
     assert code == 2
