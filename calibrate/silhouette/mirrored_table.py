@@ -51,8 +51,8 @@ Values = NDArray[np.floating]
 FRAMES = 12  # frames that are looked at: the table is the same in all, only its shadows move
 TILTS, AZIMUTHS = np.tan(np.deg2rad([30, 55])), np.deg2rad(np.arange(0, 360, 60))
 HEIGHTS, SURE = (1.0, 1.6), 0.985
-"""Radii from the ball's centre to the planes that are tried, at these tilts, until one explains so much of the profiles'
-variance. Where none does, no table is seen."""
+"""Radii from the ball's centre to the planes that are tried, at these tilts, until one explains so much of the
+profiles' variance. Where none does, no table is seen."""
 LOWEST = 0.85  # a plane nearer than this, in radii, would cut the ball (a ring lets it in a little)
 TURNS, ROUGH_TURNS, LAST_TURNS = 40, 8, 20
 LAST_STEP = 0.5  # whole steps would go to and fro: bilinear interpolation has kinks, and weights are read anew
