@@ -26,7 +26,7 @@ def cross_validate(seen: ObservedSpots, fit: LightFit) -> CrossValidation | None
     a near light meet: then their difference counts across the plane through both balls and the light. The ratio is
     rms(difference) / rms(summed sigma).
     """
-    near, camera = fit.positions_mm is not None, seen.camera
+    near, camera = fit.is_near, seen.camera
     is_placed = all(sphere.diameter_mm for sphere in seen.spheres)
     if len(seen.spheres) < 2 or not (is_placed or camera.is_orthographic):
         return None

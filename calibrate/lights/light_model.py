@@ -14,7 +14,9 @@ from calibrate.silhouette.outline import difference
 from scene.normals import angular_error_deg, unit
 
 Array = NDArray[np.float64]
-NEAR_BIC = 10.0  # how much better near lights must explain the highlights before ranges are claimed
+NEAR_BIC = 10.0
+"""How much better near lights must explain the highlights before ranges are claimed, and distant ones before the lights
+are called distant: a flash held by hand is near."""
 CULPRIT_BIC = 16.0  # the same before one of some ten numbers, which users rarely state wrongly, is blamed
 SUSPICIOUS = 2.5  # times the stated sigmas by which highlights and outlines may miss before somebody is asked why
 EXPLAINS = 0.5  # share of the misfit that one suspect must explain, alone, to be named
@@ -53,15 +55,15 @@ def choose_model(seen: ObservedSpots, notes: Notes) -> LightFit:
     if not has_scale:
         scaled = replace(scaled, reference=np.mean([s.center_mm(camera) for s in scaled.spheres], axis=0))
     near = fit_lights(scaled, near=True)
-    gain = (distant.chi2_all - near.chi2_all) / near.scale**2
-    gain -= (near.unknowns - distant.unknowns) * np.log(near.observations)
-    if not gain > NEAR_BIC and len(spheres) < 2:
-        # Shading is too rough to tell near lights from distant ones: what is not known of the range is in sigma.
-        notes.evidence.append(f"directions only: the white balls' shading does not tell the ranges (dBIC {gain:.0f})")
-        return _judged(_without_ranges(near), notes)
+    better = distant.chi2_at(near.scale) - near.chi2_at(near.scale)
+    gain = better - (near.unknowns - distant.unknowns) * np.log(near.observations)
     if not gain > NEAR_BIC:
-        notes.evidence.append(f"distant lights: ranges would not explain the highlights better (dBIC {gain:.0f})")
-        return _judged(distant, notes)
+        if better < -NEAR_BIC and len(spheres) > 1:
+            notes.evidence.append(f"distant lights: near ones explain the highlights worse (chi2 by {-better:.0f})")
+            return _judged(distant, notes)
+        # A distant light would turn the balls' parallax into an error of a doubtful outline, or of the shading.
+        notes.evidence.append(f"directions only: nothing tells the ranges, and sigma holds any (dBIC {gain:.0f})")
+        return _judged(_without_ranges(near), notes)
     # One wrong outline among many good highlights hides in the mean.
     missed = near.misfit > SUSPICIOUS or near.outline_chi2.max() > INLIER_SIGMAS**2
     if has_scale and len(spheres) > 1 and (missed or _left_out(near, seen.highlights) > MANY):
@@ -97,8 +99,7 @@ def _without_scale(near: LightFit, reference: Array) -> LightFit:
 
 def _without_ranges(near: LightFit) -> LightFit:
     """Return the directions at the reference point alone, with what an unknown range adds to their sigmas."""
-    unknown = np.full(len(near.directions), np.nan)
-    return replace(near, positions_mm=None, position_covariance_mm2=None, range_sigma=unknown)
+    return replace(near, positions_mm=None, position_covariance_mm2=None)
 
 
 def _with_diameters(seen: ObservedSpots) -> ObservedSpots:

@@ -36,7 +36,7 @@ class LightFit:
     spheres: list[Sphere]  # adjusted
     reference: Array  # (3,) where the directions hold; it moves with the camera as the balls do
     directions: Array  # (F, 3) at the reference point
-    positions_mm: Array | None  # (F, 3)
+    positions_mm: Array | None  # (F, 3); None for distant lights, and for near ones whose ranges nothing tells
     direction_sigma_deg: Array  # (F,) one tangent axis
     range_sigma: Array  # (F,) relative; NaN for distant lights
     position_covariance_mm2: Array | None  # (F, 3, 3)
@@ -45,7 +45,8 @@ class LightFit:
     shaded: NDArray[np.bool_]  # (W, F) which of the white balls' shading is used
     chi2: float  # sum of squared residuals in expected standard deviations
     outline_chi2: Array  # (S,) of each ball's three numbers against its outline's
-    chi2_all: float  # the same with highlights that were left out, capped at `CAP` sigmas each: to compare models
+    left_out_chi2: float  # of highlights that were left out, capped at `CAP` sigmas each: to compare models
+    highlight_chi2: float  # the highlights' part of `chi2`
     scale: float  # how many times larger the highlights' errors are than was stated, by their scatter
     unknowns: int
     observations: int
@@ -56,10 +57,24 @@ class LightFit:
         return Lights(names, self.directions, equal, self.positions_mm, self.reference, self.direction_sigma_deg)
 
     @property
+    def is_near(self) -> bool:
+        """Whether each light has a range, known or not."""
+        return bool(np.isfinite(self.range_sigma).any())
+
+    @property
     def freedom(self) -> int:
         """Degrees of freedom: observations without the loose priors of the ranges, less unknowns; 1 at least."""
-        ranges = 0 if self.positions_mm is None else len(self.directions)
-        return max(self.observations - self.unknowns - ranges, 1)
+        return max(self.observations - self.unknowns - self.is_near * len(self.directions), 1)
+
+    @property
+    def chi2_all(self) -> float:
+        """What all that was stated misses by, highlights that were left out among it."""
+        return self.chi2 + self.left_out_chi2
+
+    def chi2_at(self, scale: float) -> float:
+        """Return the same with the highlights' sigmas `scale` times as large as stated; all others as they are."""
+        highlights = self.highlight_chi2 + self.left_out_chi2
+        return self.chi2 - self.highlight_chi2 + highlights / scale**2
 
     @property
     def misfit(self) -> float:
@@ -148,7 +163,7 @@ def _conclude(problem: Adjustment, x: Array) -> LightFit:
     missed = np.concatenate([np.nan_to_num(size / seen.sigma_px, nan=CAP)[left_out], beside])
     capped = np.minimum(missed, CAP)
     rows = 2 * int(problem.used.sum())
-    chi2 = float(np.sum(residual[:rows] ** 2)) * problem.scale**2 + float(np.sum(residual[rows:] ** 2))
+    highlight_chi2 = float(np.sum(residual[:rows] ** 2)) * problem.scale**2
     spheres = [problem.ball_at(x, ball) for ball in range(problem.balls)]
     beside_outline = [difference(*pair) for pair in zip(spheres, seen.spheres, strict=True)]
     outlines = zip(beside_outline, seen.covariances, strict=True)
@@ -168,9 +183,10 @@ def _conclude(problem: Adjustment, x: Array) -> LightFit:
         residual_px=np.where(problem.used, size, np.nan),
         used=problem.used.copy(),
         shaded=problem.shaded.copy(),
-        chi2=chi2,
+        chi2=highlight_chi2 + float(np.sum(residual[rows:] ** 2)),
         outline_chi2=np.array([d @ np.linalg.solve(c, d) for d, c in outlines]),
-        chi2_all=chi2 + float(np.sum(capped**2)),
+        left_out_chi2=float(np.sum(capped**2)),
+        highlight_chi2=highlight_chi2,
         scale=problem.scale,
         unknowns=len(x),
         observations=len(residual),
