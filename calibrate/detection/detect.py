@@ -21,7 +21,7 @@ from calibrate.detection.mirror_outline import (
 from calibrate.silhouette.ball_silhouette import TABLE_FROM_PX, OutlineFit, fit_outline
 from calibrate.silhouette.explained_profiles import law_of
 from calibrate.silhouette.mirrored_surroundings import TablePlane, shared_plane
-from calibrate.silhouette.mirrored_table import MirroredTable
+from calibrate.silhouette.mirrored_table import SURE, MirroredTable
 from draw.readable import share
 from scene.camera import Camera
 from scene.frames import Frames
@@ -30,7 +30,6 @@ from scene.spheres import Kind, Sphere
 THREADS = 2  # outlines that are fitted side by side
 SMALL_PX = 20.0  # radius under which the flash's image is so blurred that a mirror is asked on less evidence
 LEAST_SUPPORT = 0.4  # share of a mirror's outline that must stand still where no table is seen in it
-KNOWN_BY = 2  # mirrors that must have shown the table before one that shows another is none
 ALIKE = 4, 2  # circles of static slopes, and of static edges, that may be a mirror's outline
 LEAST_SHADING = 0.8  # share of its brightness that shading must explain for a circle to be looked at as a matte ball
 LEAST_BRIGHT = (
@@ -83,9 +82,10 @@ def detect(
     rejected = [_rejected(coarse, one, one.suspect.doubt) for one in places[len(chosen) :]]
     starts = [coarse.sphere_to_full(one.suspect.sphere) for one in chosen]
     shown = [one.suspect.table for one in chosen]
-    law = law_of([table.is_fresnels for table in shown if table])
+    tables = [table for table in shown if table]
+    plane, law = shared_plane([table.plane for table in tables]), law_of([table.is_fresnels for table in tables])
     with ThreadPoolExecutor(THREADS) as threads:
-        outline = partial(fit_outline, frames, camera, search_px=coarse.search_px, laws=(law,))
+        outline = partial(fit_outline, frames, camera, search_px=coarse.search_px, plane=plane, laws=(law,))
         fits = list(threads.map(lambda start, table: outline(start, shown=table), starts, shown))
     for one, fit in zip(chosen, fits, strict=True):
         if fit is None:
@@ -154,6 +154,7 @@ def _mirrors(
     suspects: list[Suspect] = []
     tables: list[Sphere] = []
     planes: list[TablePlane] = []
+    is_sure = False
     static = static_slopes(coarse)
     for group in by_points(pointed):
         seed = group[0][0]
@@ -165,12 +166,14 @@ def _mirrors(
         search = partial(by_mirrored_table, frames, camera, full, blur_px=coarse.factor)
         if plane is not None:
             table = search(plane=plane)
-        if table is None and len(planes) < KNOWN_BY:
+        # A table that one mirror shows surely is the others', too.
+        if table is None and not is_sure:
             table = search()
         some = [c for c in about[: ALIKE[0]] if c.score >= LEAST_SUPPORT] + [c for c, _ in group[: ALIKE[1]]]
         if table is not None:
             tables.append(coarse.from_full(table.sphere))
             planes.append(table.plane)
+            is_sure |= table.explained > SURE
             suspects += _mirror(coarse, change, tables[-1], table)
         for circle in some:
             suspects += _mirror(coarse, change, circle, None)

@@ -59,10 +59,12 @@ def test_limb_darkening_does_not_shrink_a_matte_ball(radius, near):
     assert fit.blur_px == pytest.approx(np.hypot(0.7, 0.45), abs=0.12)
 
 
-def test_a_mirror_is_as_large_as_it_is():
+@pytest.mark.parametrize("facing", [0.5, 0.6, 0.7])
+def test_a_mirror_is_as_large_as_it_is(facing):
     """It continues, dimmed, what lies behind it, and squeezes half of the room into its last pixels.
 
-    The picture ends beside the ball: none of the table that it mirrors is seen, and its smooth profile decides.
+    The picture ends beside the ball: none of the table that it mirrors is seen. Its reflectance rises to 1, as a
+    metal's: its outline shows no edge. In scenes by others a profile of one reflectance missed it by 3 to 14 sigma.
     """
     radius, size = 67.0, 156
     camera = Camera(size, size, 900.0, 900.0, size / 2 + 0.3, size / 2 - 0.4)
@@ -74,7 +76,8 @@ def test_a_mirror_is_as_large_as_it_is():
     images = []
     for k in range(6):
         room = 0.3 + 0.1 * np.cos(np.arctan2(v - camera.cy, u - camera.cx) - k)
-        inside = 0.7 * room * np.maximum(1 - 0.4 * turned, 0)
+        reflects = facing + (1 - facing) * (1 - np.sqrt(1 - np.minimum(far, 1) ** 2)) ** 5
+        inside = reflects * room * np.maximum(1 - 0.4 * turned, 0)
         fine = np.where(far < 1, inside, room)
         images.append(gaussian_filter(fine.reshape(size, 8, size, 8).mean((1, 3)), 0.7))
     noisy = np.stack(images) + rng.normal(size=(6, size, size)) * 2e-3
@@ -83,9 +86,11 @@ def test_a_mirror_is_as_large_as_it_is():
         frames, camera, Sphere("chrome", np.array([camera.cx + 0.5, camera.cy - 0.6]), radius - 0.5), search_px=2
     )
     assert fit is not None
-    np.testing.assert_allclose(fit.sphere.center_px, [camera.cx, camera.cy], atol=0.03)
+    np.testing.assert_allclose(fit.sphere.center_px, [camera.cx, camera.cy], atol=0.05)
     # An orthographic picture of the ball: its outline is a circle of this radius.
-    assert fit.sphere.outline(camera, 90)[0, 0] - camera.cx == pytest.approx(radius, abs=0.06)
+    off = fit.sphere.outline(camera, 90)[0, 0] - camera.cx - radius
+    sigma = np.sqrt(fit.covariance[2, 2])
+    assert abs(off) < 2 * sigma < 0.6
 
 
 @pytest.mark.parametrize("radius_px", [25.3, 40.2, 67.9])
