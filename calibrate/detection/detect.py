@@ -161,7 +161,7 @@ def _mirrors(
         if any(overlap(seed, other) for other in tables):
             continue
         about = circles_about(static, seed) or [seed]
-        full = [coarse.sphere_to_full(circle) for circle in about]
+        full = [coarse.sphere_to_full(circle) for circle in (*about, *(c for c, _ in group))]
         plane, table = shared_plane(planes), None
         search = partial(by_mirrored_table, frames, camera, full, blur_px=coarse.factor)
         if plane is not None:

@@ -46,13 +46,8 @@ MOST_SUPPORTED = 40  # circles that are looked at, the best supported
 SAME_PX, SAME_SHARE = 1.5, 0.05  # px, and radii, within which two circles are the same one
 HORIZON, HORIZON_SIGMA = 0.7, 0.08
 """Radius of the table's edge as a ball shows it, in its own: sin 45 degrees for a table seen from above; its spread."""
-TRIED, EDGES, SETTLED = 4, 3, 2
-"""Circles about a mirror on which its law is tried, the likeliest by their edges and as many by what they mirror; that
-are taken for the table's edge in it; and fits that are taken to the end."""
-HORIZONS = 0.6, 0.69  # radii of a finite table's edge as a ball shows it, in its own, that are tried
+TRIED = 4  # circles about a mirror on which its law is tried, the likeliest by their edges; and as many by the share
 FARTHEST_MOVED = 0.3  # radii by which the law may move a circle
-EXPLAINS = 0.97  # share of the variance that the mirrored table explains beside a mirror's outline
-CLEAR = 0.98  # the same, from which on no more circles are tried
 LOCATES_PX = 0.15  # standard deviation of the radius to which the law locates a mirror's outline
 FRAMES, FEW_FRAMES = 6, 2  # in which it is tried; and in which the share is read of a plane as it is
 
@@ -177,9 +172,7 @@ def by_mirrored_table(
 
     Its score is the share explained of what the picture's border leaves of it.
 
-    `circles` are those about its highlights, the likeliest first. Each is tried as the outline; and where none is it
-    clearly, as the table's edge in outlines of usual sizes about it. `plane`: what other balls have shown of the
-    table; such a one must be mirrored clearly.
+    `circles` are those about its highlights, the likeliest first. `plane`: what other balls have shown of the table.
     """
     some = frames.some(FRAMES)
     fit = partial(fit_mirrored_table, some, camera, blur_px=blur_px, plane=plane)
@@ -192,19 +185,9 @@ def by_mirrored_table(
             tables.append(table)
             if table.explained > SURE and _located(table):
                 break
-    best, enough = None, EXPLAINS if plane is None else CLEAR
-    settled: set[int] = set()
-    for horizons in (False, True):
-        if horizons and best is None:
-            starts = about_horizons(circles, flat)
-            around = (fit(circle, rough=True) for circle in starts)
-            tables += [table for table in around if table]
-        for one in sorted(tables, key=lambda one: -one.explained)[: SETTLED if horizons else 1]:
-            if best is None and (horizons or one.explained > CLEAR) and id(one) not in settled:
-                settled.add(id(one))
-                table = fit(one.sphere)
-                best = table if table and _located(table) and table.explained > enough else None
-    if best is None:
+    rough = max(tables, key=lambda one: one.explained, default=None)
+    best = fit(rough.sphere) if rough else None
+    if best is None or not (best.explained > SURE and _located(best)):
         return None
     seen = share_in_picture(camera, best.sphere)
     return best._replace(sphere=replace(best.sphere, score=seen * best.explained))
@@ -217,23 +200,6 @@ def _likeliest(circles: list[Sphere], share: Callable[[Sphere], float]) -> Itera
     """
     yield from circles[:TRIED]
     yield from sorted(circles[TRIED:], key=lambda one: -share(one))[:TRIED]
-
-
-def about_horizons(circles: list[Sphere], plane: Array) -> Iterator[Sphere]:
-    """Yield outlines of balls that show the edge of a table as one of the circles; `plane`: its slopes first.
-
-    What a table's horizon mirrors lies half-way between view and table: n = (x, y, z) with 2 z (n . t) = v . t, t the
-    table's normal, tilted by a. That is nearly a circle of radius cos 45 cos(a / 2), its centre moved by
-    cos 45 sin(a / 2) of the ball's radius to where t points. A table that ends before its horizon shows a smaller one.
-    """
-    steep = float(np.hypot(*plane[:2]))
-    # Up in the picture is v falling.
-    way = np.array([plane[0], -plane[1]]) / max(steep, 1e-9)
-    for edge in sorted(circles, key=lambda one: -one.score)[:EDGES]:
-        for ratio in HORIZONS:
-            radius = edge.radius_px / ratio
-            off = np.sqrt(0.5) * np.sin(np.arctan(steep) / 2) * radius
-            yield replace(edge, center_px=edge.center_px - off * way, radius_px=radius)
 
 
 def _located(table: MirroredTable) -> bool:
