@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from lab.colours import Colours, albedo_colours
 from lab.job import Job, Outcome
 from lab.options import GreenAxis
-from lab.progress import alive
 from scene.camera import Camera
 from scene.files import write_json
 from scene.lights import Lights
@@ -28,7 +27,6 @@ HEADROOM, MOST = 1.25, 0.999
 UNITS = {"sigma": "degrees, one standard deviation of the normal", "depth": "mm, z; negative"}
 
 
-@alive("results")
 def results(job: Job) -> Outcome:
     """Write each method's maps, and one method's surface."""
     from formats.map_tiff import write_map

@@ -16,7 +16,7 @@ from lab.run import is_description, run_session
 from lab.session_place import is_output
 from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
-from rgbn.export_command import BASE_URL, FORMATS, check_mesh_name, export_session, write_surface
+from rgbn.export_command import BASE_URL, FORMATS, export_session
 from rgbn.shoot_commands import init, plan, watch
 from studio.studio_command import studio
 
@@ -62,18 +62,14 @@ class Place:
 BY_NAME = Place()
 
 
-def _run(
-    session: Path, wanted: str, place: Place, *, whole: bool = False, mesh: Path | None = None, **how: Any
-) -> None:
-    """Run a verb on a session, tell what came out, and write the surface where one is asked for."""
+def _run(session: Path, wanted: str, place: Place, *, whole: bool = False, **how: Any) -> None:
+    """Run a verb on a session, and tell what came out."""
     from rgbn.step_tables import tell
 
     def shown(job: Any, summary: dict[str, Any]) -> None:
         tell(job, summary, verb=wanted, as_json=place.json, whole=whole)
-        if mesh:
-            write_surface(job, mesh)
 
-    run_session(session, wanted, shown=shown, written=mesh, out=place.out, **how)
+    run_session(session, wanted, shown=shown, out=place.out, **how)
 
 
 @app.meta.default
@@ -163,13 +159,10 @@ def solve(
     *,
     place: Place = BY_NAME,
     said: SessionSolving = AS_BEFORE,
-    mesh: Annotated[Path | None, Parameter(help="Also write the surface as this .ply, in mm.")] = None,
     scheduler: Scheduler = None,
 ) -> None:
     """Recover normals and albedo by photometric stereo."""
-    if mesh:
-        check_mesh_name(mesh)
-    _run(session, "solve", place, said=said, scheduler=scheduler, mesh=mesh)
+    _run(session, "solve", place, said=said, scheduler=scheduler)
 
 
 @app.command(sort_key=7)
@@ -223,7 +216,7 @@ def export(
         Parameter(
             alias="-f",
             help=f"Formats, with commas: {', '.join(FORMATS)}; or all, which is every format of lights. "
-            "csv: tables of lights and errors. mat: for near_ps. meshroom: photographs and camera as SfMData, with "
+            "mat: for near_ps. meshroom: photographs and camera as SfMData, with "
             "AliceVision's lights. relight: one picture for OpenLIME and RelightLab. heritage: a bag for an archive, "
             "with a IIIF manifest. mitsuba: the twin's scene.",
         ),

@@ -1,7 +1,4 @@
-"""What a session gives to other programs: lights, photographs, tables, the twin's scene, the surface.
-
-`rgbn export --format`, and `rgbn solve --mesh`.
-"""
+"""`rgbn export --format`: what a session gives to other programs: lights, photographs, the twin's scene."""
 
 import re
 from pathlib import Path
@@ -15,8 +12,8 @@ if TYPE_CHECKING:
     from lab.job import Job
     from twin.description.description import TwinScene
 
-LIGHTS = ("alicevision", "csv", "diligent", "dome", "lp", "mat")
-"""What `all` writes: the formats of `formats.light_files`, and tables. Here they are known without loading anything."""
+LIGHTS = ("alicevision", "diligent", "dome", "lp", "mat")
+"""What `all` writes: the formats of `formats.light_files`. Here they are known without loading anything."""
 SCENE = "mitsuba"
 HERITAGE, BASE_URL = "heritage", "http://localhost:8000"
 """The address: that of `python -m http.server`."""
@@ -84,7 +81,6 @@ def _lights(job: "Job", names: list[str], sfm: Path | None, *, left_out: bool) -
     from formats.light_files.light_formats import export_lights
     from formats.sfm_data import write_sfm
     from lab.plan import EXPORTED, STEPS
-    from lab.summary import write_tables
     from rgbn.relight_export import export_relight
 
     job.run(STEPS, "calibrate")
@@ -96,10 +92,7 @@ def _lights(job: "Job", names: list[str], sfm: Path | None, *, left_out: bool) -
     for name in names:
         with job.record.part_of(EXPORTED):
             try:
-                if name == "csv":
-                    compared = job.done.get("compare", {}).get("result", {})
-                    made, more = write_tables(store, folder, compared), []
-                elif name == "relight":
+                if name == "relight":
                     made, more = export_relight(store, job.session.name)
                 else:
                     if lights.is_unknown:
@@ -160,23 +153,3 @@ def _written(scene: "TwinScene", folder: Path) -> tuple[list[Path], list[str]]:
     first = scene.lights.names[0]
     command = f"mitsuba -m llvm_ad_rgb -D light={first} -o {first}.exr {made[0]}"
     return [made[0]], [*notes, f"{len(scene.lights)} lights, one at a time: {command}"]
-
-
-def check_mesh_name(path: Path) -> None:
-    """Raise SceneError where a path is not the name of a PLY."""
-    if path.suffix.lower() != ".ply":
-        raise SceneError(f"--mesh {path}: meshes are written as PLY; give a name that ends in .ply.")
-
-
-def write_surface(job: "Job", path: Path) -> None:
-    """Write a solved session's surface: of the first method that found its depth, else of the first, integrated.
-
-    Raises SceneError: no pixel has a normal, another's file stands there, or it cannot be written.
-    """
-    from lab.progress import say
-    from solve.surface.solved_surface import solved_surface
-
-    found = solved_surface(job.store, job.methods)
-    mesh = found.mesh()
-    mesh.write(path)
-    say(f"mesh: {path}, {found.method}, {len(mesh.vertices)} vertices, {len(mesh.faces)} faces; {found.scale}")

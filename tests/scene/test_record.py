@@ -312,7 +312,7 @@ def test_a_folder_takes_its_place_at_once(tmp_path):
 
 
 def test_a_file_of_the_users_that_is_named_is_not_written_over(tmp_path):
-    """`--mesh scan.ply` beside the session."""
+    """`rgbn rig --out` beside the session."""
     (tmp_path / "scan.ply").write_text("mine")
     with open_record(tmp_path / "out"):
         with pytest.raises(SceneError, match="is there already, and rgbn did not write it"):
