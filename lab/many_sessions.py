@@ -223,13 +223,10 @@ def row_picture(folder: Path, row: dict[str, Any]) -> str:
 
 
 def _tell(folder: Path, rows: Sequence[dict[str, Any]], *, as_json: bool) -> None:
-    from rich.console import Console
+    from lab.progress import say
+    from lab.terminal_tables import number_table, show
 
-    from lab.progress import is_quiet, say
-    from lab.terminal_tables import number_table
-
+    show(number_table("sessions", COLUMNS, rows), hidden=as_json)
     if as_json:
         print(json.dumps(rows, indent=1))
-    elif not is_quiet():
-        Console(highlight=False).print(number_table("sessions", COLUMNS, rows))
     say(f"written: {folder / PAGE}, {folder / TABLE}")

@@ -245,15 +245,15 @@ def rig(
 ) -> None:
     """Pool the lights of a fixed set-up from several sessions. The file serves sessions without balls."""
     from calibrate.known_lights.rig import rig as pool
-    from rgbn.step_tables import light_table, print_tables
+    from lab.terminal_tables import show
+    from rgbn.step_tables import light_table
 
     found = pool(folders)
     found.write(out)
     counts = [f"{count} {what}{'s' * (count != 1)}" for count, what in (
         (len(found.lights), f"{found.lights.model} lamp"), (len(found.sessions), "session"))]  # fmt: skip
     title = f"rig: {counts[0]}, of {counts[1]}"
-    if not is_quiet():
-        print_tables([light_table(title, found.lights, str(out))])
+    show(light_table(title, found.lights))
     for text in found.warnings:
         say(f"warning: {text}", always=True)
     file = json.dumps(str(out.resolve()), ensure_ascii=False)

@@ -42,7 +42,7 @@ def test_each_verb_shows_its_own_findings_and_leads_to_the_next(run, session):
         shown = {other for other, text in titles.items() if any(line.startswith(text) for line in out.splitlines())}
         assert shown == {verb}, out
         ends = last_lines(out)
-        assert ends["written"].startswith("out/pear: ")
+        assert ends["written"] == "out/pear"
         words = ends["next"].split()[2:]
         assert words == ["out/pear"]
     assert ends["next"] == "rgbn compare out/pear", "there is no scan to render"
@@ -51,7 +51,7 @@ def test_each_verb_shows_its_own_findings_and_leads_to_the_next(run, session):
     warned = all_warnings(json.loads(Path("out/pear/summary.json").read_text()))
     assert {"check", "calibrate"} <= {step for step, _ in warned}
     assert all(f"warning ({step}): {text}" in said for step, text in warned), "each is said"
-    assert "report.html" in last_lines(out)["written"]
+    assert "report.html" in last_lines(out)["next"]
     code, out, _ = run("process", *words, "-m", "ls,iterative")
     assert all(any(line.startswith(text) for line in out.splitlines()) for text in titles.values())
 
