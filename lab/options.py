@@ -178,9 +178,6 @@ class SessionSolving(Solving):
             help="Pictures of normals in results/: opengl has green up, directx green down. Default: opengl.",
         ),
     ] = None
-    exr: Annotated[bool | None, Parameter(help="Write the maps in results/ as 32-bit OpenEXR, too. Default: no.")] = (
-        None
-    )
 
 
 @Parameter(name="*")
