@@ -62,34 +62,19 @@ def is_quiet() -> bool:
     return _quiet.is_set()
 
 
-class _Teller(logging.Handler):
-    """What is logged: all goes into the run's log; what is ours, Python's warnings, or wanted, is said too."""
-
-    wanted, of = False, ""
+class _Kept(logging.Handler):
+    """What libraries log, and Python's warnings: it goes into the run's log."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        ours, warned = record.name.partition(".")[0] == "rgbn", record.levelno >= logging.WARNING
-        level = f"{record.levelname.lower()}: " if warned else ""
-        text = f"{self.of if warned else ''}{level}{'' if ours else f'{record.name}: '}{record.getMessage().rstrip()}"
-        if self.wanted or (warned and (ours or record.name == "py.warnings")):
-            say(text, always=warned)
-        else:
-            log(text)
+        log(f"{record.levelname.lower()}: {record.name}: {record.getMessage().rstrip()}")
 
 
-_TELLER = _Teller()
+_KEPT = _Kept(logging.WARNING)
 
 
-def log_to(*, verbose: bool, of: str = "") -> None:
-    """Take what is logged into the run's log; with `verbose`, say it too, and what is of interest beside warnings.
-
-    of: What stands before a warning, where several sessions are at work.
-    """
-    root = logging.getLogger()
-    if _TELLER not in root.handlers:
-        root.addHandler(_TELLER)
-    root.setLevel(logging.INFO if verbose else logging.WARNING)
-    _TELLER.wanted, _TELLER.of = verbose, of
+def keep_logs() -> None:
+    """Take what is logged, and Python's warnings, into the run's log alone."""
+    logging.getLogger().addHandler(_KEPT)
     logging.captureWarnings(True)
 
 

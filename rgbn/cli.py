@@ -11,7 +11,7 @@ from cyclopts.validators import Number
 
 from experiments.commands import dataset, sweep
 from lab.options import AS_BEFORE, SHADED, SessionSolving, Settings
-from lab.progress import check_words, is_quiet, keep_quiet, log_to, open_streams, say
+from lab.progress import check_words, is_quiet, keep_logs, keep_quiet, open_streams, say
 from lab.run import is_description, run_session
 from lab.session_place import is_output
 from rgbn.examples import fixture_folder, tell_example
@@ -76,12 +76,9 @@ def _run(session: Path, wanted: str, place: Place, *, whole: bool = False, **how
 def _start(
     *words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
     quiet: Annotated[bool, Parameter(alias="-q", help="Say only warnings and errors.", negative="")] = False,
-    verbose: Annotated[
-        bool, Parameter(alias="-v", help="Also say which steps are current, and what the libraries log.", negative="")
-    ] = False,
 ) -> Any:
     keep_quiet(quiet)
-    log_to(verbose=verbose)
+    keep_logs()
     return app(words)
 
 
