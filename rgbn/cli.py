@@ -212,10 +212,10 @@ def export(
         str,
         Parameter(
             alias="-f",
-            help=f"Formats, with commas: {', '.join(FORMATS)}; or all, which is every format of lights. "
-            "mat: for near_ps. meshroom: photographs and camera as SfMData, with "
-            "AliceVision's lights. relight: one picture for OpenLIME and RelightLab. heritage: a bag for an archive, "
-            "with a IIIF manifest. mitsuba: the twin's scene.",
+            help=f"Formats, with commas: {', '.join(FORMATS)}. mat: for near_ps. "
+            "meshroom: photographs and camera as SfMData, with AliceVision's lights. relight: "
+            "one picture for OpenLIME and RelightLab. heritage: a bag for an archive, with a IIIF manifest. "
+            "mitsuba: the twin's scene.",
         ),
     ],
     out: Out = None,
