@@ -168,8 +168,11 @@ SHADED = Parameter(help="Correct lights that the registered scan's shading contr
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class SessionSolving(Solving):
-    """The same of a session, whose lights may be refined first."""
+class Settings(TwinSettings, Solving):
+    """All of them. An output folder's record keeps them: what a later run does not say stays as it was.
+
+    `truth`: folder of a known truth (truth.json, truth.npz) to judge the results by.
+    """
 
     refine_lights: Annotated[bool | None, SHADED] = None
     normals: Annotated[
@@ -178,16 +181,6 @@ class SessionSolving(Solving):
             help="Pictures of normals in results/: opengl has green up, directx green down. Default: opengl.",
         ),
     ] = None
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Settings(TwinSettings, SessionSolving):
-    """All of them. An output folder's record keeps them: what a later run does not say stays as it was.
-
-    `truth`: folder of a known truth (truth.json, truth.npz) to judge the results by.
-    """
-
     tolerance_deg: Annotated[
         float | None,
         Parameter(

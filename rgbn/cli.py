@@ -10,7 +10,7 @@ from cyclopts import App, Group, Parameter
 from cyclopts.validators import Number
 
 from experiments.commands import dataset, sweep
-from lab.options import AS_BEFORE, SHADED, SessionSolving, Settings
+from lab.options import AS_BEFORE, SHADED, Settings
 from lab.progress import check_words, is_quiet, keep_logs, keep_quiet, open_streams, say
 from lab.run import is_description, run_session
 from lab.session_place import is_output
@@ -155,7 +155,7 @@ def solve(
     /,
     *,
     place: Place = BY_NAME,
-    said: SessionSolving = AS_BEFORE,
+    said: Settings = AS_BEFORE,
     scheduler: Scheduler = None,
 ) -> None:
     """Recover normals and albedo by photometric stereo."""
@@ -223,7 +223,7 @@ def export(
     base_url: Annotated[
         str, Parameter(help="Address at which data/ of heritage will be served. Its IIIF ids begin with it.")
     ] = (BASE_URL),
-    said: SessionSolving = AS_BEFORE,
+    said: Settings = AS_BEFORE,
 ) -> None:
     """Write lights, a relightable picture or the twin's scene for another program."""
     paths, notes = export_session(session, format, out, sfm, base_url, said)
