@@ -33,7 +33,8 @@ $(READY): pyproject.toml requirements.lock
 	@$(PIP) --no-deps --no-build-isolation --editable .
 	@echo "compiling the kernels (a minute or two)"
 	@place=$$(mktemp -d); names=$$($(BIN)/python -c 'from scene.method_names import METHODS; print(",".join(METHODS))'); \
-		$(BIN)/rgbn -q process fixtures/bumpy --out $$place/out --method "$$names" --engine many --error 0.05 >/dev/null 2>&1 || echo "not compiled beforehand: the first run will be slower"; rm -rf $$place
+		$(BIN)/rgbn -q process fixtures/bumpy --out $$place/out --method "$$names" --engine many --error 0.05 \
+		>/dev/null 2>&1 || echo "not compiled beforehand: the first run will be slower"; rm -rf $$place
 	@touch $(READY)
 
 # The newest versions that pyproject.toml allows, for every Python and system that it allows, with their hashes.
