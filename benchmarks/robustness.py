@@ -47,7 +47,7 @@ VERBS = {
     "check": ("", f"check {SESSION}"),
     "calibrate": (f"check {SESSION}", f"calibrate {SESSION}"),
     "align": (f"calibrate {SESSION}", f"align {SESSION}"),
-    "solve": (f"align {SESSION}", f"solve {SESSION} --method ls,iterative,tv --mesh {{out}}/mesh.ply"),
+    "solve": (f"align {SESSION}", f"solve {SESSION} --method ls,iterative,tv"),
     "twin": (f"solve {SESSION}", f"twin {TWIN}"),
     "compare": (f"twin {TWIN}", f"compare {TWIN}"),
     "export": (f"calibrate {SESSION}", f"export {SESSION} --format dome"),

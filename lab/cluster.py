@@ -4,35 +4,38 @@ Workers see the output folder. An array that lies in a file there is sent as its
 written once into a folder of the run. Results come back through the scheduler.
 """
 
-import errno
+import hashlib
+import io
 import logging
+import mmap
+import os
+import pickle
 import shutil
-import threading
-import time
+import socket
 import uuid
 import warnings
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import CancelledError, Executor, Future, InvalidStateError
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Executor, Future
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
-from weakref import WeakSet
 
-from lab.cluster_unit import AGAIN, HERE, pack
+import numpy as np
+from cloudpickle import CloudPickler
+from numpy.typing import NDArray
+
 from lab.progress import say
-from scene.current import blocks_digest, code_fingerprint, libraries
-from scene.errors import ClusterError, SceneError
+from scene.current import ROOT, code_fingerprint, libraries
+from scene.errors import ClusterError
 
-WAIT_FOR_WORKERS = "120 s"
-"""How long a run waits for a worker where there is none; Dask's setting `rgbn.wait-for-workers` replaces it."""
-TELL_S = 10
-"""Seconds from one line that says so to the next."""
-SILENCE_S = 60
-"""Seconds that a scheduler, or a worker, may take to answer."""
-LOOK_S = 0.5
-UNIT = "__import__('lab.cluster_unit').cluster_unit"
+WAIT_S = 120
+"""Seconds that a run waits for a first worker."""
+LARGE = 1 << 16
+"""Bytes; a larger array goes as a file."""
+SERVE = "__import__('lab.cluster').cluster.serve(run, unit)"
 """What a worker evaluates: `eval` is known to a scheduler too that has no rgbn."""
-REFUSE, SERVE = f"{UNIT}.refuse(run)", f"{UNIT}.serve(run, unit)"
+AGAIN = "What is done is kept: run the same command again."
 
 
 class WorkerDied(ClusterError):
@@ -40,7 +43,7 @@ class WorkerDied(ClusterError):
 
 
 @contextmanager
-def executor_of(address: str | None, folder: Path | None = None, files: Iterable[Path] = ()) -> Iterator[Any]:
+def executor_of(address: str | None, folder: Path | None = None) -> Iterator[Any]:
     """Hold the executor of a Dask scheduler for a block; None for threads here.
 
     Parameters
@@ -50,15 +53,13 @@ def executor_of(address: str | None, folder: Path | None = None, files: Iterable
     folder : Path or None
         OUT/.rgbn/NAME, which all workers see under the same path: for arrays, emptied before and after. None: the units
         write no files, and their arrays are small.
-    files : iterable of Path
-        What the workers must see besides.
 
     Raises
     ------
     ClusterError
-        No scheduler answers; there is no worker for `WAIT_FOR_WORKERS`; a worker has other code or libraries, or does
-        not see the files. From a unit within the block: the same, or the scheduler was lost; `WorkerDied`, where one
-        worker after the other dies of it.
+        No scheduler answers, or it has no worker for `WAIT_S`. From a unit within the block: a worker has other code or
+        libraries, or does not see the folder; the scheduler was lost; `WorkerDied`, where one worker after the other
+        dies of it.
     """
     if address is None:
         yield None
@@ -69,37 +70,45 @@ def executor_of(address: str | None, folder: Path | None = None, files: Iterable
     # What Dask would say of a lost scheduler, and of versions, is said here, once.
     for name in ("distributed", "distributed.client", "distributed.core", "distributed.comm"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", versions.VersionMismatchWarning)
-        try:
+    where = f"--scheduler {address}:"
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", versions.VersionMismatchWarning)
             # Before there is a client: one without a place to go to cannot be closed in silence.
             get_address_host(address)
             client = Client(address, timeout=10, set_as_default=False)
-        except (OSError, ValueError) as error:
-            raise ClusterError(
-                f"--scheduler {address}: no Dask scheduler answers there ({error}). Start one with `dask scheduler`, "
-                "or leave --scheduler out to work on this computer."
-            ) from error
-    with client, _emptied(folder) as shared:
-        cluster = Cluster(client, address, shared, files)
+    except (OSError, ValueError) as error:
+        raise ClusterError(
+            f"{where} no Dask scheduler answers there ({error}). Start one with `dask scheduler`, or leave --scheduler "
+            "out to work on this computer."
+        ) from error
+    if folder:
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+    with client:
         try:
-            cluster.check_workers()
-            yield cluster
+            if not client.ncores():
+                say(f"waiting for workers at {address}")
+            client.wait_for_workers(1, timeout=WAIT_S)
+            yield Cluster(client, address, folder and folder.resolve())
         except KilledWorker as error:
-            raise WorkerDied(f"--scheduler {address}: {death_of(error)} {AGAIN}") from error
+            raise WorkerDied(f"{where} {death_of(error)} {AGAIN}") from error
         except ModuleNotFoundError as error:
             if not (error.name or "").startswith("lab"):
                 raise
-            raise cluster.told(f"a worker has no rgbn, or an old one ({error}).") from error
+            raise ClusterError(f"{where} a worker has no rgbn, or an old one ({error}). {AGAIN}") from error
+        except TimeoutError as error:
+            raise ClusterError(
+                f"{where} it had no worker for {WAIT_S} s. Start some, each with `dask worker {address}`, or leave "
+                f"--scheduler out to work on this computer. {AGAIN}"
+            ) from error
         except CancelledError as error:
-            raise cluster.fault or cluster.lost() from error
-        except OSError as error:
-            if error.errno not in (errno.ENOSPC, errno.EDQUOT):
-                raise
-            full = f"{shared}: the disk is full ({error.strerror}). Free some space."
-            raise ClusterError(f"{full} {AGAIN}") from error
+            raise ClusterError(
+                f"{where} the scheduler was lost: it was ended, or the network to it was. Start it again. {AGAIN}"
+            ) from error
         finally:
-            cluster.shutdown()
+            if folder:
+                shutil.rmtree(folder, ignore_errors=True)
 
 
 def death_of(error: Any) -> str:
@@ -110,121 +119,122 @@ def death_of(error: Any) -> str:
     )
 
 
-@contextmanager
-def _emptied(folder: Path | None) -> Iterator[Path | None]:
-    """Make a folder for arrays, for a block: only one run at a time is at work in an output folder."""
-    if folder is None:
-        yield None
-        return
-    shutil.rmtree(folder, ignore_errors=True)
-    try:
-        folder.mkdir(parents=True)
-    except OSError as error:
-        raise SceneError(f"{folder}: cannot be written ({error.strerror}). Choose another with --out.") from error
-    try:
-        yield folder.resolve()
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
 class Cluster(Executor):
     """The workers of a Dask scheduler; see `executor_of`."""
 
-    def __init__(self, client: Any, address: str, shared: Path | None, files: Iterable[Path] = ()) -> None:
-        from dask import config
-        from dask.utils import parse_timedelta
-
-        self._client, self._address, self._shared = client, address, shared
+    def __init__(self, client: Any, address: str, folder: Path | None) -> None:
         self._workers = client.get_executor(pure=False)
-        self._patience_s = parse_timedelta(config.get("rgbn.wait-for-workers", WAIT_FOR_WORKERS))
-        seen = sorted({path.resolve() for path in files if path.is_file()}) if shared else ()
-        self._run = {
-            "id": uuid.uuid4().hex,
-            "scheduler": address,
-            "folder": shared,
-            "code": code_fingerprint(),
-            "libraries": libraries(),
-            "files": {str(path): blocks_digest(path) for path in seen},
-        }
-        self._units: WeakSet[Future] = WeakSet()
-        self._over = threading.Event()
-        self.fault: ClusterError | None = None
-        """Of the cluster as a whole: then no unit ends any more."""
-
-    def check_workers(self) -> None:
-        """Wait for workers, make sure that all are fit, and watch over them from then on; see `executor_of`."""
-        next(count for count in self._worker_counts() if count)
-        try:
-            # `callback_timeout` is for the client.
-            found = self._client.run(eval, REFUSE, {"run": self._run}, on_error="return", callback_timeout=SILENCE_S)
-        except TimeoutError as error:
-            raise self.told(f"a worker did not answer for {SILENCE_S} s. Start the workers again.") from error
-        except OSError as error:
-            raise self.lost() from error
-        for address, answer in sorted(found.items()):
-            if isinstance(answer, ClusterError):
-                raise ClusterError(str(answer).replace(HERE, address, 1))
-            if answer is not None:
-                raise self.told(f"worker {address} cannot be asked what it has ({answer}). Start it again.")
-        threading.Thread(target=self._watch, daemon=True).start()
+        code = code_fingerprint()
+        self._run = {"scheduler": address, "folder": folder, "code": code, "libraries": libraries()}
 
     def submit(self, fn: Callable, /, *args: Any, **kwargs: Any) -> Future:
         """Give a unit to the cluster; see `Executor.submit`. One whose worker dies is tried again by another."""
-        if self.fault is not None:
-            raise self.fault
-        future = self._workers.submit(eval, SERVE, {"run": self._run, "unit": pack((fn, args, kwargs), self._shared)})
-        self._units.add(future)
-        return future
+        unit = pack((fn, args, kwargs), self._run["folder"])
+        return self._workers.submit(eval, SERVE, {"run": self._run, "unit": unit})
 
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Drop the units that are not done."""
-        self._over.set()
-        if self.fault is None:
-            self._workers.shutdown(wait=False)
 
-    def told(self, text: str) -> ClusterError:
-        """Return what to tell of this cluster."""
-        return ClusterError(f"--scheduler {self._address}: {text} {AGAIN}")
+# What a worker does.
 
-    def lost(self) -> ClusterError:
-        """Return what to tell where the scheduler does not answer."""
-        return self.told("the scheduler was lost: it was ended, or the network to it was. Start it again.")
 
-    def _watch(self) -> None:
-        """Give every unit, and those to come, the fault of the cluster as a whole, once there is one."""
-        try:
-            for _ in self._worker_counts():
-                if self._over.is_set():
-                    return
-        except ClusterError as error:
-            self.fault = error
-            for unit in list(self._units):
-                # It may be done meanwhile.
-                with suppress(InvalidStateError):
-                    unit.set_exception(error)
+def serve(run: dict[str, Any], unit: bytes) -> Any:
+    """Do a unit in this process, if it is fit for the run, and return its result.
 
-    def _worker_counts(self) -> Iterator[int]:
-        """Yield how many workers there are, again and again; say so where there is none.
+    Parameters
+    ----------
+    run : dict
+        scheduler: str. code, libraries: what `scene.current` finds where the run was started. folder: the shared one,
+        or None.
+    unit : bytes
+        What `pack` returned of (function, arguments, keyword arguments).
 
-        Raises ClusterError: there was none for too long, or the scheduler does not answer.
-        """
-        missing_since, told = None, 0.0
-        while True:
-            try:
-                count = len(self._client.sync(self._client.scheduler.ncores, callback_timeout=SILENCE_S))
-            except Exception as error:
-                raise self.lost() from error
-            now = time.monotonic()
-            missing_since = None if count else missing_since or now
-            if missing_since is None:
-                told = 0.0
-            elif now - missing_since > self._patience_s:
-                raise self.told(
-                    f"it had no worker for {self._patience_s:.0f} s. Start some, each with `dask worker "
-                    f"{self._address}`, or leave --scheduler out to work on this computer."
-                )
-            elif now - told > TELL_S:
-                say(f"waiting for workers at {self._address}: none{'' if told else ' yet'}")
-                told = now
-            yield count
-            self._over.wait(LOOK_S)
+    """
+    refuse(run)
+    function, arguments, named = pickle.loads(unit)
+    return function(*arguments, **named)
+
+
+def refuse(run: dict[str, Any]) -> None:
+    """Raise ClusterError where this process would not give what the one that started the run gives."""
+    (code, found), reasons = _own(), []
+    if code != run["code"]:
+        reasons = [f"the code of its rgbn in {ROOT} is another: {code[:8]}, expected {run['code'][:8]}"]
+    reasons += [
+        f"its {name} is {found.get(name)}, expected {expected}"
+        for name, expected in run["libraries"].items()
+        if found.get(name) != expected
+    ]
+    if run["folder"] and not run["folder"].is_dir():
+        reasons.append(f"it does not see the output folder {run['folder'].parents[1]}")
+    if reasons:
+        raise ClusterError(
+            f"--scheduler {run['scheduler']}: a worker on {socket.gethostname()} would not do as this computer does: "
+            f"{'; '.join(reasons)}. Give it the same rgbn, the same libraries (`make setup`) and the same folders "
+            f"under the same paths; start it again. {AGAIN}"
+        )
+
+
+@cache
+def _own() -> tuple[str, dict[str, str]]:
+    """Return what this process has, once: what it has imported stays as it was, whatever becomes of the files."""
+    return code_fingerprint(), libraries()
+
+
+# What goes to it.
+
+
+def pack(value: Any, folder: Path | None) -> bytes:
+    """Pickle a value; its large arrays go as files. What is written to them when they are read goes nowhere else.
+
+    Parameters
+    ----------
+    value : object
+    folder : Path or None
+        Where they are written, named by their content; in OUT/.rgbn/cluster. None: all is pickled.
+    """
+    stream = io.BytesIO()
+    _Pickler(stream, folder).dump(value)
+    return stream.getvalue()
+
+
+class _Pickler(CloudPickler):
+    """Takes large arrays as files, and paths in full: a worker has a folder of its own."""
+
+    def __init__(self, stream: io.BytesIO, folder: Path | None) -> None:
+        super().__init__(stream, protocol=5)
+        self._folder = folder
+
+    def reducer_override(self, obj: Any) -> Any:
+        if type(obj) in (np.ndarray, np.memmap) and not obj.dtype.hasobject:
+            if self._folder and obj.nbytes > LARGE:
+                return _array, _place_of(obj, self._folder)
+            return np.array(obj).__reduce_ex__(5)
+        if isinstance(obj, Path) and not obj.is_absolute():
+            return type(obj), (os.path.abspath(obj),)
+        return super().reducer_override(obj)
+
+
+def _array(path: Path, offset: int, shape: tuple[int, ...], strides: tuple[int, ...], dtype: np.dtype) -> NDArray:
+    """Return an array that lies in a file."""
+    with open(path, "rb") as file:
+        content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY)
+    return np.ndarray(shape, dtype, content, offset, strides)
+
+
+def _place_of(array: NDArray, folder: Path) -> tuple[Path, int, tuple[int, ...], tuple[int, ...], np.dtype]:
+    """Return where an array lies: in a file of the output folder, of which it may be a part; else in one of its own."""
+    root = array
+    while isinstance(root.base, np.ndarray):
+        root = root.base
+    if isinstance(root, np.memmap) and root.filename is not None:
+        path = Path(root.filename).absolute()
+        if path.is_relative_to(folder.parents[1]) and path.is_file():
+            return path, root.offset + array.ctypes.data - root.ctypes.data, array.shape, array.strides, array.dtype
+    whole = np.asarray(array if array.flags.forc else array.copy())
+    content = whole.ravel("K").view(np.uint8).data
+    path = folder / hashlib.sha256(content).hexdigest()
+    if not path.exists():
+        # Whole, so that one that is there can be relied on.
+        unfinished = path.with_name(uuid.uuid4().hex)
+        unfinished.write_bytes(content)
+        os.replace(unfinished, path)
+    return path, 0, whole.shape, whole.strides, whole.dtype

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from lab.options import DEFAULT_PROFILE, Settings, TwinSettings
-from lab.progress import say
+from lab.progress import alive, say
 from lab.run_log import log
 from scene.clock import now, since
 from scene.current import code_fingerprint, fingerprint
@@ -152,7 +152,7 @@ class Job:
         say(f"{wanted} ...")
         start, stale = now(), _made_from(steps, wanted)
         self._tell_removed(wanted, stale)
-        with self.record.making(wanted, mark, stale) as entry:
+        with alive(wanted), self.record.making(wanted, mark, stale) as entry:
             outcome = step.work(self)
             spent = since(start)
             entry |= plain({**spent, "result": outcome.result, "warnings": outcome.warnings})

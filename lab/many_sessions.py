@@ -3,6 +3,7 @@
 import json
 import multiprocessing
 import os
+import signal
 import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -19,8 +20,6 @@ from scene.record import PLACE
 
 PAGE, TABLE = "index.html", "sessions.csv"
 PICTURE_PX = 160
-STOPPED = 130
-"""Exit code of a process that Ctrl-C, or the end of the one that began it, stops."""
 COLUMNS = {
     "session": "{name}", "normals": "{badge}", "method": "{method}", "median error, deg": "{median_deg:2}",
     "warnings": "{warnings:0}", "seconds": "{seconds:0}",
@@ -110,7 +109,7 @@ def process_all(
                 for _ in pool.map(one, names, sessions):
                     pass
         finally:
-            # Where Ctrl-C ends this process, its children end with it, see `_work`.
+            # Where Ctrl-C ends this process, its children end with it.
             pool.shutdown(wait=False, cancel_futures=True)
         rows = [session_row(record.folder, name, faults[name]) for name in names]
         write_text(record.folder / TABLE, csv_text(rows))
@@ -134,34 +133,30 @@ def _in_its_own_process(session: Path, out: Path, said: Settings, scheduler: str
     process.start()
     there.close()
     try:
-        with here:
-            fault = str(here.recv())
+        return here.recv()
     except EOFError:
         process.join()
-        fault = f"its process ended with code {process.exitcode}; {out / PLACE / 'running.log'} tells how far it came."
+        return f"its process ended with code {process.exitcode}; {out / PLACE / 'running.log'} tells how far it came."
     finally:
-        if process.is_alive():
-            process.join()
-    return fault
+        process.join()
 
 
 def _work(told: Any, session: Path, out: Path, said: Settings, scheduler: str | None) -> None:
-    from lab.progress import keep_quiet, log_to
+    from lab.progress import keep_logs, keep_quiet
     from lab.run import run_session
 
+    # Whatever ends the command line, no session goes on without it; Ctrl-C, which reaches the whole group, is its.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None
-    # Whatever ends the command line, no session goes on without it.
-    threading.Thread(target=lambda: (parent.join(), os._exit(STOPPED)), daemon=True).start()
+    threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
     keep_quiet(True)
-    log_to(verbose=False, of=f"{session}: ")
+    keep_logs()
     try:
         run_session(session, "compare", out=out, said=said, scheduler=scheduler)
         told.send("")
     except SceneError as error:
         told.send(str(error))
-    except KeyboardInterrupt:
-        os._exit(STOPPED)
     except Exception as error:
         log = out / "rgbn.log"
         told.send(f"a fault of rgbn's own, {type(error).__name__}: {error}; please report it with the end of {log}.")
@@ -223,13 +218,10 @@ def row_picture(folder: Path, row: dict[str, Any]) -> str:
 
 
 def _tell(folder: Path, rows: Sequence[dict[str, Any]], *, as_json: bool) -> None:
-    from rich.console import Console
+    from lab.progress import say
+    from lab.terminal_tables import number_table, show
 
-    from lab.progress import is_quiet, say
-    from lab.terminal_tables import number_table
-
+    show(number_table("sessions", COLUMNS, rows), hidden=as_json)
     if as_json:
         print(json.dumps(rows, indent=1))
-    elif not is_quiet():
-        Console(highlight=False).print(number_table("sessions", COLUMNS, rows))
     say(f"written: {folder / PAGE}, {folder / TABLE}")

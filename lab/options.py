@@ -1,6 +1,6 @@
 """How the steps of an output folder run: what the command line says, and what the folder's record keeps of it."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -42,11 +42,6 @@ def named(option: str, text: str, known: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(spelt[word.casefold()] for word in words))
 
 
-def in_any_case(_: Any, tokens: Sequence[Any]) -> str:
-    """Return a word of the command line in small letters, as all our names are."""
-    return tokens[0].value.casefold()
-
-
 def degrees_of(_: Any, tokens: Sequence[Any]) -> float:
     """Return an angle of the command line, as 3, 3deg or 3°, of `none` 0; SceneError for what no error can be."""
     text = tokens[0].value
@@ -56,18 +51,6 @@ def degrees_of(_: Any, tokens: Sequence[Any]) -> float:
         if 0 < (value := float(text.strip().removesuffix("deg").removesuffix("°"))) < 90:
             return value
     raise SceneError(f"--tolerance {text}: expected degrees above 0 and below 90, such as 3deg, or none.")
-
-
-def one_of(option: str, known: Any) -> Callable[[Any, Sequence[Any]], str]:
-    """Return what reads a word of the command line, in any case, as one of a Literal's; SceneError for another."""
-
-    def read(_: Any, tokens: Sequence[Any]) -> str:
-        word = tokens[0].value
-        if word.casefold() not in get_args(known):
-            raise SceneError(f"{option} {word}: {word} is unknown; there are {', '.join(get_args(known))}.")
-        return word.casefold()
-
-    return read
 
 
 @Parameter(name="*")
@@ -88,10 +71,7 @@ class Solving:
     ] = None
     profile: Annotated[
         str | None,
-        Parameter(
-            help="Settings of the methods: default; or seed, which follows the benchmark to the letter.",
-            converter=in_any_case,
-        ),
+        Parameter(help="Settings of the methods: default; or seed, which follows the benchmark to the letter."),
     ] = None
     external: Annotated[
         tuple[str, ...] | None,
@@ -155,9 +135,7 @@ class TwinSettings:
 
     engine: Annotated[
         Engine | None,
-        Parameter(
-            help="The twin's engine. auto is many where it can render the scene.", converter=one_of("--engine", Engine)
-        ),
+        Parameter(help="The twin's engine. auto is many where it can render the scene."),
     ] = None
     error: Annotated[float | None, Parameter(help="Relative error that the twin's rendering aims at; 0.01 is 1 %.")] = (
         None
@@ -190,30 +168,19 @@ SHADED = Parameter(help="Correct lights that the registered scan's shading contr
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class SessionSolving(Solving):
-    """The same of a session, whose lights may be refined first."""
+class Settings(TwinSettings, Solving):
+    """All of them. An output folder's record keeps them: what a later run does not say stays as it was.
+
+    `truth`: folder of a known truth (truth.json, truth.npz) to judge the results by.
+    """
 
     refine_lights: Annotated[bool | None, SHADED] = None
     normals: Annotated[
         GreenAxis | None,
         Parameter(
             help="Pictures of normals in results/: opengl has green up, directx green down. Default: opengl.",
-            converter=one_of("--normals", GreenAxis),
         ),
     ] = None
-    exr: Annotated[bool | None, Parameter(help="Write the maps in results/ as 32-bit OpenEXR, too. Default: no.")] = (
-        None
-    )
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Settings(TwinSettings, SessionSolving):
-    """All of them. An output folder's record keeps them: what a later run does not say stays as it was.
-
-    `truth`: folder of a known truth (truth.json, truth.npz) to judge the results by.
-    """
-
     tolerance_deg: Annotated[
         float | None,
         Parameter(

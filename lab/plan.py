@@ -48,7 +48,7 @@ def _judged_by(job: Job) -> list[Any]:
 
 def _given_away(job: Job) -> list[Any]:
     # Of what `compare` and `trust` found nothing but which method is recommended, so that neither is waited for.
-    return [job.settings.normals, bool(job.settings.exr), recommended(job)]
+    return [job.settings.normals, recommended(job)]
 
 
 EXPORTED = "export"

@@ -16,47 +16,19 @@ from contextlib import contextmanager
 from lab.run_log import log
 from scene.errors import SceneError
 
-EVERY_S = 10.0
-"""A log gets a line of work under way so often at most, and twice as seldom at least."""
+EVERY_S = 15.0
+"""Seconds from one line of work under way to the next, off a terminal."""
 
 
 def open_streams() -> None:
     """Put the null device in the place of closed streams: the next file opened would take their number and words."""
-    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
-            null = open(os.devnull, mode)  # noqa: SIM115 (for as long as the process lives)
-            try:
-                os.fstat(number)
-            except OSError:
-                os.dup2(null.fileno(), number)
-            setattr(sys, name, null)
-    if sys.stdout is sys.__stdout__ and isinstance(sys.stdout, io.TextIOWrapper):
+            # The lowest number that is free is the closed stream's.
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 (for as long as the process lives)
+    if isinstance(sys.stdout, io.TextIOWrapper):
         # A terminal without umlauts or box lines gets their codes.
-        sys.stdout = _Output(
-            sys.stdout.buffer, sys.stdout.encoding, "backslashreplace", line_buffering=sys.stdout.line_buffering
-        )
-
-
-class _Output(io.TextIOWrapper):
-    """Standard output that tells a full disk in one message."""
-
-    def write(self, text: str, /) -> int:
-        with _telling():
-            return super().write(text)
-
-    def flush(self) -> None:
-        with _telling():
-            super().flush()
-
-
-@contextmanager
-def _telling() -> Iterator[None]:
-    try:
-        yield
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        raise SceneError(f"standard output cannot be written ({error.strerror}). Give it another place.") from error
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def check_words(words: list[str]) -> None:
@@ -90,34 +62,19 @@ def is_quiet() -> bool:
     return _quiet.is_set()
 
 
-class _Teller(logging.Handler):
-    """What is logged: all goes into the run's log; what is ours, Python's warnings, or wanted, is said too."""
-
-    wanted, of = False, ""
+class _Kept(logging.Handler):
+    """What libraries log, and Python's warnings: it goes into the run's log."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        ours, warned = record.name.partition(".")[0] == "rgbn", record.levelno >= logging.WARNING
-        level = f"{record.levelname.lower()}: " if warned else ""
-        text = f"{self.of if warned else ''}{level}{'' if ours else f'{record.name}: '}{record.getMessage().rstrip()}"
-        if self.wanted or (warned and (ours or record.name == "py.warnings")):
-            say(text, always=warned)
-        else:
-            log(text)
+        log(f"{record.levelname.lower()}: {record.name}: {record.getMessage().rstrip()}")
 
 
-_TELLER = _Teller()
+_KEPT = _Kept(logging.WARNING)
 
 
-def log_to(*, verbose: bool, of: str = "") -> None:
-    """Take what is logged into the run's log; with `verbose`, say it too, and what is of interest beside warnings.
-
-    of: What stands before a warning, where several sessions are at work.
-    """
-    root = logging.getLogger()
-    if _TELLER not in root.handlers:
-        root.addHandler(_TELLER)
-    root.setLevel(logging.INFO if verbose else logging.WARNING)
-    _TELLER.wanted, _TELLER.of = verbose, of
+def keep_logs() -> None:
+    """Take what is logged, and Python's warnings, into the run's log alone."""
+    logging.getLogger().addHandler(_KEPT)
     logging.captureWarnings(True)
 
 
@@ -132,58 +89,47 @@ def say(text: str, *, always: bool = False) -> None:
             print(text, file=sys.stderr, flush=True)
 
 
-class _Log:
-    """Lines for a log: of units done, and, while a long one goes on, that it does."""
-
-    def __init__(self) -> None:
-        self.last = time.monotonic()
-
-    def line(self, text: str, *, after_s: float) -> None:
-        """Print a line if nothing was said for so long."""
-        now = time.monotonic()
-        if now - self.last > after_s:
-            self.last = now
-            say(f"  {text}")
-
-
-_LOG = _Log()
+_at_work: list[list[str]] = []
+"""How far each block is, the innermost last."""
 
 
 @contextmanager
-def alive(label: str, state: Callable[[], str] = lambda: "at work") -> Iterator[None]:
-    """Say at least every 20 seconds, off a terminal, that the work of a block goes on."""
+def alive(label: str) -> Iterator[Callable[[int, int], None]]:
+    """Say every `EVERY_S`, off a terminal, that the work of a block goes on; of blocks in each other the innermost.
+
+    Yields a callback (done, total).
+    """
     if sys.stderr.isatty() or is_quiet():
-        yield
+        yield lambda done, total: None
         return
-    start, done = time.monotonic(), threading.Event()
-    _LOG.last = start
+    start, over, state = time.monotonic(), threading.Event(), ["at work"]
 
     def tell() -> None:
-        while not done.wait(EVERY_S / 10):
-            seconds = time.monotonic() - start
-            _LOG.line(f"{label}: {state()}, {seconds:.0f} s so far", after_s=1.5 * EVERY_S)
+        while not over.wait(EVERY_S):
+            if _at_work[-1] is state:
+                say(f"  {label}: {state[0]}, {time.monotonic() - start:.0f} s so far")
+
+    def report(done: int, total: int) -> None:
+        state[0] = f"{done} of {total}"
 
     teller = threading.Thread(target=tell, daemon=True)
+    _at_work.append(state)
     teller.start()
     try:
-        yield
+        yield report
     finally:
-        done.set()
+        over.set()
         teller.join()
+        _at_work.pop()
 
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[int, int], None]]:
     """Yield a callback (done, total) for one piece of work; shown on standard error."""
-    if is_quiet():
-        yield lambda done, total: None
-    elif sys.stderr.isatty():
-        yield from _bar(label)
-    else:
-        yield from _lines(label)
-
-
-def _bar(label: str) -> Iterator[Callable[[int, int], None]]:
+    if is_quiet() or not sys.stderr.isatty():
+        with alive(label) as report:
+            yield report
+        return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -191,27 +137,3 @@ def _bar(label: str) -> Iterator[Callable[[int, int], None]]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(label, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
-def _lines(label: str) -> Iterator[Callable[[int, int], None]]:
-    first: tuple[float, int] | None = None
-    state = "at work"
-
-    def report(done: int, total: int) -> None:
-        nonlocal first, state
-        now = time.monotonic()
-        # What was done before, by a run that was stopped, tells nothing of the speed.
-        first = first or (now, done)
-        state = f"{done} of {total}"
-        if done < total:
-            left = (now - first[0]) / (done - first[1]) * (total - done) if done > first[1] else None
-            _LOG.line(f"{label}: {state}{_in_words(left)}", after_s=EVERY_S)
-
-    with alive(label, lambda: state):
-        yield report
-
-
-def _in_words(seconds: float | None) -> str:
-    if seconds is None:
-        return ""
-    return f", about {seconds:.0f} s left" if seconds < 100 else f", about {seconds / 60:.0f} min left"

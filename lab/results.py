@@ -1,4 +1,4 @@
-"""`results/`: what was found, in files that other programs open: TIFF and EXR maps, the surface as PLY and GLB."""
+"""`results/`: what was found, in files that other programs open: TIFF maps, the surface as PLY and GLB."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from lab.colours import Colours, albedo_colours
 from lab.job import Job, Outcome
 from lab.options import GreenAxis
-from lab.progress import alive
 from scene.camera import Camera
 from scene.files import write_json
 from scene.lights import Lights
@@ -28,11 +27,9 @@ HEADROOM, MOST = 1.25, 0.999
 UNITS = {"sigma": "degrees, one standard deviation of the normal", "depth": "mm, z; negative"}
 
 
-@alive("results")
 def results(job: Job) -> Outcome:
     """Write each method's maps, and one method's surface."""
     from formats.map_tiff import write_map
-    from formats.picture_files import write_exr
 
     store, axes = job.store, job.settings.normals or "opengl"
     camera, lights, colours = store.load_camera(), store.load_lights(), albedo_colours(job)
@@ -46,9 +43,6 @@ def results(job: Job) -> Outcome:
             path = store.path(FOLDER, f"{kind}_{name}.tif")
             written += write_map(path, values, {"map": kind, "method": name, **told}, pixel_mm)
             whites[name] = told.get("white", whites.get(name))
-        for kind, values in _float_maps(store, name, axes, colours) if job.settings.exr else ():
-            written.append(store.path(FOLDER, f"{kind}_{name}.exr"))
-            write_exr(written[-1], values)
     mask = store.load_mask()
     known = [name for name in job.methods if np.isfinite(store.load_normals(name)[mask]).all(-1).any()]
     warnings = [] if known else ["no method found a normal: there is no surface."]
@@ -90,30 +84,22 @@ def method_maps(
 
     Normals and albedo, uint16, with the albedo that is white; sigma and depth, float32, where the method has them.
     """
-    up = "up" if axes == "opengl" else "down"
-    for kind, values in _float_maps(store, method, axes, colours):
-        if kind == "normals":
-            told = {"value": "n = 2 code / 65535 - 1; 0 0 0: unknown", "axes": f"x right, y {up}, z toward the camera"}
-            yield kind, encode_normals(values), told
-        elif kind == "albedo":
-            known = values[np.isfinite(values)]
-            white = HEADROOM * float(np.quantile(known, MOST)) if known.size else 1.0
-            white = white if white > 0 else 1.0
-            codes = np.nan_to_num(np.round(np.clip(values / white, 0, 1) * 65535)).astype(np.uint16)
-            told = {"value": f"albedo = {white:.6g} code / 65535, linear; 1: {colours.one}", "white": white}
-            yield kind, codes, {**told, "colour": colours.colour}
-        else:
-            yield kind, values, {"value": UNITS[kind]}
-
-
-def _float_maps(store: Store, method: str, axes: GreenAxis, colours: Colours) -> Iterator[tuple[str, NDArray]]:
-    """Yield a method's maps, float32, NaN where unknown: normals, albedo, and sigma and depth where it has them."""
-    green = np.array([1, 1 if axes == "opengl" else -1, 1], np.float32)
-    yield "normals", np.asarray(store.load_normals(method)) * green
-    yield "albedo", np.asarray(store.read_array("albedo", f"{method}.npy")) @ colours.matrix.T.astype(np.float32)
-    for kind in UNITS:
+    up, green = ("up", 1) if axes == "opengl" else ("down", -1)
+    told: dict[str, Any] = {
+        "value": "n = 2 code / 65535 - 1; 0 0 0: unknown",
+        "axes": f"x right, y {up}, z toward the camera",
+    }
+    yield "normals", encode_normals(store.load_normals(method) * np.array([1, green, 1], np.float32)), told
+    albedo = np.asarray(store.read_array("albedo", f"{method}.npy")) @ colours.matrix.T.astype(np.float32)
+    known = albedo[np.isfinite(albedo)]
+    white = HEADROOM * float(np.quantile(known, MOST)) if known.size else 1.0
+    white = white if white > 0 else 1.0
+    codes = np.nan_to_num(np.round(np.clip(albedo / white, 0, 1) * 65535)).astype(np.uint16)
+    told = {"value": f"albedo = {white:.6g} code / 65535, linear; 1: {colours.one}", "white": white}
+    yield "albedo", codes, {**told, "colour": colours.colour}
+    for kind, value in UNITS.items():
         if store.path(kind, f"{method}.npy").exists():
-            yield kind, np.asarray(store.read_array(kind, f"{method}.npy"), np.float32)
+            yield kind, np.asarray(store.read_array(kind, f"{method}.npy"), np.float32), {"value": value}
 
 
 def _write_surface(
@@ -123,7 +109,7 @@ def _write_surface(
     from compare.report.pictures import PixelBox
     from formats.map_tiff import write_map
     from formats.meshes.glb_files import textured, write_glb
-    from formats.picture_files import srgb_from_linear, write_exr
+    from formats.picture_files import srgb_from_linear
     from solve.surface.solved_surface import solved_surface
 
     store = job.store
@@ -148,9 +134,6 @@ def _write_surface(
         depth = store.path(FOLDER, f"depth_{found.method}.tif")
         size_mm, z_mm = pixel_mm and pixel_mm * found.step, found.surface.z_mm.astype(np.float32)
         written += write_map(depth, z_mm, told, size_mm)
-        if job.settings.exr:
-            written.append(depth.with_suffix(".exr"))
-            write_exr(written[-1], z_mm)
     torn = found.surface.torn_share()
     facts = {"method": found.method, "scale": found.scale, "vertices": len(mesh.vertices), "torn_share": torn}
     return {**facts, "every_nth_pixel": found.step}

@@ -62,7 +62,7 @@ def open_job(
     with (
         open_record(folder, origin=origin_of(session, place), inputs=files, input_folders=[session.folder]) as record,
         logged(record),
-        executor_of(scheduler, record.scratch("cluster"), files) as executor,
+        executor_of(scheduler, record.scratch("cluster")) as executor,
     ):
         note_session(record, place)
         if is_output(session_path):
@@ -78,7 +78,6 @@ def run_session(
     wanted: str,
     *,
     shown: Callable[["Job", dict[str, Any]], None] | None = None,
-    written: Path | None = None,
     **how: Any,
 ) -> dict[str, Any]:
     """Run one verb with all that it needs, and return the summary (summary.json).
@@ -89,8 +88,6 @@ def run_session(
         The last step to run, a key of `lab.plan.STEPS`.
     shown : callable, optional
         Takes the job and the summary, and tells people, while the run's log is open.
-    written : Path, optional
-        A file that will be written afterwards: refused at once where another's stands there.
     session_path, **how
         As in `open_job`.
     """
@@ -98,8 +95,6 @@ def run_session(
     from lab.plan import STEPS
 
     with open_job(session_path, **how) as job:
-        if written:
-            job.record.check_free(written)
         for step in job.wanted(wanted):
             job.run(STEPS, step)
         # The frames are in the store.

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from lab.job import Job, Outcome
-from lab.progress import alive, progress_bar
+from lab.progress import progress_bar
 from lab.registration import frame_files, median_or_none, register_scan
 from scene.camera import Camera
 from scene.errors import AlignError, CalibrationError, SceneError, SessionError
@@ -17,7 +17,6 @@ from scene.spheres import Sphere
 from scene.store import Store
 
 
-@alive("check")
 def check(job: Job) -> Outcome:
     """Decode the frames and audit the capture."""
     from capture.camera.colour_chart import camera_colours
@@ -52,7 +51,6 @@ def _check_scale(job: Job, camera: Camera) -> None:
         )
 
 
-@alive("calibrate")
 def calibrate(job: Job) -> Outcome:
     """Find the balls and the lights."""
     from calibrate.calibrate import calibrate as find_lights
@@ -133,7 +131,6 @@ def _lights_from_normals(job: Job, frames: Frames, camera: Camera, without: str)
     return Calibration([], lights, shown, (), evidence, (f"lights from object.normals: {without}", *warnings))
 
 
-@alive("align")
 def align(job: Job) -> Outcome:
     """Find the object; register the scan; write the ground truth."""
     from align.mask.object_mask import find_object
@@ -177,7 +174,6 @@ def align(job: Job) -> Outcome:
     return Outcome({"truth": result}, warnings)
 
 
-@alive("solve")
 def solve(job: Job) -> Outcome:
     """Recover normals and albedo by every method asked for."""
     from solve.frames_at_odds import at_odds
@@ -229,7 +225,6 @@ def solve_all(job: Job, store: Store, label: str, methods: Sequence[str]) -> tup
     return {"methods": table}, warnings, lights
 
 
-@alive("trust")
 def trust(job: Job) -> Outcome:
     """Find which method predicts frames best that it is not given, and how far the others are from it."""
     from solve.frame_intensities import corrected
@@ -257,7 +252,6 @@ def trust(job: Job) -> Outcome:
     return Outcome(result, list(found.doubts))
 
 
-@alive("compare")
 def compare(job: Job) -> Outcome:
     """Compare every method with the truth, real and twin."""
     from compare.compare import compare as judge

@@ -2,7 +2,6 @@
 
 from dataclasses import asdict
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 from lab.job import Job
@@ -14,7 +13,6 @@ from scene.store import Store
 
 TWIN_TIME = "twin_processor_seconds"
 """Of a method, in `solve.methods`."""
-LIGHTS_TABLE, ERRORS_TABLE = "lights.csv", "statistics.csv"
 
 
 def write_summary(job: Job, up_to: str) -> dict[str, Any]:
@@ -59,23 +57,17 @@ def write_summary(job: Job, up_to: str) -> dict[str, Any]:
     if truth_check:
         summary["truth_check"] = truth_check
     write_json(job.store.path("summary.json"), summary)
-    write_tables(job.store, job.store.folder, compared)
+    write_tables(job.store, compared)
     return job.store.read_json("summary.json")
 
 
-def write_tables(store: Store, folder: Path, compared: dict[str, Any]) -> list[Path]:
-    """Write an output folder's lights and errors as tables into a folder: lights.csv, statistics.csv; return these.
-
-    A table of what is not there, or no longer, is removed.
-    """
+def write_tables(store: Store, compared: dict[str, Any]) -> None:
+    """Write lights.csv and statistics.csv; a table of what is not there, or no longer, is removed."""
     from compare.statistics.statistics import statistics_rows
 
     lights = store.load_lights().rows() if store.path("lights.json").exists() else []
-    written = []
-    for name, rows in ((LIGHTS_TABLE, lights), (ERRORS_TABLE, statistics_rows(compared))):
+    for name, rows in (("lights.csv", lights), ("statistics.csv", statistics_rows(compared))):
         if rows:
-            write_text(folder / name, csv_text(rows))
-            written.append(folder / name)
+            write_text(store.path(name), csv_text(rows))
         else:
-            remove(folder / name)
-    return written
+            remove(store.path(name))

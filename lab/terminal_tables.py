@@ -4,9 +4,12 @@ A form, "{residual_px:2px}", is filled in with a row's values by `draw.readable`
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from io import StringIO
 from typing import Any
 
 from draw.readable import Readable
+from lab.progress import is_quiet
+from lab.run_log import log
 
 
 def filled(form: str, values: Mapping[str, Any]) -> str:
@@ -51,3 +54,15 @@ def fact_table(title: str, lines: Mapping[str, str], values: Mapping[str, Any] |
         if (text := form if values is None else filled(form, values)) != "–":
             table.add_row(what, Text(text))
     return table
+
+
+def show(*tables: Any, hidden: bool = False) -> None:
+    """Print tables on standard output, unless they are hidden or only warnings are wanted, and into the run's log."""
+    from rich.console import Console
+
+    # Numbers in texts are no more important than the words.
+    console = Console(file=StringIO() if hidden or is_quiet() else None, highlight=False, record=True)
+    for table in tables:
+        console.print(table)
+        console.print()
+    log(console.export_text())

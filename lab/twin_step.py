@@ -5,13 +5,12 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from lab.job import Job, Outcome
-from lab.progress import alive, progress_bar, say
+from lab.progress import progress_bar, say
 from lab.steps import solve_all
 from scene.errors import RenderError
 from scene.store import Store
 
 
-@alive("twin")
 def twin(job: Job) -> Outcome:
     """Render the registered scan under the calibrated lights, and solve the rendering too."""
     store = job.store

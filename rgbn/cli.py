@@ -10,13 +10,13 @@ from cyclopts import App, Group, Parameter
 from cyclopts.validators import Number
 
 from experiments.commands import dataset, sweep
-from lab.options import AS_BEFORE, SHADED, SessionSolving, Settings
-from lab.progress import check_words, is_quiet, keep_quiet, log_to, open_streams, say
+from lab.options import AS_BEFORE, SHADED, Settings
+from lab.progress import check_words, is_quiet, keep_logs, keep_quiet, open_streams, say
 from lab.run import is_description, run_session
 from lab.session_place import is_output
 from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
-from rgbn.export_command import BASE_URL, FORMATS, check_mesh_name, export_session, write_surface
+from rgbn.export_command import BASE_URL, FORMATS, export_session
 from rgbn.shoot_commands import init, plan, watch
 from studio.studio_command import studio
 
@@ -62,30 +62,23 @@ class Place:
 BY_NAME = Place()
 
 
-def _run(
-    session: Path, wanted: str, place: Place, *, whole: bool = False, mesh: Path | None = None, **how: Any
-) -> None:
-    """Run a verb on a session, tell what came out, and write the surface where one is asked for."""
+def _run(session: Path, wanted: str, place: Place, *, whole: bool = False, **how: Any) -> None:
+    """Run a verb on a session, and tell what came out."""
     from rgbn.step_tables import tell
 
     def shown(job: Any, summary: dict[str, Any]) -> None:
         tell(job, summary, verb=wanted, as_json=place.json, whole=whole)
-        if mesh:
-            write_surface(job, mesh)
 
-    run_session(session, wanted, shown=shown, written=mesh, out=place.out, **how)
+    run_session(session, wanted, shown=shown, out=place.out, **how)
 
 
 @app.meta.default
 def _start(
     *words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
     quiet: Annotated[bool, Parameter(alias="-q", help="Say only warnings and errors.", negative="")] = False,
-    verbose: Annotated[
-        bool, Parameter(alias="-v", help="Also say which steps are current, and what the libraries log.", negative="")
-    ] = False,
 ) -> Any:
     keep_quiet(quiet)
-    log_to(verbose=verbose)
+    keep_logs()
     return app(words)
 
 
@@ -162,14 +155,11 @@ def solve(
     /,
     *,
     place: Place = BY_NAME,
-    said: SessionSolving = AS_BEFORE,
-    mesh: Annotated[Path | None, Parameter(help="Also write the surface as this .ply, in mm.")] = None,
+    said: Settings = AS_BEFORE,
     scheduler: Scheduler = None,
 ) -> None:
     """Recover normals and albedo by photometric stereo."""
-    if mesh:
-        check_mesh_name(mesh)
-    _run(session, "solve", place, said=said, scheduler=scheduler, mesh=mesh)
+    _run(session, "solve", place, said=said, scheduler=scheduler)
 
 
 @app.command(sort_key=7)
@@ -222,10 +212,10 @@ def export(
         str,
         Parameter(
             alias="-f",
-            help=f"Formats, with commas: {', '.join(FORMATS)}; or all, which is every format of lights. "
-            "csv: tables of lights and errors. mat: for near_ps. meshroom: photographs and camera as SfMData, with "
-            "AliceVision's lights. relight: one picture for OpenLIME and RelightLab. heritage: a bag for an archive, "
-            "with a IIIF manifest. mitsuba: the twin's scene.",
+            help=f"Formats, with commas: {', '.join(FORMATS)}. mat: for near_ps. "
+            "meshroom: photographs and camera as SfMData, with AliceVision's lights. relight: "
+            "one picture for OpenLIME and RelightLab. heritage: a bag for an archive, with a IIIF manifest. "
+            "mitsuba: the twin's scene.",
         ),
     ],
     out: Out = None,
@@ -233,7 +223,7 @@ def export(
     base_url: Annotated[
         str, Parameter(help="Address at which data/ of heritage will be served. Its IIIF ids begin with it.")
     ] = (BASE_URL),
-    said: SessionSolving = AS_BEFORE,
+    said: Settings = AS_BEFORE,
 ) -> None:
     """Write lights, a relightable picture or the twin's scene for another program."""
     paths, notes = export_session(session, format, out, sfm, base_url, said)
@@ -252,15 +242,15 @@ def rig(
 ) -> None:
     """Pool the lights of a fixed set-up from several sessions. The file serves sessions without balls."""
     from calibrate.known_lights.rig import rig as pool
-    from rgbn.step_tables import light_table, print_tables
+    from lab.terminal_tables import show
+    from rgbn.step_tables import light_table
 
     found = pool(folders)
     found.write(out)
     counts = [f"{count} {what}{'s' * (count != 1)}" for count, what in (
         (len(found.lights), f"{found.lights.model} lamp"), (len(found.sessions), "session"))]  # fmt: skip
     title = f"rig: {counts[0]}, of {counts[1]}"
-    if not is_quiet():
-        print_tables([light_table(title, found.lights, str(out))])
+    show(light_table(title, found.lights))
     for text in found.warnings:
         say(f"warning: {text}", always=True)
     file = json.dumps(str(out.resolve()), ensure_ascii=False)

@@ -1,6 +1,5 @@
 """Whether this machine can run rgbn, and what would make it faster: a line a check."""
 
-import logging
 import os
 import shutil
 from pathlib import Path
@@ -10,7 +9,6 @@ from lab.progress import is_quiet
 from scene.current import libraries
 from scene.errors import SceneError
 
-LOG = logging.getLogger("rgbn")
 DISK_GB, MEMORY_GB = 25, 4
 """What a session of 60 frames of 24 megapixels takes, with its twin."""
 
@@ -25,9 +23,8 @@ class Finding(NamedTuple):
 
 def examine() -> list[Finding]:
     """Return what was found; what is most often missing, the ray caster and the renderer, is really tried."""
-    tried = {"packages": _packages, "photographs": _raw, "ray casting": _rays, "renderer": _renderer}
     found = []
-    for what, look in tried.items():
+    for what, look in (("packages", _packages), ("renderer", _renderer)):
         try:
             mark, text = look()
         except Exception as error:
@@ -59,21 +56,13 @@ def _packages() -> tuple[str, str]:
     found = libraries()
     if missing := [name for name, version in found.items() if version == "absent"]:
         return "X", f"not installed: {', '.join(missing)}. Run: make setup"
-    LOG.info(", ".join(f"{name} {version}" for name, version in found.items()))
-    return "ok", f"rgbn {found['rgbn']} on Python {found['python']}, {len(found) - 2} libraries"
-
-
-def _raw() -> tuple[str, str]:
     import rawpy
 
-    return "ok", f"LibRaw {'.'.join(map(str, rawpy.libraw_version))} reads raw files"
-
-
-def _rays() -> tuple[str, str]:
     from scene.rays import import_open3d
 
     import_open3d()
-    return "ok", "open3d imports"
+    raw = ".".join(map(str, rawpy.libraw_version))
+    return "ok", f"rgbn {found['rgbn']} on Python {found['python']}, {len(found) - 2} libraries, LibRaw {raw}"
 
 
 def _renderer() -> tuple[str, str]:
@@ -89,8 +78,7 @@ def _machine() -> list[Finding]:
     small = "" if memory >= MEMORY_GB else f"; large sessions want {MEMORY_GB} GB: use half = true under [frames]"
     free = shutil.disk_usage(here).free / 1e9
     room = f"{free:.0f} GB free here; a session of 60 x 24 MP takes about 11 GB, with its twin {DISK_GB} GB"
-    found = [Finding("!" if small else "ok", "machine", text + small)]
-    found.append(Finding("ok" if free > DISK_GB else "!", "disk", room))
-    if os.access(here, os.W_OK):
-        return [*found, Finding("ok", "this folder", "can be written: output goes to out/NAME here")]
-    return [*found, Finding("!", "this folder", f"{here} cannot be written: name an output folder, --out DIR")]
+    return [
+        Finding("!" if small else "ok", "machine", text + small),
+        Finding("ok" if free > DISK_GB else "!", "disk", room),
+    ]

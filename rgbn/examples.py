@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import tempfile
 from pathlib import Path
 
 from scene.errors import SceneError
@@ -53,14 +52,10 @@ def example(name: str, folder: str | Path | None = None) -> Path:
     if os.path.lexists(place) and not (place.is_dir() and not any(place.iterdir())):
         raise SceneError(f"{place}: is there already, and is no empty folder. Name another one for the example.")
     try:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=place.parent, prefix=".example-") as unfinished:
-            made = Path(unfinished) / "session"
-            # Files alone: an installed package may be read-only, and its modes are not the user's.
-            left_out = shutil.ignore_patterns(*EXAMPLES[name][0])
-            shutil.copytree(fixture_folder(), made, copy_function=shutil.copyfile, ignore=left_out)
-            made.chmod(0o755)
-            made.rename(place)
+        # Files alone: an installed package may be read-only, and its modes are not the user's.
+        left_out = shutil.ignore_patterns(*EXAMPLES[name][0])
+        shutil.copytree(fixture_folder(), place, copy_function=shutil.copyfile, ignore=left_out, dirs_exist_ok=True)
+        place.chmod(0o755)
     except OSError as error:
         raise SceneError(f"{place}: the example cannot be written ({error.strerror}). Name another folder.") from error
     return place

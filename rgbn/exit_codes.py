@@ -1,6 +1,7 @@
 """How the command line ends: 0 done, 2 the input is at fault, 130 stopped by Ctrl-C, 1 our fault."""
 
 import contextlib
+import errno
 import os
 import sys
 import traceback
@@ -32,6 +33,9 @@ def end_by(error: BaseException) -> NoReturn:
     if isinstance(error, BrokenPipeError):
         # The reader of a pipe went away (`rgbn ... | head`): not our fault, and nothing to say.
         _leave(0)
+    if isinstance(error, OSError) and error.errno == errno.ENOSPC and error.filename is None:
+        say(f"rgbn: standard output cannot be written ({error.strerror}). Give it another place.", always=True)
+        _end(2)
     say("".join(traceback.format_exception(error)), always=True)
     say("rgbn: this is a fault of rgbn, not of your input. Please report it with the lines above.", always=True)
     _end(1)
@@ -53,7 +57,7 @@ def _end(code: int) -> NoReturn:
     try:
         sys.stdout.flush()
         sys.stderr.flush()
-    except (OSError, SceneError):
+    except OSError:
         _leave(code)
     raise SystemExit(code) from None
 

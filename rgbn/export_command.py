@@ -1,7 +1,4 @@
-"""What a session gives to other programs: lights, photographs, tables, the twin's scene, the surface.
-
-`rgbn export --format`, and `rgbn solve --mesh`.
-"""
+"""`rgbn export --format`: what a session gives to other programs: lights, photographs, the twin's scene."""
 
 import re
 from pathlib import Path
@@ -15,17 +12,12 @@ if TYPE_CHECKING:
     from lab.job import Job
     from twin.description.description import TwinScene
 
-LIGHTS = ("alicevision", "csv", "diligent", "dome", "lp", "mat")
-"""What `all` writes: the formats of `formats.light_files`, and tables. Here they are known without loading anything."""
+LIGHTS = ("alicevision", "diligent", "dome", "lp", "mat")
+"""The formats of `formats.light_files`: here they are known without loading anything."""
 SCENE = "mitsuba"
 HERITAGE, BASE_URL = "heritage", "http://localhost:8000"
 """The address: that of `python -m http.server`."""
 FORMATS = (*LIGHTS, "meshroom", "relight", HERITAGE, SCENE)
-
-
-def formats_of(text: str) -> tuple[str, ...]:
-    """Return the formats that a command line names; raise SceneError for one that there is not."""
-    return LIGHTS if text.strip().casefold() == "all" else named("--format", text, (*FORMATS, "all"))
 
 
 def export_session(
@@ -38,7 +30,7 @@ def export_session(
     source : Path
         A session, its output folder, or for `mitsuba` alone a scene description.
     text : str
-        Formats with commas, or `all`.
+        Formats with commas.
     out : Path or None
     sfm : Path or None
         AliceVision's .sfm of the photographs.
@@ -56,10 +48,9 @@ def export_session(
     Raises
     ------
     SceneError
-        Unknown format, or one that cannot hold these lights (of `all` such a one is left out with a note) or this
-        scene; a session without a scan has none.
+        Unknown format, or one that cannot hold these lights or this scene; a session without a scan has none.
     """
-    names, paths, notes = formats_of(text), [], []
+    names, paths, notes = named("--format", text, FORMATS), [], []
     if not re.fullmatch(r"https?://[^\s/?#]+(/[^\s?#]*)?", base_url):
         raise SceneError(
             f"--base-url {base_url}: expected a whole address, such as {BASE_URL}: IIIF asks for such ids."
@@ -72,7 +63,7 @@ def export_session(
                 # First: it may take steps that remove what the others wrote.
                 lights.remove(HERITAGE)
                 paths, notes = export_heritage(job, base_url.rstrip("/"))
-            made, more = _lights(job, lights, sfm, left_out=text.strip().casefold() == "all")
+            made, more = _lights(job, lights, sfm)
             paths, notes = [*paths, *made], [*notes, *more]
     if SCENE in names:
         made, more = _scene(source, out, said)
@@ -80,11 +71,10 @@ def export_session(
     return paths, notes
 
 
-def _lights(job: "Job", names: list[str], sfm: Path | None, *, left_out: bool) -> tuple[list[Path], list[str]]:
+def _lights(job: "Job", names: list[str], sfm: Path | None) -> tuple[list[Path], list[str]]:
     from formats.light_files.light_formats import export_lights
     from formats.sfm_data import write_sfm
     from lab.plan import EXPORTED, STEPS
-    from lab.summary import write_tables
     from rgbn.relight_export import export_relight
 
     job.run(STEPS, "calibrate")
@@ -95,25 +85,17 @@ def _lights(job: "Job", names: list[str], sfm: Path | None, *, left_out: bool) -
     paths, notes = [], []
     for name in names:
         with job.record.part_of(EXPORTED):
-            try:
-                if name == "csv":
-                    compared = job.done.get("compare", {}).get("result", {})
-                    made, more = write_tables(store, folder, compared), []
-                elif name == "relight":
-                    made, more = export_relight(store, job.session.name)
-                else:
-                    if lights.is_unknown:
-                        lights.check()
-                    views, said = sfm, []
-                    if name == "meshroom":
-                        name, views = "alicevision", folder / "cameras.sfm"
-                        said = write_sfm(views, camera, [path.resolve() for path in job.session.flash])
-                    made, more = export_lights(folder, name, lights, camera, files=files, sfm=views)
-                    made, more = [*made, *([views] if said else [])], [*said, *more]
-            except SceneError as error:
-                if not left_out:
-                    raise
-                made, more = [], [f"left out: {error}"]
+            if name == "relight":
+                made, more = export_relight(store, job.session.name)
+            else:
+                if lights.is_unknown:
+                    lights.check()
+                views, said = sfm, []
+                if name == "meshroom":
+                    name, views = "alicevision", folder / "cameras.sfm"
+                    said = write_sfm(views, camera, [path.resolve() for path in job.session.flash])
+                made, more = export_lights(folder, name, lights, camera, files=files, sfm=views)
+                made, more = [*made, *([views] if said else [])], [*said, *more]
         paths += made
         notes += more
     return paths, notes
@@ -160,23 +142,3 @@ def _written(scene: "TwinScene", folder: Path) -> tuple[list[Path], list[str]]:
     first = scene.lights.names[0]
     command = f"mitsuba -m llvm_ad_rgb -D light={first} -o {first}.exr {made[0]}"
     return [made[0]], [*notes, f"{len(scene.lights)} lights, one at a time: {command}"]
-
-
-def check_mesh_name(path: Path) -> None:
-    """Raise SceneError where a path is not the name of a PLY."""
-    if path.suffix.lower() != ".ply":
-        raise SceneError(f"--mesh {path}: meshes are written as PLY; give a name that ends in .ply.")
-
-
-def write_surface(job: "Job", path: Path) -> None:
-    """Write a solved session's surface: of the first method that found its depth, else of the first, integrated.
-
-    Raises SceneError: no pixel has a normal, another's file stands there, or it cannot be written.
-    """
-    from lab.progress import say
-    from solve.surface.solved_surface import solved_surface
-
-    found = solved_surface(job.store, job.methods)
-    mesh = found.mesh()
-    mesh.write(path)
-    say(f"mesh: {path}, {found.method}, {len(mesh.vertices)} vertices, {len(mesh.faces)} faces; {found.scale}")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from lab.options import Settings, Solving, TwinSettings
 from lab.session_place import origin_of, session_and_out
 from scene.errors import SceneError
+from scene.method_names import METHODS
 from scene.output_folder import open_record, read_record
 from scene.store import Store
 
@@ -266,15 +267,10 @@ class Session:
         return Settings() if record is None else Settings.of(record)
 
     def _with(self, given: Method, twin: TwinSettings | None = None) -> Settings:
-        """Return what is said: methods beside those whose results are there."""
-        kept, programs = self._kept, self._kept.programs()
-        # Another program stays with the session without being asked for again.
-        asked = given if isinstance(given, Solving) else Solving(None if given in programs else given)
-        if asked.external is not None:
-            before = {text.partition("=")[0].strip(): text for text in (*(kept.external or ()), *asked.external)}
-            asked = replace(asked, external=tuple(before.values()))
+        """Return what is said: methods beside those whose results are there; another program stays with the folder."""
+        asked = given if isinstance(given, Solving) else Solving(None if given in self._kept.programs() else given)
         if asked.method is not None:
-            there = [name for name in self.methods if name not in programs and not name[:1].isupper()]
+            there = [name for name in self.methods if name in METHODS]
             asked = replace(asked, method=",".join(dict.fromkeys([*there, *asked.methods()])))
         return self._said.but(asked, twin)
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -23,7 +23,7 @@ PLOTTED_WIDTH = 900
 """Pixels of a photograph in a notebook."""
 
 
-class Table(tuple[T, ...]):
+class Table(list[T]):
     """Results that a person at a prompt or in a notebook sees as a table.
 
     Parameters
@@ -38,21 +38,16 @@ class Table(tuple[T, ...]):
         Returns the figure that `plot` gives.
     """
 
-    caption: str
-    _rows: list[dict[str, Any]]
-    _draw: "Callable[[], Drawing | None] | None"
-
-    def __new__(
-        cls,
+    def __init__(
+        self,
         items: Iterable[T],
         caption: str,
         rows: list[dict[str, Any]] | None = None,
         draw: "Callable[[], Drawing | None] | None" = None,
-    ) -> Self:
-        found = super().__new__(cls, items)
-        found.caption, found._draw = caption, draw
-        found._rows = list(found) if rows is None else rows  # type: ignore[assignment]
-        return found
+    ) -> None:
+        super().__init__(items)
+        self.caption, self._draw = caption, draw
+        self._rows: Any = list(self) if rows is None else rows
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the rows, each a dict of plain values; the units are in the names."""

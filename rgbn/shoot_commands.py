@@ -2,12 +2,12 @@
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-from lab.progress import is_quiet
+from lab.progress import is_quiet, say
 from shoot.init.answers import Answers
 from shoot.plan.plan_options import AS_USUAL, PlanOptions
 
@@ -43,10 +43,10 @@ def init(
 
 def _show(draft: "Draft") -> None:
     """Print what was found, and what was assumed."""
-    from lab.terminal_tables import fact_table
+    from lab.terminal_tables import fact_table, show
     from shoot.init.session_text import facts_of, notes_of
 
-    _print(fact_table(f"{draft.folder}", dict(facts_of(draft))))
+    show(fact_table(f"{draft.folder}", dict(facts_of(draft))))
     for note in notes_of(draft):
         print(f"note: {note}")
 
@@ -79,19 +79,17 @@ def plan(
         return
     if is_quiet():
         return
-    from lab.terminal_tables import number_table
+    from lab.terminal_tables import number_table, show
     from shoot.plan.plan_page import BALLS, FLASHES, answer_of, lights_of
 
-    _print(number_table("flashes, the most useful first", FLASHES, facts["flashes"]))
+    tables = [number_table("flashes, the most useful first", FLASHES, facts["flashes"])]
     if facts["balls"]:
-        _print(number_table("balls, from the object's middle", BALLS, facts["balls"]))
-    _print(lights_of(facts))
+        tables.append(number_table("balls, from the object's middle", BALLS, facts["balls"]))
+    show(*tables, lights_of(facts), answer_of(facts))
     for name in ("plan.html", "plan.json"):
-        # As they are, to be copied: a long path is not wrapped.
         print(f"written  {Path(facts['folder']) / name}")
-    _print(answer_of(facts))
     for text in facts["warnings"]:
-        _print(f"warning: {text}", style="yellow")
+        say(f"warning: {text}", always=True)
 
 
 def watch(
@@ -117,10 +115,3 @@ def watch(
     from shoot.watch.watch_folder import watch_folder
 
     watch_folder(folder, out, told, until_idle_s=until_idle, wanted_deg=wanted_deg)
-
-
-def _print(shown: Any, **how: Any) -> None:
-    """Print for people: in colour on a terminal, rows as wide as it."""
-    from rich.console import Console
-
-    Console().print(shown, **how)

@@ -5,7 +5,6 @@ import math
 import os
 import shlex
 from collections.abc import Callable, Iterator, Mapping
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -17,38 +16,20 @@ from compare.report.page import plain
 from compare.report.verdict import trust_sentence, verdict
 from draw.readable import Readable, readable, share
 from lab.job import Job
-from lab.progress import is_quiet, say
-from lab.run_log import log
-from lab.terminal_tables import fact_table, number_table
+from lab.progress import say
+from lab.terminal_tables import fact_table, number_table, show
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.store import Store
 
 Values = Mapping[str, Any]
-LOG_COLUMNS = 110
-FEW_LIGHTS = 6  # too few for a relightable picture
 OWN = {"solve": ("solve", "trust")}
 """Of a verb, the steps whose findings it shows, where these are more than its own."""
-SOUGHT = (
-    "report.html",
-    "report.pdf",
-    "results",
-    "lights.json",
-    "lights.csv",
-    "spheres.json",
-    "pose.json",
-    "normals",
-    "twin",
-    "statistics.csv",
-)
-"""What people look for first in an output folder."""
 NEXT = {
     "check": "rgbn calibrate {0}", "calibrate": "rgbn align {0}",
     "align": "rgbn solve {0}", "solve": "rgbn twin {0}", "twin": "rgbn compare {0}",
     "compare": "look at {0}/report.html; rgbn studio {0}",
 }  # fmt: skip
-MOST, WORST = 24, 12
-"""More lights are not all listed, but so many: those that are flagged, then the least certain."""
 LIGHTS = {
     "frame\n": "{name}", "elevation\ndeg": "{elevation_deg:1}", "azimuth\ndeg": "{azimuth_deg:1}",
     "distance\nmm": "{distance_mm:0}", "intensity\nmean 1": "{intensity:3}",
@@ -82,7 +63,8 @@ ALIGN = {
     "scan": "{scan}",
     "residual": "{residual_px:2} px, of the outline",
     "pose, sigma": "{sigma_mm:2} mm, {sigma_deg:2} deg",
-    "object": "{size}",
+    "object": "{size_mm[0]:1} x {size_mm[1]:1} x {size_mm[2]:1} mm, along the scan's axes",
+    "scan's unit": "{mm_per_unit:g} mm",
     "distance": "{distance_mm:0} mm from the camera",
     "true normals": "sigma {truth_sigma_deg_median:2} deg (median)",
 }
@@ -136,35 +118,26 @@ def calibrate_tables(job: Job, summary: Values) -> Iterator[Any]:
         return
     # `align` moves them.
     seen = "the object" if "align" in job.done else "amid the balls"
-    yield light_table(f"calibrate: {len(lights)} {lights.model} lights, seen from {seen}", lights, "lights.csv")
+    yield light_table(f"calibrate: {len(lights)} {lights.model} lights, seen from {seen}", lights)
     if store.path("spheres.json").exists() and (spheres := store.load_spheres()):
         from rgbn.result_tables import ball_rows
 
         yield number_table("calibrate: balls", BALLS, ball_rows(spheres, store.load_camera()))
 
 
-def light_table(title: str, lights: Lights, file: str) -> Any:
-    """Return the table of lights whose directions are known; `file` has them all."""
+def light_table(title: str, lights: Lights) -> Any:
+    """Return the table of lights whose directions are known."""
     rows = [
         row | {"intensity": float(level)} for row, level in zip(lights.rows(), lights.intensities.mean(1), strict=True)
     ]
-    shown, caption = rows, "elevation 90: on the camera's axis; azimuth 0: right, 90: up"
-    if len(rows) > MOST:
-        shown = sorted(rows, key=_doubt, reverse=True)[:WORST]
-        caption = f"the worst {WORST}; {len(rows) - WORST} more in {file}; {caption}"
-    sigmas = lights.direction_sigma_deg
+    caption, sigmas = "elevation 90: on the camera's axis; azimuth 0: right, 90: up", lights.direction_sigma_deg
     if np.isfinite(sigmas).any():
         worst = lights.names[int(np.nanargmax(sigmas))]
         caption = (
             f"sigma {readable(float(np.nanmedian(sigmas)))} deg (median), {readable(float(np.nanmax(sigmas)))} deg at "
             f"worst ({worst}); {caption}"
         )
-    return number_table(title, LIGHTS, shown, caption)
-
-
-def _doubt(row: Values) -> tuple[bool, float]:
-    sigma = row["direction_sigma_deg"]
-    return bool(row["flags"]), np.inf if sigma is None else sigma
+    return number_table(title, LIGHTS, rows, caption)
 
 
 def align_tables(job: Job, summary: Values) -> Iterator[Any]:
@@ -174,18 +147,7 @@ def align_tables(job: Job, summary: Values) -> Iterator[Any]:
         known = "given normals" if session.normals else "none: the session names no scan and no normals"
         yield fact_table("align", {"ground truth": known})
         return
-    size = _size(found["size_mm"], found["mm_per_unit"], session.scan_unit)
-    yield fact_table("align", ALIGN, found | {"scan": session.scan.name, "size": size})
-
-
-def _size(size_mm: list[float], mm_per_unit: float | None, unit: str) -> str:
-    """Return the object's size as registered, and in the numbers of the scan's file."""
-    text = f"{' x '.join(f'{side:.1f}' for side in size_mm)} mm, along the scan's axes"
-    if unit == "mm" or not mm_per_unit:
-        return text
-    file = " x ".join(f"{side / mm_per_unit:.4g}" for side in size_mm)
-    said = "of unknown unit" if unit == "unknown" else unit
-    return f"{text}; {file} {said} in the file (1 = {mm_per_unit:.6g} mm)"
+    yield fact_table("align", ALIGN, found | {"scan": session.scan.name})
 
 
 def solve_tables(job: Job, summary: Values) -> Iterator[Any]:
@@ -253,47 +215,18 @@ def tell(job: Job, summary: dict[str, Any], *, verb: str, as_json: bool = False,
     """
     steps = list(TABLES) if whole else OWN.get(verb, (verb,))
     tables = [table for step in steps for table in TABLES[step](job, summary)]
-    tables.append(fact_table("", _places(job, verb)))
-    print_tables(tables, StringIO(), LOG_COLUMNS)
+    show(*tables, fact_table("", _places(job, verb)), hidden=as_json)
     if as_json:
         print(json.dumps(summary, indent=1))
         return
-    if not is_quiet():
-        print_tables(tables)
-    before = {*_before(verb), *steps, *job.wanted(verb)}
     for step, text in all_warnings({"warnings": summary["warnings"]}):
-        if step in before:
-            say(f"warning ({step}): {text}", always=True)
-
-
-def print_tables(tables: list[Any], stream: StringIO | None = None, columns: int | None = None) -> None:
-    """Print tables on standard output; with a stream, into the run's log."""
-    from rich.console import Console
-
-    # Numbers in texts are no more important than the words.
-    console = Console(file=stream, width=columns, highlight=False)
-    for table in tables:
-        console.print(table)
-        console.print()
-    if stream:
-        log(stream.getvalue())
-
-
-def _before(verb: str) -> set[str]:
-    """Return a step and all that it needs."""
-    from lab.plan import STEPS
-
-    return {verb}.union(*(_before(need) for need in STEPS[verb].needs))
+        say(f"warning ({step}): {text}", always=True)
 
 
 def _places(job: Job, verb: str) -> dict[str, str]:
     """Return where the results are, by the shorter way from here, and what comes next."""
     folder, here = job.store.folder, Path(os.path.relpath(job.store.folder))
     near = folder if here.parts[:2] == ("..", "..") else here
-    there = [name for name in SOUGHT if (folder / name).exists()]
     has_twin = verb != "solve" or (folder / "pose.json").exists()
     command = NEXT[verb if has_twin else "twin"].format(shlex.quote(str(near)))
-    said = {"written": f"{near}: {', '.join([*there, 'summary.json'])}", "next": command}
-    if verb == "compare" and len(lights := job.store.load_lights()) > FEW_LIGHTS and not lights.is_unknown:
-        said["relight"] = f"rgbn export {shlex.quote(str(near))} --format relight: a page for the web (OpenLIME)"
-    return said
+    return {"written": str(near), "next": command}

@@ -13,9 +13,6 @@ from scene.errors import SceneError
 from scene.origin import NOTE, Origin
 from scene.record import NAME, PLACE, Record
 
-UNUSED = {"lock", "record.new"}
-"""What a run makes first."""
-
 _active: list[Record] = []
 
 
@@ -72,10 +69,9 @@ def open_record(
             yield record
         finally:
             _active.remove(record)
-            # All else is saved already.
+            # How files looked that were read meanwhile; all else is saved already.
             with suppress(SceneError):
-                if record.has_learnt:
-                    record.save()
+                record.save()
 
 
 def own_folder(folder: Path, origin: Origin) -> Path:
@@ -131,18 +127,13 @@ def _check_place(folder: Path, said: Path, input_folders: list[Path]) -> None:
         there = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
     except OSError as error:
         raise _unusable(said, error) from error
-    if there and not (folder / PLACE / NAME).is_file() and not _is_unused(folder, there):
+    # A run that was killed before it had begun leaves the folder of the record alone.
+    if there not in ([], [PLACE]) and not (folder / PLACE / NAME).is_file():
         shown = ", ".join(there[:3]) + (" ..." if len(there) > 3 else "")
         raise SceneError(
             f"--out {said}: is not empty ({shown}), and rgbn did not make it, or an earlier version did: "
             f"it has no record ({PLACE}/{NAME}). Choose a new folder; nothing was written or removed."
         )
-
-
-def _is_unused(folder: Path, there: list[str]) -> bool:
-    """Whether all that a folder holds was left by a run that was killed before it had begun."""
-    place = folder / PLACE
-    return there == [PLACE] and place.is_dir() and not place.is_symlink() and set(os.listdir(place)) <= UNUSED
 
 
 def _refuse_links(folder: Path, said: Path) -> None:

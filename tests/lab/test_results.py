@@ -38,9 +38,7 @@ def sphere():
     return (points - CENTER) / RADIUS, points
 
 
-def made(
-    tmp_path, *, normals="opengl", exr=None, z_mm=-1000.0, done=None, ball=BALL, without=(), deep=(), reflectance=None
-):
+def made(tmp_path, *, normals="opengl", z_mm=-1000.0, done=None, ball=BALL, without=(), deep=(), reflectance=None):
     store, (true, points) = Store(tmp_path), sphere()
     mask, rng = np.isfinite(true[..., 0]), np.random.default_rng(0)
     albedo = np.where(mask[..., None], rng.uniform(0.1, 0.9, (50, 60, 3)), np.nan).astype(np.float32)
@@ -53,7 +51,7 @@ def made(
         maps = {"sigma_deg": sigma, "z_mm": points[..., 2] if name in deep else None}
         store.save_estimate(Estimate(name, found.astype(np.float32), albedo, mask.astype(np.uint16), **maps))
     session = SimpleNamespace(spheres=(SphereSpec("white", reflectance=reflectance),))
-    told = {"settings": Settings(normals=normals, exr=exr), "methods": ("ls", "iterative"), "done": done or {}}
+    told = {"settings": Settings(normals=normals), "methods": ("ls", "iterative"), "done": done or {}}
     job = SimpleNamespace(store=store, session=session, **told)
     return store, results(job), true, points, albedo, sigma
 
@@ -80,22 +78,6 @@ def test_maps_are_read_by_others(tmp_path):
     assert sorted(said.result["files"]) == sorted(
         path.relative_to(tmp_path).as_posix() for path in store.path("results").iterdir()
     )
-
-
-def test_openexr_holds_the_very_values(tmp_path):
-    import mitsuba
-
-    mitsuba.set_variant("scalar_rgb")
-    store, said, true, points, albedo, sigma = made(tmp_path, exr=True, normals="directx", deep=("iterative",))
-    maps = {"normals": true * [1, -1, 1], "albedo": albedo / BALL, "sigma": sigma, "depth": points[..., 2]}
-    assert not {f"results/{kind}_iterative.exr" for kind in maps} - set(said.result["files"])
-    for kind, values in maps.items():
-        read = np.array(mitsuba.Bitmap(str(store.path("results", f"{kind}_iterative.exr"))))
-        assert read.dtype == np.float32
-        np.testing.assert_allclose(read, values, rtol=1e-6, atol=1e-7)
-    assert {path.stem for path in tmp_path.glob("results/*.tif")} == {
-        path.stem for path in tmp_path.glob("results/*.exr")
-    }
 
 
 @pytest.mark.parametrize("flash", [None, 1])

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import logging
 import os
 import signal
 import subprocess
@@ -10,8 +9,6 @@ import sys
 import time
 from html.parser import HTMLParser
 from pathlib import Path
-from threading import Event
-from types import SimpleNamespace
 from urllib.parse import unquote
 
 import pytest
@@ -19,7 +16,6 @@ import pytest
 from lab import many_sessions
 from lab.many_sessions import sessions_below
 from lab.options import AS_BEFORE
-from lab.progress import keep_quiet, log_to
 from lab.run import run_session
 from scene.errors import SceneError
 from scene.files import write_json
@@ -193,21 +189,6 @@ def test_a_session_where_the_list_is_to_be_is_refused(captures, here, run_rgbn, 
     assert f"captures/{name.partition('/')[0]}: a file of the results has that name" in said
     assert here == []
     assert not Path("out").exists()
-
-
-def test_a_warning_names_its_session(captures, monkeypatch, capsys):
-    """What is warned of while a session is at work, which the terminal shows as it comes."""
-    monkeypatch.setattr("lab.run.run_session", lambda *_, **__: logging.getLogger("rgbn").warning("dim"))
-    # As in a process of its own.
-    monkeypatch.setattr("multiprocessing.parent_process", lambda: SimpleNamespace(join=Event().wait))
-    said = []
-    try:
-        many_sessions._work(SimpleNamespace(send=said.append), captures / "a", Path("out"), AS_BEFORE, None)
-    finally:
-        keep_quiet(False)
-        log_to(verbose=False)
-    assert said == [""]
-    assert capsys.readouterr().err == f"{captures / 'a'}: warning: dim\n"
 
 
 def test_a_folder_of_another_keeps_its_results(captures, here, run_rgbn, tmp_path):

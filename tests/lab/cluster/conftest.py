@@ -20,13 +20,8 @@ import os, signal, sys, time
 
 def on_open(word, act):
     count = [0]
-    def is_checked():
-        frame = sys._getframe()
-        while frame and frame.f_code.co_name != "blocks_digest":
-            frame = frame.f_back
-        return frame is not None
     def hear(event, arguments):
-        if event == "open" and word in str(arguments[0]) and not is_checked():
+        if event == "open" and word in str(arguments[0]):
             count[0] += 1
             act(count[0])
     sys.addaudithook(hear)

@@ -11,7 +11,7 @@ import trimesh
 
 from capture.photographs.decode import decode
 from capture.session.session import load_session
-from lab.cluster_unit import LARGE, pack
+from lab.cluster import LARGE, pack
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.mesh import Mesh
