@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.camera.exif import tags_in
 from capture.session.globs import kind_of
 from capture.session.session_types import CaptureSession
 from scene.frames import Frames, gray
@@ -20,7 +21,8 @@ WINDOW_PX = 1024
 
 def encoding_warnings(session: CaptureSession, frames: Frames) -> list[str]:
     """Name what speaks against values being linear."""
-    if session.encoding != "linear" or not _is_of_codes(session, frames):
+    is_of_codes = kind_of(session.flash[0]) == "image" and frames.codes.dtype == np.uint16
+    if session.encoding != "linear" or not is_of_codes:
         return []
     evidence = stated_encoding(session.flash[0])
     # At most 256 different codes: an 8-bit file.
@@ -43,17 +45,6 @@ def encoding_warnings(session: CaptureSession, frames: Frames) -> list[str]:
     return []
 
 
-def _is_of_codes(session: CaptureSession, frames: Frames) -> bool:
-    """Whether the photographs are integers that some program wrote."""
-    return kind_of(session.flash[0]) == "image" and frames.codes.dtype == np.uint16
-
-
-def _middle(frames: Frames) -> tuple[slice, slice]:
-    sizes = [(size, min(size, WINDOW_PX)) for size in (frames.height, frames.width)]
-    rows, columns = (slice((size - part) // 2, (size - part) // 2 + part) for size, part in sizes)
-    return rows, columns
-
-
 def stated_encoding(path: Path) -> str | None:
     """Return what a file itself says of its encoding, in words; None if it says nothing, or says linear."""
     from PIL import Image
@@ -62,7 +53,7 @@ def stated_encoding(path: Path) -> str | None:
         return "a JPEG file, which is sRGB-encoded by standard"
     try:
         with Image.open(path) as image:
-            info, color_space = dict(image.info), image.getexif().get(40961)
+            info, color_space = dict(image.info), tags_in(path).get("ColorSpace")
     except Exception:
         # What it says beside its pixels may be damaged: then it says nothing.
         return None
@@ -92,7 +83,8 @@ def noise_slope(frames: Frames, *, step: float = 0.0) -> tuple[float, float] | N
     import cv2
 
     kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6
-    rows, columns = _middle(frames)
+    sizes = ((size, min(size, WINDOW_PX)) for size in (frames.height, frames.width))
+    rows, columns = (slice((size - part) // 2, (size - part) // 2 + part) for size, part in sizes)
     levels, variances = [], []
     for i in range(0, len(frames), max(1, len(frames) // 8)):
         picture = gray(frames.read(rows, [i], columns=columns, subtract_ambient=False)[0])
