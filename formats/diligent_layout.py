@@ -71,6 +71,12 @@ class DiligentFolder:
         self.faults.append(f"{name}: missing{words}")
         return True
 
+    def tell(self, name: str, which: Any, words: str) -> bool:
+        """Whether something is wrong with these of a file's parts: one fault more."""
+        if len(which):
+            self.faults.append(f"{name}: {listed(which)} {'is' if len(which) == 1 else 'are'} {words}")
+        return len(which) > 0
+
     def read(self, reader: Callable[..., Any], name: str, *more: Any) -> Any:
         """Return what a reader makes of a file; None, and one fault more, where it cannot."""
         try:
@@ -139,25 +145,22 @@ def write_normal_mat(path: Path, normals: NDArray[np.float32]) -> None:
 
 
 def _read_names(found: DiligentFolder) -> None:
-    count = len(list(found.folder.glob("[0-9]*.png")))
-    there = f"the folder has {count} numbered PNGs" if count else "the folder has no numbered PNG"
-    if found.lacks(FILENAMES, f"; {there}. List the photographs there, one a line."):
+    there = sorted(path.name for path in found.folder.glob("[0-9]*.png"))
+    count = f"{len(there)} numbered PNGs" if there else "no numbered PNG"
+    if found.lacks(FILENAMES, f"; the folder has {count}. List the photographs there, one a line."):
         return
     names = found.listed = found.read(names_in, FILENAMES) or []
-    # `Path.is_file` raises where a name is longer than the system allows.
-    absent = [name for name in names if not os.path.isfile(found.folder / name)]
-    twice = sorted({name for name in names if names.count(name) > 1})
     if not names and not found.faults:
         found.faults.append(f"{FILENAMES}: names no file. List the photographs there, one a line.")
-    if absent:
-        found.faults.append(f"{FILENAMES}: {listed(absent)} {_are(absent)} not in the folder. Add, or cross out.")
-    if twice:
-        found.faults.append(f"{FILENAMES}: names {listed(twice)} more than once. One line a photograph.")
-    found.files = [] if absent or twice else names
-    there = {Path(name).name for name in names}
-    spare = [one.name for one in sorted(found.folder.glob("[0-9][0-9][0-9].png")) if one.name not in there]
-    if names and spare:
-        found.notes.append(f"{FILENAMES}: {listed(spare)} {_are(spare)} in the folder but not on the list: left out.")
+    # `Path.is_file` raises where a name is longer than the system allows.
+    absent = [name for name in names if not os.path.isfile(found.folder / name)]
+    is_off = found.tell(FILENAMES, absent, "not in the folder. Add, or cross out.")
+    twice = sorted({name for name in names if names.count(name) > 1})
+    is_off |= found.tell(FILENAMES, twice, "on the list more than once. One line a photograph.")
+    found.files = [] if is_off else names
+    spare = [name for name in there if len(name) == len("001.png") and name not in {Path(name).name for name in names}]
+    for name in spare if names else ():
+        found.notes.append(f"{FILENAMES}: {name} is in the folder but not on the list: left out.")
 
 
 def _read_table(found: DiligentFolder, name: str, *beside: str) -> tuple[Array | None, str]:
@@ -173,10 +176,7 @@ def _read_table(found: DiligentFolder, name: str, *beside: str) -> tuple[Array |
         )
         return None, note
     wrong = [] if table is None else np.flatnonzero(~np.isfinite(table).all(1)) + 1
-    if len(wrong):
-        found.faults.append(f"{name}: row {listed(wrong)} {_are(wrong)} not finite. Give every light its numbers.")
-        return None, note
-    return table, note
+    return None if found.tell(f"{name}, row", wrong, "not finite. Give every light its numbers.") else table, note
 
 
 def _check_directions(found: DiligentFolder) -> None:
@@ -204,8 +204,7 @@ def _check_directions(found: DiligentFolder) -> None:
 
 def _check_intensities(found: DiligentFolder) -> None:
     low = [] if found.intensities is None else np.flatnonzero((found.intensities <= 0).any(1)) + 1
-    if len(low):
-        found.faults.append(f"{INTENSITIES}: row {listed(low)} {_are(low)} not above 0. Give R G B of each light.")
+    if found.tell(f"{INTENSITIES}, row", low, "not above 0. Give R G B of each light."):
         found.intensities = None
 
 
@@ -251,7 +250,3 @@ def _read_normals(found: DiligentFolder) -> None:
     if holes and not name.endswith(".png"):
         found.notes.append(f"{name}: {holes} pixels under the mask are NaN or infinite: no normal.")
     found.normals = np.where(known[..., None], values / np.maximum(length, 1e-9)[..., None], np.nan)
-
-
-def _are(things) -> str:
-    return "is" if len(things) == 1 else "are"

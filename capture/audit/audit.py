@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from capture.audit.camera_settings import gaps_in_numbering, mixed_settings
-from capture.audit.encoding_check import black_warnings, compression_warnings, encoding_warnings
+from capture.audit.encoding_check import encoding_warnings
 from capture.audit.frame_facts import FrameFacts, facts_of, reduced
 from capture.audit.missing_flashes import doubles, misfires
 from capture.audit.movement import movement
@@ -43,18 +43,14 @@ def audit(
     ambient = None if frames.ambient is None else reduced(frames.ambient)
     if ambient is not None:
         light = light - ambient
-    moved = movement_warnings(frames, facts)
     return (
         *mixed_settings(session, exif, ambient_exif),
         *gaps_in_numbering(session),
         *misfires(frames.names, light, ambient),
         *doubles(frames.names, facts, light),
         *blown_warnings(frames.names, facts),
-        *moved,
+        *movement_warnings(frames, facts),
         *encoding_warnings(session, frames),
-        *compression_warnings(session),
-        # What lies elsewhere in other frames is lit there and black here.
-        *(() if moved else black_warnings(session, frames)),
     )
 
 

@@ -1,4 +1,4 @@
-"""Are values that are said to be linear really linear, and whole? What the files and their noise say against it."""
+"""Are values that are said to be linear really linear? What the files and their noise say against it."""
 
 import itertools
 from pathlib import Path
@@ -6,25 +6,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.camera.exif import tags_in
 from capture.session.globs import kind_of
 from capture.session.session_types import CaptureSession
-from scene.frames import PEDESTAL, WHITE, Frames, gray
+from scene.frames import Frames, gray
 
 SLOPE = -0.1
 """Captures known to be linear lie above 0.15, the same ones sRGB-encoded below -0.12 (tests/capture)."""
 STEEPEST = -3.5
 """No encoding makes the slope steeper: then it is something else than noise."""
-GOOD_JPEG = 70
-"""Quality, as libjpeg counts it, from which compression is not worth a word."""
-CUT = 0.01
-"""Share of what is lit in some frame that may be black to the last bit in the median frame: sound files have 0.0005."""
 WINDOW_PX = 1024
 """Side of the middle part that is looked at."""
 
 
 def encoding_warnings(session: CaptureSession, frames: Frames) -> list[str]:
     """Name what speaks against values being linear."""
-    if session.encoding != "linear" or not _is_of_codes(session, frames):
+    is_of_codes = kind_of(session.flash[0]) == "image" and frames.codes.dtype == np.uint16
+    if session.encoding != "linear" or not is_of_codes:
         return []
     evidence = stated_encoding(session.flash[0])
     # At most 256 different codes: an 8-bit file.
@@ -47,54 +45,6 @@ def encoding_warnings(session: CaptureSession, frames: Frames) -> list[str]:
     return []
 
 
-def compression_warnings(session: CaptureSession) -> list[str]:
-    """Name JPEG files whose compression bends more than 8 bits do."""
-    quality = jpeg_quality(session.flash[0])
-    if quality is None or quality >= GOOD_JPEG:
-        return []
-    return [
-        f"{session.flash[0].name}: a JPEG file of quality {quality:.0f} (of 100): blocks and smeared edges move balls "
-        "and highlights, and dark parts are lost. Give the RAW files, or export 16-bit TIFF or PNG."
-    ]
-
-
-def black_warnings(session: CaptureSession, frames: Frames) -> list[str]:
-    """Name files in which too much was taken off as black: shadows without noise, and without bounced light."""
-    import cv2
-
-    if not _is_of_codes(session, frames):
-        return []
-    codes = frames.codes[(slice(None), *_middle(frames))]
-    # Of 8 bits the lowest step alone is so wide.
-    if np.unique(codes[0]).size <= 256:
-        return []
-    lit = np.max([picture.max(-1) for picture in codes], 0) > PEDESTAL + 0.02 * (WHITE - PEDESTAL)
-    if not lit.any():
-        return []
-    around = np.ones((3, 3), np.uint8)
-    black = [cv2.erode((picture.max(-1) <= PEDESTAL).astype(np.uint8), around)[lit].mean() for picture in codes]
-    share = float(np.median(black))
-    if share < CUT:
-        return []
-    return [
-        f"frames: {share:.0%} of what other frames show lit is zero to the last bit, without noise (median frame; "
-        f"expected under {CUT:.0%}). Unless these are renderings without bounced light, the black level that was "
-        "subtracted is too high, and the dark side of every shading is cut off. Export again with the camera's own "
-        "black level, or give the RAW files."
-    ]
-
-
-def _is_of_codes(session: CaptureSession, frames: Frames) -> bool:
-    """Whether the photographs are integers that some program wrote."""
-    return kind_of(session.flash[0]) == "image" and frames.codes.dtype == np.uint16
-
-
-def _middle(frames: Frames) -> tuple[slice, slice]:
-    sizes = [(size, min(size, WINDOW_PX)) for size in (frames.height, frames.width)]
-    rows, columns = (slice((size - part) // 2, (size - part) // 2 + part) for size, part in sizes)
-    return rows, columns
-
-
 def stated_encoding(path: Path) -> str | None:
     """Return what a file itself says of its encoding, in words; None if it says nothing, or says linear."""
     from PIL import Image
@@ -103,7 +53,7 @@ def stated_encoding(path: Path) -> str | None:
         return "a JPEG file, which is sRGB-encoded by standard"
     try:
         with Image.open(path) as image:
-            info, color_space = dict(image.info), image.getexif().get(40961)
+            info, color_space = dict(image.info), tags_in(path).get("ColorSpace")
     except Exception:
         # What it says beside its pixels may be damaged: then it says nothing.
         return None
@@ -113,26 +63,6 @@ def stated_encoding(path: Path) -> str | None:
     if isinstance(gamma, float) and 0.2 < gamma < 0.9:
         return f"the file's gAMA chunk ({gamma})"
     return "EXIF's color space sRGB" if color_space == 1 else None
-
-
-def jpeg_quality(path: Path) -> float | None:
-    """Return a JPEG file's quality, 1 to 100, by its table of the luminance; None of another file.
-
-    libjpeg scales the standard's table, whose mean is 57.6, by 2 - quality / 50 above 50, and by 50 / quality below.
-    """
-    from PIL import Image
-
-    if path.suffix.lower() not in (".jpg", ".jpeg"):
-        return None
-    try:
-        with Image.open(path) as image:
-            table = getattr(image, "quantization", {}).get(0)
-    except (OSError, ValueError, SyntaxError):
-        return None
-    if not table:
-        return None
-    scale = float(np.mean(table)) / 57.6
-    return 100 - 50 * scale if scale < 1 else 50 / scale
 
 
 def speaks_for_gamma(slope: float, sigma: float) -> bool:
@@ -153,7 +83,8 @@ def noise_slope(frames: Frames, *, step: float = 0.0) -> tuple[float, float] | N
     import cv2
 
     kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6
-    rows, columns = _middle(frames)
+    sizes = ((size, min(size, WINDOW_PX)) for size in (frames.height, frames.width))
+    rows, columns = (slice((size - part) // 2, (size - part) // 2 + part) for size, part in sizes)
     levels, variances = [], []
     for i in range(0, len(frames), max(1, len(frames) // 8)):
         picture = gray(frames.read(rows, [i], columns=columns, subtract_ambient=False)[0])

@@ -72,29 +72,24 @@ def doubles(names: tuple[str, ...], facts: list[FrameFacts], light: NDArray) -> 
     """Name frames that are one picture, and frames whose lights are the same; `light` as in `misfires`."""
     import cv2
 
-    warnings = []
-    seen: dict[bytes, str] = {}
-    unique = []
-    for i, fact in enumerate(facts):
-        # Two exposures never agree in the noise of every box.
-        first = seen.setdefault(fact.small.tobytes(), names[i])
-        if first == names[i]:
-            unique.append(i)
-        else:
-            warnings.append(f"{first} and {names[i]} are the same photograph. List one of them under frames.skip.")
     # Further reduced: what is left of the noise must lie far below the threshold.
     scale = min(1.0, 64 / max(light.shape[1:]))
-    tiny = [cv2.resize(light[i], None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA).ravel() for i in unique]
+    tiny = [cv2.resize(one, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA).ravel() for one in light]
     rows = np.array([row / max(float(np.linalg.norm(row)), 1e-12) for row in tiny], np.float64)
     difference = np.sqrt(np.maximum(2 - 2 * rows @ rows.T, 0))
-    grouped: set[int] = set()
-    for a in range(len(unique)):
-        same = [b for b in range(a + 1, len(unique)) if difference[a, b] < SAME_LIGHT and b not in grouped]
-        if same and a not in grouped:
-            grouped.update(same)
-            together = ", ".join(names[unique[b]] for b in (a, *same))
+    left, warnings = list(range(len(names))), []
+    while left:
+        first = left.pop(0)
+        same = [i for i in left if difference[first, i] < SAME_LIGHT]
+        left = [i for i in left if i not in same]
+        # Two exposures never agree in the noise of every box.
+        twins = [i for i in same if np.array_equal(facts[first].small, facts[i].small)]
+        warnings += [
+            f"{names[first]} and {names[i]} are the same photograph. List one of them under frames.skip." for i in twins
+        ]
+        if others := [i for i in same if i not in twins]:
             warnings.append(
-                f"{together}: lit from the same place (the pictures differ by {difference[a, same].max():.2%} after "
-                "scaling). They count as one light."
+                f"{', '.join(names[i] for i in (first, *others))}: lit from the same place (the pictures differ by "
+                f"{difference[first, others].max():.2%} after scaling). They count as one light."
             )
     return warnings

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.audit.movement import CameraStep, find_step, step_votes, tiles_of_either_half
+from capture.audit.movement import MOST_TILES, CameraStep, find_step, static_tiles, votes
 from capture.audit.static_edges import orientation
 from scene.camera import Camera
 from scene.frames import Frames, gray
@@ -112,9 +112,9 @@ def part_step(frames: Frames, part: Part) -> CameraStep | None:
     read = (gray(frames.read(down, [i], columns=right, subtract_ambient=False)[0]) for i in range(len(frames)))
     small = [cv2.resize(one, size, interpolation=how) for one in read]
     units = near * np.stack([orientation(one, 0.02 * float(np.quantile(one, 0.99)) + 1e-6) for one in small])
-    corners = tiles_of_either_half(units, TILE_PX)
-    if not corners:
+    places = static_tiles(units, TILE_PX, MOST_TILES)
+    if not len(places):
         return None
-    votes = [step_votes(units[:, y : y + TILE_PX, x : x + TILE_PX]) for y, x in corners]
-    found = find_step(votes, np.array(corners)[:, ::-1] + (TILE_PX - np.array(near.shape[::-1])) / 2, GAIN)
+    planes = np.stack([votes(units[:, y : y + TILE_PX, x : x + TILE_PX]) for x, y in places])
+    found = find_step(planes[:, len(frames) :], places + (TILE_PX - np.array(near.shape[::-1])) / 2, GAIN)
     return found and replace(found, shift_px=found.shift_px / scale)

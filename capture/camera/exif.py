@@ -65,7 +65,7 @@ class Exif:
 def read_exif(path: Path) -> Exif:
     """Return the EXIF of a photograph, all None where there is none. Never raises for what it cannot read."""
     try:
-        return _exif_of_tags(_tags_in(path))
+        return _exif_of_tags(tags_in(path))
     except Exception:
         # The picture is what counts.
         return Exif()
@@ -128,7 +128,7 @@ def _time(tags: Mapping[str, Any]) -> str | None:
     return None
 
 
-def _tags_in(path: Path) -> dict[str, Any]:
+def tags_in(path: Path) -> dict[str, Any]:
     """Return {EXIF's name: value}: a number, a text, (numerator, denominator), or a tuple of numbers."""
     with open(path, "rb") as file:
         data = file.read(HEAD)

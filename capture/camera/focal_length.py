@@ -26,8 +26,6 @@ STEP_SIGMA_MM = 0.5 / np.sqrt(3)
 """Of a number rounded to whole millimetres."""
 CENTER_SIGMA = 0.01
 """Principal point against the picture's middle, of its width: lenses and stabilised sensors sit beside it."""
-UNIT = 4.0
-"""Ratio of a length to EXIF's from which it is taken for one in another unit."""
 USUAL_DISTANCE_MM = 1000.0
 """Sensor to object, where EXIF does not tell: the balls and the object fill the picture."""
 
@@ -99,11 +97,9 @@ def camera_from_lens(
     )
     if known and not focal.sigma:
         return camera, ()
-    doubts = _doubts(lens, exif, width, height)
     middle = "" if known else f" The principal point is taken as the centre, +- {camera.center_sigma_px:.0f} px."
     by = "focal length from EXIF, " if source == "EXIF" else "focal length "
     return camera, (
-        *doubts,
         f"camera: {by}{focal.what}: {camera.fx:.1f} px, good to {share(focal.sigma, 1)} %.{middle} Shots of a ChArUco "
         "board or a chessboard would measure all of it, and the distortion.",
     )
@@ -115,62 +111,36 @@ def _focal_of(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> _Foc
         # A calibration gives the principal point too: without it this is a figure that somebody worked out.
         sigma = ENGRAVED_SIGMA if lens.cx is None else 0.0
         return _Focal(lens.fx, lens.fy or lens.fx, sigma, "as session.toml says")
-    stated = lens.focal_mm is not None
     engraved = sorted((e for e in exif if e.focal_mm), key=lambda e: e.focal_mm or 0)
+    equivalent = sorted((e for e in exif if e.focal_35mm), key=lambda e: e.focal_35mm or 0)
     e = engraved[len(engraved) // 2] if engraved else Exif()
     focal_mm = lens.focal_mm or e.focal_mm
     sensor = _sensor_of(lens, exif, width, height) if focal_mm else None
     if focal_mm and sensor:
         (x, y), how = sensor
-        longer, breathing = _breathing(focal_mm, e.subject_mm)
-        what = f"{focal_mm:g} mm at {x:.1f} px/mm ({how})"
-        return _Focal(focal_mm * x * longer, focal_mm * y * longer, *_doubt(focal_mm, breathing, what, e.subject_mm))
-    if stated:
+        stated_mm, convention, what = focal_mm, 0.0, f"{focal_mm:g} mm at {x:.1f} px/mm ({how})"
+    elif lens.focal_mm is not None:
         camera = next((e.camera for e in exif if e.camera), None)
         known = f'; the sensor of "{lens.model or camera}" is not known here' if lens.model or camera else ""
         raise SessionError(
             f"camera.focal_mm: found {lens.focal_mm:g} without the size of the sensor{known}. Add sensor_mm, its width "
             "(36 for full frame, 23.5 or 22.3 for APS-C, 17.3 for four thirds), or pixel_um, or crop_factor."
         )
-    equivalent = sorted((e for e in exif if e.focal_35mm), key=lambda e: e.focal_35mm or 0)
-    if lens.model and focal_mm:
+    elif lens.model and focal_mm:
         raise SessionError(f'camera.model: the sensor of "{lens.model}" is not known here. Give sensor_mm, its width.')
-    if not equivalent:
+    elif not equivalent:
         return None
-    e = equivalent[len(equivalent) // 2]
-    stated_mm = e.focal_35mm or 0.0
-    diagonal = float(np.hypot(width, height))
-    # Not every maker measures by the diagonal: on 3:2 it makes no difference, on 4:3 the width gives 4 % less.
-    convention = abs(36 * diagonal / (DIAGONAL_35MM * max(width, height)) - 1) / 2
-    longer, breathing = _breathing(e.focal_mm or stated_mm, e.subject_mm)
-    focal = stated_mm * diagonal / DIAGONAL_35MM * longer
-    what = f"{stated_mm:g} mm on 35 mm film, by the diagonal; rounded to whole millimetres"
-    return _Focal(focal, focal, *_doubt(stated_mm, float(np.hypot(breathing, convention)), what, e.subject_mm))
-
-
-def _doubts(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> list[str]:
-    """Say where millimetres contradict the photographs' EXIF by more than an adapted lens or a crop: another unit."""
-    doubts = []
-    focal = next((e.focal_mm for e in exif if e.focal_mm), None)
-    if lens.focal_mm and focal and not 1 / UNIT <= lens.focal_mm / focal <= UNIT:
-        doubts.append(
-            f"camera.focal_mm: found {lens.focal_mm:g}, but the photographs' EXIF says {focal:g} mm. Give millimetres, "
-            "as engraved on the lens (1 cm = 10 mm); or leave focal_mm out."
-        )
-    known = _sensor_of(Lens(model=lens.model), exif, width, height) if lens.sensor_mm else None
-    sensor = max(width, height) / known[0][0] if known else None
-    if lens.sensor_mm and sensor and not 1 / UNIT <= lens.sensor_mm / sensor <= UNIT:
-        doubts.append(
-            f"camera.sensor_mm: found {lens.sensor_mm:g}, but by the photographs' EXIF the sensor is {sensor:.3g} mm "
-            "wide. Give millimetres (1 cm = 10 mm), 36 for full frame; or leave sensor_mm out."
-        )
-    return doubts
-
-
-def _doubt(stated_mm: float, more: float, what: str, subject_mm: float | None) -> tuple[float, str]:
-    """Return the relative sigma of a focal length on a lens, with what else adds to it; and how it is known."""
-    sigma = float(np.hypot(np.hypot(ENGRAVED_SIGMA, STEP_SIGMA_MM / stated_mm), more))
-    return sigma, what + (f", focused at {subject_mm:.0f} mm" if subject_mm else "")
+    else:
+        e = equivalent[len(equivalent) // 2]
+        stated_mm, x = e.focal_35mm or 0.0, float(np.hypot(width, height)) / DIAGONAL_35MM
+        focal_mm, y = e.focal_mm or stated_mm, x
+        # Not every maker measures by the diagonal: on 3:2 it makes no difference, on 4:3 the width gives 4 % less.
+        convention = abs(36 * x / max(width, height) - 1) / 2
+        what = f"{stated_mm:g} mm on 35 mm film, by the diagonal; rounded to whole millimetres"
+    longer, breathing = _breathing(focal_mm, e.subject_mm)
+    sigma = float(np.linalg.norm([ENGRAVED_SIGMA, STEP_SIGMA_MM / stated_mm, breathing, convention]))
+    what += f", focused at {e.subject_mm:.0f} mm" if e.subject_mm else ""
+    return _Focal(stated_mm * x * longer, stated_mm * y * longer, sigma, what)
 
 
 def _sensor_of(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> tuple[tuple[float, float], str] | None:

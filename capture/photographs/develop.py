@@ -14,6 +14,7 @@ from capture.photographs.photograph import SATURATION, Photograph, half_floats
 from capture.photographs.raw import read_raw
 from capture.session.globs import kind_of
 from capture.session.session_types import Encoding
+from scene.current import file_digest
 from scene.errors import CaptureError
 from scene.frames import PEDESTAL, WHITE, encode
 from scene.frames import decode as linear_of
@@ -75,7 +76,7 @@ def read_photograph(file: Path, recipe: DevelopRecipe) -> Photograph:
     """Read one file, uncorrected; CaptureError if unreadable, or of another size or kind than `recipe.like`."""
     known = None
     if recipe.kept and not recipe.is_first:
-        known = recipe.kept.load_file(file, sensor_range=recipe.sensor_range)
+        known = recipe.kept.load(file_digest(file), sensor_range=recipe.sensor_range)
     if known is not None:
         photograph = known
     elif kind_of(file) == "raw":

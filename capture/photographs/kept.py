@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from capture.photographs.photograph import Photograph
 from capture.session.session_types import Encoding
-from scene.current import code_fingerprint, file_digest, fingerprint
+from scene.current import code_fingerprint, fingerprint
 from scene.files import write_json, write_npy
+from scene.reading import json_of
 from scene.record import PLACE
 
 
@@ -47,8 +48,6 @@ class Kept:
 
     def load(self, digest: str | None, *, sensor_range: float | None = None) -> Photograph | None:
         """Return a photograph, its codes memory-mapped; None where it was not kept, or not as it would be read now."""
-        from scene.reading import json_of
-
         if digest is None or not self._about(digest).is_file():
             return None
         about = json_of(self._about(digest))
@@ -57,10 +56,6 @@ class Kept:
         codes = np.load(self._codes(digest), mmap_mode="r")
         white = np.inf if about["white"] is None else float(about["white"])
         return Photograph(codes, white, about["sensor_range"], bool(about["is_mosaic"]))
-
-    def load_file(self, file: Path, *, sensor_range: float | None = None) -> Photograph | None:
-        """Return the photograph of a file; see `load`."""
-        return self.load(file_digest(file), sensor_range=sensor_range)
 
     def _codes(self, digest: str) -> Path:
         return self.folder / f"{digest}.npy"

@@ -6,9 +6,8 @@ import os
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable
+from fnmatch import fnmatchcase
 from pathlib import Path, PurePath
-
-from scene.reading import listed
 
 RAW_SUFFIXES = (
     *(".dng", ".cr2", ".cr3", ".crw", ".nef", ".nrw", ".arw", ".srf", ".sr2", ".raf", ".orf", ".rw2", ".rwl"),
@@ -97,44 +96,34 @@ def meant(name: str, folder: Path, fits: Callable[[Path], object] = kind_of) -> 
     """
     if slashed(name) != name:
         return f'Write / between folders, also on Windows: "{slashed(name)}".'
-    path = folder / name
+    path, is_glob = folder / name, bool(set("*?[") & set(name))
+    around = {one for place in (folder, path.parent, path) for one in (*matches("*", place), *matches("*/*", place))}
+    there = sorted((one for one in around if one.is_file()), key=natural_key)
+    names = {Path(os.path.relpath(one, folder)).as_posix(): one for one in there}
     if path.is_dir():
-        inside = sorted((one for one in path.iterdir() if one.is_file() and fits(one)), key=natural_key)
-        return f"It is a folder. Give a file{f', as {(Path(name) / inside[0].name).as_posix()}' if inside else ''}."
-    either = re.sub(r"[a-zA-Z]", lambda letter: f"[{letter[0].lower()}{letter[0].upper()}]", name)
-    # Letters inside [...] of the user's own glob would be mangled: then there is no hint by case.
-    found = [] if "[" in name else sorted(matches(either, folder), key=natural_key)
-    if found:
-        return f"Upper and lower case count: {os.path.relpath(found[0], folder)} is there."
-    if any(sign in str(path.parent) for sign in "*?["):
-        return "Correct the glob."
-    there = [one.name for one in path.parent.iterdir() if one.is_file()] if path.parent.is_dir() else []
-    if near := near_name(path.name, there):
-        return near
-    lacks = "" if path.parent.is_dir() else f"The folder {path.parent} does not exist. "
+        inside = [one for one, file in names.items() if file.parent == path and fits(file)]
+        return f"It is a folder. Give a file{f', as {inside[0]}' if inside else ''}."
+    alike = [one for one in names if one.count("/") == name.count("/") and fnmatchcase(one.lower(), name.lower())]
+    if alike:
+        return f"Upper and lower case count: {alike[0]} is there."
     # A name that says something, such as flash_*, tells where its files are.
     says = re.search(r"[^*?.]", path.stem)
-    elsewhere = [*matches(path.name, folder), *matches(f"*/{path.name}", folder)] if says else []
-    others = sorted((one.relative_to(folder) for one in elsewhere if one.is_file() and fits(one)), key=natural_key)
-    is_glob = bool(set("*?[") & set(path.name))
-    if others and not is_glob:
-        return f"Did you mean {others[0].as_posix()}?"
+    others = [one for one, file in names.items() if says and fits(file) and fnmatchcase(file.name, path.name)]
+    if others and is_glob:
+        return f'{others[0]} is there: write "{PurePath(others[0]).with_name(path.name).as_posix()}".'
     if others:
-        return f'{lacks}{others[0]} is there: write "{(others[0].parent / path.name).as_posix()}".'
-    if lacks:
-        near = near_name(path.parent.name, [one.name for one in folder.iterdir() if one.is_dir()], f"/{path.name}")
-        return lacks + (near or "Correct the name.")
-    there.sort(key=lambda one: natural_key(Path(one)))
-    if is_glob:
-        return f"{path.parent} holds {len(there)} files{f', {there[0]} first' if there else ''}. Correct the glob."
-    fitting = [one for one in there if fits(Path(one))]
-    return f"Correct the name{f': {listed(fitting)} is there' if fitting else ''}."
+        return f"Did you mean {others[0]}?"
+    if near := near_name(name, names):
+        return near
+    beside = [one.name for one in there if one.parent == path.parent and (is_glob or fits(one))]
+    found = f": {path.parent} holds {len(beside)} files, {beside[0]} first" if beside else ""
+    return f"Correct the {'glob' if is_glob else 'name'}{found}."
 
 
-def near_name(name: str, names: Iterable[str], rest: str = "") -> str:
+def near_name(name: str, names: Iterable[str]) -> str:
     """Return "Did you mean ...?" for the name that is most like one; empty where none is."""
     near = [] if set("*?[") & set(name) else difflib.get_close_matches(name, list(names), n=1)
-    return f"Did you mean {near[0]}{rest}?" if near else ""
+    return f"Did you mean {near[0]}?" if near else ""
 
 
 def slashed(name: str) -> str:

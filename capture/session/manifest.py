@@ -6,7 +6,7 @@ written from it.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, PositiveFloat, PositiveInt, model_validator
+from pydantic import AfterValidator, AliasChoices, BeforeValidator, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from formats.toml_documents import TomlTable
 from scene.length_units import Unit
@@ -27,9 +27,9 @@ def _between(low: float, high: float, why: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-def _key(what: str, example: Any, unit: str = "", default: Any = None) -> Any:
+def _key(what: str, example: Any, unit: str = "", default: Any = None, **how: Any) -> Any:
     """Return a key for people: what it is, an example as TOML has it, its unit, its default (...: it is required)."""
-    return Field(default, description=what, examples=[example], json_schema_extra={"unit": unit})
+    return Field(default, description=what, examples=[example], json_schema_extra={"unit": unit}, **how)
 
 
 Length = Annotated[PositiveFloat, _between(0.1, 10_000, "millimetres, from a bead to a building's dome")]
@@ -169,17 +169,12 @@ class SphereTable(ManifestTable):
 class LightsTable(ManifestTable):
     """[lights]: known lights instead of balls."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _rig_is_a_file(cls, data: Any) -> Any:
-        is_rig = isinstance(data, dict) and "rig" in data and "file" not in data
-        return {"file" if key == "rig" else key: value for key, value in data.items()} if is_rig else data
-
     file: str = _key(
         "File of the lights: .lp, light_directions.txt, lights.json, .dome, .mat, .json of AliceVision, or rig.json of "
         "`rgbn rig` (also as key `rig`).",
         "lights.lp",
         default=...,
+        validation_alias=AliasChoices("file", "rig"),
     )
 
 

@@ -2,6 +2,8 @@
 
 import copy
 import difflib
+import functools
+import operator
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -94,19 +96,15 @@ def _lines(faults: Iterable[Mapping[str, Any]]) -> list[str]:
 
 def _without(data: dict[str, Any], faults: list) -> dict[str, Any]:
     """Drop unknown keys, keys of [frames] at fault, and whole other tables at fault: half a camera would mislead."""
-    data = copy.deepcopy(data)
+    data, paths = copy.deepcopy(data), []
     for fault in faults:
         location = list(fault["loc"])
-        holder: Any = data
-        if fault["type"] == "extra_forbidden":
-            for part in location[:-1]:
-                holder = holder[part]
-            holder.pop(location[-1], None)
-        elif location[0] == "frames" and len(location) > 1 and isinstance(data.get("frames"), dict):
-            data["frames"].pop(location[1], None)
-    for fault in faults:
-        if fault["type"] != "extra_forbidden" and fault["loc"][0] != "frames":
-            data.pop(fault["loc"][0], None)
+        deep = len(location) if fault["type"] == "extra_forbidden" else 2 if location[0] == "frames" else 1
+        paths.append(location[:deep])
+    for *above, key in sorted(paths, key=len, reverse=True):
+        holder: Any = functools.reduce(operator.getitem, above, data)
+        if isinstance(holder, dict):
+            holder.pop(key, None)
     return data
 
 

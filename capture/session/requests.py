@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from capture.photographs.decode import decode
 from capture.photographs.images import read_image
 from capture.session.session_types import CaptureSession, SphereSpec
+from capture.survey.hot_folder import look_of
 from scene.camera import Camera
-from scene.errors import CaptureError, SceneError, SessionError
+from scene.errors import SceneError, SessionError
 from scene.files import write_json
 from scene.frames import PEDESTAL, Frames
 from scene.spheres import SphereRequest
@@ -88,7 +89,7 @@ def _frames_apart(
     """Return the photographs of a ball that was shot apart, decoded as the session's own, and the audit's warnings."""
     # The session's own frames are decoded again whenever a setting changes; these follow. Compared as equal or not:
     # a photograph that replaces another may well be the older file.
-    stamps = [_stamp(path) for path in (*spec.frames, whole.path("frames", "frames.json"))]
+    stamps = [[str(path), *(look_of(path) or ())] for path in (*spec.frames, whole.path("frames", "frames.json"))]
     store = Store(whole.path("spheres", str(place)))
     source = store.path("source.json")
     if store.path("frames", "frames.json").exists() and source.exists():
@@ -100,14 +101,6 @@ def _frames_apart(
     frames, report = decode(own, store, executor=executor)
     write_json(source, {"files": stamps, "warnings": report.warnings})
     return frames, list(report.warnings)
-
-
-def _stamp(path: Path) -> list[str | int]:
-    try:
-        status = path.stat()
-    except OSError as error:
-        raise CaptureError(f"{path}: cannot be read ({error.strerror}). Restore the file.") from error
-    return [str(path), status.st_size, status.st_mtime_ns]
 
 
 def read_mask(path: Path, height: int, width: int) -> NDArray[np.bool_]:

@@ -241,26 +241,24 @@ class Resolver:
             self._fault("camera.board", text)
         if table.charuco is not None and table.chessboard is not None:
             self._fault("camera.chessboard", "found beside charuco. Give the shots of one board.")
-        plain = table.chessboard is not None
-        shots, board = table.chessboard or table.charuco, table.board
+        plain, board = table.chessboard is not None, table.board
+        shots, key = (table.chessboard, "camera.chessboard") if plain else (table.charuco, "camera.charuco")
         if shots is None or board is None:
             self._fault(
-                "camera.charuco" if shots is None else "camera.board",
+                key if shots is None else "camera.board",
                 'missing. Give charuco = "charuco/*.dng" and board = { squares = [11, 8], square_mm = 15, '
                 'marker_mm = 11, dictionary = "DICT_4X4_100" }, or chessboard = "board/*.dng" and board = '
                 "{ squares = [11, 8] }.",
             )
             return None
-        files = tuple(self._photographs("camera.chessboard" if plain else "camera.charuco", shots))
+        files = tuple(self._photographs(key, shots))
         squares = (board.squares[0], board.squares[1])
-        if plain and (board.marker_mm is not None or board.dictionary is not None):
-            text = "found marker_mm or dictionary beside chessboard, which has no markers. Drop it, or write charuco."
-            self._fault("camera.board", text)
         if plain and min(squares) < FEWEST_SQUARES:
             self._fault("camera.board.squares", f"found {list(squares)}; a chessboard needs 4 or more each way.")
-        for name in () if plain else ("marker_mm", "dictionary"):
-            if getattr(board, name) is None:
-                text = "missing. A ChArUco board has it; a plain one is given as chessboard."
+        text = "missing. A ChArUco board has it; a plain one is given as chessboard."
+        for name in ("marker_mm", "dictionary"):
+            if (getattr(board, name) is not None) == plain:
+                text = "found beside chessboard, which has no markers. Drop it, or write charuco." if plain else text
                 self._fault(f"camera.board.{name}", text)
         if board.marker_mm is not None and board.marker_mm >= board.square_mm:
             self._fault("camera.board", f"marker_mm {board.marker_mm} must be less than square_mm {board.square_mm}.")

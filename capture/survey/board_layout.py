@@ -94,8 +94,7 @@ def _fit(centers: dict[int, NDArray], seen: list[dict[int, NDArray]]) -> tuple[f
         if len(ids) < 4:
             continue
         places = np.array([centers[n] for n in ids], np.float32)
-        # A perspective maps a square's diagonals' crossing to that of its picture.
-        middles = np.array([_crossing(markers[n]) for n in ids], np.float32)
+        middles = np.array([markers[n].mean(0) for n in ids], np.float32)
         homography, _ = cv2.findHomography(middles, places)
         if homography is None:
             return np.inf, np.nan
@@ -105,12 +104,6 @@ def _fit(centers: dict[int, NDArray], seen: list[dict[int, NDArray]]) -> tuple[f
             corners = cv2.perspectiveTransform(markers[n][:, None].astype(np.float32), homography)[:, 0]
             sides.append(float(np.linalg.norm(corners - np.roll(corners, 1, 0), axis=1).mean()))
     return (float(np.median(residuals)), float(np.median(sides))) if residuals else (np.inf, np.nan)
-
-
-def _crossing(corners: NDArray) -> NDArray:
-    a, b, c, d = corners.astype(np.float64)
-    s = np.linalg.solve(np.stack([c - a, b - d], 1), b - a)
-    return a + s[0] * (c - a)
 
 
 def _chessboard(gray: NDArray[np.uint8]) -> tuple[int, int] | None:

@@ -222,12 +222,11 @@ def _by_object(whole: FolderFiles, flash: list[Path]) -> list[FolderFiles]:
         whole.left_out.append(f"{_counted(few, whole.folder)}: alone in a folder, not among the flash frames.")
     if len(enough) < 2:
         return [replace(whole, photographs=whole.photographs | {"flash": next(iter(enough.values()), flash)})]
+    bases = {place: _session_folder(place, [p for p in enough if p != place], whole.folder) for place in enough}
     found = []
     for place in sorted(enough, key=natural_key):
-        base = _session_folder(place, [other for other in enough if other != place], whole.folder)
         # What lies above all objects is shared; what lies in another object's folder is that one's.
-        others = [_session_folder(other, [p for p in enough if p != other], whole.folder) for other in enough]
-        theirs = [other for other in others if other != base]
+        theirs = [base for base in bases.values() if base != bases[place]]
 
         def own(paths: list[Path], theirs: list[Path] = theirs) -> list[Path]:
             return [path for path in paths if not any(path.is_relative_to(other) for other in theirs)]
@@ -235,7 +234,7 @@ def _by_object(whole: FolderFiles, flash: list[Path]) -> list[FolderFiles]:
         photographs = {role: own(paths) for role, paths in whole.photographs.items()}
         photographs = {role: paths for role, paths in photographs.items() if paths} | {"flash": enough[place]}
         kinds = (own(whole.masks), own(whole.scans), own(whole.lights), own(whole.normals))
-        found.append(FolderFiles(base, photographs, *kinds, left_out=list(whole.left_out)))
+        found.append(FolderFiles(bases[place], photographs, *kinds, left_out=list(whole.left_out)))
     return found
 
 

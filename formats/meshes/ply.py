@@ -29,7 +29,9 @@ WRITTEN = {"f8": "double", "f4": "float", "u1": "uchar"}
 
 
 @dataclass(frozen=True)
-class _Element:
+class Element:
+    """Rows of one kind."""
+
     name: str
     count: int
     properties: list[tuple[str, str, str | None]]
@@ -66,11 +68,11 @@ def read_ply(path: Path) -> Columns:
         if element.count < 0 or element.count * sum(sizes) > len(data) - at + 1:
             raise ValueError(f"{element.count} {element.name} do not fit into {len(data) - at} bytes")
     if encoding == "ascii":
-        return _read_text(b"\n" + data[at:].replace(b"\r", b"\n"), elements)
+        return read_rows(b"\n" + data[at:].replace(b"\r", b"\n"), elements)
     return _read_binary(data, at, elements, "<" if encoding == "binary_little_endian" else ">")
 
 
-def _header(data: bytes) -> tuple[str, list[_Element], int]:
+def _header(data: bytes) -> tuple[str, list[Element], int]:
     """Return the encoding, the elements, and where their values begin."""
     found = re.match(rb"(?:\xef\xbb\xbf)?ply\s.*?[\r\n]end_header[ \t]*(\r\n?|\n)", data, re.DOTALL)
     if not found:
@@ -84,7 +86,7 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
             if words[:1] == ["format"]:
                 encoding = words[1]
             elif words[:1] == ["element"]:
-                elements.append(_Element(words[1], int(words[2]), []))
+                elements.append(Element(words[1], int(words[2]), []))
             elif words[:2] == ["property", "list"]:
                 elements[-1].properties.append((words[4], TYPES[words[3]], TYPES[words[2]]))
             elif words[:1] == ["property"]:
@@ -96,8 +98,11 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
     return encoding, elements, at
 
 
-def _read_text(text: bytes, elements: list[_Element]) -> Columns:
-    """Read one row a line; lines may hold more than their row: exporters and scripts append flags and colours."""
+def read_rows(text: bytes, elements: list[Element]) -> Columns:
+    """Return the rows of a text, one a line, each line after a line feed.
+
+    Lines may hold more than their row: exporters and scripts append flags and colours.
+    """
     numbers, words = table(text)
     ends = np.cumsum(words)
     columns, line = {}, 0
@@ -112,7 +117,7 @@ def _read_text(text: bytes, elements: list[_Element]) -> Columns:
     return columns
 
 
-def _read_binary(data: bytes, at: int, elements: list[_Element], order: str) -> Columns:
+def _read_binary(data: bytes, at: int, elements: list[Element], order: str) -> Columns:
     def view(kind: str) -> tuple[NDArray, int]:
         size = np.dtype(kind).itemsize
         return np.ndarray(max(len(data) - size + 1, 0), order + kind, data, strides=(1,)), size
@@ -135,7 +140,7 @@ def _read_binary(data: bytes, at: int, elements: list[_Element], order: str) -> 
     return columns
 
 
-def _walk(data: bytes, at: int, count: int, element: _Element, order: str) -> Integers:
+def _walk(data: bytes, at: int, count: int, element: Element, order: str) -> Integers:
     """Return where rows start and the last one ends (count + 1,): known only when the lists before were read."""
     layout = [
         (struct.Struct(order + np.dtype(length).char) if length else None, np.dtype(kind).itemsize)
@@ -155,7 +160,7 @@ def _walk(data: bytes, at: int, count: int, element: _Element, order: str) -> In
     return np.array(edges, np.int64)
 
 
-def _rows(element: _Element, at: Integers, ends: Integers | int, view: View) -> tuple[dict[str, Any], Integers]:
+def _rows(element: Element, at: Integers, ends: Integers | int, view: View) -> tuple[dict[str, Any], Integers]:
     """Return an element's columns, and where each row's values end.
 
     at (N,): Where rows start. ends: Where they have to end.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.meshes.ply import read_ply, write_ply
+from formats.meshes.ply import Columns, Element, read_ply, read_rows, write_ply
 from formats.meshes.polygons import check_corners, lines_of, places, read_text, strips, table, triangles, whole
 from formats.picture_files import linear_from_srgb
 from scene.errors import AlignError
@@ -95,8 +95,10 @@ def read_mesh_file(path: Path, *, attributes: bool = True) -> ObjectMesh:
     if not path.is_file():
         raise AlignError(f"{path}: there is no such file. Check its name in session.toml or the scene's description.")
     with reading(path, "cannot be read as a mesh", AlignError, do="Export it again."):
-        if suffix in (".ply", ".obj"):
-            found = (_read_ply if suffix == ".ply" else _read_obj)(path, attributes)
+        if suffix == ".ply":
+            found = _mesh_of(read_ply(path), attributes)
+        elif suffix == ".obj":
+            found = _read_obj(path, attributes)
         else:
             found = {".stl": _read_stl, ".off": _read_off, ".glb": _read_glb}[suffix](path)
         check_corners(found.faces, len(found.vertices))
@@ -128,8 +130,7 @@ def _turned_over(texcoords: Array) -> Array:
     return texcoords * [1, -1] + [0, 1]
 
 
-def _read_ply(path: Path, attributes: bool) -> ObjectMesh:
-    columns = read_ply(path)
+def _mesh_of(columns: Columns, attributes: bool) -> ObjectMesh:
     vertex, face = columns.get("vertex", {}), columns.get("face", {})
 
     def of_vertices(*names: str) -> Array | None:
@@ -247,25 +248,19 @@ def _read_stl(path: Path) -> ObjectMesh:
 
 
 def _read_off(path: Path) -> ObjectMesh:
-    """OFF with anything behind a vertex's position (COFF: colours, NOFF: normals) and behind a face's corners."""
+    """OFF with anything behind a vertex's position (COFF: colours, NOFF: normals) and behind a face's corners.
+
+    Below its head it is what an ASCII PLY is.
+    """
     text = read_text(path)
-    head = re.match(rb"\s*(?:(?:ST)?C?N?OFF\b(\s+BINARY)?)?", text)
+    head = re.match(rb"\s*(?:(?:ST)?C?N?OFF\b(\s+BINARY)?)?\s*(\d+)[ \t]+(\d+)[^\n]*", text)
     if head is None or head[1]:
-        raise ValueError("it is binary; only text is read")
-    flat, words = table(b"\n" + text[head.end() :])
-    vertex_count, face_count = whole(flat[:2])
-    starts = np.cumsum(words) - words
-    at, ends = starts[1 + vertex_count :], np.cumsum(words)[1 + vertex_count :]
-    if vertex_count < 0 or len(at) != face_count:
-        raise ValueError(f"{vertex_count} vertices and {face_count} faces were promised, {len(words) - 1} lines came")
-    if (words[1 : 1 + vertex_count] < 3).any():
-        raise ValueError("a vertex has fewer than three coordinates")
-    vertices = flat[starts[1 : 1 + vertex_count, None] + np.arange(3)]
-    counts = whole(flat[at])
-    if (at + counts >= ends).any() or (counts < 0).any():
-        raise ValueError("a face has fewer corners than it says")
-    corner_of = whole(flat[places(at + 1, counts)])
-    return ObjectMesh(vertices, corner_of[triangles(counts, corner_of, vertices)])
+        raise ValueError(f"it starts with {text[1:13]!r}; expected OFF as text, and the numbers of vertices and faces")
+    elements = [
+        Element("vertex", int(head[2]), [(axis, "f8", None) for axis in "xyz"]),
+        Element("face", int(head[3]), [("vertex_indices", "f8", "f8")]),
+    ]
+    return _mesh_of(read_rows(text[head.end() :], elements), attributes=False)
 
 
 def _read_glb(path: Path) -> ObjectMesh:

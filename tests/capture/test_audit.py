@@ -277,25 +277,3 @@ def test_eight_bits_of_unknown_encoding(tmp_path, scene_pictures):
     (tmp_path / "session.toml").write_text('[frames]\nflash = "*.png"\nlinear = true\n')
     _, report = decode(load_session(tmp_path), Store(tmp_path / "out"))
     assert report.warnings == ()
-
-
-@pytest.mark.parametrize("quality", [30, 60, 90])
-def test_hard_jpeg_compression_is_named(picture_session, scene_pictures, tmp_path, quality):
-    session = picture_session(scene_pictures(), table="linear = false")
-    for path in session.rglob("flash_*.png"):
-        cv2.imwrite(str(path.with_suffix(".jpg")), cv2.imread(str(path)), [cv2.IMWRITE_JPEG_QUALITY, quality])
-    text = (session / "session.toml").read_text()
-    (session / "session.toml").write_text(text.replace(".png", ".jpg"))
-    _, report = decode(load_session(session), Store(tmp_path / "out"))
-    told = [warning for warning in report.warnings if "JPEG" in warning]
-    assert [f"JPEG file of quality {quality}" in warning for warning in told] == [True] * (quality < 70)
-
-
-def test_a_black_level_too_high_is_named(warnings_of, scene_pictures):
-    images = scene_pictures()
-    rng = np.random.default_rng(8)
-    noisy = np.maximum(images + 0.001 * rng.standard_normal(images.shape), 0)
-    noisy[:, 60:90] *= np.linspace(0.02, 1, 12)[:, None, None, None]
-    assert not [text for text in warnings_of(noisy) if "black level" in text]
-    cut = np.maximum(noisy - 0.08, 0)
-    assert [text for text in warnings_of(cut) if "the black level that was subtracted is too high" in text]
