@@ -16,7 +16,6 @@ from scene.errors import SceneError
 from scene.origin import Origin
 from scene.reading import reading
 from studio.editor.editor_window import FILE, begun
-from studio.session.looking import FolderLook
 from studio.studio_state import SCENE, StudioState
 from studio.widgets import Row, button, code, plain, text
 from studio.window import Window
@@ -77,16 +76,9 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
         folders = survey(source)
         if out is not None and len(folders) > 1:
             raise SceneError(f"--out {out}: there are {len(folders)} objects, each with a folder of its own: out/NAME.")
-        looks = {}
-        for files in folders:
-            origin = Origin("session", files.folder, tuple(files.photographs.get("flash", ())))
-            place = out or default_out(origin, files.folder.name, workspace.root / "out")
-            looks[files.folder] = FolderLook(files, workspace.path(place.resolve()))
-        state.looks = looks
-        for place in state.looks:
-            state.edits.pop(place, None)
-        place = next((place for place in state.looks if not (place / MANIFEST).exists()), folders[0].folder)
-        state.show_session(state.looks[place].out, place)
+        origin = Origin("session", folders[0].folder, tuple(folders[0].photographs["flash"]))
+        place = out or default_out(origin, folders[0].folder.name, workspace.root / "out")
+        state.show_session(workspace.path(place.resolve()), source.resolve())
     elif source.is_dir() or source.name == MANIFEST:
         place, session = found_at(source, out)
         if out is None and kind != "results" and not place.is_relative_to(workspace.root):

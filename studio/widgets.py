@@ -176,18 +176,8 @@ def code(text: str) -> str:
     """Return a text as a code span of Markdown, in more backticks than it holds in a row."""
     inside = " ".join(text.split())
     padded = f" {inside} " if "`" in inside else inside
-    return f"{_fence(inside)}{padded}{_fence(inside)}"
-
-
-def fenced(text: str, kind: str) -> str:
-    """Return lines of text as a block of code of Markdown."""
-    fence = max(_fence(text), "```", key=len)
-    return f"{fence}{kind}\n{text}\n{fence}"
-
-
-def _fence(text: str) -> str:
-    """Return more backticks than a text holds in a row."""
-    return "`" * (1 + max(map(len, re.findall("`+", text)), default=0))
+    fence = "`" * (1 + max(map(len, re.findall("`+", inside)), default=0))
+    return f"{fence}{padded}{fence}"
 
 
 MOST_FACES = 70_000

@@ -12,20 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.session.session import load_session
-from capture.session.session_types import CaptureSession
+from capture.session.session_types import CaptureSession, Encoding
+from capture.survey.small_pictures import read_small
 from compare.report.facts import Material, all_warnings, read_optional
 from compare.report.pictures import Exposure, thumbnail
 from lab.options import Settings
 from lab.session_place import session_of
 from scene.errors import SceneError
-from scene.frames import Frames
+from scene.frames import Frames, decode
+from scene.image_files import read_pixels
 from scene.lights import Lights
 from scene.map_pictures import Image
 from scene.mesh import Mesh
 from scene.output_folder import read_record
 from scene.spheres import Sphere
 from scene.store import Store
-from studio.session.looking import first_look
+from shoot.init.init_session import SHEET
+from shoot.watch.status import MAP
 from studio.widgets import plain
 
 if TYPE_CHECKING:
@@ -167,8 +170,11 @@ class Review:
         return [self.session if name == "session" else self._parts[name][0] for name in names]
 
     @cached_property
-    def first_look(self) -> Image | None:
-        """The session's first photograph, small, for as long as none is decoded here; None: it cannot be read."""
+    def preview(self) -> Image | None:
+        """A picture for as long as no photograph is decoded: of a shoot, what `rgbn init` saw, the first; or None."""
+        for path in map(self.store.path, (MAP, SHEET)):
+            if path.is_file():
+                return _readable(lambda path=path: read_pixels(path)[0])
         return first_look(self.session.flash[0], self.session.encoding) if self.session else None
 
     @cached_property
@@ -187,6 +193,15 @@ class Review:
         from scene import rays
 
         return rays.RayCaster(self.scan_mesh)
+
+
+def first_look(path: Path, encoding: Encoding = "linear") -> Image | None:
+    """Return a photograph small, as 8 bits (h, w, 3); None: it cannot be read."""
+    with suppress(OSError, ValueError, SceneError):
+        (small,), _ = read_small([path], encoding)
+        linear = decode(small.codes)
+        return Exposure.for_picture(linear).develop(linear)
+    return None
 
 
 def _readable(read: Callable[[], Any]) -> Any:

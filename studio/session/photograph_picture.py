@@ -1,7 +1,7 @@
 """A photograph as it is shown large, with what is laid over it; and the normals or the twin beside it."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,6 @@ from scene.frames import Frames
 from scene.lights import Lights
 from scene.map_pictures import Image, normal_picture
 from studio.session.folder import Review
-from studio.session.photograph_window import Beside, Shown
-from studio.session.plane import ROOT, Plane, add_lines, add_numbered
 
 Overlay = Literal["nothing", "mask", "scan, shaded", "scan, normals"]
 OVERLAYS: tuple[Overlay, ...] = get_args(Overlay)
@@ -28,6 +26,14 @@ BAND = 64
 MUCH_CLIPPED = 0.002
 """Share of a frame's pixels; a chrome ball's highlight is far less."""
 CLIPPED, WARNED = (255, 60, 90), (255, 160, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """A picture that stands beside the photograph: of the same view, with a caption."""
+
+    image: Image
+    caption: str
 
 
 @dataclass(frozen=True)
@@ -63,11 +69,11 @@ def frame_strip(review: Review) -> PictureStrip | None:
 def photograph(review: Review, index: int, look: PictureLook) -> Image:
     """Return a whole frame with what is laid over it, at most `WIDTH` pixels wide.
 
-    While none is decoded it is the session's first one. Raises SceneError: there is none, or what is to lie over it is
+    While none is decoded it is the review's preview. Raises SceneError: there is none, or what is to lie over it is
     not in the folder.
     """
-    if review.material.frames is None and review.first_look is not None:
-        return review.first_look
+    if review.material.frames is None and review.preview is not None:
+        return review.preview
     (frames,), exposure = review.need("frames"), review.material.exposure
     assert exposure is not None
     exposure = replace(exposure, white=exposure.white / look.brightness)
@@ -101,6 +107,14 @@ def shading(truth: NDArray, camera: Camera, lights: Lights, index: int, pixels: 
     points = camera.points_at_depth(pixels.reshape(-1, 2), depth)
     vectors = lights.only([index]).toward(points)[0].reshape(normals.shape)
     return np.maximum(np.sum(normals * vectors, -1), 0).astype(np.float32)
+
+
+def beside(review: Review, tab: str, method: str, index: int, look: PictureLook) -> Beside | None:
+    """Return what stands beside a frame under a tab; None: nothing does."""
+    if tab == "Solve":
+        return normals_beside(review, method)
+    is_there = tab == "Twin" and not {"twin", "frames"} & review.missing.keys()
+    return twin_beside(review, index, look) if is_there else None
 
 
 def normals_beside(review: Review, method: str) -> Beside | None:
@@ -181,61 +195,3 @@ def _fitted(image: NDArray, shape: tuple[int, ...]) -> NDArray[np.uint8]:
     import cv2
 
     return np.asarray(cv2.resize(image, (shape[1], shape[0]), interpolation=cv2.INTER_NEAREST), np.uint8)
-
-
-FITTED, MOVED, WAITING = (60, 220, 90), (255, 150, 0), (170, 170, 170)
-"""Of a ball that was found; that a hand has moved; that was not found, and waits to be put in its place."""
-SEEN, NOW = (255, 235, 60), (60, 170, 255)
-"""Highlights; that of the frame that is chosen, and pixels that are picked."""
-OUTLINE = (255, 0, 190)
-"""Of the scan at the pose that the picks give."""
-
-
-def shown_of(window: Any) -> Shown | None:
-    """Return what a session's window shows; None: no photograph can be shown, or a shoot is."""
-    review, material, first = window.review, window.review.material, window.review.first_look
-    frames, exposure, view = material.frames, material.exposure, window.client.scene
-    if window.is_alone or (frames is None and first is None):
-        return None
-    size = (frames.width, frames.height) if frames is not None else first.shape[1::-1] if first is not None else (1, 1)
-    plane = Plane(*size)
-    found = FITTED if review.spheres else WAITING if window.tab == "Balls" else None
-    pixels, strokes = (window.picks.pixels, window.strokes) if window.tab == "Scan" else ((), window.strokes[:0])
-    places, outline = [tuple(plane.place(pixel, lift=0.003)) for pixel in pixels], plane.place(strokes, lift=0.002)
-    return Shown(
-        plane,
-        None if frames is None else material.camera,
-        ((window.reading, window.frame, window.how), lambda: _picture(window)),
-        (window.reading, lambda: frame_strip(review)),
-        window.frame,
-        None if frames is None or exposure is None else (frames, exposure, 1),
-        tuple(found if window.is_found(ball) else MOVED for ball in window.outlines),
-        {
-            "highlights": (window.frame, lambda: _add_highlights(window, plane)),
-            "picks": (pixels, lambda: add_numbered(view, f"{ROOT}/pick", places, 0.04, NOW)),
-            "picked": (outline.tobytes(), lambda: add_lines(view, "picked", outline, OUTLINE, 2)),
-        },
-    )
-
-
-def _picture(window: Any) -> Image:
-    try:
-        return photograph(window.review, window.frame, window.how)
-    except SceneError as error:
-        # What was to lie over it is not there: the frame as it is.
-        window.show_fault(str(error))
-        return photograph(window.review, window.frame, PictureLook(brightness=window.how.brightness))
-
-
-def _add_highlights(window: Any, plane: Plane) -> list[Any]:
-    """Mark the chosen ball's highlights by crosses."""
-    seen, index = window.review.highlights_px, window.ball
-    if index is None or seen is None or index >= len(seen):
-        return []
-    arm = 0.03 * (window.outlines[index].radius_px or 0) * plane.per_px
-    crosses = arm * np.array([[[-1, 0, 0], [1, 0, 0]], [[0, -1, 0], [0, 1, 0]]])
-    crosses = plane.place(seen[index], lift=0.0024)[:, None, None] + crosses
-    known = np.isfinite(seen[index]).all(-1)
-    is_now = known & (np.arange(len(known)) == window.frame)
-    handles = add_lines(window.client.scene, "seen", crosses[known].reshape(-1, 2, 3), SEEN, 2)
-    return handles + add_lines(window.client.scene, "this_frame", crosses[is_now].reshape(-1, 2, 3), NOW, 4)

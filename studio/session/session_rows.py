@@ -1,6 +1,7 @@
 """The rows of a session: a tab for each step, its warnings, what is run; and a shoot that is under way."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
 from typing import Any
 
@@ -10,7 +11,7 @@ from draw.readable import readable, share
 from scene.image_files import read_pixels
 from scene.reading import reading
 from shoot.watch.status import MAP, STATUS
-from studio.session.ball_rows import BALL_ROWS, OBJECT
+from studio.session.ball_rows import BALL_ROWS
 from studio.session.folder import STEPS, Review, Warned, is_kept
 from studio.session.photograph_picture import OVERLAYS
 from studio.session.session_window import SessionWindow
@@ -36,7 +37,7 @@ HOW = (
 def _frame_facts(window: SessionWindow) -> str:
     review, frames = window.review, window.review.material.frames
     if frames is None:
-        return "" if review.first_look is None else "The session's first photograph, as long as none is decoded here."
+        return "" if review.preview is None else "A preview, as long as no photograph is decoded here."
     facts = [f"**{plain(frames.names[window.frame])}**, {frames.width} x {frames.height} px"]
     if review.clipped_share is not None:
         facts.append(f"clipped {share(review.clipped_share[window.frame], 2)} % (red)")
@@ -59,7 +60,7 @@ def _overlay_note(window: SessionWindow) -> str:
 def _look(kind: str, name: str, label: str, **start: Any) -> Row:
     """Return a row for a field of `Look`."""
     return Row(kind, label, lambda window: getattr(window.how, name),
-               lambda window, value: window.look_at(**{name: value}), start)  # fmt: skip
+               lambda window, value: window.choose(how=replace(window.how, **{name: value})), start)  # fmt: skip
 
 
 def _light_facts(window: SessionWindow) -> str:
@@ -112,7 +113,7 @@ def _errors(window: SessionWindow) -> str:
 
 TABS: dict[str, Any] = {
     "Capture": (
-        text(lambda window: window.review.lacks),
+        text(lambda window: "" if _is_shooting(window) else window.review.lacks),
         Row("slider", "frame", lambda window: {
             "max": max(len(window.review.names), 2), "disabled": len(window.review.names) < 2,
             "value": window.frame + 1}, lambda window, value: window.choose(frame=int(value) - 1),
@@ -142,8 +143,7 @@ TABS: dict[str, Any] = {
             button("Start picking", lambda window: window.toggle_picking(),
                    lambda window: {"label": "Stop picking" if window.is_picking else "Start picking"}),
             text(lambda window: f"{window.picks.pairs} pairs." + (
-                " Now the same point on the scan." if len(window.picks.pixels) > len(window.picks.points)
-                else window.picks_told)),
+                " Now the same point on the scan." if window.picks.wants_point else window.picks_told)),
             button("Pose from the picks", lambda window: window.pose_from_picks(),
                    lambda window: {"disabled": not window.picks.pairs}),
         )),
@@ -239,16 +239,15 @@ def _shoot_rows(window: SessionWindow) -> Sequence[Row]:
     return text(shoot_text), *picture
 
 
-SHOOT = Row("folder", "Shoot under way", lambda window: {
-    "visible": isinstance(window.status, dict) and (window.is_alone or not window.status.get("is_over"))},
-            start={"visible": False}, rows=_shoot_rows,
-            key=lambda window: window.status)  # fmt: skip
+def _is_shooting(window: SessionWindow) -> bool:
+    status = window.status
+    return isinstance(status, dict) and not (status.get("is_over") and window.review.names)
 
 
 SESSION_ROWS = (
-    OBJECT,
+    Row("folder", "Shoot under way", lambda window: {"visible": _is_shooting(window)}, start={"visible": False},
+        rows=_shoot_rows, key=lambda window: window.status),
     *tab_rows(TABS, _mark),
-    SHOOT,
     Row("folder", "Warnings", lambda window: {
         "label": f"Warnings ({len(warnings_of(window.review, window.tab))})",
         "visible": bool(warnings_of(window.review, window.tab))}, start={"visible": False}, rows=_warning_rows,
@@ -258,8 +257,3 @@ SESSION_ROWS = (
            visible=False, hint="For a later run"),
     *WORK_ROWS,
 )  # fmt: skip
-
-
-def session_rows(window: SessionWindow) -> Sequence[Row]:
-    """Return the rows of a session; of a folder's first shoot nothing else can be shown."""
-    return (SHOOT,) if window.is_alone else SESSION_ROWS

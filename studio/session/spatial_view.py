@@ -119,8 +119,8 @@ class SpatialView:
 
         def clicked(origin: Array, direction: Array) -> None:
             point = met(review.scan_rays, origin * 2 * mesh.radius_mm / SCAN_SIZE + mesh.center_mm, direction)
-            if point is not None and window.on_scan is not None:
-                window.on_scan(point)
+            if point is not None:
+                window.take_point(point)
 
         window.on_ray(handle, clicked)
         return [handle]

@@ -7,6 +7,7 @@ from capture.session.session import load_session
 from scene.rays import RayCaster
 from studio.server import Studio
 from studio.session.corrections import met
+from studio.session.photograph_picture import PictureLook
 from studio.session.plane import Plane
 from studio.session.spatial_view import SCAN_SIZE
 from studio.studio_state import StudioState
@@ -92,18 +93,16 @@ def test_a_half_done_session_is_put_right(visit, calibrated, at_session):
     assert np.hypot(*np.subtract(again.center_px, found.center_px)) < 0.1
     assert again.radius_px == pytest.approx(found.radius_px, abs=0.1)
 
-    # One window at a time; a second one is told so, and may take over.
-    other = visit(studio, "Work in this window")
-    assert visitor.window is window
-    other.press("Work in this window")
+    # One window at a time, the newest; the one before is told so.
+    other = visit(studio, READY)
+    visitor.see("Load this page again")
+    visitor.page.close()
     other.tab("Lights")
     other.until(lambda: other.window.view == "Lights in 3-D", "the view follows the tab")
-    visitor.button("Work in this window").wait_for()
-    visitor.page.close()
     # What is not there is said, and the studio lives on.
     window = other.window
     window.post(lambda: window.open_tab("Capture"))
-    window.post(lambda: window.look_at(overlay="mask"))
+    window.post(lambda: window.choose(how=PictureLook("mask")))
     other.see("That cannot be done")
     other.tab("Scan")
     other.see("Not registered")

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from capture.session.session import load_session
-from capture.survey.folder_files import FolderFiles
 from lab.options import Settings
 from scene.errors import SceneError
 from scene.files import write_png
@@ -18,11 +17,10 @@ from scene.output_folder import open_record
 from shoot.watch.status import MAP, STATUS
 from studio import window as windows
 from studio.session import photograph_view
-from studio.session.looking import FolderLook
+from studio.session.balls import moved
 from studio.session.photograph_view import PhotographView
-from studio.session.photograph_window import moved
 from studio.session.plane import ROOT
-from studio.session.session_rows import TABS, session_rows
+from studio.session.session_rows import SESSION_ROWS, TABS
 from studio.session.session_window import SessionWindow
 from studio.session.spatial_view import SpatialView
 from studio.studio_state import StudioState
@@ -36,7 +34,7 @@ def reviewing(made, nobody, furnish):
 
     def furnished(*views, state=None, number=1):
         state = state or StudioState(area="Session", session=(made.folder, made.session))
-        return furnish(SessionWindow(nobody(number), Workspace.at(made.folder.parent), state), session_rows, *views)
+        return furnish(SessionWindow(nobody(number), Workspace.at(made.folder.parent), state), SESSION_ROWS, *views)
 
     return furnished
 
@@ -190,35 +188,16 @@ def test_a_diameter_that_was_kept_stays_when_the_balls_are_found_with_it(reviewi
     assert not window.client.told[1:]
 
 
-def test_another_folder_is_gone_back_to(reviewing, made, settle):
-    """In which a session is begun: what is opened meanwhile takes nothing of it away."""
-    look = FolderLook(FolderFiles(made.session.parent / "jug"), made.folder.parent / "jug_out")
-    state = StudioState(area="Session", session=(made.folder, made.session), looks={look.files.folder: look})
-    window = reviewing(state=state)
-    choice = window.client.input("object")
-    assert (choice.visible, choice.options, choice.value) == (
-        True,
-        ("jug", "session (has a session.toml)"),
-        choice.options[1],
-    )
-    for name, place in (
-        ("session (has a session.toml)", (made.folder, made.session)),
-        ("jug", (look.out, look.files.folder)),
-    ):
-        window.client.says("object", name)
-        settle(window)
-        assert state.session == place
-
-
 @pytest.fixture
 def runs(made, monkeypatch):
     """The runs that were begun: session and step. Each says a line and ends at once."""
     begun = []
 
     class Ran(SimpleNamespace):
-        def __init__(self, label, folder, arguments):
-            verb, session, out, place = arguments
-            assert (out, place) == ("--out", str(made.folder)) == ("--out", str(folder))
+        def __init__(self, label, folder, arguments, place):
+            verb, session, *out = arguments
+            assert out == ["--out", str(made.folder)] == ["--out", str(folder)]
+            assert place == made.folder.parent
             begun.append((load_session(Path(session)), verb))
             super().__init__(label=label, folder=folder, said=[], share=0.0, begun_s=0.0, fault="", is_stopped=False)
             self.is_over, self.is_told = False, False
@@ -288,7 +267,7 @@ def test_what_fails_at_each_look_is_told_once(reviewing, runs, monkeypatch, sett
         looks.append(1)
         raise SceneError("the disk is gone")
 
-    monkeypatch.setattr(SessionWindow, "shown", fail)
+    monkeypatch.setattr(SessionWindow, "plane", property(fail))
     window.client.says("Run up to Capture")
     eventually(lambda: len(looks) > 5)
     assert window.client.told == ["That cannot be done: the disk is gone"]
@@ -311,7 +290,6 @@ def test_a_shoot_is_shown_renewed_and_told_when_it_is_over(reviewing, made):
     (made.folder / STATUS).write_text(json.dumps(STATE))
     window = reviewing()
     folder = folder_of(window, "Shoot")
-    assert not window.is_alone
     assert folder.visible
     assert "3 flash frames" in texts(window)
     assert "<b>" not in texts(window)
@@ -324,19 +302,18 @@ def test_a_shoot_is_shown_renewed_and_told_when_it_is_over(reviewing, made):
     assert "is no state of a shoot" in window.client.told[-1]
 
 
-def test_a_first_shoot_stands_alone_until_its_session_is_decoded(nobody, tmp_path, furnish):
-    """A wall of what a folder lacks would hide the shoot, and tell its photographer nothing."""
-    folder, turned = tmp_path / "out", []
+def test_a_first_shoot_is_shown_until_its_session_is_decoded(nobody, tmp_path, furnish):
+    """A wall of what a folder lacks would tell its photographer nothing; the map is large."""
+    folder = tmp_path / "out"
     with open_record(folder) as record:
         (folder / STATUS).write_text(json.dumps(STATE))
+        write_png(folder / MAP, np.full((20, 30, 3), 90, np.uint8))
         window = SessionWindow(nobody(), Workspace.at(tmp_path), StudioState(area="Session", session=(folder, None)))
-        window.turn = lambda: turned.append("turned")
-        furnish(window, session_rows, PhotographView)
-        assert window.is_alone
-        assert not window.client.inputs("Capture")
+        furnish(window, SESSION_ROWS, PhotographView)
+        assert "Not in this folder" not in texts(window)
+        assert (window.plane.width, window.plane.height) == (30, 20)
         (folder / STATUS).write_text(json.dumps(STATE | {"is_over": True}))
         eventually(lambda: "The shoot is over" in texts(window))
         assert folder_of(window, "Shoot").visible
-        assert not turned, "its photographs are not decoded yet"
         note_steps(record, {"check": {"result": {}, "warnings": []}})
-    eventually(lambda: turned)
+    eventually(lambda: "check" in window.review.done)
