@@ -8,7 +8,7 @@ import numpy as np
 
 from draw.readable import readable, share
 from scene.spheres import KINDS, Kind
-from studio.session.balls import Balls, added, circle_of, moved, of_kind, resized
+from studio.session.ball_edits import Balls, added, circle_of, moved, of_kind, resized
 from studio.session.session_window import SessionWindow
 from studio.widgets import Row, button, text
 

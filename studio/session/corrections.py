@@ -25,7 +25,7 @@ from scene.files import write_text
 from scene.length_units import UNITS_MM
 from scene.mesh import Mesh
 from scene.spheres import Sphere
-from studio.session.balls import Balls, circle_of, outline
+from studio.session.ball_edits import Balls, circle_of, outline
 from studio.session.folder import HEADLINE, KEPT, OWN, Review, is_kept
 from studio.workspace import put_own, remove_own
 

@@ -14,7 +14,7 @@ from scene.camera import Camera
 from scene.errors import SceneError
 from scene.map_pictures import Image, shrink
 from scene.spheres import Sphere
-from studio.session.balls import Balls, circle_of, moved, resized
+from studio.session.ball_edits import Balls, circle_of, moved, resized
 from studio.session.photograph_picture import PictureLook, frame_strip, photograph
 from studio.session.plane import ROOT, WIDE, Plane, add_lines, add_numbered, add_picture
 from studio.session.session_window import SessionWindow

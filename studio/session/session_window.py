@@ -15,7 +15,7 @@ from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.output_folder import read_record
 from shoot.watch.status import STATUS
-from studio.session.balls import Balls, changed, under, with_usual_diameters
+from studio.session.ball_edits import Balls, changed, under, with_usual_diameters
 from studio.session.corrections import Corrections, balls_of, forget_kept, pose_of, tables_of, write_amended
 from studio.session.folder import STEPS, Review, is_kept
 from studio.session.photograph_picture import Beside, PictureLook, beside

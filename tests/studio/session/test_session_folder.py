@@ -19,7 +19,7 @@ from scene.lights import Lights
 from scene.rays import RayCaster
 from studio.opening import OPEN_ROWS, OpenWindow, found_at, open_many
 from studio.session import corrections
-from studio.session.balls import added, moved, outline, resized
+from studio.session.ball_edits import added, moved, outline, resized
 from studio.session.corrections import Corrections, balls_of, forget_kept, met, pose_of, tables_of, write_amended
 from studio.session.folder import Review, targets
 from studio.session.photograph_picture import (

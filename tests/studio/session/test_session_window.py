@@ -17,7 +17,7 @@ from scene.output_folder import open_record
 from shoot.watch.status import MAP, STATUS
 from studio import window as windows
 from studio.session import photograph_view
-from studio.session.balls import moved
+from studio.session.ball_edits import moved
 from studio.session.photograph_view import PhotographView
 from studio.session.plane import ROOT
 from studio.session.session_rows import SESSION_ROWS, TABS
