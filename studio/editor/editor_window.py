@@ -7,7 +7,7 @@ from typing import Any
 
 from scene.current import file_digest
 from scene.errors import SceneError
-from studio.editor.edits import Place, start_document
+from studio.editor.edits import start_document
 from studio.editor.preview import Drawn, Preview
 from studio.studio_state import SCENE, Edits, History, RunningJob, StudioState
 from studio.widgets import code, plain
@@ -66,12 +66,8 @@ class EditorWindow(Window):
         """Brightness of the preview, and what was drawn last."""
         self.drawn: Drawn | None
         self.show_preview: Callable[[Drawn], None] = lambda drawn: None
-        self.apart: set[Place] = set()
-        """Colours that are typed channel by channel."""
         self.chosen: dict[str, str] = {}
         """What is chosen or typed for a button to take, by what it is for."""
-        self.size_in_proportion = True
-        """One side that is typed changes the others too."""
 
     def begin(self) -> None:
         """Look for files."""

@@ -96,7 +96,13 @@ class _Key:
         elif kind == "picture":
             yield from self._pictures(self._label, (NONE,))
         elif kind in ("channels", "colour"):
-            yield from self._channels(float(field["prefixItems"][0]["maximum"]) if kind == "channels" else 1.0)
+            top = float(field["prefixItems"][0]["maximum"]) if kind == "channels" else 1.0
+            look = {"value": (0.0,) * 3, "min": (0.0,) * 3, "max": (top,) * 3, "step": FINE}
+            yield self._row("vector3", f"{self._label} R, G, B", _present, **look, **hint)
+            if kind == "colour":
+                linear = lambda window, said, was: tuple(float(linear_from_srgb(part / 255)) for part in said)  # noqa: E731
+                yield self._row("rgb", "colour", _shown_colour, linear, value=(188, 188, 188))
+                yield from self._pictures("picture", (COLOUR, VERTICES))
         else:
             start = (0.0,) * 3 if kind == "vector3" else False
             yield self._row(kind, self._label, _present, value=start, **hint)
@@ -117,44 +123,6 @@ class _Key:
 
         value = lambda window: vars(value_at(window.document, self._at(window)))[self._name]  # noqa: E731
         return Row(kind, label, lambda window: show(window, value(window)), use, start)
-
-    def _channels(self, high: float) -> Iterator[Row]:
-        """Three channels have one number, unless they are asked for one by one: one that is typed gives no colour."""
-        label, is_colour = self._label, self._field["input"] == "colour"
-
-        def is_apart(window: EditorWindow, value: Any) -> bool:
-            return isinstance(value, tuple) and (len(set(value)) > 1 or (*self._at(window), self._name) in window.apart)
-
-        def split(window: EditorWindow, said: bool, was: Any) -> Any:
-            place = (*self._at(window), self._name)
-            (window.apart.add if said else window.apart.discard)(place)
-            return was if said else (float(was[0]),) * 3
-
-        def one(window: EditorWindow, value: Any) -> dict[str, Any]:
-            # A picture has no numbers.
-            is_shown = isinstance(value, tuple) and not is_apart(window, value)
-            return {"visible": True, "value": float(value[0])} if is_shown else {"visible": False}
-
-        def three(window: EditorWindow, value: Any) -> dict[str, Any]:
-            return _present(window, value) if is_apart(window, value) else {"visible": False}
-
-        def colour(window: EditorWindow, value: Any) -> dict[str, Any]:
-            if not isinstance(value, tuple):
-                return {"visible": False}
-            return {"visible": True, "value": tuple(round(255 * float(srgb_from_linear(part))) for part in value)}
-
-        def box(window: EditorWindow, value: Any) -> dict[str, Any]:
-            return {"visible": isinstance(value, tuple), "value": is_apart(window, value)}
-
-        yield self._row("number", label, one, lambda window, said, was: (said,) * 3, value=0.0, min=0.0, max=high,
-                        step=FINE, hint=self._field.get("description"))  # fmt: skip
-        yield self._row("checkbox", f"{label} by channel", box, split, value=False)
-        yield self._row("vector3", f"{label} R, G, B", three, value=(0.0,) * 3, min=(0.0,) * 3, max=(high,) * 3,
-                        step=FINE)  # fmt: skip
-        if is_colour:
-            linear = lambda window, said, was: tuple(float(linear_from_srgb(part / 255)) for part in said)  # noqa: E731
-            yield self._row("rgb", "colour", colour, linear, value=(188, 188, 188))
-            yield from self._pictures("picture", (COLOUR, VERTICES))
 
     def _pictures(self, label: str, before: tuple[str, ...]) -> Iterator[Row]:
         known = {COLOUR: GRAY, VERTICES: VERTEX, NONE: None}
@@ -183,8 +151,15 @@ class _Key:
                          hint=hint)  # fmt: skip
 
 
+def _shown_colour(window: EditorWindow, value: Any) -> dict[str, Any]:
+    """Show a reflectance as sRGB where it is a colour."""
+    if not isinstance(value, tuple):
+        return {"visible": False}
+    return {"visible": True, "value": tuple(round(255 * float(srgb_from_linear(part))) for part in value)}
+
+
 def _present(window: EditorWindow, value: Any) -> dict[str, Any]:
-    """Show a value where it is there. A picture has no number."""
-    if value is None or isinstance(value, Texture):
+    """Show a value where it is there. A picture, or the mesh's own colours, have no number."""
+    if value is None or value == VERTEX or isinstance(value, Texture):
         return {"visible": False}
     return {"visible": True, "value": tuple(map(float, value)) if isinstance(value, tuple) else value}

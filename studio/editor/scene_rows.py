@@ -1,11 +1,8 @@
 """The rows of a scene: objects, the material of one, lights, camera, files. Most inputs are made from declarations."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from studio.editor import edits
 from studio.editor.editor_window import EditorWindow
@@ -86,25 +83,9 @@ def _add(window: EditorWindow, label: str, name: str, **source: Any) -> None:
     window.change(label, lambda document: edits.added(document, name, **source))
 
 
-def _placement(label: str, field: str, hint: str, **start: Any) -> Row:
-    """Return three numbers of where the object stands: a field of `Placement`."""
-
-    def show(window: EditorWindow) -> tuple[float, ...]:
-        numbers = getattr(edits.placement(window.document, window.object), field)
-        return tuple((np.round(numbers, 4) + 0.0).tolist())
-
-    def use(window: EditorWindow, value: tuple[float, float, float]) -> None:
-        in_proportion = window.size_in_proportion
-
-        def edit(document: SceneDocument, index: int) -> SceneDocument:
-            was = edits.placement(document, index)
-            sized = field == "size_mm"
-            now = was.sized(value, in_proportion=in_proportion) if sized else replace(was, **{field: np.array(value)})
-            return edits.placed(document, index, now)
-
-        _edit(f"{label.partition(',')[0]} {window.object}", edit, "object")(window)
-
-    return Row("vector3", label, show, use, {"value": (0.0,) * 3, "step": 0.1, "hint": hint, **start})
+def _size(window: EditorWindow) -> str:
+    sides = " x ".join(f"{side:.4g}" for side in edits.placement(window.document, window.object).size_mm)
+    return f"{len(window.scene.objects[window.object].mesh.faces):,} triangles, {sides} mm."
 
 
 def _material(window: EditorWindow) -> Place:
@@ -192,16 +173,8 @@ SCENE_ROWS = tab_rows({
                 lambda window: {"options": tuple(window.document.materials), "value": _material(window)[1]},
                 lambda window, name: window.change("material of object", lambda document: with_value(
                     document, (*_object(window), "material"), name)), {"options": ("matte",)}),
-            _placement("place, mm", "middle_mm", "Of its middle; camera frame"),
-            _placement("turn, deg", "rotate_deg", "About x, then y, then z"),
-            _placement("size, mm", "size_mm", "Its own axes", min=(0.0, 0.0, 0.0)),
-            Row("checkbox", "size in proportion", lambda window: window.size_in_proportion,
-                lambda window, value: window.choose(size_in_proportion=value),
-                {"value": True, "hint": "One side changes the others too"}),
-            fields(_object, skip=("scale", "rotate_deg", "translate_mm")),
-            text(lambda window: f"{len(window.scene.objects[window.object].mesh.faces):,} triangles." + (
-                "" if edits.placement(window.document, window.object).is_exact
-                else " Its matrix shears: numbers typed here drop that.")),
+            fields(_object),
+            text(_size),
             button("Remove object",
                    _edit("remove object", lambda document, index: edits.without(document, "objects", index), "object"),
                    kind="danger"),

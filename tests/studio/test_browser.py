@@ -72,7 +72,7 @@ def test_a_first_dataset(visitor, studio, tmp_path):
     now = edits.placement(window.document, 0)
     moved = now.middle_mm - was.middle_mm
     np.testing.assert_allclose(moved[[0, 2]], 0, atol=1e-3)
-    np.testing.assert_allclose(now.rotate_deg, was.rotate_deg, atol=1e-3)
+    np.testing.assert_allclose(now.rotation, was.rotation, atol=1e-5)
     assert np.linalg.norm(visitor.on_screen(grip + moved * UNITS_PER_MM) - end) < 8
     assert moved[1] > 5
 

@@ -103,26 +103,6 @@ def test_an_edit_changes_what_it_says_and_nothing_else(furnished):
     assert window.client.input("metal").value == "Hg", "what there is no choice for is shown"
 
 
-@pytest.mark.parametrize(
-    ("label", "found"),
-    [
-        ("ambient", lambda window: window.scene.environment.ambient),
-        ("intensity", lambda window: tuple(window.scene.lights.intensities[0])),
-    ],
-)
-def test_one_number_typed_gives_no_colour(furnished, label, found):
-    """Three channels have one input, until they are asked for one by one."""
-    window, say = furnished()
-    for words, value, wanted in (
-        (label, 0.3, (0.3,) * 3),
-        (f"{label} by channel", True, (0.3,) * 3),
-        (f"{label} R, G, B", (0.3, 0.2, 0.1), (0.3, 0.2, 0.1)),
-        (f"{label} by channel", False, (0.3,) * 3),
-    ):
-        say(words, value)
-        assert found(window) == wanted
-
-
 def test_lights_are_made_changed_and_singled_out(furnished):
     window, say = furnished()
     say("kind", "ring")
