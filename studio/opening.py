@@ -10,14 +10,14 @@ from typing import Literal
 
 from capture.session.session import load_session
 from capture.survey.folder_files import survey
-from lab.many_sessions import row_picture, session_row, sessions_below
+from lab.many_sessions import sessions_below
 from lab.session_place import MANIFEST, SESSION, default_out, is_output, is_session, origin_of, session_and_out
 from scene.errors import SceneError
 from scene.origin import Origin
 from scene.reading import reading
 from studio.editor.editor_window import FILE, begun
 from studio.studio_state import SCENE, StudioState
-from studio.widgets import Row, button, code, plain, text
+from studio.widgets import Row, button, code, text
 from studio.window import Window
 from studio.workspace import Workspace
 
@@ -72,7 +72,9 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
         # Given as the workspace knows it.
         source = workspace.root / source
     kind = kind_of(source)
-    if kind == "folder":
+    if kind == "folder" and sessions_below(source):
+        state.area, state.folder = "Open", workspace.path(source.resolve())
+    elif kind == "folder":
         folders = survey(source)
         if out is not None and len(folders) > 1:
             raise SceneError(f"--out {out}: there are {len(folders)} objects, each with a folder of its own: out/NAME.")
@@ -100,34 +102,10 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
         )
 
 
-def open_many(state: StudioState, workspace: Workspace, parent: Path, out: Path | None = None) -> bool:
-    """List the sessions below a folder, if there are several; return whether there are. out: As of `rgbn process`."""
-    place = (parent if parent.exists() else workspace.root / parent).resolve()
-    if sessions_below(place):
-        out = out or default_out(Origin("sessions", place), place.name, workspace.root / "out")
-        state.folder, state.many = workspace.path(place), (place, workspace.path(out.resolve()))
-    return state.many is not None
-
-
 class OpenWindow(Window):
     """What a browser opens things in: folders below the workspace."""
 
     area = "Open"
-    listed: tuple[tuple[Path, float], ...] = ()
-    """The sessions below a folder, and when results of each were last written; 0 where there are none."""
-
-    def begin(self) -> None:
-        """Read what is to be shown."""
-        self.follow()
-
-    def follow(self) -> bool:
-        """Look whether a session of the list has other results: of a run here, or of `rgbn process` elsewhere."""
-        before = self.listed
-        if self.state.many is not None and self.folder == self.state.many[0]:
-            parent, out = self.state.many
-            paths = {place: out / place.relative_to(parent) / "summary.json" for place in sessions_below(parent)}
-            self.listed = tuple((place, path.stat().st_mtime if path.is_file() else 0) for place, path in paths.items())
-        return self.listed != before
 
     @property
     def folder(self) -> Path:
@@ -154,25 +132,6 @@ def _entry_rows(window: OpenWindow) -> list[Row]:
     return [row(*one) for one in entries(window.folder)] or [text("Nothing that can be opened.")]
 
 
-def _session_rows(window: OpenWindow) -> list[Row]:
-    """Return the sessions as `rgbn process` lists them, each with a button that opens it."""
-    assert window.state.many is not None
-    (parent, out), rows = window.state.many, []
-    for session, is_done in window.listed:
-        name = session.relative_to(parent).as_posix()
-        row = session_row(out, name, "" if is_done else "Nothing was made of it yet.")
-        picture = f'<div style="margin: 0 .6em">{row_picture(out, row)}</div>'
-        told = f"{row['verdict']} Warnings: {row['warnings']}." if is_done else row["fault"]
-        tab = "Verdict" if is_done else "Capture"
-
-        def show(window: OpenWindow, session: Path = session, name: str = name, tab: str = tab) -> None:
-            window.state.show_session(out / name, session, tab=tab)
-            window.turn()
-
-        rows += [button(f"{name}: {row['badge']}", show), Row("html", start={"content": picture}), text(plain(told))]
-    return rows
-
-
 OPEN_ROWS = (
     text(lambda window: f"{code(str(window.folder))}\n\nChoose a folder of photographs, a session, its output folder, "
          "or a scene."),
@@ -181,9 +140,6 @@ OPEN_ROWS = (
     button(HERE["folder"], lambda window: window.open(window.folder),
            lambda window: {"label": HERE[kind_of(window.folder) or "folder"]}, kind="main"),
     button("New scene", lambda window: window.go("Scene")),
-    Row("folder", "Sessions", lambda window: {
-        "visible": window.state.many is not None and window.folder == window.state.many[0]},
-        start={"visible": False}, rows=_session_rows, key=lambda window: window.listed),
     Row("folder", "In this folder", rows=_entry_rows, key=lambda window: tuple(entries(window.folder))),
 )  # fmt: skip
 """What is to be done with the folder itself, and the folders and scenes in it."""

@@ -157,7 +157,6 @@ class StudioState:
     area: The one that is shown.
     tabs: The open tab of each page.
     folder: That is looked into to open something; None: the workspace.
-    many: A folder with sessions below it, and where their results lie.
     session: Output folder and session that is looked at, or the folder in which one is begun; None for the second: the
         one that the output folder names.
     edits: By output folder, or the folder in which a session is begun, what was put right there; and the `SCENE`.
@@ -168,7 +167,6 @@ class StudioState:
     area: Area = "Open"
     tabs: dict[str, str] = field(default_factory=dict)
     folder: Path | None = None
-    many: tuple[Path, Path] | None = None
     session: tuple[Path, Path | None] | None = None
     edits: dict[Path | str, Edits] = field(default_factory=dict)
     to_run: str = ""

@@ -161,12 +161,6 @@ def add_light(view: Any, name: str, ends_mm: ArrayLike, spread_mm: float, colour
     return [view.add_icosphere(name, radius=radius * size, color=colour, position=at, **NO_SHADOW), arrow]
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return rows of Markdown as a table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines) if rows else ""
-
-
 def plain(text: str) -> str:
     """Return a text for Markdown: every sign that it, its links or HTML could take for its own is escaped."""
     return re.sub(r"([\\`*_{}\[\]()<>#+\-.!|~&:/@=$^])", r"\\\1", " ".join(text.split()))

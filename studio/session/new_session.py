@@ -5,6 +5,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 from capture.survey.folder_files import FolderFiles, survey
 from lab.session_place import MANIFEST
 from shoot.init.answers import Answers
+from studio.session.ball_rows import MILLIMETRES
 from studio.session.folder import first_look
 from studio.session.plane import WIDE, add_picture
 from studio.studio_state import Edits, History, RunningJob
@@ -40,8 +41,8 @@ class NewWindow(Window):
         self.found = survey(self.place)
 
     def answer(self, name: str, value: Any) -> None:
-        """Say what no file tells; an empty text is not known."""
-        self.did(name, {**self.said, name: "" if value == UNSAID else value})
+        """Say what no file tells; 0 is not known."""
+        self.did(name, {**self.said, name: 0 if value == UNSAID else value})
         self.refresh()
 
     def job(self) -> RunningJob:
@@ -87,7 +88,7 @@ def _found(window: NewWindow) -> str:
         kinds = one.photographs | {"scan": one.scans, "mask": one.masks, "lights": one.lights, "normals": one.normals}
         counts = ", ".join(f"{len(files)} {kind}" for kind, files in kinds.items() if files)
         lines.append(f"- **{plain(one.folder.name)}**, by the names: {counts}")
-    told = "What no file tells, in mm; leave empty what is not known. Balls, camera and scan are then looked for."
+    told = "What no file tells, in mm; 0: not known. Balls, camera and scan are then looked for."
     return "\n".join([*lines, "", told])
 
 
@@ -95,10 +96,11 @@ def _answer(name: str, hint: Any) -> Row:
     """Return the input of an option of `rgbn init`, by its type."""
     kinds, (parameter,) = get_args(hint)[0], hint.__metadata__
     choices = next((get_args(one) for one in get_args(kinds) if get_origin(one) is not None), ())
-    kind = "checkbox" if bool in get_args(kinds) else "dropdown" if choices else "text"
-    nothing = {"checkbox": False, "dropdown": UNSAID, "text": ""}[kind]
-    start = {"options": (UNSAID, *choices)} if choices else {"initial_value": nothing}
-    return Row(kind, name.replace("_mm", ", mm"), lambda window: window.said.get(name) or nothing,
+    kind = "checkbox" if bool in get_args(kinds) else "dropdown" if choices else "number"
+    nothing = {"checkbox": False, "dropdown": UNSAID, "number": 0.0}[kind]
+    start = {"checkbox": {"value": False}, "dropdown": {"options": (UNSAID, *choices)}, "number": MILLIMETRES}[kind]
+    label = f"{name.removesuffix('_mm')}, mm" if kind == "number" else name
+    return Row(kind, label, lambda window: window.said.get(name) or nothing,
                lambda window, value: window.answer(name, value), {**start, "hint": parameter.help})  # fmt: skip
 
 

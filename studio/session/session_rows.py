@@ -15,9 +15,8 @@ from studio.session.ball_rows import BALL_ROWS
 from studio.session.folder import STEPS, Review, Warned, is_kept
 from studio.session.photograph_picture import OVERLAYS
 from studio.session.session_window import SessionWindow
-from studio.session.spatial_view import FACTORS, fitting_factor
 from studio.tabs import WORK_ROWS, tab_rows
-from studio.widgets import Row, button, code, plain, table, text
+from studio.widgets import Row, button, code, plain, text
 
 NONE = "(no method has run)"
 MOST = 60
@@ -79,7 +78,7 @@ def _light_facts(window: SessionWindow) -> str:
     ]
     if lights.positions_mm is not None:
         covariance = review.position_covariance_mm2
-        told = "; how uncertain its place is, is not in this folder: calibrate again to have its ellipsoid"
+        told = ""
         if covariance is not None and np.isfinite(covariance[index]).all():
             along = lights.directions[index]
             told = f" ± {readable(np.sqrt(along @ covariance[index] @ along), 1)} mm"
@@ -96,18 +95,6 @@ def _pose_facts(window: SessionWindow) -> str:
     return (
         f"Registered: outline to {readable(pose['residual_px'])} px rms, place ± {readable(pose['sigma_mm'])} mm, "
         f"turn ± {readable(pose['sigma_deg'])}°. It lies over the photograph, shaded: **Capture** lays on other things."
-    )
-
-
-def _errors(window: SessionWindow) -> str:
-    methods = (window.review.summary.get("compare") or {}).get("methods") or {}
-    rows = [
-        (plain(name), readable(value))
-        for name in window.review.material.methods
-        if (value := ((methods.get(name) or {}).get("real") or {}).get("median_deg")) is not None
-    ]
-    return table(("method", "median error, °"), rows) or (
-        "How far each method is from the truth is told once **Verdict** has run."
     )
 
 
@@ -130,10 +117,7 @@ TABS: dict[str, Any] = {
     ),
     "Balls": BALL_ROWS,
     "Lights": (
-        text("The flashes around the object, each with the ellipsoid of its sigma. A click chooses one."),
-        Row("dropdown", "sigma drawn", lambda window: f"{window.factor or fitting_factor(window.review.lights)} times",
-            lambda window, value: window.choose(factor=int(value.split()[0])),
-            {"options": tuple(f"{factor} times" for factor in FACTORS)}),
+        text("The flashes around the object. A click chooses one."),
         text(_light_facts),
     ),
     "Scan": (
@@ -152,7 +136,7 @@ TABS: dict[str, Any] = {
         Row("dropdown", "normals of", lambda window: {
             "options": tuple(window.review.material.methods) or (NONE,), "value": window.method or NONE},
             lambda window, value: window.choose(method=value), {"options": (NONE,)}),
-        text(_errors),
+        text("How far each method is from the truth: **Verdict**."),
     ),
     "Twin": (text(lambda window: f"**No twin**: {window.review.missing.get('twin', '')}" if window.beside is None
                   else f"Right: the {window.beside.caption.removeprefix('twin, the ')}."),),
@@ -180,7 +164,7 @@ def _mark(window: SessionWindow, tab: str) -> str:
 
 
 def _warning_rows(window: SessionWindow) -> list[Row]:
-    """Return the warnings; a press goes to the frame or the ball that one is about."""
+    """Return the warnings; a press goes to a frame that one is about."""
     found, names, rows = warnings_of(window.review, window.tab), window.review.names, list[Row]()
 
     def to_frame(frame: int) -> Row:
@@ -192,8 +176,6 @@ def _warning_rows(window: SessionWindow) -> list[Row]:
 
     for one in found[:MOST]:
         rows += [text(f"**{plain(one.step)}**: {plain(one.text)}"), *map(to_frame, one.frames[:4])]
-        if (ball := one.ball) is not None:
-            rows.append(button(f"Show ball {ball + 1}", lambda window, ball=ball: window.choose_ball(ball)))
     more = [text(f"{len(found) - MOST} more are in report.html.")] if len(found) > MOST else []
     return rows + more
 

@@ -38,8 +38,7 @@ class SessionWindow(Window):
     reading: How often the folder was read again: whatever is drawn of it is older than that, or as old.
     looks: How often the whole was asked for again.
     frame: The photograph that is shown. ball: The one that is looked at.
-    factor: By how much the lights' sigmas are drawn larger; 0: so that they are seen. method: Whose normals are shown;
-    empty: the first.
+    method: Whose normals are shown; empty: the first.
     on_photograph: Who wants the pixels that are clicked on the photograph.
     picked_pose: That the picks give, once it was asked for.
     status: Of a shoot under way, as `rgbn watch` tells it.
@@ -56,7 +55,7 @@ class SessionWindow(Window):
         self.edited, self._address_of = self.folder, address_of
         self.reading, self.looks, self.frame = 0, 0, 0
         self.ball: int | None = None
-        self.how, self.factor, self.method = PictureLook(), 0, ""
+        self.how, self.method = PictureLook(), ""
         self.on_photograph: Callable[[tuple[float, float]], None] | None = None
         self.picks_told, self.strokes = "", np.zeros((0, 2, 2))
         self.status: Any = None

@@ -1,12 +1,10 @@
-"""Lights, balls and object in space, where each light may be as an ellipsoid; and the scan alone, to be picked on."""
+"""Lights, balls and object in space; and the scan alone, to be picked on."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.lights import Lights
-from studio.editor.edits import quaternion
 from studio.session.corrections import met
 from studio.session.plane import add_numbered
 from studio.session.session_window import SessionWindow
@@ -17,10 +15,6 @@ LIGHTS, SCAN = "/lights", "/scan"
 CHOSEN, PLAIN, CLAY, STEEL, CHALK = (26, 115, 232), (250, 210, 60), (205, 190, 170), (150, 155, 165), (240, 240, 240)
 FAR_MM = 1000.0
 """So far toward distant lights they are drawn."""
-FACTORS = (1, 3, 10, 30, 100)
-"""By which a sigma may be drawn larger."""
-SHOWN_DEG = 4.0
-"""A sigma drawn this large is seen well."""
 SCAN_SIZE = 6.0
 """Of the scan when it is shown alone, in the view's units."""
 
@@ -43,7 +37,7 @@ class SpatialView:
         if window.view == "Lights in 3-D":
             draw("object", reading, self._add_object)
             draw("balls", reading, self._add_balls)
-            draw("lights", (reading, window.frame, window.factor), self._add_lights)
+            draw("lights", (reading, window.frame), self._add_lights)
         elif window.view == "Scan":
             draw("scan", reading, self._add_scan)
             places = [tuple(self._on_scan(np.array(point))) for point in window.picks.points]
@@ -87,23 +81,11 @@ class SpatialView:
             return handles
         places, reference = light_places(lights, FAR_MM), lights.reference_point_mm
         reach = float(np.median(np.linalg.norm(places - reference, axis=1)))
-        known = window.review.position_covariance_mm2
-        factor = window.factor or fitting_factor(lights)
-        # Of a near light its direction alone says nothing of how far away it is.
-        is_told = lights.positions_mm is None or known is not None
-        for index, (place, spread) in enumerate(zip(places, covariance_mm2(lights, known), strict=True)):
+        for index, place in enumerate(places):
             colour, at = CHOSEN if index == window.frame else PLAIN, tuple(place * UNITS_PER_MM)
-            ball, arrow = add_light(view, f"{LIGHTS}/light_{index}", (place, reference), reach, colour, 0.012)
-            handles += [arrow, view.add_label(f"{LIGHTS}/number_{index}", str(index + 1), position=at)]
-            bodies = [ball]
-            if is_told and (ellipsoid := ellipsoid_of(spread)) is not None:
-                axes = tuple(np.maximum(factor * ellipsoid[0] * UNITS_PER_MM, 1e-4))
-                look = {"position": at, "color": colour, "opacity": 0.35, "subdivisions": 2, **NO_SHADOW}
-                look |= {"radius": 1.0, "scale": axes, "wxyz": quaternion(ellipsoid[1])}
-                bodies.append(view.add_icosphere(f"{LIGHTS}/sigma_{index}", **look))
-            for body in bodies:
-                window.on(body.on_click, lambda frame=index: window.choose(frame=frame))
-            handles += bodies
+            added = add_light(view, f"{LIGHTS}/light_{index}", (place, reference), reach, colour, 0.02)
+            window.on(added[0].on_click, lambda frame=index: window.choose(frame=frame))
+            handles += [*added, view.add_label(f"{LIGHTS}/number_{index}", str(index + 1), position=at)]
         return handles
 
     def _on_scan(self, points_mm: Array) -> Array:
@@ -124,36 +106,3 @@ class SpatialView:
 
         window.on_ray(handle, clicked)
         return [handle]
-
-
-def covariance_mm2(lights: Lights, position_covariance_mm2: Array | None) -> Array:
-    """Return (N, 3, 3), how well each light's place is known; NaN where nothing is.
-
-    Where the positions' covariance is not known, the stated sigma holds all round, across the direction.
-    """
-    if position_covariance_mm2 is not None and lights.positions_mm is not None:
-        return position_covariance_mm2
-    away = np.linalg.norm(light_places(lights, FAR_MM) - lights.reference_point_mm, axis=1)
-    wide = away * np.tan(np.radians(lights.direction_sigma_deg))
-    across = np.eye(3) - lights.directions[:, :, None] * lights.directions[:, None]
-    return wide[:, None, None] ** 2 * across
-
-
-def fitting_factor(lights: Lights | None) -> int:
-    """Return by how much sigmas are drawn larger so that they are seen."""
-    if lights is None:
-        return 1
-    sigma = lights.direction_sigma_deg
-    typical = float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else SHOWN_DEG
-    return min(FACTORS, key=lambda factor: abs(np.log(factor * max(typical, 1e-6) / SHOWN_DEG)))
-
-
-def ellipsoid_of(covariance_mm2: Array) -> tuple[Array, Array] | None:
-    """Return one standard deviation (3,) along each axis, and the axes (3, 3), right-handed, as columns.
-
-    None where the covariance (3, 3) is not known.
-    """
-    if not np.isfinite(covariance_mm2).all():
-        return None
-    values, axes = np.linalg.eigh(covariance_mm2)
-    return np.sqrt(np.maximum(values, 0)), axes * [1.0, 1.0, np.sign(np.linalg.det(axes))]

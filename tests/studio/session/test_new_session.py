@@ -60,7 +60,7 @@ def test_what_is_typed_is_in_the_session_that_is_shown(begin, folder, nobody, fu
     """The whole way: a first photograph, session.toml, the folder as `init` saw it; its results go to the workspace."""
     window = begin(folder)
     assert window.client.seen("/photograph") is not None
-    for label, value in (("focal, mm", "50"), ("sensor, mm", "36"), ("unit", "cm"), ("unit", "(not said)")):
+    for label, value in (("focal, mm", 50.0), ("sensor, mm", 36.0), ("unit", "cm"), ("unit", "(not said)")):
         window.client.says(label, value)
     window.client.says("Write session.toml")
     settle(window)
@@ -72,6 +72,7 @@ def test_what_is_typed_is_in_the_session_that_is_shown(begin, folder, nobody, fu
     window = furnish(SessionWindow(nobody(), window.workspace, window.state), SESSION_ROWS, PhotographView)
     assert window.client.seen("/photograph/picture") is not None
     assert window.review.preview.shape[1] > 1000, "the contact sheet"
+    window.open_tab("Balls")
     window.client.says("Add a chrome ball")
     settle(window)
     assert "frames: the step `check` has not ended here" in window.client.told[-1], "in which pixels is not known"
@@ -80,12 +81,12 @@ def test_what_is_typed_is_in_the_session_that_is_shown(begin, folder, nobody, fu
 def test_what_init_refuses_is_told(begin, folder, settle):
     """As it says it on the command line, and what was typed stays."""
     window = begin(folder)
-    window.client.says("chrome", "-3")
+    window.client.says("sensor, mm", 3000.0)
     window.client.says("Write session.toml")
     settle(window)
     ends(window)
-    assert "0.1 to 10000" in window.client.told[-1]
-    assert window.client.input("chrome").value == "-3"
+    assert "expected 1 to 250" in window.client.told[-1]
+    assert window.client.input("sensor, mm").value == 3000
     assert not (folder / "session.toml").exists()
 
 
@@ -98,8 +99,10 @@ def test_of_several_objects_each_gets_a_session(begin, tmp_path, settle):
     ends(window)
     assert all((tmp_path / "shelf" / name / "session.toml").exists() for name in ("cup", "jug"))
     assert (window.state.area, window.state.folder) == ("Open", tmp_path / "shelf")
+    photographs(tmp_path / "other" / "a")
+    photographs(tmp_path / "other" / "b")
     with pytest.raises(SceneError, match="2 objects"):
-        begin(tmp_path / "shelf", tmp_path / "out")
+        begin(tmp_path / "other", tmp_path / "out")
 
 
 def test_diameters_typed_before_the_photographs_are_decoded_are_kept(made, nobody, furnish, settle, tmp_path):

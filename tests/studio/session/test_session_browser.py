@@ -57,8 +57,10 @@ def test_a_half_done_session_is_put_right(visit, calibrated, at_session):
 
     visitor.tab("Verdict")
     visitor.see("There is no report yet")
-    visitor.press("Show ball 1")
-    visitor.until(lambda: window.ball == 0, "the warning leads to its ball")
+    visitor.tab("Balls")
+    visitor.settle()
+    visitor.click(Plane(320, 240).place(found.center_px))
+    visitor.until(lambda: window.ball == 0, "the ball was clicked")
     visitor.see("in 6 of 6 frames")
     visitor.settle()
     plane = Plane(320, 240)
