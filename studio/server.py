@@ -15,7 +15,7 @@ from studio.editor.scene_rows import SCENE_ROWS
 from studio.editor.scene_view import SceneView
 from studio.opening import OPEN_ROWS, OpenWindow
 from studio.served_page import LOOPBACK, ServedPage
-from studio.session.new_session import NEW_ROWS, FirstPhotograph, NewWindow
+from studio.session.new_session import NEW_ROWS, NewWindow
 from studio.session.photograph_view import PhotographView
 from studio.session.session_rows import SESSION_ROWS
 from studio.session.session_window import SessionWindow
@@ -26,7 +26,7 @@ from studio.workspace import Workspace
 
 PAGES: dict[type[Window], tuple[Any, ...]] = {
     OpenWindow: (OPEN_ROWS,),
-    NewWindow: (NEW_ROWS, [FirstPhotograph]),
+    NewWindow: (NEW_ROWS,),
     SessionWindow: (SESSION_ROWS, [PhotographView, SpatialView]),
     EditorWindow: (SCENE_ROWS, [PreviewPanel, SceneView]),
 }

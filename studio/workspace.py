@@ -4,7 +4,7 @@ import itertools
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -155,16 +155,3 @@ def put_own(folder: Path, write: Callable[[Path], Made]) -> Made:
             if is_new and set(os.listdir(folder)) <= {PLACE}:
                 shutil.rmtree(folder)
         raise
-
-
-def remove_own(folder: Path, names: Iterable[str]) -> None:
-    """Remove files that rgbn wrote into a folder; those that are not there are passed over.
-
-    Raises SceneError: one is not rgbn's own; then none is removed.
-    """
-    paths = [folder.resolve() / name for name in names]
-    with open_record(folder, among_others=True) as record:
-        for path in paths:
-            record.check_free(path)
-        for path in paths:
-            record.remove(path)

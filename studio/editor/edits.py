@@ -188,16 +188,6 @@ def turned(document: SceneDocument, index: int, middle_mm: ArrayLike, rotation: 
     return with_matrix(document, index, move @ document.objects[index].camera_from_object())
 
 
-def scaled(document: SceneDocument, index: int, factor: float) -> SceneDocument:
-    """Return the document with an object `factor` times as large, above 0, its middle where it is."""
-    if not factor > 0:
-        raise RenderError(f"objects[{index}]: scaled by {factor:g}; expected a factor above 0.")
-    was, matrix = placement(document, index), document.objects[index].camera_from_object()
-    matrix[:3, :3] *= factor
-    matrix[:3, 3] = was.middle_mm + factor * (matrix[:3, 3] - was.middle_mm)
-    return with_matrix(document, index, matrix)
-
-
 def of_kind(kind: type[Material], was: Material, first: Mapping[str, Any]) -> Material:
     """Return a material of another kind with what the old one has that it has too; the others are the kind's.
 

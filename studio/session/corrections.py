@@ -7,7 +7,6 @@ import glob
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,11 +22,10 @@ from scene.camera import Camera
 from scene.errors import SceneError
 from scene.files import write_text
 from scene.length_units import UNITS_MM
-from scene.mesh import Mesh
 from scene.spheres import Sphere
 from studio.session.ball_edits import Balls, circle_of, outline
 from studio.session.folder import HEADLINE, KEPT, OWN, Review, is_kept
-from studio.workspace import put_own, remove_own
+from studio.workspace import put_own
 
 if TYPE_CHECKING:
     from scene.rays import RayCaster
@@ -183,17 +181,6 @@ def write_amended(
     return path.parent
 
 
-def forget_kept(review: Review) -> None:
-    """Remove what was kept in OUT/review, unless somebody else changed it or the session's own file is not known."""
-    path = review.store.path(KEPT)
-    if review.session_path is None or review.session_path == path.resolve():
-        raise SceneError(
-            f"{path / 'session.toml'}: the session that it was made of is not known here, or is gone. Open the review "
-            "by that session, `rgbn studio SESSION --out OUT`, to forget what was kept."
-        )
-    remove_own(review.store.folder, [f"{KEPT}/{name}" for name in ("session.toml", PICKS)])
-
-
 def _source(review: Review) -> Path:
     (session,), path = review.need("session"), review.session_path
     if session.layout != "toml":
@@ -227,23 +214,6 @@ def _table(review: Review, picks: Corrections) -> str:
         x, y, z = (value / unit for value in point)
         rows.append(f"{(u + 0.5) * scale - 0.5:.3f},{(v + 0.5) * scale - 0.5:.3f},{x:.9g},{y:.9g},{z:.9g}")
     return "\n".join(rows) + "\n"
-
-
-def pose_of(review: Review, picks: Corrections, mesh: Mesh) -> Any:
-    """Return `align.pose.picks.Picked`, the pose that the picks give. What was kept stays as it is.
-
-    Raises SceneError: too few picks, on one line, or contradicting each other.
-    """
-    from align.pose.picks import read_picks
-
-    (session, camera), text = review.need("session", "camera"), _table(review, picks)
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / PICKS
-        path.write_text(text)
-        try:
-            return read_picks(path, camera, mesh, unit=session.scan_unit, half=hint_scale(session, camera.width) == 2)
-        except SceneError as error:
-            raise SceneError(str(error).replace(str(path), "The picks")) from None
 
 
 def met(caster: "RayCaster", origin: Array, direction: Array) -> Array | None:

@@ -25,6 +25,7 @@ from scene.lights import Lights
 from scene.map_pictures import Image
 from scene.mesh import Mesh
 from scene.output_folder import read_record
+from scene.pose import Pose
 from scene.spheres import Sphere
 from scene.store import Store
 from shoot.init.init_session import SHEET
@@ -187,6 +188,14 @@ class Review:
         if session is None or session.scan is None:
             raise SceneError(self.why_no_session or "object.scan: the session names no scan. Add it to session.toml.")
         return load_scan(session.scan, session.scan_unit, ball_diameter_mm=session.scan_ball_diameter_mm)
+
+    @cached_property
+    def placed_scan(self) -> tuple[Mesh, Pose] | None:
+        """The registered scan in millimetres, and its pose; None: there is none."""
+        if self.session is None or self.session.scan is None or not self.store.path("pose.json").exists():
+            return None
+        mesh = self.scan_mesh
+        return Mesh(self.store.load_scan_scale() * mesh.vertices, mesh.faces), self.store.load_pose()
 
     @cached_property
     def scan_rays(self) -> "RayCaster":

@@ -7,10 +7,9 @@ from lab.session_place import MANIFEST
 from shoot.init.answers import Answers
 from studio.session.ball_rows import MILLIMETRES
 from studio.session.folder import first_look
-from studio.session.plane import WIDE, add_picture
 from studio.studio_state import Edits, History, RunningJob
 from studio.tabs import WORK_ROWS
-from studio.widgets import Layers, Row, code, plain, text
+from studio.widgets import Row, code, plain, text
 from studio.window import Window
 
 UNSAID = "(not said)"
@@ -20,7 +19,6 @@ class NewWindow(Window):
     """What a browser begins a session in: the state is what was typed, by the options of `rgbn init`."""
 
     area = "Session"
-    is_flat = True
 
     def __init__(self, *window: Any) -> None:
         super().__init__(*window)
@@ -62,25 +60,6 @@ class NewWindow(Window):
         self.turn()
 
 
-class FirstPhotograph:
-    """The view: the first photograph of the folder."""
-
-    def __init__(self, window: NewWindow) -> None:
-        self._window, self._layers = window, Layers()
-
-    def refresh(self) -> None:
-        """Show it, once."""
-        self._layers.draw("photograph", self._window.place, self._add)
-
-    def _add(self) -> list[Any]:
-        found = self._window.found
-        if not found or (image := first_look(found[0].photographs["flash"][0])) is None:
-            return []
-        high = WIDE * image.shape[0] / image.shape[1]
-        self._window.look_straight((0.0, 0.0, 0.0), WIDE, high)
-        return [add_picture(self._window, "/photograph", image, (WIDE, high), (0.0, 0.0, 0.0))]
-
-
 def _found(window: NewWindow) -> str:
     """Return what the names of the folder's files tell, as Markdown."""
     lines = [code(str(window.place)), ""]
@@ -90,6 +69,11 @@ def _found(window: NewWindow) -> str:
         lines.append(f"- **{plain(one.folder.name)}**, by the names: {counts}")
     told = "What no file tells, in mm; 0: not known. Balls, camera and scan are then looked for."
     return "\n".join([*lines, "", told])
+
+
+def _first(window: NewWindow) -> list[Row]:
+    image = first_look(window.found[0].photographs["flash"][0]) if window.found else None
+    return [] if image is None else [Row("image", start={"image": image, "format": "jpeg"})]
 
 
 def _answer(name: str, hint: Any) -> Row:
@@ -108,5 +92,6 @@ NEW_ROWS = (
     text(_found),
     *(_answer(*one) for one in get_type_hints(Answers, include_extras=True).items()),
     *WORK_ROWS,
+    Row("folder", "The first photograph", rows=_first),
 )
 """What was found, what is asked, and the button that writes session.toml."""

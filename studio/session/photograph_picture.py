@@ -1,24 +1,19 @@
 """A photograph as it is shown large, with what is laid over it; and the normals or the twin beside it."""
 
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compare.report.picture_strip import CELL_PX, INK, Label, PictureStrip
-from compare.report.pictures import PixelBox, thumbnail
-from compare.report.registration_pictures import WIDTH, shown_pixels, views
+from compare.report.pictures import thumbnail
+from compare.report.registration_pictures import WIDTH
 from draw.readable import share
-from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
-from scene.lights import Lights
 from scene.map_pictures import Image, normal_picture
 from studio.session.folder import Review
 
-Overlay = Literal["nothing", "mask", "scan, shaded", "scan, normals"]
-OVERLAYS: tuple[Overlay, ...] = get_args(Overlay)
 MASK_COLOUR = (0, 190, 255)
 CLIPPED_COLOUR = (255, 0, 60)
 BAND = 64
@@ -38,13 +33,9 @@ class Beside:
 
 @dataclass(frozen=True)
 class PictureLook:
-    """How a photograph is shown.
+    """How a photograph is shown."""
 
-    opacity: Of what lies over it; 0 to 1.
-    """
-
-    overlay: Overlay = "nothing"
-    opacity: float = 0.5
+    marks_object: bool = False
     brightness: float = 1.0
     marks_clipped: bool = True
 
@@ -80,33 +71,7 @@ def photograph(review: Review, index: int, look: PictureLook) -> Image:
     picture = exposure.develop(thumbnail(frames, index, WIDTH))
     if look.marks_clipped:
         picture = np.where(_clipped(frames, index, picture.shape)[..., None], CLIPPED_COLOUR, picture).astype(np.uint8)
-    box = PixelBox(0, 0, frames.width, frames.height)
-    if look.overlay == "mask":
-        return _with_mask(review, picture, look.opacity)
-    if look.overlay == "nothing":
-        return picture
-    truth, lights, camera = review.need("scan", "lights", "camera")
-    normals = _sampled(truth, shown_pixels(box, picture.shape))
-    if look.overlay == "scan, normals":
-        over = np.where(np.isfinite(normals[..., :1]), normal_picture(normals, picture.shape[1]), picture)
-    else:
-        _, shaded = views(
-            frames, exposure, lights, index, box, lambda pixels: shading(truth, camera, lights, index, pixels)
-        )
-        over = _fitted(shaded, picture.shape)
-    return _blend(picture, over, np.isfinite(normals[..., 0]), look.opacity)
-
-
-def shading(truth: NDArray, camera: Camera, lights: Lights, index: int, pixels: NDArray) -> NDArray[np.float32]:
-    """Return what a white matte object with these normals would show under one light, without cast shadows.
-
-    truth (H, W, 3): unit normals, NaN where unknown; pixels (h, w, 2); a near light is taken at the depth of the
-    reference point. The shading (h, w) is max(0, vector . normal), NaN off the scan.
-    """
-    normals, depth = _sampled(truth, pixels), float(lights.reference_point_mm[2])
-    points = camera.points_at_depth(pixels.reshape(-1, 2), depth)
-    vectors = lights.only([index]).toward(points)[0].reshape(normals.shape)
-    return np.maximum(np.sum(normals * vectors, -1), 0).astype(np.float32)
+    return _with_mask(review, picture) if look.marks_object else picture
 
 
 def beside(review: Review, tab: str, method: str, index: int, look: PictureLook) -> Beside | None:
@@ -157,12 +122,6 @@ def twin_beside(review: Review, index: int, look: PictureLook) -> Beside:
     return Beside(picture, f"twin, the rendered frame of the same flash{told}")
 
 
-def _sampled(truth: NDArray, pixels: NDArray) -> NDArray[np.float32]:
-    """Return the map's values at the nearest pixels."""
-    u, v = np.rint(pixels).astype(int).reshape(-1, 2).T.clip(0, [[truth.shape[1] - 1], [truth.shape[0] - 1]])
-    return np.asarray(truth[v, u], np.float32).reshape(*pixels.shape[:2], 3)
-
-
 def _clipped(frames: Frames, index: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Return (h, w), where a shown pixel has a clipped one in it."""
     import cv2
@@ -175,23 +134,13 @@ def _clipped(frames: Frames, index: int, shape: tuple[int, ...]) -> NDArray[np.b
     return np.asarray(cv2.resize(clipped, (shape[1], shape[0]), interpolation=cv2.INTER_AREA)) > 0
 
 
-def _with_mask(review: Review, picture: Image, opacity: float) -> Image:
+def _with_mask(review: Review, picture: Image) -> Image:
     """Tint the object, and draw the outermost pixels of it."""
     import cv2
 
     (mask,) = review.need("mask")
-    inside = _fitted(mask.astype(np.uint8), picture.shape)
-    tinted = _blend(picture, np.full_like(picture, MASK_COLOUR), inside > 0, 0.6 * opacity)
+    size = picture.shape[1::-1]
+    inside = np.asarray(cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST), np.uint8)
+    tinted = np.where(inside[..., None] > 0, 0.7 * picture + 0.3 * np.array(MASK_COLOUR), picture)
     edge = inside > cv2.erode(inside, np.ones((3, 3)), iterations=max(1, picture.shape[1] // 600), borderValue=0)
     return np.where(edge[..., None], MASK_COLOUR, tinted).astype(np.uint8)
-
-
-def _blend(under: Image, over: NDArray, where: NDArray[np.bool_], opacity: float) -> Image:
-    mixed = np.round((1 - opacity) * under + opacity * over)
-    return np.where(where[..., None], mixed, under).astype(np.uint8)
-
-
-def _fitted(image: NDArray, shape: tuple[int, ...]) -> NDArray[np.uint8]:
-    import cv2
-
-    return np.asarray(cv2.resize(image, (shape[1], shape[0]), interpolation=cv2.INTER_NEAREST), np.uint8)

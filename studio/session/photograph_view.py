@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from scene.errors import SceneError
 from scene.map_pictures import Image, shrink
 from scene.spheres import Sphere
 from studio.session.ball_edits import Balls, circle_of, moved, resized
-from studio.session.photograph_picture import PictureLook, frame_strip, photograph
+from studio.session.photograph_picture import frame_strip, photograph
 from studio.session.plane import ROOT, WIDE, Plane, add_lines, add_numbered, add_picture
 from studio.session.session_window import SessionWindow
 from studio.widgets import NO_SHADOW, Layers
@@ -33,7 +34,7 @@ FITTED, MOVED, WAITING = (60, 220, 90), (255, 150, 0), (170, 170, 170)
 SEEN, NOW = (255, 235, 60), (60, 170, 255)
 """Highlights; that of the frame that is chosen, and pixels that are picked."""
 OUTLINE = (255, 0, 190)
-"""Of the scan at the pose that the picks give."""
+"""Of the registered scan."""
 
 
 class PhotographView:
@@ -74,8 +75,7 @@ class PhotographView:
         is_scan = window.tab == "Scan"
         places = [tuple(plane.place(pixel, lift=0.003)) for pixel in picks.pixels if is_scan]
         draw("picks", places, lambda: add_numbered(self._view, f"{ROOT}/pick", places, 0.04, NOW))
-        outline = plane.place(window.strokes[: None if is_scan else 0], lift=0.002)
-        draw("picked", outline.tobytes(), lambda: add_lines(self._view, "picked", outline, OUTLINE, 2))
+        draw("scan", (reading, is_scan), lambda: self._add_scan(plane) if is_scan else [])
         if window.ball is not None and self._knobs:
             # A knob is moved, not made anew: it may be under a hand.
             for knob, place in zip(self._knobs, _knob_places(plane, balls[window.ball]), strict=True):
@@ -88,7 +88,19 @@ class PhotographView:
         except SceneError as error:
             # What was to lie over it is not there: the frame as it is.
             window.show_fault(str(error))
-            return photograph(window.review, window.frame, PictureLook(brightness=window.how.brightness))
+            return photograph(window.review, window.frame, replace(window.how, marks_object=False))
+
+    def _add_scan(self, plane: Plane) -> list[Any]:
+        """Draw the registered scan's outline."""
+        from align.pose.scan_view import outline_strokes
+
+        review = self._window.review
+        placed = review.placed_scan
+        if placed is None or review.material.camera is None:
+            return []
+        mesh, pose = placed
+        strokes = outline_strokes(mesh, pose, review.material.camera)
+        return add_lines(self._view, "scan", plane.place(strokes, lift=0.002), OUTLINE, 2)
 
     def _face(self, plane: Plane) -> None:
         """Look straight at the photograph with what stands around it, or at the chosen ball."""

@@ -13,7 +13,6 @@ from scene.reading import reading
 from shoot.watch.status import MAP, STATUS
 from studio.session.ball_rows import BALL_ROWS
 from studio.session.folder import STEPS, Review, Warned, is_kept
-from studio.session.photograph_picture import OVERLAYS
 from studio.session.session_window import SessionWindow
 from studio.tabs import WORK_ROWS, tab_rows
 from studio.widgets import Row, button, code, plain, text
@@ -29,7 +28,7 @@ OVER = (
 )
 HOW = (
     "Where the pose is refused or wrong: click a point in the photograph, then the same point on the scan. Four pairs "
-    "at least, better six, spread over the object."
+    "at least, better six, spread over the object. **Run up to Scan** refines the pose that they give."
 )
 
 
@@ -43,17 +42,6 @@ def _frame_facts(window: SessionWindow) -> str:
     if review.lights is not None:
         facts += [f"**{plain(flag)}**" for flag in review.lights.flags[window.frame]]
     return ", ".join(facts)
-
-
-def _overlay_note(window: SessionWindow) -> str:
-    by = "by the registered scan" if window.review.pose else "as found in the photographs"
-    return {
-        "nothing": "",
-        "mask": f"The object, {by}.",
-        "scan, shaded": "The registered scan in one colour under this frame's light, without cast shadows. Where it "
-        "lies right, shading and outline stay in place as the opacity changes.",
-        "scan, normals": "Red: right, green: up, blue: toward the viewer.",
-    }[window.how.overlay]
 
 
 def _look(kind: str, name: str, label: str, **start: Any) -> Row:
@@ -94,7 +82,7 @@ def _pose_facts(window: SessionWindow) -> str:
         return "The ground truth was given, not registered from a scan."
     return (
         f"Registered: outline to {readable(pose['residual_px'])} px rms, place ± {readable(pose['sigma_mm'])} mm, "
-        f"turn ± {readable(pose['sigma_deg'])}°. It lies over the photograph, shaded: **Capture** lays on other things."
+        f"turn ± {readable(pose['sigma_deg'])}°. Pink: its outline. **Verdict** shows it shaded."
     )
 
 
@@ -107,11 +95,9 @@ TABS: dict[str, Any] = {
             {"min": 1, "max": 2, "step": 1, "initial_value": 1, "hint": "Or click one in the strip"}),
         text(_frame_facts),
         Row("folder", "Over the photograph", rows=(
-            _look("dropdown", "overlay", "show", options=OVERLAYS),
-            _look("slider", "opacity", "opacity", min=0.0, max=1.0, step=0.05, initial_value=0.5),
+            _look("checkbox", "marks_object", "mark the object", initial_value=False),
             _look("slider", "brightness", "brightness", min=0.2, max=8.0, step=0.1, initial_value=1.0),
             _look("checkbox", "marks_clipped", "mark clipped pixels", initial_value=True),
-            text(_overlay_note),
         )),
         button("Show all of it", lambda window: window.choose(looks=window.looks + 1, ball=None)),
     ),
@@ -127,9 +113,7 @@ TABS: dict[str, Any] = {
             button("Start picking", lambda window: window.toggle_picking(),
                    lambda window: {"label": "Stop picking" if window.is_picking else "Start picking"}),
             text(lambda window: f"{window.picks.pairs} pairs." + (
-                " Now the same point on the scan." if window.picks.wants_point else window.picks_told)),
-            button("Pose from the picks", lambda window: window.pose_from_picks(),
-                   lambda window: {"disabled": not window.picks.pairs}),
+                " Now the same point on the scan." if window.picks.wants_point else "")),
         )),
     ),
     "Solve": (
@@ -145,8 +129,6 @@ TABS: dict[str, Any] = {
             f'<p><a href="{escape(window.report)}" target="_blank" rel="noopener">Open the report alone</a></p>')),
         text(lambda window: "" if window.report else "There is no report yet: **Run everything** makes it."),
         button("Read the folder again", lambda window: window.read_again()),
-        button("Forget what was kept", lambda window: window.forget(),
-               lambda window: {"visible": is_kept(window.review.store)}, kind="danger", visible=False),
     ),
 }  # fmt: skip
 

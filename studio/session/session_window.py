@@ -16,12 +16,11 @@ from scene.normals import angular_error_deg
 from scene.output_folder import read_record
 from shoot.watch.status import STATUS
 from studio.session.ball_edits import Balls, changed, under, with_usual_diameters
-from studio.session.corrections import Corrections, balls_of, forget_kept, pose_of, tables_of, write_amended
+from studio.session.corrections import Corrections, balls_of, tables_of, write_amended
 from studio.session.folder import STEPS, Review, is_kept
 from studio.session.photograph_picture import Beside, PictureLook, beside
 from studio.session.plane import Plane
 from studio.studio_state import Edits, History, RunningJob
-from studio.widgets import plain
 from studio.window import Window
 
 Array = NDArray[np.float64]
@@ -40,7 +39,6 @@ class SessionWindow(Window):
     frame: The photograph that is shown. ball: The one that is looked at.
     method: Whose normals are shown; empty: the first.
     on_photograph: Who wants the pixels that are clicked on the photograph.
-    picked_pose: That the picks give, once it was asked for.
     status: Of a shoot under way, as `rgbn watch` tells it.
     """
 
@@ -57,9 +55,7 @@ class SessionWindow(Window):
         self.ball: int | None = None
         self.how, self.method = PictureLook(), ""
         self.on_photograph: Callable[[tuple[float, float]], None] | None = None
-        self.picks_told, self.strokes = "", np.zeros((0, 2, 2))
         self.status: Any = None
-        self.picked_pose: Any = None
         self.beside: Beside | None = None
         self._beside_of: Any = None
 
@@ -118,13 +114,7 @@ class SessionWindow(Window):
         """Turn to a step, and look at what it is about."""
         self.ball = self.ball if name == "Balls" else None
         self.on_photograph = None
-        overlay = "scan, shaded" if name == "Scan" and self._can_shade else "nothing"
-        self.how = replace(self.how, overlay=overlay)
         super().open_tab(name)
-
-    @property
-    def _can_shade(self) -> bool:
-        return not {"frames", "camera", "lights", "scan"} & self.review.missing.keys()
 
     def read(self) -> None:
         """Read the folder. Corrections stay, unless they are kept and the balls were found anew with them."""
@@ -203,11 +193,8 @@ class SessionWindow(Window):
             self.choose_ball(ball)
 
     def read_again(self) -> None:
-        """Read the folder again; a scan that was registered meanwhile is laid over the photograph."""
-        could = self._can_shade
+        """Read the folder again."""
         self.read()
-        if self.tab == "Scan" and self._can_shade and not could:
-            self.how = replace(self.how, overlay="scan, shaded")
         self.choose(reading=self.reading + 1)
 
     @property
@@ -221,27 +208,11 @@ class SessionWindow(Window):
         self.choose(on_photograph=None if self.is_picking else self._take_pixel, ball=None)
 
     def _take_pixel(self, pixel: tuple[float, float]) -> None:
-        self.picks_told = ""
         self.alter("a pixel", self.picks.with_pixel(pixel))
 
     def take_point(self, point: Array) -> None:
         """Take the point of the scan, mm, that belongs to the last pixel."""
-        self.picks_told = ""
         self.alter("a point of the scan", self.picks.with_point(point))
-
-    def pose_from_picks(self) -> None:
-        """Draw the scan's outline at the pose that the picks give."""
-        from align.pose.scan_view import outline_strokes
-
-        review = self.review
-        found = self.picked_pose = pose_of(review, self.picks, review.scan_mesh)
-        self.strokes = outline_strokes(review.scan_mesh, found.pose, *review.need("camera"))
-        told = "".join(f"\n\n**Warning:** {plain(text)}" for text in found.warnings)
-        self.picks_told = (
-            f" They lie {readable(found.residual_px, 1)} px rms apart at the pose that they give. Its outline is drawn "
-            f"in pink: a start, which the step `align` refines.{told}"
-        )
-        self.refresh()
 
     @property
     def is_kept_so(self) -> bool:
@@ -260,12 +231,6 @@ class SessionWindow(Window):
         self.notify("Kept", f"{self.workspace.name(folder)}/session.toml; your own session.toml is as it was.")
         self.refresh()
         return folder
-
-    def forget(self) -> None:
-        """Remove what was kept, and read the folder again."""
-        forget_kept(self.review)
-        self.state.edits.pop(self.folder, None)
-        self.read_again()
 
     def job(self) -> RunningJob:
         """Run up to the step of the tab; under Verdict all of them."""

@@ -55,12 +55,11 @@ class SpatialView:
             window.look(middle * UNITS_PER_MM, reach * np.array([1.3, 0.75, 1.5]))
 
     def _add_object(self) -> list[Any]:
-        review = self._window.review
-        if review.session is None or review.session.scan is None or not review.store.path("pose.json").exists():
+        if (placed := self._window.review.placed_scan) is None:
             return []
-        vertices, faces = display_mesh(review.scan_mesh.vertices, review.scan_mesh.faces)
-        placed = review.store.load_pose().apply(review.store.load_scan_scale() * vertices)
-        return [self._add_mesh(f"{LIGHTS}/object", placed * UNITS_PER_MM, faces)]
+        mesh, pose = placed
+        vertices, faces = display_mesh(mesh.vertices, mesh.faces)
+        return [self._add_mesh(f"{LIGHTS}/object", pose.apply(vertices) * UNITS_PER_MM, faces)]
 
     def _add_mesh(self, name: str, places: Array, faces: Any) -> Any:
         return self._view.add_mesh_simple(name, places.astype(np.float32), faces, color=CLAY, **NO_SHADOW)

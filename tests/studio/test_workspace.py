@@ -10,7 +10,7 @@ import pytest
 
 from scene.errors import SceneError
 from studio import workspace
-from studio.workspace import Listing, Workspace, put_own, remove_own
+from studio.workspace import Listing, Workspace, put_own
 
 
 @pytest.fixture
@@ -89,14 +89,11 @@ def held(folder):
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
-def test_its_own_files_are_written_over_and_removed(tmp_path):
+def test_its_own_files_are_written_over(tmp_path):
     folder = tmp_path / "new"
     put(folder, scene_toml="1", meshes__a="1")
     put(folder, scene_toml="2", meshes__a="1", meshes__b="2")
     assert held(folder) == {"scene.toml": b"2", "meshes/a": b"1", "meshes/b": b"2"}
-    remove_own(folder, ("scene.toml", "never"))
-    assert not (folder / "scene.toml").exists()
-    assert held(folder).keys() == {"meshes/a", "meshes/b"}
 
 
 @pytest.mark.parametrize("foreign", ["scene.toml", "meshes/a"])
@@ -110,9 +107,6 @@ def test_a_foreign_file_stays_and_so_does_all_else(tmp_path, foreign, was_own):
     before = held(tmp_path)
     with pytest.raises(SceneError, match=f"{foreign}: (is there already, and rgbn did not|was changed after rgbn) w"):
         put(tmp_path, scene_toml="2", meshes__a="2")
-    assert held(tmp_path) == before
-    with pytest.raises(SceneError, match=NOT_OURS):
-        remove_own(tmp_path, (foreign,))
     assert held(tmp_path) == before
 
 

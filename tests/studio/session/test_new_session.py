@@ -10,7 +10,7 @@ import pytest
 from capture.session.session import load_session
 from scene.errors import SceneError
 from studio.opening import open_path
-from studio.session.new_session import NEW_ROWS, FirstPhotograph, NewWindow
+from studio.session.new_session import NEW_ROWS, NewWindow
 from studio.session.photograph_view import PhotographView
 from studio.session.session_rows import SESSION_ROWS
 from studio.session.session_window import SessionWindow
@@ -41,7 +41,7 @@ def begin(nobody, furnish, monkeypatch):
     def begun(folder, out=None):
         place, state = Workspace.at(folder.parent), StudioState()
         open_path(state, place, folder, out)
-        window = furnish(NewWindow(nobody(), place, state), NEW_ROWS, FirstPhotograph)
+        window = furnish(NewWindow(nobody(), place, state), NEW_ROWS)
         window.turned, window.turn = False, lambda: setattr(window, "turned", True)
         return window
 
@@ -59,7 +59,9 @@ def ends(window):
 def test_what_is_typed_is_in_the_session_that_is_shown(begin, folder, nobody, furnish, settle):
     """The whole way: a first photograph, session.toml, the folder as `init` saw it; its results go to the workspace."""
     window = begin(folder)
-    assert window.client.seen("/photograph") is not None
+    folders = window.client.gui._container_handle_from_uuid.values()
+    pictures = [one.image for folder in folders for one in folder._children.values() if hasattr(one, "image")]
+    assert pictures[0].shape == (60, 80, 3)
     for label, value in (("focal, mm", 50.0), ("sensor, mm", 36.0), ("unit", "cm"), ("unit", "(not said)")):
         window.client.says(label, value)
     window.client.says("Write session.toml")
