@@ -1,27 +1,30 @@
 """What a path is, how it becomes what is worked on, and the area in which one is chosen.
 
-A path is a folder of photographs, a session, an output folder or a scene.
+A path is a folder of photographs, a session, an output folder, a scene or a model.
 """
 
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 from capture.session.session import load_session
 from capture.survey.folder_files import survey
+from formats.meshes.scan_files import SUFFIXES as MESHES
 from lab.many_sessions import sessions_below
-from lab.session_place import MANIFEST, SESSION, default_out, is_output, is_session, origin_of, session_and_out
+from lab.session_place import MANIFEST, default_out, is_output, is_session, origin_of, session_and_out
 from scene.errors import SceneError
 from scene.origin import Origin
 from scene.reading import reading
 from studio.editor.editor_window import FILE, begun
-from studio.studio_state import SCENE, StudioState
+from studio.editor.edits import added
+from studio.studio_state import SCENE, Edits, History, StudioState
 from studio.widgets import Row, button, code, text
 from studio.window import Window
 from studio.workspace import Workspace
 
-Kind = Literal["results", "session", "scene", "folder"]
+Kind = Literal["results", "session", "scene", "model", "folder"]
 MOST = 200
 """Entries of a folder that are listed."""
 HERE = {"folder": "New session here", "session": "Open this session", "results": "Open these results"}
@@ -32,6 +35,8 @@ def kind_of(path: Path) -> Kind | None:
     """Return what a path is; None: nothing that can be opened."""
     if path.is_dir():
         return "results" if is_output(path) else "session" if is_session(path) else "folder"
+    if path.suffix.lower() in MESHES:
+        return "model"
     return "scene" if path.suffix == ".toml" and path.name != MANIFEST else None
 
 
@@ -50,11 +55,6 @@ def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
 
     out: The output folder of a session; None: out/NAME. An output folder can be looked at without its session.
     """
-    if not is_output(source) and not is_session(source):
-        raise SceneError(
-            f"{source}: neither a session (session.toml) nor an output folder of rgbn ({SESSION}). Give one of these, "
-            "or a scene description, .toml."
-        )
     if is_output(source) and (out is None or out.resolve() == source.resolve()):
         return source.resolve(), None
     session, folder = session_and_out(source, out)
@@ -67,6 +67,7 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
     out: Output folder of a session. Raises SceneError: it cannot be read, or lies outside of the workspace.
     """
     from twin.description.description_file import read_document
+    from twin.description.object_mesh import read_mesh
 
     if not source.exists():
         # Given as the workspace knows it.
@@ -89,17 +90,26 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
         state.show_session(workspace.path(place), session)
     elif source.suffix == ".toml":
         path = workspace.path(source.resolve())
-        scene = begun(workspace, read_document(path), path.parent if path.name == FILE else None)
-        # What was made before can be taken back to.
-        if known := state.edits.get(SCENE):
-            known.history = known.history.did(f"open {path.stem}", scene.history.state, 0.0)
-        state.edits.setdefault(SCENE, scene)
-        state.area = "Scene"
+        opened = begun(workspace, read_document(path), path.parent if path.name == FILE else None)
+        _change_scene(state, f"open {path.stem}", opened)
+    elif kind == "model":
+        path = workspace.path(source.resolve())
+        scene = (state.edits.get(SCENE) or begun(workspace, None, None)).history.state
+        more = added(scene.document, path.stem, mesh=read_mesh(path))
+        _change_scene(state, f"load {path.stem}", Edits(History(replace(scene, document=more))))
     else:
         raise SceneError(
-            f"{source}: neither a folder nor a scene description, .toml. Give photographs, a session or its output "
-            "folder."
+            f"{source}: neither a folder nor a model or scene description, .toml. Give photographs, a session or its "
+            "output folder."
         )
+
+
+def _change_scene(state: StudioState, label: str, scene: Edits) -> None:
+    """Go to a scene; what was made before can be taken back to."""
+    if known := state.edits.get(SCENE):
+        known.history = known.history.did(label, scene.history.state, 0.0)
+    state.edits.setdefault(SCENE, scene)
+    state.area = "Scene"
 
 
 class OpenWindow(Window):

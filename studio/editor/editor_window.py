@@ -12,7 +12,7 @@ from studio.editor.preview import Drawn, Preview
 from studio.studio_state import SCENE, Edits, History, RunningJob, StudioState
 from studio.widgets import code, plain
 from studio.window import Window
-from studio.workspace import MOST_FILES, Listing, Workspace, put_own
+from studio.workspace import Workspace, put_own
 from twin.description.description import TwinScene
 from twin.description.scene_toml import SceneDocument
 
@@ -59,8 +59,8 @@ class EditorWindow(Window):
         super().__init__(client, workspace, state)
         state.edits.setdefault(SCENE, begun(workspace, None, None))
         self._preview, self._asked = preview, None
-        self.object, self.light = 0, 0
-        self.listing = Listing()
+        # The one that was added last.
+        self.object, self.light = len(self.document.objects) - 1, 0
         self._scene = self.document, self.document.scene()
         self.gain, self.drawn = 1.0, None
         """Brightness of the preview, and what was drawn last."""
@@ -68,10 +68,6 @@ class EditorWindow(Window):
         self.show_preview: Callable[[Drawn], None] = lambda drawn: None
         self.chosen: dict[str, str] = {}
         """What is chosen or typed for a button to take, by what it is for."""
-
-    def begin(self) -> None:
-        """Look for files."""
-        self.list_files()
 
     @property
     def _made(self) -> Edited:
@@ -138,23 +134,12 @@ class EditorWindow(Window):
         return handle
 
     def _kept(self, name: str, content: bytes) -> str:
-        name = self.workspace.keep_upload(name, content)
-        self.list_files()
-        return name
+        return self.workspace.keep_upload(name, content)
 
     def name_of(self, path: Path) -> str:
         """Return what a file is called: by its place in the workspace, or its name alone."""
         inside = path.resolve().is_relative_to(self.workspace.root)
         return self.workspace.name(path) if inside else path.name
-
-    def list_files(self) -> None:
-        """Look for files in the workspace again; the panels' lists show them at the next refresh."""
-        self.listing = self.workspace.listing()
-        if self.listing.is_cut:
-            self.notify(
-                "Not every file is listed",
-                f"The lists end at {MOST_FILES} files. Start the studio in a smaller folder to see the others.",
-            )
 
     def _refresh_panels(self) -> None:
         self.object = min(self.object, len(self.document.objects) - 1)
@@ -191,7 +176,6 @@ class EditorWindow(Window):
         check_scene(self.scene)
         put_own(folder, lambda place: write_document(document, place))
         saved.folder, saved.digest = folder, file_digest(folder / FILE)
-        self.list_files()
         self.refresh()
         return folder / FILE
 
@@ -232,7 +216,6 @@ class EditorWindow(Window):
         where = self.workspace.name(self.dataset)
         self.work_told = f"Rendered into {code(where)}, a session. **Solve** goes the whole way to its report."
         self.notify("Rendered", where)
-        self.list_files()
 
     def solve(self) -> None:
         """Go to the dataset as a session, and begin the steps."""

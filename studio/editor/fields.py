@@ -32,7 +32,8 @@ def inputs_of(table: type) -> dict[str, dict[str, Any]]:
         unit = field.get("unit")
         usual = name.removesuffix(f"_{unit}").replace("_", " ") + (f", {unit}" if unit else "")
         field["label"] = field.get("label") or usual
-        if kind := field.get("input") or _kind(field):
+        kind = field.get("input") or _kind(field)
+        if kind and kind != "session":
             found[name] = field | {"input": kind}
     return found
 
@@ -90,9 +91,6 @@ class _Key:
             options = tuple(field.get("enum", METALS))
             shown = lambda window, value: {"options": options if value in (None, *options) else (*options, value)}  # noqa: E731
             yield self._row("dropdown", self._label, lambda *now: shown(*now) | _present(*now), options=options, **hint)
-        elif kind == "session":
-            yield self._files(self._label, lambda window: window.listing.sessions,
-                              lambda window, said: str(window.workspace.path(f"{said}/lights.json")))  # fmt: skip
         elif kind == "picture":
             yield from self._pictures(self._label, (NONE,))
         elif kind in ("channels", "colour"):
@@ -126,29 +124,17 @@ class _Key:
 
     def _pictures(self, label: str, before: tuple[str, ...]) -> Iterator[Row]:
         known = {COLOUR: GRAY, VERTICES: VERTEX, NONE: None}
-        chosen = self._files(
-            label,
-            lambda window: (*before, *window.listing.pictures),
-            lambda window, said: known[said] if said in known else read_texture(window.workspace.path(said)),
-        )
-        yield chosen
-        yield Row("upload", f"Send a {self._field.get('of', 'texture')} from here", use=chosen.use)
-
-    def _files(
-        self, label: str, options: Callable[[EditorWindow], tuple[str, ...]], read: Callable[[EditorWindow, str], Any]
-    ) -> Row:
-        """Return a choice of files; `read` makes the value of one's name."""
 
         def show(window: EditorWindow, value: Any) -> dict[str, Any]:
-            session = value.parent if self._field["input"] == "session" else None
-            path = session or (value.file if isinstance(value, Texture) else None)
             words = COLOUR if isinstance(value, tuple) else VERTICES if value == VERTEX else NONE
-            name = window.name_of(path) if path else words
-            return {"options": tuple(dict.fromkeys((name, *options(window)))), "value": name}
+            name = window.name_of(value.file) if isinstance(value, Texture) and value.file else words
+            return {"options": tuple(dict.fromkeys((name, *before))), "value": name}
 
-        hint = self._field.get("description") if self._field["input"] != "colour" else "From the workspace"
-        return self._row("dropdown", label, show, lambda window, said, was: read(window, said), options=(NONE,),
-                         hint=hint)  # fmt: skip
+        def make(window: EditorWindow, said: str, was: Any) -> Any:
+            return known[said] if said in known else read_texture(window.workspace.path(said))
+
+        yield (chosen := self._row("dropdown", label, show, make, options=(NONE,)))
+        yield Row("upload", f"Send a {self._field.get('of', 'texture')} from here", use=chosen.use)
 
 
 def _shown_colour(window: EditorWindow, value: Any) -> dict[str, Any]:

@@ -4,13 +4,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from formats.meshes.scan_files import SUFFIXES as MESHES
 from studio.editor import edits
 from studio.editor.editor_window import EditorWindow
 from studio.editor.edits import Place, value_at, with_value
 from studio.editor.fields import METALS, fields
 from studio.tabs import WORK_ROWS, tab_rows
 from studio.widgets import Row, button, plain, text
-from studio.workspace import MESHES
 from twin.description.light_groups import LIGHTS, LightGroup
 from twin.description.materials import KINDS, Measured
 from twin.description.object_mesh import SHAPES, read_mesh
@@ -58,14 +58,6 @@ def _edit(label: str, edit: Callable[..., SceneDocument], of: str) -> Callable[[
 
 def _object(window: EditorWindow) -> Place:
     return ("objects", window.object)
-
-
-def _load(window: EditorWindow) -> None:
-    if not window.listing.models:
-        window.list_files()
-        window.refresh()
-    if name := _chosen(window, "model", window.listing.models):
-        _load_file(window, name)
 
 
 def _load_file(window: EditorWindow, name: str) -> None:
@@ -141,10 +133,9 @@ def _new_lights(window: EditorWindow, kind: str, *, like: bool) -> LightGroup:
     """Return lights of a kind; like: near where the others are."""
     first, scene = dict(FIRST[kind]), window.scene
     if kind == "session":
-        session = _chosen(window, "session", window.listing.sessions)
-        if session is None:
-            raise edits.RenderError("lights: no session is in the workspace. Calibrate one, or copy one there.")
-        first["file"] = window.workspace.path(f"{session}/lights.json")
+        if window.state.session is None:
+            raise edits.RenderError("lights: no session is open. Open one that was calibrated.")
+        first["file"] = window.state.session[0] / "lights.json"
     if kind in ("point", "area"):
         first["position_mm"] = tuple((scene.lights.reference_point_mm + [0.0, 0.0, NEAR_MM]).tolist())
     elif "distance_mm" in LIGHTS[kind].model_fields and like and scene.lights.positions_mm is not None:
@@ -158,9 +149,7 @@ def _new_lights(window: EditorWindow, kind: str, *, like: bool) -> LightGroup:
 SCENE_ROWS = tab_rows({
     "Objects": (
         Row("folder", "Add an object", rows=(
-            _choice("model", "model", lambda window: window.listing.models, "Models in the workspace"),
-            button("Load model", _load, kind="main"),
-            Row("upload", "Send a model from here", use=_load_file, start={"mime_type": ",".join(MESHES)}),
+            Row("upload", "Load model", use=_load_file, start={"mime_type": ",".join(MESHES), "kind": "main"}),
             _choice("shape", "shape", lambda window: SHAPES),
             button("Add shape", _add_shape),
         )),
@@ -191,8 +180,7 @@ SCENE_ROWS = tab_rows({
     ),
     "Lights": (
         Row("folder", "Make lights", rows=(
-            _choice("lights", "kind", lambda window: tuple(FIRST)),
-            _choice("session", "session", lambda window: window.listing.sessions, "Whose lights are taken"),
+            _choice("lights", "kind", lambda window: tuple(FIRST), "session: those of the session that is open"),
             button("Replace the lights", lambda window: _make_lights(window, keep=False), kind="main"),
             button("Add to the lights", lambda window: _make_lights(window, keep=True)),
         )),
@@ -219,7 +207,6 @@ SCENE_ROWS = tab_rows({
                 {"value": "scene", "hint": "Folder in the workspace"}),
             button("Save scene", lambda window: window.notify("Saved", window.workspace.name(window.save()))),
             button("New scene", lambda window: window.start_again()),
-            button("Look for files again", lambda window: (window.list_files(), window.refresh())),
         )),
         Row("folder", "Dataset", rows=(
             button("Export for Mitsuba", lambda window: window.export()),

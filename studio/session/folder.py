@@ -101,11 +101,6 @@ class Review:
         return None if found is None else found[[not sphere.apart for sphere in self._balls]]
 
     @cached_property
-    def position_covariance_mm2(self) -> Array | None:
-        """(F, 3, 3), of near lights; None of distant ones, and where the folder does not say."""
-        return _array(self._calibration.get("position_covariance_mm2"), (len(self.names), 3, 3))
-
-    @cached_property
     def clipped_share(self) -> Array | None:
         """(F,), of each frame's pixels, as the audit counted them."""
         with suppress(KeyError, TypeError):

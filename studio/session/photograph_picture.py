@@ -94,32 +94,18 @@ def normals_beside(review: Review, method: str) -> Beside | None:
 
 
 def twin_beside(review: Review, index: int, look: PictureLook) -> Beside:
-    """Return the twin's frame in the photograph's tones, and how far the two differ on the object.
-
-    The difference is the median over the mask's pixels of abs(photograph - twin), in units of the photograph's median
-    there. Raises SceneError: there is no twin, or it has no such frame.
-    """
-    (twin, frames), exposure, mask = review.need("twin", "frames"), review.material.exposure, review.material.mask
+    """Return the twin's frame in the photograph's tones. SceneError: there is no twin, or it has no such frame."""
+    (twin, frames), exposure = review.need("twin", "frames"), review.material.exposure
     assert exposure is not None
-    name, told = frames.names[index], ""
+    name = frames.names[index]
     if name not in twin.names or (twin.width, twin.height) != (frames.width, frames.height):
         raise SceneError(
             f"twin: it has {len(twin)} frames of {twin.width} x {twin.height} px and none that is {name}; the "
             f"session's have {frames.width} x {frames.height} px. Run the step `twin` again."
         )
-    place = twin.names.index(name)
-    if mask is not None and mask.any():
-        v, u = np.nonzero(mask)
-        some = slice(None, None, max(1, len(v) // 100_000))
-        real, clipped = frames.read_pixels(index, v[some], u[some])
-        made, _ = twin.read_pixels(place, v[some], u[some])
-        usual = float(np.median(real[~clipped])) if (~clipped).any() else 0.0
-        if usual > 0:
-            difference = float(np.median(np.abs(real - made)[~clipped]) / usual)
-            told = f"; differs by {share(difference, 1)} % of the object's brightness (median)"
     exposure = replace(exposure, white=exposure.white / look.brightness)
-    picture = exposure.develop(thumbnail(twin, place, WIDTH))
-    return Beside(picture, f"twin, the rendered frame of the same flash{told}")
+    picture = exposure.develop(thumbnail(twin, twin.names.index(name), WIDTH))
+    return Beside(picture, "twin, the rendered frame of the same flash")
 
 
 def _clipped(frames: Frames, index: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:

@@ -65,12 +65,7 @@ def _light_facts(window: SessionWindow) -> str:
         + (f" ± {share(spread, 1)} %" if np.isfinite(spread) else ""),
     ]
     if lights.positions_mm is not None:
-        covariance = review.position_covariance_mm2
-        told = ""
-        if covariance is not None and np.isfinite(covariance[index]).all():
-            along = lights.directions[index]
-            told = f" ± {readable(np.sqrt(along @ covariance[index] @ along), 1)} mm"
-        lines.append(f"- {readable(facts['distance_mm'], 0)} mm from the object{told}")
+        lines.append(f"- {readable(facts['distance_mm'], 0)} mm from the object")
     return "\n".join([*lines, *(f"- **{plain(flag)}**" for flag in lights.flags[index])])
 
 

