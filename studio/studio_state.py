@@ -160,7 +160,6 @@ class StudioState:
     session: Output folder and session that is looked at, or the folder in which one is begun; None for the second: the
         one that the output folder names.
     edits: By output folder, or the folder in which a session is begun, what was put right there; and the `SCENE`.
-    to_run: The step up to which a session that is opened next is run at once; empty: it is not.
     work: What is at work in the background, or was last.
     """
 
@@ -169,10 +168,9 @@ class StudioState:
     folder: Path | None = None
     session: tuple[Path, Path | None] | None = None
     edits: dict[Path | str, Edits] = field(default_factory=dict)
-    to_run: str = ""
     work: Work | None = None
 
-    def show_session(self, out: Path, session: Path | None, *, tab: str = "Capture", run: str = "") -> None:
+    def show_session(self, out: Path, session: Path | None, *, tab: str = "Capture") -> None:
         """Go to a session."""
-        self.area, self.session, self.to_run = "Session", (out, session), run
+        self.area, self.session = "Session", (out, session)
         self.tabs["Session"] = tab

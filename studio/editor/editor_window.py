@@ -214,11 +214,11 @@ class EditorWindow(Window):
     def work_ended(self) -> None:
         """Say where the dataset is."""
         where = self.workspace.name(self.dataset)
-        self.work_told = f"Rendered into {code(where)}, a session. **Solve** goes the whole way to its report."
+        self.work_told = f"Rendered into {code(where)}, a session. **Solve** opens it."
         self.notify("Rendered", where)
 
     def solve(self) -> None:
-        """Go to the dataset as a session, and begin the steps."""
+        """Go to the dataset as a session."""
         out = self.workspace.path(self.dataset.parent / "results")
-        self.state.show_session(out, self.dataset, tab="Verdict", run="compare")
+        self.state.show_session(out, self.dataset, tab="Verdict")
         self.turn()

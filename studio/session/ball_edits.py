@@ -1,7 +1,5 @@
 """Balls as tables of session.toml, and what a hand does to one: moved, resized, added, of another kind."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from capture.session.manifest import SphereTable
@@ -48,9 +46,9 @@ def resized(balls: Balls, index: int, radius_px: float, plane: Plane) -> Balls:
 
 def added(balls: Balls, kind: Kind, center_px: tuple[float, float], plane: Plane) -> Balls:
     """Return the balls and one more, as large as most of them."""
-    radii = [circle_of(ball)[1] for ball in balls]
+    radius = float(np.median([circle_of(ball)[1] for ball in balls])) if balls else plane.width / 20
     u, v = _inside(center_px, plane)
-    return (*balls, outline(kind, (u, v), float(np.median(radii)) if radii else plane.width / 20))
+    return (*balls, outline(kind, (u, v), radius, _usual_mm(balls, kind)))
 
 
 def under(balls: Balls, pixel: tuple[float, float]) -> int | None:
@@ -61,18 +59,14 @@ def under(balls: Balls, pixel: tuple[float, float]) -> int | None:
 
 
 def of_kind(balls: Balls, index: int, kind: Kind, plane: Plane) -> Balls:
-    """Return the balls, one of them of this kind: of another one it was another size."""
-    return balls if balls[index].kind == kind else changed(balls, index, kind=kind, diameter_mm=None)
+    """Return the balls, one of them of this kind, and as large as all of that: of another kind it was another size."""
+    return balls if balls[index].kind == kind else changed(balls, index, kind=kind, diameter_mm=_usual_mm(balls, kind))
 
 
-def with_usual_diameters(balls: Balls, before: Sequence[SphereTable]) -> Balls:
-    """Return the balls; one of unknown size is as large as all of its kind were before."""
-    found = []
-    for ball in balls:
-        alike = {one.diameter_mm for one in before if one.kind == ball.kind}
-        usual = alike.pop() if len(alike) == 1 else None
-        found.append(ball.model_copy(update={"diameter_mm": ball.diameter_mm or usual}))
-    return tuple(found)
+def _usual_mm(balls: Balls, kind: Kind) -> float | None:
+    """Return the diameter of all balls of a kind; None where they differ, or there is none."""
+    known = {ball.diameter_mm for ball in balls if ball.kind == kind}
+    return known.pop() if len(known) == 1 else None
 
 
 def _inside(center_px: tuple[float, float], plane: Plane) -> list[float]:

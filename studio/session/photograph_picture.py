@@ -9,7 +9,6 @@ from compare.report.picture_strip import CELL_PX, INK, Label, PictureStrip
 from compare.report.pictures import thumbnail
 from compare.report.registration_pictures import WIDTH
 from draw.readable import share
-from scene.errors import SceneError
 from scene.frames import Frames
 from scene.map_pictures import Image, normal_picture
 from studio.session.folder import Review
@@ -21,14 +20,6 @@ BAND = 64
 MUCH_CLIPPED = 0.002
 """Share of a frame's pixels; a chrome ball's highlight is far less."""
 CLIPPED, WARNED = (255, 60, 90), (255, 160, 0)
-
-
-@dataclass(frozen=True, eq=False)
-class Beside:
-    """A picture that stands beside the photograph: of the same view, with a caption."""
-
-    image: Image
-    caption: str
 
 
 @dataclass(frozen=True)
@@ -74,38 +65,14 @@ def photograph(review: Review, index: int, look: PictureLook) -> Image:
     return _with_mask(review, picture) if look.marks_object else picture
 
 
-def beside(review: Review, tab: str, method: str, index: int, look: PictureLook) -> Beside | None:
-    """Return what stands beside a frame under a tab; None: nothing does."""
-    if tab == "Solve":
-        return normals_beside(review, method)
-    is_there = tab == "Twin" and not {"twin", "frames"} & review.missing.keys()
-    return twin_beside(review, index, look) if is_there else None
-
-
-def normals_beside(review: Review, method: str) -> Beside | None:
-    """Return the normals of a method; None: there are none."""
+def normals_beside(review: Review, method: str) -> Image | None:
+    """Return the normals of a method as colours; None: there are none."""
     normals = review.material.map_of("normals", method) if method else None
     if normals is None:
         return None
     # A map of 24 megapixels is shown by a part of its pixels.
     step = max(1, normals.shape[1] // (2 * WIDTH))
-    picture = normal_picture(normals[::step, ::step], min(WIDTH, normals.shape[1]))
-    return Beside(picture, f"normals of {method}: red right, green up, blue toward you")
-
-
-def twin_beside(review: Review, index: int, look: PictureLook) -> Beside:
-    """Return the twin's frame in the photograph's tones. SceneError: there is no twin, or it has no such frame."""
-    (twin, frames), exposure = review.need("twin", "frames"), review.material.exposure
-    assert exposure is not None
-    name = frames.names[index]
-    if name not in twin.names or (twin.width, twin.height) != (frames.width, frames.height):
-        raise SceneError(
-            f"twin: it has {len(twin)} frames of {twin.width} x {twin.height} px and none that is {name}; the "
-            f"session's have {frames.width} x {frames.height} px. Run the step `twin` again."
-        )
-    exposure = replace(exposure, white=exposure.white / look.brightness)
-    picture = exposure.develop(thumbnail(twin, twin.names.index(name), WIDTH))
-    return Beside(picture, "twin, the rendered frame of the same flash")
+    return normal_picture(normals[::step, ::step], min(WIDTH, normals.shape[1]))
 
 
 def _clipped(frames: Frames, index: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:

@@ -16,7 +16,7 @@ from scene.errors import SceneError
 from scene.map_pictures import Image, shrink
 from scene.spheres import Sphere
 from studio.session.ball_edits import Balls, circle_of, moved, resized
-from studio.session.photograph_picture import frame_strip, photograph
+from studio.session.photograph_picture import frame_strip, normals_beside, photograph
 from studio.session.plane import ROOT, WIDE, Plane, add_lines, add_numbered, add_picture
 from studio.session.session_window import SessionWindow
 from studio.widgets import NO_SHADOW, Layers
@@ -61,9 +61,10 @@ class PhotographView:
         draw("small pictures", reading, lambda: setattr(self, "_strip", frame_strip(review)))
         draw("strip", (reading, window.frame), lambda: self._add_strip(plane))
         # A reading anew while the steps run leaves the look as it is.
-        key = (window.is_flat, window.ball, plane, self._strip is None, window.beside is None, window.looks)
-        draw("face", key, lambda: self._face(plane))
-        draw("beside", window.beside, lambda: self._add_beside(plane))
+        method = window.method if window.tab == "Solve" else ""
+        key = (window.is_flat, window.ball, plane, self._strip is None, not method, window.looks)
+        draw("face", key, lambda: self._face(plane, WIDE + GAP if method else 0.0))
+        draw("beside", (reading, method), lambda: self._add_beside(plane, method))
         camera = review.material.camera if review.names else None
         found = FITTED if review.spheres else WAITING if window.tab == "Balls" else None
         colours = [found if window.is_found(ball) else MOVED for ball in balls]
@@ -102,7 +103,7 @@ class PhotographView:
         strokes = outline_strokes(mesh, pose, review.material.camera)
         return add_lines(self._view, "scan", plane.place(strokes, lift=0.002), OUTLINE, 2)
 
-    def _face(self, plane: Plane) -> None:
+    def _face(self, plane: Plane, aside: float) -> None:
         """Look straight at the photograph with what stands around it, or at the chosen ball."""
         window = self._window
         if not window.is_flat:
@@ -113,7 +114,6 @@ class PhotographView:
             window.look_straight(plane.place(center), size, size)
             return
         below = 0.0 if self._strip is None else GAP + _high(self._strip)
-        aside = 0.0 if window.beside is None else WIDE + GAP
         window.look_straight([aside / 2, -below / 2, 0.0], WIDE + aside, plane.high + below)
 
     def _add_strip(self, plane: Plane) -> list[Any]:
@@ -129,13 +129,13 @@ class PhotographView:
         image = strip.with_chosen(window.frame)
         return [add_picture(window, f"{ROOT}/strip", image, (WIDE, _high(strip)), middle, clicked)]
 
-    def _add_beside(self, plane: Plane) -> list[Any]:
-        beside, x = self._window.beside, WIDE + GAP
-        if beside is None:
+    def _add_beside(self, plane: Plane, method: str) -> list[Any]:
+        image, x = normals_beside(self._window.review, method), WIDE + GAP
+        if image is None:
             return []
-        above = (x, plane.high / 2 + 0.1, 0.0)
-        label = self._view.add_label(f"{ROOT}/caption", beside.caption, position=above, anchor="bottom-center")
-        return [add_picture(self._window, f"{ROOT}/beside", beside.image, (WIDE, plane.high), (x, 0.0, 0.0)), label]
+        told, above = f"normals of {method}: red right, green up, blue toward you", (x, plane.high / 2 + 0.1, 0.0)
+        label = self._view.add_label(f"{ROOT}/caption", told, position=above, anchor="bottom-center")
+        return [add_picture(self._window, f"{ROOT}/beside", image, (WIDE, plane.high), (x, 0.0, 0.0)), label]
 
     def _add_crop(self, plane: Plane) -> list[Any]:
         """Show the chosen ball by all frames together: a mirror so that its edge and all highlights are seen."""

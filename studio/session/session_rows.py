@@ -1,6 +1,5 @@
 """The rows of a session: a tab for each step, its warnings, what is run; and a shoot that is under way."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 from typing import Any
@@ -8,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from draw.readable import readable, share
-from scene.image_files import read_pixels
 from scene.reading import reading
-from shoot.watch.status import MAP, STATUS
+from shoot.watch.status import STATUS
 from studio.session.ball_rows import BALL_ROWS
 from studio.session.folder import STEPS, Review, Warned, is_kept
 from studio.session.session_window import SessionWindow
@@ -114,11 +112,11 @@ TABS: dict[str, Any] = {
     "Solve": (
         Row("dropdown", "normals of", lambda window: {
             "options": tuple(window.review.material.methods) or (NONE,), "value": window.method or NONE},
-            lambda window, value: window.choose(method=value), {"options": (NONE,)}),
+            lambda window, value: window.choose(wanted=value), {"options": (NONE,)}),
         text("How far each method is from the truth: **Verdict**."),
     ),
-    "Twin": (text(lambda window: f"**No twin**: {window.review.missing.get('twin', '')}" if window.beside is None
-                  else f"Right: the {window.beside.caption.removeprefix('twin, the ')}."),),
+    "Twin": (text(lambda window: f"**No twin**: {window.review.missing['twin']}" if "twin" in window.review.missing
+                  else "Rendered: **Verdict** lays its frames over the photographs."),),
     "Verdict": (
         Row("html", show=lambda window: window.report and (
             f'<p><a href="{escape(window.report)}" target="_blank" rel="noopener">Open the report alone</a></p>')),
@@ -178,7 +176,7 @@ def shoot_text(window: SessionWindow) -> str:
     with reading(window.folder / STATUS, "is no state of a shoot", do="It is written anew by rgbn watch."):
         if status["is_over"]:
             return OVER
-        lines = [f"**{int(status['flash'])} flash frames**, {int(status['ambient'])} ambient"]
+        lines = [f"**Shoot under way: {int(status['flash'])} flash frames**, {int(status['ambient'])} ambient"]
         if normals := status["normals"]:
             following = normals["next_flash"]
             lines += [
@@ -192,20 +190,13 @@ def shoot_text(window: SessionWindow) -> str:
         return "\n".join([*lines, *(f"- **{plain(str(one))}**" for one in reversed(list(status["warnings"])[-SHOWN:]))])
 
 
-def _shoot_rows(window: SessionWindow) -> Sequence[Row]:
-    path = window.folder / MAP
-    picture = [Row("image", start={"image": read_pixels(path)[0], "format": "png"})] if path.is_file() else []
-    return text(shoot_text), *picture
-
-
 def _is_shooting(window: SessionWindow) -> bool:
     status = window.status
     return isinstance(status, dict) and not (status.get("is_over") and window.review.names)
 
 
 SESSION_ROWS = (
-    Row("folder", "Shoot under way", lambda window: {"visible": _is_shooting(window)}, start={"visible": False},
-        rows=_shoot_rows, key=lambda window: window.status),
+    text(lambda window: shoot_text(window) if _is_shooting(window) else ""),
     *tab_rows(TABS, _mark),
     Row("folder", "Warnings", lambda window: {
         "label": f"Warnings ({len(warnings_of(window.review, window.tab))})",

@@ -15,10 +15,10 @@ from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.output_folder import read_record
 from shoot.watch.status import STATUS
-from studio.session.ball_edits import Balls, changed, under, with_usual_diameters
+from studio.session.ball_edits import Balls, changed, under
 from studio.session.corrections import Corrections, balls_of, tables_of, write_amended
 from studio.session.folder import STEPS, Review, is_kept
-from studio.session.photograph_picture import Beside, PictureLook, beside
+from studio.session.photograph_picture import PictureLook
 from studio.session.plane import Plane
 from studio.studio_state import Edits, History, RunningJob
 from studio.window import Window
@@ -37,7 +37,6 @@ class SessionWindow(Window):
     reading: How often the folder was read again: whatever is drawn of it is older than that, or as old.
     looks: How often the whole was asked for again.
     frame: The photograph that is shown. ball: The one that is looked at.
-    method: Whose normals are shown; empty: the first.
     on_photograph: Who wants the pixels that are clicked on the photograph.
     status: Of a shoot under way, as `rgbn watch` tells it.
     """
@@ -53,18 +52,13 @@ class SessionWindow(Window):
         self.edited, self._address_of = self.folder, address_of
         self.reading, self.looks, self.frame = 0, 0, 0
         self.ball: int | None = None
-        self.how, self.method = PictureLook(), ""
+        self.how, self.wanted = PictureLook(), ""
         self.on_photograph: Callable[[tuple[float, float]], None] | None = None
         self.status: Any = None
-        self.beside: Beside | None = None
-        self._beside_of: Any = None
 
     def begin(self) -> None:
-        """Read the folder; where it was asked for, run its steps."""
+        """Read the folder."""
         self.read()
-        if self.state.to_run:
-            self.state.to_run = ""
-            self.post(lambda: None if self.is_busy else self.begin_work())
 
     @property
     def picks(self) -> Corrections:
@@ -77,6 +71,12 @@ class SessionWindow(Window):
         if self.tab == "Lights" and self.review.lights is not None:
             return "Lights in 3-D"
         return "Scan" if self.is_picking and self.picks.wants_point else "Photograph"
+
+    @property
+    def method(self) -> str:
+        """Whose normals are looked at: that is wanted, or the first; empty: none."""
+        methods = self.review.material.methods
+        return self.wanted if self.wanted in methods else next(iter(methods), "")
 
     @property
     def is_flat(self) -> bool:
@@ -138,7 +138,8 @@ class SessionWindow(Window):
         was, self.status = self.status, read_optional(self.review.store, STATUS)
         record = read_record(self.folder) if self.is_busy or self.status else None
         # A step that begins is forgotten first: there is nothing new to see then.
-        if record is not None and any(self.review.steps.get(step) != entry for step, entry in record.done.items()):
+        has_steps = record and any(self.review.steps.get(step) != entry for step, entry in record.done.items())
+        if has_steps or (self.status != was and not self.review.names):
             self.read_again()
         return self.status != was
 
@@ -147,18 +148,7 @@ class SessionWindow(Window):
             self.ball = None
         if "review" in vars(self):
             self.frame = min(self.frame, max(len(self.review.names) - 1, 0))
-            self.attempt(self._look_beside)
         super()._refresh_panels()
-
-    def _look_beside(self) -> None:
-        """Have the picture that the tab shows beside the photograph."""
-        methods = self.review.material.methods
-        self.method = self.method if self.method in methods else next(iter(methods), "")
-        now = (self.tab, self.reading, *((self.method,) if self.tab == "Solve" else (self.frame, self.how)))
-        if now != self._beside_of:
-            # Kept first: what fails once would fail again at each refresh.
-            self._beside_of, self.beside = now, None
-            self.beside = beside(self.review, self.tab, self.method, self.frame, self.how)
 
     def choose_ball(self, ball: int | None) -> None:
         """Look at a ball on the photograph; None: at all of it."""
@@ -174,8 +164,7 @@ class SessionWindow(Window):
     def correct(self, outlines: Balls, label: str = "correct a ball", held_s: float | None = None) -> None:
         """Take other balls in the photograph; held_s: as of `did`."""
         others = tuple(ball for ball in self.balls if not ball.center_px)
-        balls = with_usual_diameters((*others, *outlines), self.balls)
-        self.alter(label, replace(self.picks, balls=balls), held_s)
+        self.alter(label, replace(self.picks, balls=(*others, *outlines)), held_s)
 
     def measure(self, which: str | int, diameter_mm: float) -> None:
         """Say the diameter of all balls of a kind, or of one in the photograph; 0: it is not known."""

@@ -12,6 +12,7 @@ from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light, display_m
 
 Array = NDArray[np.float64]
 LIGHTS, SCAN = "/lights", "/scan"
+PARTS = {"Lights in 3-D": {"object", "balls", "lights", "look"}, "Scan": {"scan", "marks", "look"}}
 CHOSEN, PLAIN, CLAY, STEEL, CHALK = (26, 115, 232), (250, 210, 60), (205, 190, 170), (150, 155, 165), (240, 240, 240)
 FAR_MM = 1000.0
 """So far toward distant lights they are drawn."""
@@ -24,16 +25,11 @@ class SpatialView:
 
     def __init__(self, window: SessionWindow) -> None:
         self._window, self._view, self._layers = window, window.client.scene, Layers()
-        self._roots = {
-            "Lights in 3-D": self._view.add_frame(LIGHTS, show_axes=False, visible=False),
-            "Scan": self._view.add_frame(SCAN, show_axes=False, visible=False),
-        }
 
     def refresh(self) -> None:
         """Show the window's lights around its object, or its scan with the points that were picked."""
         window, draw, reading = self._window, self._layers.draw, self._window.reading
-        for view, root in self._roots.items():
-            root.visible = window.view == view
+        self._layers.keep_only(PARTS.get(window.view, set()))
         if window.view == "Lights in 3-D":
             draw("object", reading, self._add_object)
             draw("balls", reading, self._add_balls)

@@ -116,12 +116,10 @@ def test_a_whole_session_is_looked_at_and_picked_on(visit, made, tmp_path, at_se
     visitor = visit(at_session(tmp_path, made.folder, made.session), READY)
     window = visitor.window
     visitor.tab("Twin")
-    visitor.see("the rendered frame of the same flash")
-    visitor.keep("review_twin")
+    visitor.see("lays its frames over the photographs")
     visitor.tab("Scan")
     visitor.press("Start picking")
     visitor.until(lambda: window.on_photograph is not None, "picking has begun")
-    assert window.beside is None
     mesh, plane = window.review.scan_mesh, Plane(160, 120)
     scale = SCAN_SIZE / (2 * mesh.radius_mm)
     towards = [(-25, 10), (22, 14), (3, -38), (8, 20)]

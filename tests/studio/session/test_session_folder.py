@@ -26,8 +26,8 @@ from studio.session.photograph_picture import (
     WARNED,
     PictureLook,
     frame_strip,
+    normals_beside,
     photograph,
-    twin_beside,
 )
 from studio.session.plane import Plane
 from studio.session.session_window import turned_deg
@@ -137,14 +137,11 @@ def test_the_object_is_marked_and_nothing_else(review, made):
         photograph(Review(made.folder, made.session), 0, PictureLook(marks_object=True))
 
 
-def test_the_twin_beside_the_photograph(review, made):
-    """Made nine tenths as bright, and shown by the same tone curve."""
-    ours, theirs = photograph(review, 2, PictureLook(marks_clipped=False)), twin_beside(review, 2, PictureLook()).image
-    assert theirs.shape == (120, 160, 3)
-    assert theirs.mean() < ours.mean()
-    (made.folder / "twin" / "frames" / "frames.json").unlink()
-    with pytest.raises(SceneError, match="twin"):
-        twin_beside(Review(made.folder, made.session), 2, PictureLook())
+def test_the_normals_of_a_method_are_shown_as_colours(review, made):
+    np.save(made.folder / "normals" / "ls.npy", made.truth)
+    shown = normals_beside(Review(made.folder, made.session), "ls").astype(float) / 255
+    np.testing.assert_allclose(shown[made.mask], (made.truth[made.mask] + 1) / 2, atol=0.01)
+    assert normals_beside(review, "") is None
 
 
 def test_what_changed_is_told_in_degrees(made):
@@ -189,7 +186,7 @@ def test_balls_are_moved_one_at_a_time_and_stay_in_the_picture(review, made):
     assert (there[0], there[2]) == (balls[0], balls[2])
     assert resized(balls, 0, -3.0, made.camera)[0].radius_px == 4.0
     more = added(balls, "white", (20.5, 400.0), made.camera)
-    assert more == (*balls, outline("white", (20.5, 119.0), 13.0)), "as large as most"
+    assert more == (*balls, outline("white", (20.5, 119.0), 13.0, 90.0)), "as large as most"
     (made.folder / "spheres.json").unlink()
     waiting = balls_of(Review(made.folder, made.session))
     assert [ball.kind for ball in waiting] == ["chrome", "chrome", "white"], "they wait to be put in place"

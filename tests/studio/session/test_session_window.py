@@ -69,7 +69,6 @@ def test_what_is_missing_breaks_no_tab(reviewing, made):
             window.open_tab(name)
         window.choose(ball=1)
         assert not window.client.told
-        assert window.beside is None
 
 
 def test_the_warnings_are_counted_as_the_folder_is_now(reviewing, made):
@@ -277,18 +276,13 @@ STATE = {
 }  # fmt: skip
 
 
-def test_a_shoot_is_shown_renewed_and_told_when_it_is_over(reviewing, made):
-    write_png(made.folder / MAP, np.full((20, 30, 3), 90, np.uint8))
+def test_a_shoot_is_told_renewed_and_ends(reviewing, made):
     (made.folder / STATUS).write_text(json.dumps(STATE))
     window = reviewing()
-    folder = folder_of(window, "Shoot")
-    assert folder.visible
     assert "3 flash frames" in texts(window)
     assert "<b>" not in texts(window)
-    pictures = [one.image for one in folder._children.values() if hasattr(one, "image")]
-    assert (pictures[0] == 90).all()
     (made.folder / STATUS).write_text(json.dumps(STATE | {"is_over": True}))
-    eventually(lambda: not folder.visible)
+    eventually(lambda: "3 flash frames" not in texts(window))
     (made.folder / STATUS).write_text('{"is_over": false, "flash": "many"}')
     eventually(lambda: window.client.told)
     assert "is no state of a shoot" in window.client.told[-1]
@@ -304,8 +298,10 @@ def test_a_first_shoot_is_shown_until_its_session_is_decoded(nobody, tmp_path, f
         furnish(window, SESSION_ROWS, PhotographView)
         assert "Not in this folder" not in texts(window)
         assert (window.plane.width, window.plane.height) == (30, 20)
+        write_png(folder / MAP, np.full((40, 60, 3), 90, np.uint8))
+        (folder / STATUS).write_text(json.dumps(STATE | {"flash": 4}))
+        eventually(lambda: window.plane.width == 60)
         (folder / STATUS).write_text(json.dumps(STATE | {"is_over": True}))
         eventually(lambda: "The shoot is over" in texts(window))
-        assert folder_of(window, "Shoot").visible
         note_steps(record, {"check": {"result": {}, "warnings": []}})
     eventually(lambda: "check" in window.review.done)
