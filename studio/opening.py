@@ -50,17 +50,6 @@ def entries(folder: Path) -> Iterator[tuple[Path, Kind]]:
             yield path, kind
 
 
-def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
-    """Return the output folder, and the session's place or None, that a command line means.
-
-    out: The output folder of a session; None: out/NAME. An output folder can be looked at without its session.
-    """
-    if is_output(source) and (out is None or out.resolve() == source.resolve()):
-        return source.resolve(), None
-    session, folder = session_and_out(source, out)
-    return folder.resolve(), session
-
-
 def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path | None = None) -> None:
     """Make a path, whatever it is, what is worked on.
 
@@ -83,8 +72,11 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
         place = out or default_out(origin, folders[0].folder.name, workspace.root / "out")
         state.show_session(workspace.path(place.resolve()), source.resolve())
     elif source.is_dir() or source.name == MANIFEST:
-        place, session = found_at(source, out)
-        if out is None and kind != "results" and not place.is_relative_to(workspace.root):
+        is_own = kind == "results" and (out is None or out.resolve() == source.resolve())
+        # Results can be looked at without their session.
+        session, place = (None, source) if is_own else session_and_out(source, out)
+        place = place.resolve()
+        if out is None and not is_own and not place.is_relative_to(workspace.root):
             found = load_session(source)
             place = default_out(origin_of(found, source), found.name, workspace.root / "out")
         state.show_session(workspace.path(place), session)

@@ -161,23 +161,13 @@ def placement(document: SceneDocument, index: int) -> Placement:
 def with_matrix(document: SceneDocument, index: int, matrix: Array) -> SceneDocument:
     """Return the document with an object where a matrix (4, 4) puts it: as scale, turns and move, unless it shears."""
     where = placement_of(document.objects[index].own_mesh(), matrix)
-    if not where.is_exact:
-        return _put(document, index, {"matrix": tuple(map(tuple, matrix.tolist()))})
     # Where y is +-90 degrees, x and z turn about one axis, and z is taken as 0.
     turns = Rotation.from_matrix(where.rotation).as_euler("xyz", degrees=True, suppress_warnings=True)
-    said = {"scale": where.scale, "rotate_deg": turns, "translate_mm": matrix[:3, 3]}
-    return _put(document, index, {name: tuple(values.tolist()) for name, values in said.items()})
-
-
-def _put(document: SceneDocument, index: int, keys: Mapping[str, Any]) -> SceneDocument:
-    """Return the document with an object where these keys alone put it."""
-    others = ("matrix", "pose", "scale", "rotate_deg", "translate_mm")
-    table = {name: value for name, value in dict(document.objects[index]).items() if name not in others}
-    try:
-        one = ObjectTable.model_validate(table | dict(keys))
-    except ValidationError as error:
-        raise RenderError(f"objects[{index}]: {'; '.join(faults_in(error))}") from None
-    return with_value(document, ("objects", index), one)
+    said = where.scale.tolist(), turns.tolist(), matrix[:3, 3].tolist()
+    said = said if where.is_exact else ([1.0] * 3, [0.0] * 3, [0.0] * 3)
+    keys: dict[str, Any] = dict(zip(("scale", "rotate_deg", "translate_mm"), map(tuple, said), strict=True))
+    keys |= {"matrix": None if where.is_exact else tuple(map(tuple, matrix.tolist())), "pose": None}
+    return with_value(document, ("objects", index), document.objects[index].model_copy(update=keys))
 
 
 def turned(document: SceneDocument, index: int, middle_mm: ArrayLike, rotation: Array) -> SceneDocument:

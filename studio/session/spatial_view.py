@@ -1,4 +1,4 @@
-"""Lights, balls and object in space; and the scan alone, to be picked on."""
+"""Lights and object in space; and the scan alone, to be picked on."""
 
 from typing import Any
 
@@ -12,8 +12,8 @@ from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light, display_m
 
 Array = NDArray[np.float64]
 LIGHTS, SCAN = "/lights", "/scan"
-PARTS = {"Lights in 3-D": {"object", "balls", "lights", "look"}, "Scan": {"scan", "marks", "look"}}
-CHOSEN, PLAIN, CLAY, STEEL, CHALK = (26, 115, 232), (250, 210, 60), (205, 190, 170), (150, 155, 165), (240, 240, 240)
+PARTS = {"Lights in 3-D": {"object", "lights", "look"}, "Scan": {"scan", "marks", "look"}}
+CHOSEN, PLAIN, CLAY = (26, 115, 232), (250, 210, 60), (205, 190, 170)
 FAR_MM = 1000.0
 """So far toward distant lights they are drawn."""
 SCAN_SIZE = 6.0
@@ -32,7 +32,6 @@ class SpatialView:
         self._layers.keep_only(PARTS.get(window.view, set()))
         if window.view == "Lights in 3-D":
             draw("object", reading, self._add_object)
-            draw("balls", reading, self._add_balls)
             draw("lights", (reading, window.frame), self._add_lights)
         elif window.view == "Scan":
             draw("scan", reading, self._add_scan)
@@ -59,16 +58,6 @@ class SpatialView:
 
     def _add_mesh(self, name: str, places: Array, faces: Any) -> Any:
         return self._view.add_mesh_simple(name, places.astype(np.float32), faces, color=CLAY, **NO_SHADOW)
-
-    def _add_balls(self) -> list[Any]:
-        review, handles = self._window.review, []
-        camera = review.material.camera
-        for index, sphere in enumerate(review.spheres):
-            if camera is not None and not camera.is_orthographic and sphere.diameter_mm:
-                at, radius = sphere.center_mm(camera) * UNITS_PER_MM, sphere.radius_mm * UNITS_PER_MM
-                look = {"color": STEEL if sphere.kind == "chrome" else CHALK, "position": tuple(at), **NO_SHADOW}
-                handles.append(self._view.add_icosphere(f"{LIGHTS}/ball_{index}", radius=radius, **look))
-        return handles
 
     def _add_lights(self) -> list[Any]:
         window, lights, view, handles = self._window, self._window.review.lights, self._view, []

@@ -15,7 +15,7 @@ from capture.session.requests import sphere_requests
 from capture.session.session import load_session
 from scene.errors import SceneError
 from scene.rays import RayCaster
-from studio.opening import OPEN_ROWS, OpenWindow, found_at, open_path
+from studio.opening import OPEN_ROWS, OpenWindow, open_path
 from studio.session import corrections
 from studio.session.ball_edits import added, moved, outline, resized
 from studio.session.corrections import Corrections, balls_of, met, tables_of, write_amended
@@ -158,11 +158,17 @@ PLANE = Plane(160, 120)
 
 
 def test_what_a_path_means(made, tmp_path):
-    assert found_at(made.folder, None) == (made.folder, None)
-    assert found_at(made.session, tmp_path / "other") == (tmp_path / "other", made.session)
-    assert found_at(made.session, None)[0] == Path("out").resolve() / "session"
+    state, place = StudioState(), Workspace.at(tmp_path)
+    for source, out, shown in (
+        (made.folder, None, (made.folder, None)),
+        (made.session, tmp_path / "other", (tmp_path / "other", made.session)),
+        (made.session / "session.toml", tmp_path / "other", (tmp_path / "other", made.session / "session.toml")),
+        (made.session, None, (tmp_path / "out" / "session", made.session)),
+    ):
+        open_path(state, place, source, out)
+        assert state.session == shown
     with pytest.raises(SceneError, match="Leave --out away"):
-        found_at(made.folder, tmp_path)
+        open_path(state, place, made.folder, tmp_path)
     assert "does not say which session" in Review(made.folder).why_no_session
 
 
