@@ -10,8 +10,8 @@ def studio(
     source: Annotated[
         Path | None,
         Parameter(
-            help="A folder of photographs, a session, a folder of sessions, an output folder, or a scene description "
-            "in the workspace. Default: a page on which one is chosen."
+            help="A folder of photographs, a session, a folder of sessions, an output folder, a scene description "
+            "or a model in the workspace. Default: a page on which one is chosen."
         ),
     ] = None,
     /,

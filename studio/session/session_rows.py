@@ -8,7 +8,7 @@ import numpy as np
 
 from draw.readable import readable, share
 from scene.reading import reading
-from shoot.watch.status import STATUS
+from shoot.watch.status import STATUS, place_text
 from studio.session.ball_rows import BALL_ROWS
 from studio.session.folder import STEPS, Review, Warned, is_kept
 from studio.session.session_window import SessionWindow
@@ -52,19 +52,13 @@ def _light_facts(window: SessionWindow) -> str:
     review, index, lights = window.review, window.frame, window.review.lights
     if lights is None:
         return f"**No lights**: {review.missing.get('lights', '')}"
-    facts, sigma = lights.facts()["frames"][index], lights.direction_sigma_deg[index]
-    spread = lights.intensity_sigma[index]
-    lines = [
-        f"**{index + 1} {plain(lights.names[index])}**, {lights.model}",
-        f"- {readable(facts['zenith_deg'], 1)}° from the camera's axis, azimuth {readable(facts['azimuth_deg'], 1)}° "
-        "(0° right, 90° up)",
-        f"- sigma {readable(sigma)}°" if np.isfinite(sigma) else "- sigma: not known, the lights were given",
-        f"- intensity {readable(facts['intensity_mean'], 3)}"
-        + (f" ± {share(spread, 1)} %" if np.isfinite(spread) else ""),
-    ]
-    if lights.positions_mm is not None:
-        lines.append(f"- {readable(facts['distance_mm'], 0)} mm from the object")
-    return "\n".join([*lines, *(f"- **{plain(flag)}**" for flag in lights.flags[index])])
+    facts, spread = lights.facts()["frames"][index], lights.intensity_sigma[index]
+    intensity = f"- intensity {readable(facts['intensity_mean'], 3)}"
+    return "\n".join([
+        f"**{index + 1} {plain(lights.names[index])}**, {lights.model}", f"- {place_text(facts)}",
+        intensity + (f" ± {share(spread, 1)} %" if np.isfinite(spread) else ""),
+        *(f"- **{plain(flag)}**" for flag in lights.flags[index]),
+    ])  # fmt: skip
 
 
 def _pose_facts(window: SessionWindow) -> str:
@@ -178,14 +172,11 @@ def shoot_text(window: SessionWindow) -> str:
             return OVER
         lines = [f"**Shoot under way: {int(status['flash'])} flash frames**, {int(status['ambient'])} ambient"]
         if normals := status["normals"]:
-            following = normals["next_flash"]
+            following, wanted = normals["next_flash"], float(normals["wanted_deg"])
             lines += [
                 f"- sigma of the normals {readable(float(normals['sigma_deg_median']))}° (median), "
-                f"{share(float(normals['share_under_wanted']))} % of the object under "
-                f"{float(normals['wanted_deg']):g}° (green)",
-                f"- next flash: {readable(float(following['zenith_deg']), 0)}° from the axis, azimuth "
-                f"{readable(float(following['azimuth_deg']), 0)}° (0° right, 90° up): sigma to "
-                f"{readable(float(following['sigma_deg']))}°",
+                f"{share(float(normals['share_under_wanted']))} % of the object under {wanted:g}°",
+                f"- next flash: {place_text(following)}: sigma to {readable(float(following['sigma_deg']))}°",
             ]
         return "\n".join([*lines, *(f"- **{plain(str(one))}**" for one in reversed(list(status["warnings"])[-SHOWN:]))])
 

@@ -271,7 +271,7 @@ STATE = {
     "is_over": False, "flash": 3, "ambient": 1, "warnings": ["a: <b>moved</b>"], "lights": None,
     "normals": {
         "sigma_deg_median": 1.5, "share_under_wanted": 0.25, "wanted_deg": 1.0,
-        "next_flash": {"zenith_deg": 45.0, "azimuth_deg": 180.0, "sigma_deg": 1.2},
+        "next_flash": {"zenith_deg": 45.0, "azimuth_deg": 180.0, "distance_mm": None, "sigma_deg": 1.2},
     },
 }  # fmt: skip
 
@@ -280,6 +280,7 @@ def test_a_shoot_is_told_renewed_and_ends(reviewing, made):
     (made.folder / STATUS).write_text(json.dumps(STATE))
     window = reviewing()
     assert "3 flash frames" in texts(window)
+    assert "45 degrees from the axis at 9:00" in texts(window)
     assert "<b>" not in texts(window)
     (made.folder / STATUS).write_text(json.dumps(STATE | {"is_over": True}))
     eventually(lambda: "3 flash frames" not in texts(window))
