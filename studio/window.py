@@ -20,6 +20,8 @@ from studio.widgets import Panel, Row
 from studio.workspace import Workspace
 
 Array = NDArray[np.float64]
+PANEL_PX = 430
+"""Width of the panels."""
 EVERY_S = 1.0
 """So often a window looks at what goes on in the background."""
 
@@ -40,8 +42,6 @@ class Window:
     """Whether a photograph is shown, which is moved and not turned."""
     report = ""
     """Address of the report that lies over the view."""
-    panel_px = 430
-    """Width of the panels."""
     work_told = ""
     """What came of the last work, as Markdown."""
 
@@ -69,7 +69,7 @@ class Window:
         self.panels[0].refresh()
         self.begin()
         self.client.gui.main_panel.dock_right()
-        self.client.gui.main_panel.set_width(self.panel_px)
+        self.client.gui.main_panel.set_width(PANEL_PX)
         self.panels += [Panel(self, rows), *(view(self) for view in views)]
         self.refresh()
 

@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +31,6 @@ from scene.store import Store
 from shoot.init.init_session import SHEET
 from shoot.watch.status import MAP
 from studio.widgets import plain
-
-if TYPE_CHECKING:
-    from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
 KEPT = "review"
@@ -191,13 +188,6 @@ class Review:
             return None
         mesh = self.scan_mesh
         return Mesh(self.store.load_scan_scale() * mesh.vertices, mesh.faces), self.store.load_pose()
-
-    @cached_property
-    def scan_rays(self) -> "RayCaster":
-        """Its tree, which takes a second for a large scan."""
-        from scene import rays
-
-        return rays.RayCaster(self.scan_mesh)
 
 
 def first_look(path: Path, encoding: Encoding = "linear") -> Image | None:

@@ -78,13 +78,15 @@ class SpatialView:
         return (points_mm - mesh.center_mm) * SCAN_SIZE / (2 * mesh.radius_mm)
 
     def _add_scan(self) -> list[Any]:
-        window, review = self._window, self._window.review
-        mesh = review.scan_mesh
+        from scene.rays import RayCaster
+
+        window, mesh = self._window, self._window.review.scan_mesh
+        caster = RayCaster(mesh)
         vertices, faces = display_mesh(mesh.vertices, mesh.faces)
         handle = self._add_mesh(f"{SCAN}/mesh", self._on_scan(vertices), faces)
 
         def clicked(origin: Array, direction: Array) -> None:
-            point = met(review.scan_rays, origin * 2 * mesh.radius_mm / SCAN_SIZE + mesh.center_mm, direction)
+            point = met(caster, origin * 2 * mesh.radius_mm / SCAN_SIZE + mesh.center_mm, direction)
             if point is not None:
                 window.take_point(point)
 

@@ -80,13 +80,11 @@ def made(tmp_path):
         pose = Pose.from_rotation_translation(rotation_from_vector(np.array([0.2, 0.3, 0.1])), REFERENCE)
         store.save_pose(pose, residual_px=0.1, sigma_mm=0.2, sigma_deg=0.05)
         Store(store.path("twin")).save_frames(Frames.from_linear(lights.names, 0.9 * linear))
-        factors = generator.normal(0, 6, (5, 3, 3))
-        covariance = factors @ factors.transpose(0, 2, 1)
         highlights = np.array([mirrored_at(CAMERA, ball, lambda points: lights.directions) for ball in balls()])
         highlights[0, 3] = highlights[2] = np.nan
         write_json(
             store.path("calibration.json"),
-            {"highlights_px": highlights, "rejected": [], "position_covariance_mm2": covariance},
+            {"highlights_px": highlights, "rejected": []},
         )
         rows = [
             {"name": name, "saturated_share": 200 / 19200 if i == 1 else 0.0} for i, name in enumerate(lights.names)
@@ -109,7 +107,7 @@ def made(tmp_path):
     )
     return SimpleNamespace(
         folder=store.folder, store=store, session=session, lights=lights, spheres=balls(), camera=CAMERA, mask=mask,
-        truth=truth, linear=linear, frames=frames, covariance=covariance, pose=pose,
+        truth=truth, linear=linear, frames=frames, pose=pose,
     )  # fmt: skip
 
 
