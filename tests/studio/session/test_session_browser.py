@@ -96,7 +96,7 @@ def test_a_half_done_session_is_put_right(visit, calibrated, at_session):
     assert again.radius_px == pytest.approx(found.radius_px, abs=0.1)
 
     # One window at a time, the newest; the one before is told so.
-    other = visit(studio, READY)
+    other = visit(studio, "Run up to Balls")
     visitor.see("Load this page again")
     visitor.page.close()
     other.tab("Lights")
