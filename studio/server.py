@@ -27,7 +27,7 @@ from studio.workspace import Workspace
 PAGES: dict[type[Window], tuple[Any, ...]] = {
     OpenWindow: (OPEN_ROWS,),
     NewWindow: (NEW_ROWS,),
-    SessionWindow: (SESSION_ROWS, [PhotographView, SpatialView]),
+    SessionWindow: (SESSION_ROWS, [SpatialView, PhotographView]),
     EditorWindow: (SCENE_ROWS, [PreviewPanel, SceneView]),
 }
 """What each window shows: its rows of widgets, and its views."""
