@@ -86,20 +86,22 @@ def record(page: Any, address: str) -> Recording:
     shown.press(button("bumpy/"))
     shown.hold(1500)
     shown.press(button("New session here"))
-    button("Write session").wait_for()
+    button("Write session.toml").wait_for()
     page.wait_for_timeout(3000)
-    shown.say("Balls, camera and scan are found. Two diameters are typed")
-    shown.hold(3500)
-    for label, value in (("chrome balls, mm", "100"), ("white balls, mm", "90")):
+    shown.say("Two diameters are typed")
+    shown.hold(2500)
+    for label, value in (("chrome, mm", "100"), ("white, mm", "90")):
         box = page.get_by_label(label, exact=True)
         box.fill(value)
         box.press("Tab")
         page.wait_for_timeout(1000)
         at = box.bounding_box()
         shown.hold(1800, (at["x"] + 30, at["y"] + at["height"] / 2))
-    shown.press(button("Write session"))
+    shown.press(button("Write session.toml"))
     button("Run everything").wait_for()
     page.wait_for_timeout(2500)
+    shown.say("Balls, camera and scan are found")
+    shown.hold(3500)
     shown.say("Everything runs: one to two minutes, left out here")
     shown.hold(2000)
     shown.press(button("Run everything"))
@@ -122,9 +124,8 @@ def record(page: Any, address: str) -> Recording:
         shown.hold(3500)
     for name, text in (
         ("Capture", "The photographs, as they were audited"), ("Balls", "The balls and their outlines"),
-        ("Lights", "The flashes, each with the ellipsoid of its sigma"),
-        ("Scan", "The registered scan over the photograph"), ("Solve", "The normals"),
-        ("Twin", "The twin, under the same flash"), ("Verdict", "The verdict again"),
+        ("Lights", "The flashes around the object"),
+        ("Scan", "The outline of the registered scan"), ("Solve", "The normals"), ("Verdict", "The verdict again"),
     ):  # fmt: skip
         shown.say(text)
         shown.press(tab(name), 4000)

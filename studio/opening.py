@@ -1,28 +1,30 @@
 """What a path is, how it becomes what is worked on, and the area in which one is chosen.
 
-A path is a folder of photographs, a session, an output folder or a scene.
+A path is a folder of photographs, a session, an output folder, a scene or a model.
 """
 
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 from capture.session.session import load_session
 from capture.survey.folder_files import survey
-from lab.many_sessions import row_picture, session_row, sessions_below
-from lab.session_place import MANIFEST, SESSION, default_out, is_output, is_session, origin_of, session_and_out
+from formats.meshes.scan_files import SUFFIXES as MESHES
+from lab.many_sessions import sessions_below
+from lab.session_place import MANIFEST, default_out, is_output, is_session, origin_of, session_and_out
 from scene.errors import SceneError
 from scene.origin import Origin
 from scene.reading import reading
 from studio.editor.editor_window import FILE, begun
-from studio.session.looking import FolderLook
-from studio.studio_state import SCENE, StudioState
-from studio.widgets import Row, button, code, plain, text
+from studio.editor.edits import added
+from studio.studio_state import SCENE, Edits, History, StudioState
+from studio.widgets import Row, button, code, text
 from studio.window import Window
 from studio.workspace import Workspace
 
-Kind = Literal["results", "session", "scene", "folder"]
+Kind = Literal["results", "session", "scene", "model", "folder"]
 MOST = 200
 """Entries of a folder that are listed."""
 HERE = {"folder": "New session here", "session": "Open this session", "results": "Open these results"}
@@ -33,6 +35,8 @@ def kind_of(path: Path) -> Kind | None:
     """Return what a path is; None: nothing that can be opened."""
     if path.is_dir():
         return "results" if is_output(path) else "session" if is_session(path) else "folder"
+    if path.suffix.lower() in MESHES:
+        return "model"
     return "scene" if path.suffix == ".toml" and path.name != MANIFEST else None
 
 
@@ -46,96 +50,64 @@ def entries(folder: Path) -> Iterator[tuple[Path, Kind]]:
             yield path, kind
 
 
-def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
-    """Return the output folder, and the session's place or None, that a command line means.
-
-    out: The output folder of a session; None: out/NAME. An output folder can be looked at without its session.
-    """
-    if not is_output(source) and not is_session(source):
-        raise SceneError(
-            f"{source}: neither a session (session.toml) nor an output folder of rgbn ({SESSION}). Give one of these, "
-            "or a scene description, .toml."
-        )
-    if is_output(source) and (out is None or out.resolve() == source.resolve()):
-        return source.resolve(), None
-    session, folder = session_and_out(source, out)
-    return folder.resolve(), session
-
-
 def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path | None = None) -> None:
     """Make a path, whatever it is, what is worked on.
 
     out: Output folder of a session. Raises SceneError: it cannot be read, or lies outside of the workspace.
     """
     from twin.description.description_file import read_document
+    from twin.description.object_mesh import read_mesh
 
     if not source.exists():
         # Given as the workspace knows it.
         source = workspace.root / source
     kind = kind_of(source)
-    if kind == "folder":
+    if kind == "folder" and sessions_below(source):
+        state.area, state.folder = "Open", workspace.path(source.resolve())
+    elif kind == "folder":
         folders = survey(source)
         if out is not None and len(folders) > 1:
             raise SceneError(f"--out {out}: there are {len(folders)} objects, each with a folder of its own: out/NAME.")
-        looks = {}
-        for files in folders:
-            origin = Origin("session", files.folder, tuple(files.photographs.get("flash", ())))
-            place = out or default_out(origin, files.folder.name, workspace.root / "out")
-            looks[files.folder] = FolderLook(files, workspace.path(place.resolve()))
-        state.looks = looks
-        for place in state.looks:
-            state.edits.pop(place, None)
-        place = next((place for place in state.looks if not (place / MANIFEST).exists()), folders[0].folder)
-        state.show_session(state.looks[place].out, place)
+        origin = Origin("session", folders[0].folder, tuple(folders[0].photographs["flash"]))
+        place = out or default_out(origin, folders[0].folder.name, workspace.root / "out")
+        state.show_session(workspace.path(place.resolve()), source.resolve())
     elif source.is_dir() or source.name == MANIFEST:
-        place, session = found_at(source, out)
-        if out is None and kind != "results" and not place.is_relative_to(workspace.root):
+        is_own = kind == "results" and (out is None or out.resolve() == source.resolve())
+        # Results can be looked at without their session.
+        session, place = (None, source) if is_own else session_and_out(source, out)
+        place = place.resolve()
+        if out is None and not is_own and not place.is_relative_to(workspace.root):
             found = load_session(source)
             place = default_out(origin_of(found, source), found.name, workspace.root / "out")
         state.show_session(workspace.path(place), session)
     elif source.suffix == ".toml":
         path = workspace.path(source.resolve())
-        scene = begun(workspace, read_document(path), path.parent if path.name == FILE else None)
-        # What was made before can be taken back to.
-        if known := state.edits.get(SCENE):
-            known.history = known.history.did(f"open {path.stem}", scene.history.state, 0.0)
-        state.edits.setdefault(SCENE, scene)
-        state.area = "Scene"
+        opened = begun(workspace, read_document(path), path.parent if path.name == FILE else None)
+        _change_scene(state, f"open {path.stem}", opened)
+    elif kind == "model":
+        path = workspace.path(source.resolve())
+        scene = (state.edits.get(SCENE) or begun(workspace, None, None)).history.state
+        more = added(scene.document, path.stem, mesh=read_mesh(path))
+        _change_scene(state, f"load {path.stem}", Edits(History(replace(scene, document=more))))
     else:
         raise SceneError(
-            f"{source}: neither a folder nor a scene description, .toml. Give photographs, a session or its output "
-            "folder."
+            f"{source}: neither a folder nor a model or scene description, .toml. Give photographs, a session or its "
+            "output folder."
         )
 
 
-def open_many(state: StudioState, workspace: Workspace, parent: Path, out: Path | None = None) -> bool:
-    """List the sessions below a folder, if there are several; return whether there are. out: As of `rgbn process`."""
-    place = (parent if parent.exists() else workspace.root / parent).resolve()
-    if sessions_below(place):
-        out = out or default_out(Origin("sessions", place), place.name, workspace.root / "out")
-        state.folder, state.many = workspace.path(place), (place, workspace.path(out.resolve()))
-    return state.many is not None
+def _change_scene(state: StudioState, label: str, scene: Edits) -> None:
+    """Go to a scene; what was made before can be taken back to."""
+    if known := state.edits.get(SCENE):
+        known.history = known.history.did(label, scene.history.state, 0.0)
+    state.edits.setdefault(SCENE, scene)
+    state.area = "Scene"
 
 
 class OpenWindow(Window):
     """What a browser opens things in: folders below the workspace."""
 
     area = "Open"
-    listed: tuple[tuple[Path, float], ...] = ()
-    """The sessions below a folder, and when results of each were last written; 0 where there are none."""
-
-    def begin(self) -> None:
-        """Read what is to be shown."""
-        self.follow()
-
-    def follow(self) -> bool:
-        """Look whether a session of the list has other results: of a run here, or of `rgbn process` elsewhere."""
-        before = self.listed
-        if self.state.many is not None and self.folder == self.state.many[0]:
-            parent, out = self.state.many
-            paths = {place: out / place.relative_to(parent) / "summary.json" for place in sessions_below(parent)}
-            self.listed = tuple((place, path.stat().st_mtime if path.is_file() else 0) for place, path in paths.items())
-        return self.listed != before
 
     @property
     def folder(self) -> Path:
@@ -162,25 +134,6 @@ def _entry_rows(window: OpenWindow) -> list[Row]:
     return [row(*one) for one in entries(window.folder)] or [text("Nothing that can be opened.")]
 
 
-def _session_rows(window: OpenWindow) -> list[Row]:
-    """Return the sessions as `rgbn process` lists them, each with a button that opens it."""
-    assert window.state.many is not None
-    (parent, out), rows = window.state.many, []
-    for session, is_done in window.listed:
-        name = session.relative_to(parent).as_posix()
-        row = session_row(out, name, "" if is_done else "Nothing was made of it yet.")
-        picture = f'<div style="margin: 0 .6em">{row_picture(out, row)}</div>'
-        told = f"{row['verdict']} Warnings: {row['warnings']}." if is_done else row["fault"]
-        tab = "Verdict" if is_done else "Capture"
-
-        def show(window: OpenWindow, session: Path = session, name: str = name, tab: str = tab) -> None:
-            window.state.show_session(out / name, session, tab=tab)
-            window.turn()
-
-        rows += [button(f"{name}: {row['badge']}", show), Row("html", start={"content": picture}), text(plain(told))]
-    return rows
-
-
 OPEN_ROWS = (
     text(lambda window: f"{code(str(window.folder))}\n\nChoose a folder of photographs, a session, its output folder, "
          "or a scene."),
@@ -189,9 +142,6 @@ OPEN_ROWS = (
     button(HERE["folder"], lambda window: window.open(window.folder),
            lambda window: {"label": HERE[kind_of(window.folder) or "folder"]}, kind="main"),
     button("New scene", lambda window: window.go("Scene")),
-    Row("folder", "Sessions", lambda window: {
-        "visible": window.state.many is not None and window.folder == window.state.many[0]},
-        start={"visible": False}, rows=_session_rows, key=lambda window: window.listed),
     Row("folder", "In this folder", rows=_entry_rows, key=lambda window: tuple(entries(window.folder))),
 )  # fmt: skip
 """What is to be done with the folder itself, and the folders and scenes in it."""

@@ -7,7 +7,7 @@ import threading
 from functools import partial
 from typing import Any
 
-from lab.session_place import MANIFEST
+from lab.session_place import is_session
 from scene.errors import SceneError
 from studio.editor.editor_window import EditorWindow
 from studio.editor.preview import Preview, PreviewPanel
@@ -15,9 +15,9 @@ from studio.editor.scene_rows import SCENE_ROWS
 from studio.editor.scene_view import SceneView
 from studio.opening import OPEN_ROWS, OpenWindow
 from studio.served_page import LOOPBACK, ServedPage
-from studio.session.draft_window import DRAFT_ROWS, DraftWindow
+from studio.session.new_session import NEW_ROWS, NewWindow
 from studio.session.photograph_view import PhotographView
-from studio.session.session_rows import session_rows
+from studio.session.session_rows import SESSION_ROWS
 from studio.session.session_window import SessionWindow
 from studio.session.spatial_view import SpatialView
 from studio.studio_state import StudioState
@@ -26,12 +26,12 @@ from studio.workspace import Workspace
 
 PAGES: dict[type[Window], tuple[Any, ...]] = {
     OpenWindow: (OPEN_ROWS,),
-    DraftWindow: (DRAFT_ROWS, [PhotographView]),
-    SessionWindow: (session_rows, [PhotographView, SpatialView]),
+    NewWindow: (NEW_ROWS,),
+    SessionWindow: (SESSION_ROWS, [SpatialView, PhotographView]),
     EditorWindow: (SCENE_ROWS, [PreviewPanel, SceneView]),
 }
 """What each window shows: its rows of widgets, and its views."""
-ELSEWHERE = "The studio is open in another window, and it has one at a time."
+ELSEWHERE = "The studio is open in another window, and it has one at a time. Load this page again to work here."
 
 
 class Studio:
@@ -84,45 +84,23 @@ class Studio:
             window.post(getattr(window, verb))
 
     def _come(self, client: Any) -> None:
+        """Work in the browser that came last; the one before is told so."""
         with self._lock:
-            if self.window is None:
-                self._show(client)
-            elif self.window.client is not client:  # Else it was shown as the one before it went.
-                self._offer(client)
             if client.client_id not in self._server.get_clients():
-                self._go(client)
+                return  # It is gone already.
+            before = self.window
+            self._show(client)
+        if before is not None and before.client is not client:
+            before.wait()
+            before.client.gui.reset()
+            before.client.scene.reset()
+            before.client.gui.add_markdown(ELSEWHERE)
 
     def _go(self, client: Any) -> None:
-        """Let a browser go. One that waits takes its place: a page that is loaded again may come before it goes."""
         with self._lock:
-            if self.window is None or self.window.client.client_id != client.client_id:
-                return
-            self.window.close()
-            self.window = None
-            waiting = [one for number, one in self._server.get_clients().items() if number != client.client_id]
-            if waiting:
-                self._show(waiting[-1])
-
-    def _offer(self, client: Any) -> None:
-        """Tell a browser that another one is at work here, and let it take over."""
-        client.gui.reset()
-        client.scene.reset()
-        client.gui.add_markdown(ELSEWHERE)
-        client.gui.add_button("Work in this window").on_click(lambda event: self._take_over(client))
-
-    def _take_over(self, client: Any) -> None:
-        with self._lock:
-            before = self.window
-            if before is not None and before.client is client:
-                return  # Pressed twice.
-            self._show(client)
-        if before is not None:
-            before.wait()
-            with self._lock:
-                is_here = before.client.client_id in self._server.get_clients()
-                # It may have been shown again, if the other one has gone meanwhile.
-                if is_here and (self.window is None or self.window.client is not before.client):
-                    self._offer(before.client)
+            if self.window is not None and self.window.client.client_id == client.client_id:
+                self.window.close()
+                self.window = None
 
     def _show(self, client: Any) -> None:
         """Show a browser what is worked on, in a window of its area."""
@@ -151,8 +129,8 @@ class Studio:
         state, place = self.state, (client, self._workspace, self.state)
         if state.area == "Session" and state.session is not None:
             session = state.session[1]
-            if session in state.looks and not (session / MANIFEST).exists():
-                return DraftWindow(*place)
+            if session is not None and not is_session(session):
+                return NewWindow(*place)
             return SessionWindow(*place, address_of=self.page.address_of)
         return EditorWindow(*place, self.preview) if state.area == "Scene" else OpenWindow(*place)
 

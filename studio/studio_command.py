@@ -10,8 +10,8 @@ def studio(
     source: Annotated[
         Path | None,
         Parameter(
-            help="A folder of photographs, a session, a folder of sessions, an output folder, or a scene description "
-            "in the workspace. Default: a page on which one is chosen."
+            help="A folder of photographs, a session, a folder of sessions, an output folder, a scene description "
+            "or a model in the workspace. Default: a page on which one is chosen."
         ),
     ] = None,
     /,
@@ -27,7 +27,7 @@ def studio(
     import webbrowser
 
     from lab.progress import say
-    from studio.opening import open_many, open_path
+    from studio.opening import open_path
     from studio.server import Studio
     from studio.studio_state import StudioState
     from studio.workspace import Workspace
@@ -36,7 +36,7 @@ def studio(
     warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
     place = Workspace.at(workspace)
     state = StudioState()
-    if source is not None and not open_many(state, place, source, out):
+    if source is not None:
         open_path(state, place, source, out)
     running = Studio(place, port=port, state=state)
     say(f"studio: {running.address}   workspace {place.root}   Ctrl-C ends it")

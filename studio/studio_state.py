@@ -1,5 +1,6 @@
 """What is worked on in a studio, over all areas, with its past: it outlives a reload and a change of the area."""
 
+import os
 import re
 import subprocess
 import sys
@@ -36,17 +37,18 @@ class RunningJob:
 class Work:
     """The command line at work with these words on a folder; a window looks at it once a second.
 
+    place: Where it is at work: results of `rgbn init` go to `out` there.
     said: What it said last. share: How much of what it is at is done, 0 to 1. fault: Why it ended badly.
     is_told: A window has shown how it ended.
     """
 
-    def __init__(self, label: str, folder: Path, words: Sequence[str]) -> None:
+    def __init__(self, label: str, folder: Path, words: Sequence[str], place: Path = ROOT) -> None:
         self.label, self.folder, self.said, self.share, self.fault = label, folder, list[str](), 0.0, ""
         self.is_over = self.is_stopped = self.is_told = False
         self.begun_s = time.monotonic()
         self._process = subprocess.Popen(
-            [sys.executable, "-c", RGBN, *words], cwd=ROOT, text=True,
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+            [sys.executable, "-P", "-c", RGBN, *words], cwd=place, env=os.environ | {"PYTHONPATH": str(ROOT)},
+            text=True, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
         )  # fmt: skip
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -155,26 +157,20 @@ class StudioState:
     area: The one that is shown.
     tabs: The open tab of each page.
     folder: That is looked into to open something; None: the workspace.
-    many: A folder with sessions below it, and where their results lie.
-    looks: The folders in which sessions are begun, with what is found there and was put right.
-    session: Output folder and session that is looked at, or begun where the session is among the `looks`; None for the
-        second: the one that the folder names.
+    session: Output folder and session that is looked at, or the folder in which one is begun; None for the second: the
+        one that the output folder names.
     edits: By output folder, or the folder in which a session is begun, what was put right there; and the `SCENE`.
-    to_run: The step up to which a session that is opened next is run at once; empty: it is not.
     work: What is at work in the background, or was last.
     """
 
     area: Area = "Open"
     tabs: dict[str, str] = field(default_factory=dict)
     folder: Path | None = None
-    many: tuple[Path, Path] | None = None
-    looks: dict[Path, Any] = field(default_factory=dict)
     session: tuple[Path, Path | None] | None = None
     edits: dict[Path | str, Edits] = field(default_factory=dict)
-    to_run: str = ""
     work: Work | None = None
 
-    def show_session(self, out: Path, session: Path | None, *, tab: str = "Capture", run: str = "") -> None:
+    def show_session(self, out: Path, session: Path | None, *, tab: str = "Capture") -> None:
         """Go to a session."""
-        self.area, self.session, self.to_run = "Session", (out, session), run
+        self.area, self.session = "Session", (out, session)
         self.tabs["Session"] = tab

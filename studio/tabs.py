@@ -15,24 +15,17 @@ from studio.widgets import Row, button, plain, text
 Rows = Sequence[Row] | Callable[[Any], Sequence[Row]]
 
 
-def tab_rows(
-    tabs: Mapping[str, Rows], mark: Callable[[Any, str], str] = lambda window, name: "",
-    when: Callable[[Any], bool] = lambda window: True,
-) -> tuple[Row, ...]:  # fmt: skip
-    """Return a row of tabs, and the folder of each, of which one is shown.
-
-    mark: Returns a sign to be put behind a name. when: Returns whether there is anything to be shown.
-    """
+def tab_rows(tabs: Mapping[str, Rows], mark: Callable[[Any, str], str] = lambda window, name: "") -> tuple[Row, ...]:
+    """Return a row of tabs, and the folder of each, of which one is shown; `mark` returns a sign behind a name."""
 
     def tab(name: str) -> Row:
         def show(window: Any) -> dict[str, Any]:
-            label, kind = f"{name} {mark(window, name)}".strip(), _kind(window.tab == name)
-            return {"label": label, "kind": kind, "visible": when(window)}
+            return {"label": f"{name} {mark(window, name)}".strip(), "kind": _kind(window.tab == name)}
 
-        return button(name, lambda window: window.open_tab(name), show, kind="tab", visible=False)
+        return button(name, lambda window: window.open_tab(name), show, kind="tab")
 
     def folder(name: str, rows: Rows) -> Row:
-        shown = lambda window: {"visible": when(window) and window.tab == name}  # noqa: E731
+        shown = lambda window: {"visible": window.tab == name}  # noqa: E731
         return Row("folder", name, shown, start={"visible": False}, rows=rows)
 
     return *map(tab, tabs), *(folder(name, rows) for name, rows in tabs.items())

@@ -161,12 +161,6 @@ def add_light(view: Any, name: str, ends_mm: ArrayLike, spread_mm: float, colour
     return [view.add_icosphere(name, radius=radius * size, color=colour, position=at, **NO_SHADOW), arrow]
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return rows of Markdown as a table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines) if rows else ""
-
-
 def plain(text: str) -> str:
     """Return a text for Markdown: every sign that it, its links or HTML could take for its own is escaped."""
     return re.sub(r"([\\`*_{}\[\]()<>#+\-.!|~&:/@=$^])", r"\\\1", " ".join(text.split()))
@@ -176,18 +170,8 @@ def code(text: str) -> str:
     """Return a text as a code span of Markdown, in more backticks than it holds in a row."""
     inside = " ".join(text.split())
     padded = f" {inside} " if "`" in inside else inside
-    return f"{_fence(inside)}{padded}{_fence(inside)}"
-
-
-def fenced(text: str, kind: str) -> str:
-    """Return lines of text as a block of code of Markdown."""
-    fence = max(_fence(text), "```", key=len)
-    return f"{fence}{kind}\n{text}\n{fence}"
-
-
-def _fence(text: str) -> str:
-    """Return more backticks than a text holds in a row."""
-    return "`" * (1 + max(map(len, re.findall("`+", text)), default=0))
+    fence = "`" * (1 + max(map(len, re.findall("`+", inside)), default=0))
+    return f"{fence}{padded}{fence}"
 
 
 MOST_FACES = 70_000

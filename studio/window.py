@@ -20,9 +20,10 @@ from studio.widgets import Panel, Row
 from studio.workspace import Workspace
 
 Array = NDArray[np.float64]
+PANEL_PX = 430
+"""Width of the panels."""
 EVERY_S = 1.0
 """So often a window looks at what goes on in the background."""
-Page = Sequence[Row] | Callable[[Any], Sequence[Row]]
 
 
 class Window:
@@ -33,16 +34,14 @@ class Window:
     """
 
     area: Area = "Open"
-    page, first_tab = "", ""
-    """What the state calls the open tab, if not as the area; and the tab that is open first."""
+    first_tab = ""
+    """The tab that is open first."""
     edited: Path | str = ""
     """Where the state has what is put right or made here."""
     is_flat = False
     """Whether a photograph is shown, which is moved and not turned."""
     report = ""
     """Address of the report that lies over the view."""
-    panel_px = 430
-    """Width of the panels."""
     work_told = ""
     """What came of the last work, as Markdown."""
 
@@ -63,15 +62,15 @@ class Window:
         """Whether another window has taken its place: nothing more is done for it."""
         return self._gone.is_set()
 
-    def show(self, rows: Page, views: Sequence[Callable[[Any], Any]] = ()) -> None:
+    def show(self, rows: Sequence[Row], views: Sequence[Callable[[Any], Any]] = ()) -> None:
         """Begin with a page of rows, and with views, each of which has a `refresh`."""
         # The way out stands before anything that may fail.
         self.panels.append(Panel(self, HEADER))
         self.panels[0].refresh()
         self.begin()
         self.client.gui.main_panel.dock_right()
-        self.client.gui.main_panel.set_width(self.panel_px)
-        self.panels += [Panel(self, rows(self) if callable(rows) else rows), *(view(self) for view in views)]
+        self.client.gui.main_panel.set_width(PANEL_PX)
+        self.panels += [Panel(self, rows), *(view(self) for view in views)]
         self.refresh()
 
         def follow() -> None:
@@ -130,11 +129,11 @@ class Window:
     @property
     def tab(self) -> str:
         """The tab that is open."""
-        return self.state.tabs.get(self.page or self.area, self.first_tab)
+        return self.state.tabs.get(self.area, self.first_tab)
 
     @tab.setter
     def tab(self, name: str) -> None:
-        self.state.tabs[self.page or self.area] = name
+        self.state.tabs[self.area] = name
 
     def open_tab(self, name: str) -> None:
         """Turn to a tab."""
@@ -204,7 +203,7 @@ class Window:
         if job := self.job():
             # Saving may give the folder its place.
             words, job = job.words(), self.job() or job
-            self.state.work = Work(job.label, job.folder, words)
+            self.state.work = Work(job.label, job.folder, words, self.workspace.root)
         self.refresh()
 
     def attempt(self, work: Callable[[], Any]) -> None:

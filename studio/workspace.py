@@ -4,37 +4,21 @@ import itertools
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
+from formats.meshes.scan_files import SUFFIXES as MESHES
 from scene.current import file_digest
 from scene.errors import SceneError
 from scene.files import move, write_whole
-from scene.output_folder import open_record, read_record
+from scene.output_folder import open_record
 from scene.record import PLACE
 
-MESHES = (".ply", ".obj", ".stl", ".off", ".glb")
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr", ".npy")
-LIGHTS = "lights.json"
-MOST_FILES = 300
-"""That a list shows; more would only be scrolled through."""
-MOST_WALKED = 20_000
-"""Files that are looked at for the lists."""
 UPLOADS = "uploads"
-
-
-@dataclass(frozen=True)
-class Listing:
-    """What a workspace holds, by the names that the browser calls it by, each sorted; `sessions` are folders."""
-
-    models: tuple[str, ...] = ()
-    pictures: tuple[str, ...] = ()
-    sessions: tuple[str, ...] = ()
-    is_cut: bool = False
-    """There is more than is listed."""
 
 
 @dataclass(frozen=True)
@@ -75,33 +59,6 @@ class Workspace:
     def name(self, path: Path) -> str:
         """Return what the browser calls a path."""
         return path.resolve().relative_to(self.root).as_posix()
-
-    def listing(self) -> Listing:
-        """Return what there is to choose from; hidden folders, links and what rgbn made itself are left out."""
-        walked = list(itertools.islice(self._walk(self.root, depth=4), MOST_WALKED + 1))
-        names = {
-            "models": [self.name(path) for path in walked if path.suffix.lower() in MESHES],
-            "pictures": [self.name(path) for path in walked if path.suffix.lower() in PICTURES],
-            "sessions": [self.name(path.parent) for path in walked if path.name == LIGHTS],
-        }
-        is_cut = len(walked) > MOST_WALKED or any(len(found) > MOST_FILES for found in names.values())
-        return Listing(**{kind: tuple(sorted(found[:MOST_FILES])) for kind, found in names.items()}, is_cut=is_cut)
-
-    def _walk(self, folder: Path, depth: int, own: frozenset[Path] = frozenset()) -> Iterator[Path]:
-        record = read_record(folder)
-        if record is not None:
-            own |= {path for work in ("", *record.done) for path in record.files_of(work)}
-        try:
-            inside = sorted(folder.iterdir())
-        except OSError:
-            return
-        for path in inside:
-            if path.name.startswith(".") or path.is_symlink():
-                continue
-            if path.is_file() and (path.name == LIGHTS or path not in own):
-                yield path
-            elif depth and path.is_dir() and path.name not in ("node_modules", "__pycache__"):
-                yield from self._walk(path, depth - 1, own)
 
     def keep_upload(self, name: str, content: bytes) -> str:
         """Write what the browser sent into `uploads/`, and return its name in the workspace.
@@ -155,16 +112,3 @@ def put_own(folder: Path, write: Callable[[Path], Made]) -> Made:
             if is_new and set(os.listdir(folder)) <= {PLACE}:
                 shutil.rmtree(folder)
         raise
-
-
-def remove_own(folder: Path, names: Iterable[str]) -> None:
-    """Remove files that rgbn wrote into a folder; those that are not there are passed over.
-
-    Raises SceneError: one is not rgbn's own; then none is removed.
-    """
-    paths = [folder.resolve() / name for name in names]
-    with open_record(folder, among_others=True) as record:
-        for path in paths:
-            record.check_free(path)
-        for path in paths:
-            record.remove(path)

@@ -7,12 +7,12 @@ from typing import Any
 
 from scene.current import file_digest
 from scene.errors import SceneError
-from studio.editor.edits import Place, start_document
+from studio.editor.edits import start_document
 from studio.editor.preview import Drawn, Preview
 from studio.studio_state import SCENE, Edits, History, RunningJob, StudioState
 from studio.widgets import code, plain
 from studio.window import Window
-from studio.workspace import MOST_FILES, Listing, Workspace, put_own
+from studio.workspace import Workspace, put_own
 from twin.description.description import TwinScene
 from twin.description.scene_toml import SceneDocument
 
@@ -59,23 +59,15 @@ class EditorWindow(Window):
         super().__init__(client, workspace, state)
         state.edits.setdefault(SCENE, begun(workspace, None, None))
         self._preview, self._asked = preview, None
-        self.object, self.light = 0, 0
-        self.listing = Listing()
+        # The one that was added last.
+        self.object, self.light = len(self.document.objects) - 1, 0
         self._scene = self.document, self.document.scene()
         self.gain, self.drawn = 1.0, None
         """Brightness of the preview, and what was drawn last."""
         self.drawn: Drawn | None
         self.show_preview: Callable[[Drawn], None] = lambda drawn: None
-        self.apart: set[Place] = set()
-        """Colours that are typed channel by channel."""
         self.chosen: dict[str, str] = {}
         """What is chosen or typed for a button to take, by what it is for."""
-        self.size_in_proportion = True
-        """One side that is typed changes the others too."""
-
-    def begin(self) -> None:
-        """Look for files."""
-        self.list_files()
 
     @property
     def _made(self) -> Edited:
@@ -142,23 +134,12 @@ class EditorWindow(Window):
         return handle
 
     def _kept(self, name: str, content: bytes) -> str:
-        name = self.workspace.keep_upload(name, content)
-        self.list_files()
-        return name
+        return self.workspace.keep_upload(name, content)
 
     def name_of(self, path: Path) -> str:
         """Return what a file is called: by its place in the workspace, or its name alone."""
         inside = path.resolve().is_relative_to(self.workspace.root)
         return self.workspace.name(path) if inside else path.name
-
-    def list_files(self) -> None:
-        """Look for files in the workspace again; the panels' lists show them at the next refresh."""
-        self.listing = self.workspace.listing()
-        if self.listing.is_cut:
-            self.notify(
-                "Not every file is listed",
-                f"The lists end at {MOST_FILES} files. Start the studio in a smaller folder to see the others.",
-            )
 
     def _refresh_panels(self) -> None:
         self.object = min(self.object, len(self.document.objects) - 1)
@@ -195,7 +176,6 @@ class EditorWindow(Window):
         check_scene(self.scene)
         put_own(folder, lambda place: write_document(document, place))
         saved.folder, saved.digest = folder, file_digest(folder / FILE)
-        self.list_files()
         self.refresh()
         return folder / FILE
 
@@ -234,12 +214,11 @@ class EditorWindow(Window):
     def work_ended(self) -> None:
         """Say where the dataset is."""
         where = self.workspace.name(self.dataset)
-        self.work_told = f"Rendered into {code(where)}, a session. **Solve** goes the whole way to its report."
+        self.work_told = f"Rendered into {code(where)}, a session. **Solve** opens it."
         self.notify("Rendered", where)
-        self.list_files()
 
     def solve(self) -> None:
-        """Go to the dataset as a session, and begin the steps."""
+        """Go to the dataset as a session."""
         out = self.workspace.path(self.dataset.parent / "results")
-        self.state.show_session(out, self.dataset, tab="Verdict", run="compare")
+        self.state.show_session(out, self.dataset, tab="Verdict")
         self.turn()

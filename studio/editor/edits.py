@@ -4,9 +4,9 @@ They raise RenderError where the next would be none: what a key may be, its decl
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,44 +28,21 @@ FILLED = 0.8
 GRAY = (0.5, 0.5, 0.5)
 
 
-@dataclass(frozen=True)
-class Placement:
+class Placement(NamedTuple):
     """An object's matrix in numbers.
 
-    middle_mm (3,): Of the object's bounding box in its own frame, where it is now: what gizmos turn it about.
-    rotate_deg (3,): About x, then y, then z, the axes standing still.
-    scale (3,): Factors along the object's own axes, before it is turned. The first is negative where the matrix
-        mirrors.
-    own_mm (3,): Extent of the mesh along its own axes.
+    middle_mm (3,): Of the object's bounding box, where it is now: what gizmos turn it about.
+    rotation (3, 3): Comes after the scale.
+    scale (3,): Factors along the object's own axes. The first is negative where the matrix mirrors.
+    size_mm (3,): Extent along the object's own axes, as it is.
     is_exact: False: the matrix shears as well, and these numbers are the nearest without.
     """
 
     middle_mm: Array
-    rotate_deg: Array
+    rotation: Array
     scale: Array
-    own_mm: Array
-    is_exact: bool = True
-
-    @property
-    def rotation(self) -> Array:
-        """(3, 3)."""
-        return Rotation.from_euler("xyz", self.rotate_deg, degrees=True).as_matrix()
-
-    @property
-    def size_mm(self) -> Array:
-        """(3,) extent along the object's own axes, as it is."""
-        return np.abs(self.scale) * self.own_mm
-
-    def sized(self, size_mm: ArrayLike, *, in_proportion: bool) -> "Placement":
-        """Return the placement of another extent (3,); a flat mesh stays flat.
-
-        in_proportion: What was changed of the extent changes the rest too.
-        """
-        was, wanted = self.size_mm, np.asarray(size_mm, float)
-        factors = np.divide(wanted, was, out=np.ones(3), where=was > 0)
-        if in_proportion:
-            factors = np.full(3, factors[np.argmax(np.abs(factors - 1))])
-        return replace(self, scale=self.scale * factors)
+    size_mm: Array
+    is_exact: bool
 
 
 @lru_cache(8)
@@ -82,12 +59,10 @@ def placement_of(mesh: ObjectMesh, matrix: Array) -> Placement:
     """
     linear, (low, high) = matrix[:3, :3], _box(mesh)
     scale = np.linalg.norm(linear, axis=0) * [np.sign(np.linalg.det(linear)), 1, 1]
-    turned = linear / scale
-    rotation = Rotation.from_matrix(turned)
-    is_exact = bool(np.allclose(rotation.as_matrix(), turned, atol=1e-6))
-    # Where y is +-90 degrees, x and z turn about one axis, and z is taken as 0.
-    angles = rotation.as_euler("xyz", degrees=True, suppress_warnings=True)
-    return Placement(linear @ ((low + high) / 2) + matrix[:3, 3], angles, scale, high - low, is_exact)
+    rotation = Rotation.from_matrix(linear / scale).as_matrix()
+    is_exact = bool(np.allclose(rotation, linear / scale, atol=1e-6))
+    size = np.abs(scale) * (high - low)
+    return Placement(linear @ ((low + high) / 2) + matrix[:3, 3], rotation, scale, size, is_exact)
 
 
 def quaternion(rotation: Array) -> Array:
@@ -183,31 +158,16 @@ def placement(document: SceneDocument, index: int) -> Placement:
     return placement_of(table.own_mesh(), table.camera_from_object())
 
 
-def placed(document: SceneDocument, index: int, where: Placement) -> SceneDocument:
-    """Return the document with an object where numbers say; of a matrix that shears they drop that."""
-    low, high = _box(document.objects[index].own_mesh())
-    move = where.middle_mm - (where.rotation * where.scale) @ (low + high) / 2
-    said = {"scale": where.scale, "rotate_deg": where.rotate_deg, "translate_mm": move}
-    return _put(document, index, {name: tuple(values.tolist()) for name, values in said.items()})
-
-
 def with_matrix(document: SceneDocument, index: int, matrix: Array) -> SceneDocument:
     """Return the document with an object where a matrix (4, 4) puts it: as scale, turns and move, unless it shears."""
     where = placement_of(document.objects[index].own_mesh(), matrix)
-    if where.is_exact:
-        return placed(document, index, where)
-    return _put(document, index, {"matrix": tuple(map(tuple, matrix.tolist()))})
-
-
-def _put(document: SceneDocument, index: int, keys: Mapping[str, Any]) -> SceneDocument:
-    """Return the document with an object where these keys alone put it."""
-    others = ("matrix", "pose", "scale", "rotate_deg", "translate_mm")
-    table = {name: value for name, value in dict(document.objects[index]).items() if name not in others}
-    try:
-        one = ObjectTable.model_validate(table | dict(keys))
-    except ValidationError as error:
-        raise RenderError(f"objects[{index}]: {'; '.join(faults_in(error))}") from None
-    return with_value(document, ("objects", index), one)
+    # Where y is +-90 degrees, x and z turn about one axis, and z is taken as 0.
+    turns = Rotation.from_matrix(where.rotation).as_euler("xyz", degrees=True, suppress_warnings=True)
+    said = where.scale.tolist(), turns.tolist(), matrix[:3, 3].tolist()
+    said = said if where.is_exact else ([1.0] * 3, [0.0] * 3, [0.0] * 3)
+    keys: dict[str, Any] = dict(zip(("scale", "rotate_deg", "translate_mm"), map(tuple, said), strict=True))
+    keys |= {"matrix": None if where.is_exact else tuple(map(tuple, matrix.tolist())), "pose": None}
+    return with_value(document, ("objects", index), document.objects[index].model_copy(update=keys))
 
 
 def turned(document: SceneDocument, index: int, middle_mm: ArrayLike, rotation: Array) -> SceneDocument:
@@ -216,16 +176,6 @@ def turned(document: SceneDocument, index: int, middle_mm: ArrayLike, rotation: 
     move[:3, :3] = rotation @ was.rotation.T
     move[:3, 3] = np.asarray(middle_mm) - move[:3, :3] @ was.middle_mm
     return with_matrix(document, index, move @ document.objects[index].camera_from_object())
-
-
-def scaled(document: SceneDocument, index: int, factor: float) -> SceneDocument:
-    """Return the document with an object `factor` times as large, above 0, its middle where it is."""
-    if not factor > 0:
-        raise RenderError(f"objects[{index}]: scaled by {factor:g}; expected a factor above 0.")
-    was, matrix = placement(document, index), document.objects[index].camera_from_object()
-    matrix[:3, :3] *= factor
-    matrix[:3, 3] = was.middle_mm + factor * (matrix[:3, 3] - was.middle_mm)
-    return with_matrix(document, index, matrix)
 
 
 def of_kind(kind: type[Material], was: Material, first: Mapping[str, Any]) -> Material:

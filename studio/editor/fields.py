@@ -32,7 +32,8 @@ def inputs_of(table: type) -> dict[str, dict[str, Any]]:
         unit = field.get("unit")
         usual = name.removesuffix(f"_{unit}").replace("_", " ") + (f", {unit}" if unit else "")
         field["label"] = field.get("label") or usual
-        if kind := field.get("input") or _kind(field):
+        kind = field.get("input") or _kind(field)
+        if kind and kind != "session":
             found[name] = field | {"input": kind}
     return found
 
@@ -90,13 +91,16 @@ class _Key:
             options = tuple(field.get("enum", METALS))
             shown = lambda window, value: {"options": options if value in (None, *options) else (*options, value)}  # noqa: E731
             yield self._row("dropdown", self._label, lambda *now: shown(*now) | _present(*now), options=options, **hint)
-        elif kind == "session":
-            yield self._files(self._label, lambda window: window.listing.sessions,
-                              lambda window, said: str(window.workspace.path(f"{said}/lights.json")))  # fmt: skip
         elif kind == "picture":
             yield from self._pictures(self._label, (NONE,))
         elif kind in ("channels", "colour"):
-            yield from self._channels(float(field["prefixItems"][0]["maximum"]) if kind == "channels" else 1.0)
+            top = float(field["prefixItems"][0]["maximum"]) if kind == "channels" else 1.0
+            look = {"value": (0.0,) * 3, "min": (0.0,) * 3, "max": (top,) * 3, "step": FINE}
+            yield self._row("vector3", f"{self._label} R, G, B", _present, **look, **hint)
+            if kind == "colour":
+                linear = lambda window, said, was: tuple(float(linear_from_srgb(part / 255)) for part in said)  # noqa: E731
+                yield self._row("rgb", "colour", _shown_colour, linear, value=(188, 188, 188))
+                yield from self._pictures("picture", (COLOUR, VERTICES))
         else:
             start = (0.0,) * 3 if kind == "vector3" else False
             yield self._row(kind, self._label, _present, value=start, **hint)
@@ -118,73 +122,30 @@ class _Key:
         value = lambda window: vars(value_at(window.document, self._at(window)))[self._name]  # noqa: E731
         return Row(kind, label, lambda window: show(window, value(window)), use, start)
 
-    def _channels(self, high: float) -> Iterator[Row]:
-        """Three channels have one number, unless they are asked for one by one: one that is typed gives no colour."""
-        label, is_colour = self._label, self._field["input"] == "colour"
-
-        def is_apart(window: EditorWindow, value: Any) -> bool:
-            return isinstance(value, tuple) and (len(set(value)) > 1 or (*self._at(window), self._name) in window.apart)
-
-        def split(window: EditorWindow, said: bool, was: Any) -> Any:
-            place = (*self._at(window), self._name)
-            (window.apart.add if said else window.apart.discard)(place)
-            return was if said else (float(was[0]),) * 3
-
-        def one(window: EditorWindow, value: Any) -> dict[str, Any]:
-            # A picture has no numbers.
-            is_shown = isinstance(value, tuple) and not is_apart(window, value)
-            return {"visible": True, "value": float(value[0])} if is_shown else {"visible": False}
-
-        def three(window: EditorWindow, value: Any) -> dict[str, Any]:
-            return _present(window, value) if is_apart(window, value) else {"visible": False}
-
-        def colour(window: EditorWindow, value: Any) -> dict[str, Any]:
-            if not isinstance(value, tuple):
-                return {"visible": False}
-            return {"visible": True, "value": tuple(round(255 * float(srgb_from_linear(part))) for part in value)}
-
-        def box(window: EditorWindow, value: Any) -> dict[str, Any]:
-            return {"visible": isinstance(value, tuple), "value": is_apart(window, value)}
-
-        yield self._row("number", label, one, lambda window, said, was: (said,) * 3, value=0.0, min=0.0, max=high,
-                        step=FINE, hint=self._field.get("description"))  # fmt: skip
-        yield self._row("checkbox", f"{label} by channel", box, split, value=False)
-        yield self._row("vector3", f"{label} R, G, B", three, value=(0.0,) * 3, min=(0.0,) * 3, max=(high,) * 3,
-                        step=FINE)  # fmt: skip
-        if is_colour:
-            linear = lambda window, said, was: tuple(float(linear_from_srgb(part / 255)) for part in said)  # noqa: E731
-            yield self._row("rgb", "colour", colour, linear, value=(188, 188, 188))
-            yield from self._pictures("picture", (COLOUR, VERTICES))
-
     def _pictures(self, label: str, before: tuple[str, ...]) -> Iterator[Row]:
         known = {COLOUR: GRAY, VERTICES: VERTEX, NONE: None}
-        chosen = self._files(
-            label,
-            lambda window: (*before, *window.listing.pictures),
-            lambda window, said: known[said] if said in known else read_texture(window.workspace.path(said)),
-        )
-        yield chosen
-        yield Row("upload", f"Send a {self._field.get('of', 'texture')} from here", use=chosen.use)
-
-    def _files(
-        self, label: str, options: Callable[[EditorWindow], tuple[str, ...]], read: Callable[[EditorWindow, str], Any]
-    ) -> Row:
-        """Return a choice of files; `read` makes the value of one's name."""
 
         def show(window: EditorWindow, value: Any) -> dict[str, Any]:
-            session = value.parent if self._field["input"] == "session" else None
-            path = session or (value.file if isinstance(value, Texture) else None)
             words = COLOUR if isinstance(value, tuple) else VERTICES if value == VERTEX else NONE
-            name = window.name_of(path) if path else words
-            return {"options": tuple(dict.fromkeys((name, *options(window)))), "value": name}
+            name = window.name_of(value.file) if isinstance(value, Texture) and value.file else words
+            return {"options": tuple(dict.fromkeys((name, *before))), "value": name}
 
-        hint = self._field.get("description") if self._field["input"] != "colour" else "From the workspace"
-        return self._row("dropdown", label, show, lambda window, said, was: read(window, said), options=(NONE,),
-                         hint=hint)  # fmt: skip
+        def make(window: EditorWindow, said: str, was: Any) -> Any:
+            return known[said] if said in known else read_texture(window.workspace.path(said))
+
+        yield (chosen := self._row("dropdown", label, show, make, options=(NONE,)))
+        yield Row("upload", f"Send a {self._field.get('of', 'texture')} from here", use=chosen.use)
+
+
+def _shown_colour(window: EditorWindow, value: Any) -> dict[str, Any]:
+    """Show a reflectance as sRGB where it is a colour."""
+    if not isinstance(value, tuple):
+        return {"visible": False}
+    return {"visible": True, "value": tuple(round(255 * float(srgb_from_linear(part))) for part in value)}
 
 
 def _present(window: EditorWindow, value: Any) -> dict[str, Any]:
-    """Show a value where it is there. A picture has no number."""
-    if value is None or isinstance(value, Texture):
+    """Show a value where it is there. A picture, or the mesh's own colours, have no number."""
+    if value is None or value == VERTEX or isinstance(value, Texture):
         return {"visible": False}
     return {"visible": True, "value": tuple(map(float, value)) if isinstance(value, tuple) else value}

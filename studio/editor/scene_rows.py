@@ -1,19 +1,16 @@
 """The rows of a scene: objects, the material of one, lights, camera, files. Most inputs are made from declarations."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from formats.meshes.scan_files import SUFFIXES as MESHES
 from studio.editor import edits
 from studio.editor.editor_window import EditorWindow
 from studio.editor.edits import Place, value_at, with_value
 from studio.editor.fields import METALS, fields
 from studio.tabs import WORK_ROWS, tab_rows
 from studio.widgets import Row, button, plain, text
-from studio.workspace import MESHES
 from twin.description.light_groups import LIGHTS, LightGroup
 from twin.description.materials import KINDS, Measured
 from twin.description.object_mesh import SHAPES, read_mesh
@@ -63,14 +60,6 @@ def _object(window: EditorWindow) -> Place:
     return ("objects", window.object)
 
 
-def _load(window: EditorWindow) -> None:
-    if not window.listing.models:
-        window.list_files()
-        window.refresh()
-    if name := _chosen(window, "model", window.listing.models):
-        _load_file(window, name)
-
-
 def _load_file(window: EditorWindow, name: str) -> None:
     _add(window, f"load {name}", Path(name).stem, mesh=read_mesh(window.workspace.path(name)))
 
@@ -86,25 +75,9 @@ def _add(window: EditorWindow, label: str, name: str, **source: Any) -> None:
     window.change(label, lambda document: edits.added(document, name, **source))
 
 
-def _placement(label: str, field: str, hint: str, **start: Any) -> Row:
-    """Return three numbers of where the object stands: a field of `Placement`."""
-
-    def show(window: EditorWindow) -> tuple[float, ...]:
-        numbers = getattr(edits.placement(window.document, window.object), field)
-        return tuple((np.round(numbers, 4) + 0.0).tolist())
-
-    def use(window: EditorWindow, value: tuple[float, float, float]) -> None:
-        in_proportion = window.size_in_proportion
-
-        def edit(document: SceneDocument, index: int) -> SceneDocument:
-            was = edits.placement(document, index)
-            sized = field == "size_mm"
-            now = was.sized(value, in_proportion=in_proportion) if sized else replace(was, **{field: np.array(value)})
-            return edits.placed(document, index, now)
-
-        _edit(f"{label.partition(',')[0]} {window.object}", edit, "object")(window)
-
-    return Row("vector3", label, show, use, {"value": (0.0,) * 3, "step": 0.1, "hint": hint, **start})
+def _size(window: EditorWindow) -> str:
+    sides = " x ".join(f"{side:.4g}" for side in edits.placement(window.document, window.object).size_mm)
+    return f"{len(window.scene.objects[window.object].mesh.faces):,} triangles, {sides} mm."
 
 
 def _material(window: EditorWindow) -> Place:
@@ -160,10 +133,9 @@ def _new_lights(window: EditorWindow, kind: str, *, like: bool) -> LightGroup:
     """Return lights of a kind; like: near where the others are."""
     first, scene = dict(FIRST[kind]), window.scene
     if kind == "session":
-        session = _chosen(window, "session", window.listing.sessions)
-        if session is None:
-            raise edits.RenderError("lights: no session is in the workspace. Calibrate one, or copy one there.")
-        first["file"] = window.workspace.path(f"{session}/lights.json")
+        if window.state.session is None:
+            raise edits.RenderError("lights: no session is open. Open one that was calibrated.")
+        first["file"] = window.state.session[0] / "lights.json"
     if kind in ("point", "area"):
         first["position_mm"] = tuple((scene.lights.reference_point_mm + [0.0, 0.0, NEAR_MM]).tolist())
     elif "distance_mm" in LIGHTS[kind].model_fields and like and scene.lights.positions_mm is not None:
@@ -177,9 +149,7 @@ def _new_lights(window: EditorWindow, kind: str, *, like: bool) -> LightGroup:
 SCENE_ROWS = tab_rows({
     "Objects": (
         Row("folder", "Add an object", rows=(
-            _choice("model", "model", lambda window: window.listing.models, "Models in the workspace"),
-            button("Load model", _load, kind="main"),
-            Row("upload", "Send a model from here", use=_load_file, start={"mime_type": ",".join(MESHES)}),
+            Row("upload", "Load model", use=_load_file, start={"mime_type": ",".join(MESHES), "kind": "main"}),
             _choice("shape", "shape", lambda window: SHAPES),
             button("Add shape", _add_shape),
         )),
@@ -192,16 +162,8 @@ SCENE_ROWS = tab_rows({
                 lambda window: {"options": tuple(window.document.materials), "value": _material(window)[1]},
                 lambda window, name: window.change("material of object", lambda document: with_value(
                     document, (*_object(window), "material"), name)), {"options": ("matte",)}),
-            _placement("place, mm", "middle_mm", "Of its middle; camera frame"),
-            _placement("turn, deg", "rotate_deg", "About x, then y, then z"),
-            _placement("size, mm", "size_mm", "Its own axes", min=(0.0, 0.0, 0.0)),
-            Row("checkbox", "size in proportion", lambda window: window.size_in_proportion,
-                lambda window, value: window.choose(size_in_proportion=value),
-                {"value": True, "hint": "One side changes the others too"}),
-            fields(_object, skip=("scale", "rotate_deg", "translate_mm")),
-            text(lambda window: f"{len(window.scene.objects[window.object].mesh.faces):,} triangles." + (
-                "" if edits.placement(window.document, window.object).is_exact
-                else " Its matrix shears: numbers typed here drop that.")),
+            fields(_object),
+            text(_size),
             button("Remove object",
                    _edit("remove object", lambda document, index: edits.without(document, "objects", index), "object"),
                    kind="danger"),
@@ -218,8 +180,7 @@ SCENE_ROWS = tab_rows({
     ),
     "Lights": (
         Row("folder", "Make lights", rows=(
-            _choice("lights", "kind", lambda window: tuple(FIRST)),
-            _choice("session", "session", lambda window: window.listing.sessions, "Whose lights are taken"),
+            _choice("lights", "kind", lambda window: tuple(FIRST), "session: those of the session that is open"),
             button("Replace the lights", lambda window: _make_lights(window, keep=False), kind="main"),
             button("Add to the lights", lambda window: _make_lights(window, keep=True)),
         )),
@@ -246,7 +207,6 @@ SCENE_ROWS = tab_rows({
                 {"value": "scene", "hint": "Folder in the workspace"}),
             button("Save scene", lambda window: window.notify("Saved", window.workspace.name(window.save()))),
             button("New scene", lambda window: window.start_again()),
-            button("Look for files again", lambda window: (window.list_files(), window.refresh())),
         )),
         Row("folder", "Dataset", rows=(
             button("Export for Mitsuba", lambda window: window.export()),

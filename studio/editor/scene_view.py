@@ -15,7 +15,6 @@ from studio.editor.edits import placement_of, quaternion
 from studio.widgets import UNITS_PER_MM, Layers, add_light, display_mesh, light_places
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import Diffuse, Material, Principled, RoughPlastic
-from twin.description.scene_toml import SceneDocument
 
 Array = NDArray[np.float64]
 KEPT = 8
@@ -69,8 +68,6 @@ class SceneView:
             f"{root}/mesh", vertices, faces, color=colour, flat_shading=one.mesh.normals is None, side="double"
         )
         self._window.on(mesh.on_click, lambda: self._window.select("object", index))
-        if is_picked:
-            self._add_scaler(root, index, size)
         return [gizmo]
 
     def _own(self, one: TwinObject, rotation: Array, middle: Array) -> tuple[Any, Any, float]:
@@ -82,21 +79,6 @@ class SceneView:
         if np.linalg.det(linear) < 0:
             faces = faces[:, ::-1]
         return own, faces, max(float(np.ptp(own, axis=0).max()) / 2, 1e-4)
-
-    def _add_scaler(self, root: str, index: int, size: float) -> None:
-        """Add the knob that is drawn out and in to scale."""
-        at = 1.15 * size * np.ones(3)
-        knob = self._view.add_box(f"{root}/scale", color=PICKED, dimensions=(0.12 * size,) * 3, position=at)
-
-        def scaled(start: Array, end: Array) -> Edit:
-            def edit(document: SceneDocument) -> SceneDocument:
-                middle = edits.placement(document, index).middle_mm * UNITS_PER_MM
-                away = max(float(np.linalg.norm(start - middle)), 1e-9)
-                return edits.scaled(document, index, float(np.linalg.norm(end - middle)) / away)
-
-            return edit
-
-        self._on_drag(knob, "scale", scaled)
 
     def _add_light(self, index: int, place: Array, is_lit: bool, spread: float) -> list[Any]:
         ends, colour = (place, self._window.scene.lights.reference_point_mm), PICKED if is_lit else PLAIN

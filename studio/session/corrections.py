@@ -7,7 +7,6 @@ import glob
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,11 +22,10 @@ from scene.camera import Camera
 from scene.errors import SceneError
 from scene.files import write_text
 from scene.length_units import UNITS_MM
-from scene.mesh import Mesh
 from scene.spheres import Sphere
+from studio.session.ball_edits import Balls, circle_of, outline
 from studio.session.folder import HEADLINE, KEPT, OWN, Review, is_kept
-from studio.session.photograph_window import Balls, circle_of, outline
-from studio.workspace import put_own, remove_own
+from studio.workspace import put_own
 
 if TYPE_CHECKING:
     from scene.rays import RayCaster
@@ -59,6 +57,11 @@ class Corrections:
         """How many are whole."""
         return min(len(self.pixels), len(self.points))
 
+    @property
+    def wants_point(self) -> bool:
+        """Whether the last pixel has no point yet."""
+        return len(self.pixels) > len(self.points)
+
     def with_pixel(self, pixel: tuple[float, float]) -> "Corrections":
         """Return them with one more pixel; it replaces a last one that has no point yet."""
         return replace(self, pixels=(*self.pixels[: len(self.points)], pixel))
@@ -68,29 +71,22 @@ class Corrections:
         x, y, z = (float(value) for value in point)
         return replace(self, points=(*self.points[: len(self.pixels)], (x, y, z)))
 
-    def with_balls(self, balls: Balls) -> "Corrections":
-        """Return them with other balls."""
-        return replace(self, balls=balls)
-
-    def is_found(self, ball: SphereTable) -> bool:
-        """Whether a ball is as it was found."""
-        return ball in self.found
-
 
 def balls_of(review: Review) -> Balls:
     """Return the balls as they were found; where none were, as the session gives them."""
-    camera, session = review.material.camera, review.session
+    camera, session, specs = review.material.camera, review.session, _specs(review)
     if review.spheres:
-        specs = _specs(review)
         diameters = [one.diameter_mm if session is None else _stated_mm(specs, one) for one in review.spheres]
         return tuple(
             outline(one.kind, (one.center_px[0], one.center_px[1]), one.radius_px, diameter)
             for one, diameter in zip(review.spheres, diameters, strict=True)
         )
+    specs = [spec for spec in specs if not spec.frames]
     if camera is None or session is None:
-        return ()
+        # In which pixels circles are given is not known before the photographs are.
+        is_placed = any(spec.center_px or spec.mask for spec in specs)
+        return () if is_placed else tuple(SphereTable(kind=one.kind, diameter_mm=one.diameter_mm) for one in specs)
     scale, found = hint_scale(session, camera.width), []
-    specs = [spec for spec in session.spheres if not spec.frames]
     for i, spec in enumerate(specs):
         # Those that the session names without a place wait in the middle of the picture to be put in place.
         place = (camera.width * (i + 0.5) / len(specs), camera.height / 2)
@@ -100,7 +96,7 @@ def balls_of(review: Review) -> Balls:
     return tuple(found)
 
 
-def tables_of(session: CaptureSession, balls: Balls, camera: Camera) -> list[dict[str, Any]]:
+def tables_of(session: CaptureSession, balls: Balls, camera: Camera | None) -> list[dict[str, Any]]:
     """Return `[[spheres]]` tables that say these outlines, in the pixels that the session counts in.
 
     Balls that were shot apart stay as the session has them. Raises SceneError: its balls cannot be said by circles:
@@ -121,8 +117,11 @@ def tables_of(session: CaptureSession, balls: Balls, camera: Camera) -> list[dic
         fault = "spheres: there is no ball to calibrate with. Add one."
     if fault:
         raise SceneError(fault)
-    scale, tables = hint_scale(session, camera.width), []
+    scale, tables = hint_scale(session, camera.width) if camera else 1.0, []
     for ball in balls:
+        if not ball.center_px:
+            tables.append(ball)
+            continue
         (u, v), radius = circle_of(ball)
         place = {"center_px": [(u + 0.5) * scale - 0.5, (v + 0.5) * scale - 0.5], "radius_px": radius * scale}
         tables.append(ball.model_copy(update=place))
@@ -133,12 +132,11 @@ def tables_of(session: CaptureSession, balls: Balls, camera: Camera) -> list[dic
 
 
 def _specs(review: Review) -> list[SphereSpec]:
-    """Return the balls as the session states them, and as they were kept."""
-    specs = list(review.session.spheres) if review.session else []
+    """Return the balls as the session states them, or as they were kept."""
     if is_kept(review.store):
         with suppress(SceneError):
-            specs += load_session(review.store.path(KEPT)).spheres
-    return specs
+            return list(load_session(review.store.path(KEPT)).spheres)
+    return list(review.session.spheres) if review.session else []
 
 
 def _stated_mm(specs: list[SphereSpec], sphere: Sphere) -> float | None:
@@ -183,17 +181,6 @@ def write_amended(
     return path.parent
 
 
-def forget_kept(review: Review) -> None:
-    """Remove what was kept in OUT/review, unless somebody else changed it or the session's own file is not known."""
-    path = review.store.path(KEPT)
-    if review.session_path is None or review.session_path == path.resolve():
-        raise SceneError(
-            f"{path / 'session.toml'}: the session that it was made of is not known here, or is gone. Open the review "
-            "by that session, `rgbn studio SESSION --out OUT`, to forget what was kept."
-        )
-    remove_own(review.store.folder, [f"{KEPT}/{name}" for name in ("session.toml", PICKS)])
-
-
 def _source(review: Review) -> Path:
     (session,), path = review.need("session"), review.session_path
     if session.layout != "toml":
@@ -227,23 +214,6 @@ def _table(review: Review, picks: Corrections) -> str:
         x, y, z = (value / unit for value in point)
         rows.append(f"{(u + 0.5) * scale - 0.5:.3f},{(v + 0.5) * scale - 0.5:.3f},{x:.9g},{y:.9g},{z:.9g}")
     return "\n".join(rows) + "\n"
-
-
-def pose_of(review: Review, picks: Corrections, mesh: Mesh) -> Any:
-    """Return `align.pose.picks.Picked`, the pose that the picks give. What was kept stays as it is.
-
-    Raises SceneError: too few picks, on one line, or contradicting each other.
-    """
-    from align.pose.picks import read_picks
-
-    (session, camera), text = review.need("session", "camera"), _table(review, picks)
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / PICKS
-        path.write_text(text)
-        try:
-            return read_picks(path, camera, mesh, unit=session.scan_unit, half=hint_scale(session, camera.width) == 2)
-        except SceneError as error:
-            raise SceneError(str(error).replace(str(path), "The picks")) from None
 
 
 def met(caster: "RayCaster", origin: Array, direction: Array) -> Array | None:

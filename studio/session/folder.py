@@ -6,30 +6,31 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.session.session import load_session
-from capture.session.session_types import CaptureSession
+from capture.session.session_types import CaptureSession, Encoding
+from capture.survey.small_pictures import read_small
 from compare.report.facts import Material, all_warnings, read_optional
 from compare.report.pictures import Exposure, thumbnail
 from lab.options import Settings
 from lab.session_place import session_of
 from scene.errors import SceneError
-from scene.frames import Frames
+from scene.frames import Frames, decode
+from scene.image_files import read_pixels
 from scene.lights import Lights
 from scene.map_pictures import Image
 from scene.mesh import Mesh
 from scene.output_folder import read_record
+from scene.pose import Pose
 from scene.spheres import Sphere
 from scene.store import Store
-from studio.session.looking import first_look
+from shoot.init.init_session import SHEET
+from shoot.watch.status import MAP
 from studio.widgets import plain
-
-if TYPE_CHECKING:
-    from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
 KEPT = "review"
@@ -97,11 +98,6 @@ class Review:
         return None if found is None else found[[not sphere.apart for sphere in self._balls]]
 
     @cached_property
-    def position_covariance_mm2(self) -> Array | None:
-        """(F, 3, 3), of near lights; None of distant ones, and where the folder does not say."""
-        return _array(self._calibration.get("position_covariance_mm2"), (len(self.names), 3, 3))
-
-    @cached_property
     def clipped_share(self) -> Array | None:
         """(F,), of each frame's pixels, as the audit counted them."""
         with suppress(KeyError, TypeError):
@@ -114,7 +110,8 @@ class Review:
         """Of all steps, with what each is about."""
         told = {step: entry.get("warnings") or () for step, entry in self.steps.items() if isinstance(entry, dict)}
         rows = [{"step": step, "text": str(text)} for step, texts in told.items() for text in texts]
-        return targets(all_warnings({"warnings": rows}), self.names, self.spheres)
+        found = all_warnings({"warnings": rows})
+        return [Warned(step, text, frames_named(text, self.names)) for step, text in found]
 
     @cached_property
     def _parts(self) -> dict[str, tuple[Any, str, str]]:
@@ -167,8 +164,11 @@ class Review:
         return [self.session if name == "session" else self._parts[name][0] for name in names]
 
     @cached_property
-    def first_look(self) -> Image | None:
-        """The session's first photograph, small, for as long as none is decoded here; None: it cannot be read."""
+    def preview(self) -> Image | None:
+        """A picture for as long as no photograph is decoded: of a shoot, what `rgbn init` saw, the first; or None."""
+        for path in map(self.store.path, (MAP, SHEET)):
+            if path.is_file():
+                return _readable(lambda path=path: read_pixels(path)[0])
         return first_look(self.session.flash[0], self.session.encoding) if self.session else None
 
     @cached_property
@@ -182,11 +182,21 @@ class Review:
         return load_scan(session.scan, session.scan_unit, ball_diameter_mm=session.scan_ball_diameter_mm)
 
     @cached_property
-    def scan_rays(self) -> "RayCaster":
-        """Its tree, which takes a second for a large scan."""
-        from scene import rays
+    def placed_scan(self) -> tuple[Mesh, Pose] | None:
+        """The registered scan in millimetres, and its pose; None: there is none."""
+        if self.session is None or self.session.scan is None or not self.store.path("pose.json").exists():
+            return None
+        mesh = self.scan_mesh
+        return Mesh(self.store.load_scan_scale() * mesh.vertices, mesh.faces), self.store.load_pose()
 
-        return rays.RayCaster(self.scan_mesh)
+
+def first_look(path: Path, encoding: Encoding = "linear") -> Image | None:
+    """Return a photograph small, as 8 bits (h, w, 3); None: it cannot be read."""
+    with suppress(OSError, ValueError, SceneError):
+        (small,), _ = read_small([path], encoding)
+        linear = decode(small.codes)
+        return Exposure.for_picture(linear).develop(linear)
+    return None
 
 
 def _readable(read: Callable[[], Any]) -> Any:
@@ -232,44 +242,15 @@ STEPS = {"Capture": "check", "Balls": "calibrate", "Lights": "calibrate", "Scan"
 
 @dataclass(frozen=True)
 class Warned:
-    """A warning of a step.
-
-    frames: That it names, in the order in which it names them.
-    ball: That it names first.
-    """
+    """A warning of a step; frames: That it names, in the order in which it names them."""
 
     step: str
     text: str
     frames: tuple[int, ...] = ()
-    ball: int | None = None
 
 
-def targets(texts: Sequence[tuple[str, str]], names: Sequence[str], spheres: Sequence[Sphere]) -> list[Warned]:
-    """Return warnings, each with its step, and what they name.
-
-    names: The frames'. spheres: In the order in which `spheres.json` has them, which is that of "ball 2" in a text.
-    """
-    return [Warned(step, text, _frames(text, names), _ball(text, spheres)) for step, text in texts]
-
-
-def _frames(text: str, names: Sequence[str]) -> tuple[int, ...]:
+def frames_named(text: str, names: Sequence[str]) -> tuple[int, ...]:
     """Return the frames whose names stand in a text as whole words."""
     # flash_1 is not named by flash_12, nor by flash_1.5; flash_1.dng names it.
     found = [re.search(rf"(?<![\w.-]){re.escape(name)}(?!\w|-\w|\.\d)", text) for name in names]
     return tuple(index for _, index in sorted((match.start(), index) for index, match in enumerate(found) if match))
-
-
-def _ball(text: str, spheres: Sequence[Sphere]) -> int | None:
-    """Return the ball that a text names by its number or its place among its kind, or as the only one of it."""
-    numbered = re.search(r"\b(chrome|white) ball (?:(\d+)|at \((-?\d+), (-?\d+)\) px)", text)
-    named = numbered or re.search(r"\b(?:the|one) (chrome|white) ball\b()()()", text)
-    if named is None:
-        return None
-    kind, number, u, v = named.groups()
-    own = [index for index, sphere in enumerate(spheres) if sphere.kind == kind]
-    if u:
-        place = [float(u), float(v)]
-        return next((i for i in own if abs(spheres[i].center_px - place).max() < spheres[i].radius_px), None)
-    # Numbers count the balls of one kind.
-    at = int(number) - 1 if number else 0
-    return own[at] if 0 <= at < len(own) and (number or len(own) == 1) else None

@@ -1,26 +1,18 @@
 """A photograph as it is shown large, with what is laid over it; and the normals or the twin beside it."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compare.report.picture_strip import CELL_PX, INK, Label, PictureStrip
-from compare.report.pictures import PixelBox, thumbnail
-from compare.report.registration_pictures import WIDTH, shown_pixels, views
+from compare.report.pictures import thumbnail
+from compare.report.registration_pictures import WIDTH
 from draw.readable import share
-from scene.camera import Camera
-from scene.errors import SceneError
 from scene.frames import Frames
-from scene.lights import Lights
 from scene.map_pictures import Image, normal_picture
 from studio.session.folder import Review
-from studio.session.photograph_window import Beside, Shown
-from studio.session.plane import ROOT, Plane, add_lines, add_numbered
 
-Overlay = Literal["nothing", "mask", "scan, shaded", "scan, normals"]
-OVERLAYS: tuple[Overlay, ...] = get_args(Overlay)
 MASK_COLOUR = (0, 190, 255)
 CLIPPED_COLOUR = (255, 0, 60)
 BAND = 64
@@ -32,13 +24,9 @@ CLIPPED, WARNED = (255, 60, 90), (255, 160, 0)
 
 @dataclass(frozen=True)
 class PictureLook:
-    """How a photograph is shown.
+    """How a photograph is shown."""
 
-    opacity: Of what lies over it; 0 to 1.
-    """
-
-    overlay: Overlay = "nothing"
-    opacity: float = 0.5
+    marks_object: bool = False
     brightness: float = 1.0
     marks_clipped: bool = True
 
@@ -63,90 +51,28 @@ def frame_strip(review: Review) -> PictureStrip | None:
 def photograph(review: Review, index: int, look: PictureLook) -> Image:
     """Return a whole frame with what is laid over it, at most `WIDTH` pixels wide.
 
-    While none is decoded it is the session's first one. Raises SceneError: there is none, or what is to lie over it is
+    While none is decoded it is the review's preview. Raises SceneError: there is none, or what is to lie over it is
     not in the folder.
     """
-    if review.material.frames is None and review.first_look is not None:
-        return review.first_look
+    if review.material.frames is None and review.preview is not None:
+        return review.preview
     (frames,), exposure = review.need("frames"), review.material.exposure
     assert exposure is not None
     exposure = replace(exposure, white=exposure.white / look.brightness)
     picture = exposure.develop(thumbnail(frames, index, WIDTH))
     if look.marks_clipped:
         picture = np.where(_clipped(frames, index, picture.shape)[..., None], CLIPPED_COLOUR, picture).astype(np.uint8)
-    box = PixelBox(0, 0, frames.width, frames.height)
-    if look.overlay == "mask":
-        return _with_mask(review, picture, look.opacity)
-    if look.overlay == "nothing":
-        return picture
-    truth, lights, camera = review.need("scan", "lights", "camera")
-    normals = _sampled(truth, shown_pixels(box, picture.shape))
-    if look.overlay == "scan, normals":
-        over = np.where(np.isfinite(normals[..., :1]), normal_picture(normals, picture.shape[1]), picture)
-    else:
-        _, shaded = views(
-            frames, exposure, lights, index, box, lambda pixels: shading(truth, camera, lights, index, pixels)
-        )
-        over = _fitted(shaded, picture.shape)
-    return _blend(picture, over, np.isfinite(normals[..., 0]), look.opacity)
+    return _with_mask(review, picture) if look.marks_object else picture
 
 
-def shading(truth: NDArray, camera: Camera, lights: Lights, index: int, pixels: NDArray) -> NDArray[np.float32]:
-    """Return what a white matte object with these normals would show under one light, without cast shadows.
-
-    truth (H, W, 3): unit normals, NaN where unknown; pixels (h, w, 2); a near light is taken at the depth of the
-    reference point. The shading (h, w) is max(0, vector . normal), NaN off the scan.
-    """
-    normals, depth = _sampled(truth, pixels), float(lights.reference_point_mm[2])
-    points = camera.points_at_depth(pixels.reshape(-1, 2), depth)
-    vectors = lights.only([index]).toward(points)[0].reshape(normals.shape)
-    return np.maximum(np.sum(normals * vectors, -1), 0).astype(np.float32)
-
-
-def normals_beside(review: Review, method: str) -> Beside | None:
-    """Return the normals of a method; None: there are none."""
+def normals_beside(review: Review, method: str) -> Image | None:
+    """Return the normals of a method as colours; None: there are none."""
     normals = review.material.map_of("normals", method) if method else None
     if normals is None:
         return None
     # A map of 24 megapixels is shown by a part of its pixels.
     step = max(1, normals.shape[1] // (2 * WIDTH))
-    picture = normal_picture(normals[::step, ::step], min(WIDTH, normals.shape[1]))
-    return Beside(picture, f"normals of {method}: red right, green up, blue toward you")
-
-
-def twin_beside(review: Review, index: int, look: PictureLook) -> Beside:
-    """Return the twin's frame in the photograph's tones, and how far the two differ on the object.
-
-    The difference is the median over the mask's pixels of abs(photograph - twin), in units of the photograph's median
-    there. Raises SceneError: there is no twin, or it has no such frame.
-    """
-    (twin, frames), exposure, mask = review.need("twin", "frames"), review.material.exposure, review.material.mask
-    assert exposure is not None
-    name, told = frames.names[index], ""
-    if name not in twin.names or (twin.width, twin.height) != (frames.width, frames.height):
-        raise SceneError(
-            f"twin: it has {len(twin)} frames of {twin.width} x {twin.height} px and none that is {name}; the "
-            f"session's have {frames.width} x {frames.height} px. Run the step `twin` again."
-        )
-    place = twin.names.index(name)
-    if mask is not None and mask.any():
-        v, u = np.nonzero(mask)
-        some = slice(None, None, max(1, len(v) // 100_000))
-        real, clipped = frames.read_pixels(index, v[some], u[some])
-        made, _ = twin.read_pixels(place, v[some], u[some])
-        usual = float(np.median(real[~clipped])) if (~clipped).any() else 0.0
-        if usual > 0:
-            difference = float(np.median(np.abs(real - made)[~clipped]) / usual)
-            told = f"; differs by {share(difference, 1)} % of the object's brightness (median)"
-    exposure = replace(exposure, white=exposure.white / look.brightness)
-    picture = exposure.develop(thumbnail(twin, place, WIDTH))
-    return Beside(picture, f"twin, the rendered frame of the same flash{told}")
-
-
-def _sampled(truth: NDArray, pixels: NDArray) -> NDArray[np.float32]:
-    """Return the map's values at the nearest pixels."""
-    u, v = np.rint(pixels).astype(int).reshape(-1, 2).T.clip(0, [[truth.shape[1] - 1], [truth.shape[0] - 1]])
-    return np.asarray(truth[v, u], np.float32).reshape(*pixels.shape[:2], 3)
+    return normal_picture(normals[::step, ::step], min(WIDTH, normals.shape[1]))
 
 
 def _clipped(frames: Frames, index: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
@@ -161,81 +87,13 @@ def _clipped(frames: Frames, index: int, shape: tuple[int, ...]) -> NDArray[np.b
     return np.asarray(cv2.resize(clipped, (shape[1], shape[0]), interpolation=cv2.INTER_AREA)) > 0
 
 
-def _with_mask(review: Review, picture: Image, opacity: float) -> Image:
+def _with_mask(review: Review, picture: Image) -> Image:
     """Tint the object, and draw the outermost pixels of it."""
     import cv2
 
     (mask,) = review.need("mask")
-    inside = _fitted(mask.astype(np.uint8), picture.shape)
-    tinted = _blend(picture, np.full_like(picture, MASK_COLOUR), inside > 0, 0.6 * opacity)
+    size = picture.shape[1::-1]
+    inside = np.asarray(cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST), np.uint8)
+    tinted = np.where(inside[..., None] > 0, 0.7 * picture + 0.3 * np.array(MASK_COLOUR), picture)
     edge = inside > cv2.erode(inside, np.ones((3, 3)), iterations=max(1, picture.shape[1] // 600), borderValue=0)
     return np.where(edge[..., None], MASK_COLOUR, tinted).astype(np.uint8)
-
-
-def _blend(under: Image, over: NDArray, where: NDArray[np.bool_], opacity: float) -> Image:
-    mixed = np.round((1 - opacity) * under + opacity * over)
-    return np.where(where[..., None], mixed, under).astype(np.uint8)
-
-
-def _fitted(image: NDArray, shape: tuple[int, ...]) -> NDArray[np.uint8]:
-    import cv2
-
-    return np.asarray(cv2.resize(image, (shape[1], shape[0]), interpolation=cv2.INTER_NEAREST), np.uint8)
-
-
-FITTED, MOVED, WAITING = (60, 220, 90), (255, 150, 0), (170, 170, 170)
-"""Of a ball that was found; that a hand has moved; that was not found, and waits to be put in its place."""
-SEEN, NOW = (255, 235, 60), (60, 170, 255)
-"""Highlights; that of the frame that is chosen, and pixels that are picked."""
-OUTLINE = (255, 0, 190)
-"""Of the scan at the pose that the picks give."""
-
-
-def shown_of(window: Any) -> Shown | None:
-    """Return what a session's window shows; None: no photograph can be shown, or a shoot is."""
-    review, material, first = window.review, window.review.material, window.review.first_look
-    frames, exposure, view = material.frames, material.exposure, window.client.scene
-    if window.is_alone or (frames is None and first is None):
-        return None
-    size = (frames.width, frames.height) if frames is not None else first.shape[1::-1] if first is not None else (1, 1)
-    plane = Plane(*size)
-    found = FITTED if review.spheres else WAITING if window.tab == "Balls" else None
-    pixels, strokes = (window.picks.pixels, window.strokes) if window.tab == "Scan" else ((), window.strokes[:0])
-    places, outline = [tuple(plane.place(pixel, lift=0.003)) for pixel in pixels], plane.place(strokes, lift=0.002)
-    return Shown(
-        plane,
-        None if frames is None else material.camera,
-        ((window.reading, window.frame, window.how), lambda: _picture(window)),
-        (window.reading, lambda: frame_strip(review)),
-        window.frame,
-        None if frames is None or exposure is None else (frames, exposure, 1),
-        tuple(found if window.is_found(ball) else MOVED for ball in window.outlines),
-        {
-            "highlights": (window.frame, lambda: _add_highlights(window, plane)),
-            "picks": (pixels, lambda: add_numbered(view, f"{ROOT}/pick", places, 0.04, NOW)),
-            "picked": (outline.tobytes(), lambda: add_lines(view, "picked", outline, OUTLINE, 2)),
-        },
-    )
-
-
-def _picture(window: Any) -> Image:
-    try:
-        return photograph(window.review, window.frame, window.how)
-    except SceneError as error:
-        # What was to lie over it is not there: the frame as it is.
-        window.show_fault(str(error))
-        return photograph(window.review, window.frame, PictureLook(brightness=window.how.brightness))
-
-
-def _add_highlights(window: Any, plane: Plane) -> list[Any]:
-    """Mark the chosen ball's highlights by crosses."""
-    seen, index = window.review.highlights_px, window.ball
-    if index is None or seen is None or index >= len(seen):
-        return []
-    arm = 0.03 * (window.outlines[index].radius_px or 0) * plane.per_px
-    crosses = arm * np.array([[[-1, 0, 0], [1, 0, 0]], [[0, -1, 0], [0, 1, 0]]])
-    crosses = plane.place(seen[index], lift=0.0024)[:, None, None] + crosses
-    known = np.isfinite(seen[index]).all(-1)
-    is_now = known & (np.arange(len(known)) == window.frame)
-    handles = add_lines(window.client.scene, "seen", crosses[known].reshape(-1, 2, 3), SEEN, 2)
-    return handles + add_lines(window.client.scene, "this_frame", crosses[is_now].reshape(-1, 2, 3), NOW, 4)

@@ -1,22 +1,19 @@
 """The rows of a session: a tab for each step, its warnings, what is run; and a shoot that is under way."""
 
-from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
 from typing import Any
 
 import numpy as np
 
 from draw.readable import readable, share
-from scene.image_files import read_pixels
 from scene.reading import reading
-from shoot.watch.status import MAP, STATUS
-from studio.session.ball_rows import BALL_ROWS, OBJECT
+from shoot.watch.status import STATUS, place_text
+from studio.session.ball_rows import BALL_ROWS
 from studio.session.folder import STEPS, Review, Warned, is_kept
-from studio.session.photograph_picture import OVERLAYS
 from studio.session.session_window import SessionWindow
-from studio.session.spatial_view import FACTORS, fitting_factor
 from studio.tabs import WORK_ROWS, tab_rows
-from studio.widgets import Row, button, code, plain, table, text
+from studio.widgets import Row, button, code, plain, text
 
 NONE = "(no method has run)"
 MOST = 60
@@ -29,14 +26,14 @@ OVER = (
 )
 HOW = (
     "Where the pose is refused or wrong: click a point in the photograph, then the same point on the scan. Four pairs "
-    "at least, better six, spread over the object."
+    "at least, better six, spread over the object. **Run up to Scan** refines the pose that they give."
 )
 
 
 def _frame_facts(window: SessionWindow) -> str:
     review, frames = window.review, window.review.material.frames
     if frames is None:
-        return "" if review.first_look is None else "The session's first photograph, as long as none is decoded here."
+        return "" if review.preview is None else "A preview, as long as no photograph is decoded here."
     facts = [f"**{plain(frames.names[window.frame])}**, {frames.width} x {frames.height} px"]
     if review.clipped_share is not None:
         facts.append(f"clipped {share(review.clipped_share[window.frame], 2)} % (red)")
@@ -45,45 +42,23 @@ def _frame_facts(window: SessionWindow) -> str:
     return ", ".join(facts)
 
 
-def _overlay_note(window: SessionWindow) -> str:
-    by = "by the registered scan" if window.review.pose else "as found in the photographs"
-    return {
-        "nothing": "",
-        "mask": f"The object, {by}.",
-        "scan, shaded": "The registered scan in one colour under this frame's light, without cast shadows. Where it "
-        "lies right, shading and outline stay in place as the opacity changes.",
-        "scan, normals": "Red: right, green: up, blue: toward the viewer.",
-    }[window.how.overlay]
-
-
 def _look(kind: str, name: str, label: str, **start: Any) -> Row:
     """Return a row for a field of `Look`."""
     return Row(kind, label, lambda window: getattr(window.how, name),
-               lambda window, value: window.look_at(**{name: value}), start)  # fmt: skip
+               lambda window, value: window.choose(how=replace(window.how, **{name: value})), start)  # fmt: skip
 
 
 def _light_facts(window: SessionWindow) -> str:
     review, index, lights = window.review, window.frame, window.review.lights
     if lights is None:
         return f"**No lights**: {review.missing.get('lights', '')}"
-    facts, sigma = lights.facts()["frames"][index], lights.direction_sigma_deg[index]
-    spread = lights.intensity_sigma[index]
-    lines = [
-        f"**{index + 1} {plain(lights.names[index])}**, {lights.model}",
-        f"- {readable(facts['zenith_deg'], 1)}° from the camera's axis, azimuth {readable(facts['azimuth_deg'], 1)}° "
-        "(0° right, 90° up)",
-        f"- sigma {readable(sigma)}°" if np.isfinite(sigma) else "- sigma: not known, the lights were given",
-        f"- intensity {readable(facts['intensity_mean'], 3)}"
-        + (f" ± {share(spread, 1)} %" if np.isfinite(spread) else ""),
-    ]
-    if lights.positions_mm is not None:
-        covariance = review.position_covariance_mm2
-        told = "; how uncertain its place is, is not in this folder: calibrate again to have its ellipsoid"
-        if covariance is not None and np.isfinite(covariance[index]).all():
-            along = lights.directions[index]
-            told = f" ± {readable(np.sqrt(along @ covariance[index] @ along), 1)} mm"
-        lines.append(f"- {readable(facts['distance_mm'], 0)} mm from the object{told}")
-    return "\n".join([*lines, *(f"- **{plain(flag)}**" for flag in lights.flags[index])])
+    facts, spread = lights.facts()["frames"][index], lights.intensity_sigma[index]
+    intensity = f"- intensity {readable(facts['intensity_mean'], 3)}"
+    return "\n".join([
+        f"**{index + 1} {plain(lights.names[index])}**, {lights.model}", f"- {place_text(facts)}",
+        intensity + (f" ± {share(spread, 1)} %" if np.isfinite(spread) else ""),
+        *(f"- **{plain(flag)}**" for flag in lights.flags[index]),
+    ])  # fmt: skip
 
 
 def _pose_facts(window: SessionWindow) -> str:
@@ -94,45 +69,28 @@ def _pose_facts(window: SessionWindow) -> str:
         return "The ground truth was given, not registered from a scan."
     return (
         f"Registered: outline to {readable(pose['residual_px'])} px rms, place ± {readable(pose['sigma_mm'])} mm, "
-        f"turn ± {readable(pose['sigma_deg'])}°. It lies over the photograph, shaded: **Capture** lays on other things."
-    )
-
-
-def _errors(window: SessionWindow) -> str:
-    methods = (window.review.summary.get("compare") or {}).get("methods") or {}
-    rows = [
-        (plain(name), readable(value))
-        for name in window.review.material.methods
-        if (value := ((methods.get(name) or {}).get("real") or {}).get("median_deg")) is not None
-    ]
-    return table(("method", "median error, °"), rows) or (
-        "How far each method is from the truth is told once **Verdict** has run."
+        f"turn ± {readable(pose['sigma_deg'])}°. Pink: its outline. **Verdict** shows it shaded."
     )
 
 
 TABS: dict[str, Any] = {
     "Capture": (
-        text(lambda window: window.review.lacks),
+        text(lambda window: "" if _is_shooting(window) else window.review.lacks),
         Row("slider", "frame", lambda window: {
             "max": max(len(window.review.names), 2), "disabled": len(window.review.names) < 2,
             "value": window.frame + 1}, lambda window, value: window.choose(frame=int(value) - 1),
             {"min": 1, "max": 2, "step": 1, "initial_value": 1, "hint": "Or click one in the strip"}),
         text(_frame_facts),
         Row("folder", "Over the photograph", rows=(
-            _look("dropdown", "overlay", "show", options=OVERLAYS),
-            _look("slider", "opacity", "opacity", min=0.0, max=1.0, step=0.05, initial_value=0.5),
+            _look("checkbox", "marks_object", "mark the object", initial_value=False),
             _look("slider", "brightness", "brightness", min=0.2, max=8.0, step=0.1, initial_value=1.0),
             _look("checkbox", "marks_clipped", "mark clipped pixels", initial_value=True),
-            text(_overlay_note),
         )),
         button("Show all of it", lambda window: window.choose(looks=window.looks + 1, ball=None)),
     ),
     "Balls": BALL_ROWS,
     "Lights": (
-        text("The flashes around the object, each with the ellipsoid of its sigma. A click chooses one."),
-        Row("dropdown", "sigma drawn", lambda window: f"{window.factor or fitting_factor(window.review.lights)} times",
-            lambda window, value: window.choose(factor=int(value.split()[0])),
-            {"options": tuple(f"{factor} times" for factor in FACTORS)}),
+        text("The flashes around the object. A click chooses one."),
         text(_light_facts),
     ),
     "Scan": (
@@ -142,27 +100,22 @@ TABS: dict[str, Any] = {
             button("Start picking", lambda window: window.toggle_picking(),
                    lambda window: {"label": "Stop picking" if window.is_picking else "Start picking"}),
             text(lambda window: f"{window.picks.pairs} pairs." + (
-                " Now the same point on the scan." if len(window.picks.pixels) > len(window.picks.points)
-                else window.picks_told)),
-            button("Pose from the picks", lambda window: window.pose_from_picks(),
-                   lambda window: {"disabled": not window.picks.pairs}),
+                " Now the same point on the scan." if window.picks.wants_point else "")),
         )),
     ),
     "Solve": (
         Row("dropdown", "normals of", lambda window: {
             "options": tuple(window.review.material.methods) or (NONE,), "value": window.method or NONE},
-            lambda window, value: window.choose(method=value), {"options": (NONE,)}),
-        text(_errors),
+            lambda window, value: window.choose(wanted=value), {"options": (NONE,)}),
+        text("How far each method is from the truth: **Verdict**."),
     ),
-    "Twin": (text(lambda window: f"**No twin**: {window.review.missing.get('twin', '')}" if window.beside is None
-                  else f"Right: the {window.beside.caption.removeprefix('twin, the ')}."),),
+    "Twin": (text(lambda window: f"**No twin**: {window.review.missing['twin']}" if "twin" in window.review.missing
+                  else "Rendered: **Verdict** lays its frames over the photographs."),),
     "Verdict": (
         Row("html", show=lambda window: window.report and (
             f'<p><a href="{escape(window.report)}" target="_blank" rel="noopener">Open the report alone</a></p>')),
         text(lambda window: "" if window.report else "There is no report yet: **Run everything** makes it."),
         button("Read the folder again", lambda window: window.read_again()),
-        button("Forget what was kept", lambda window: window.forget(),
-               lambda window: {"visible": is_kept(window.review.store)}, kind="danger", visible=False),
     ),
 }  # fmt: skip
 
@@ -180,7 +133,7 @@ def _mark(window: SessionWindow, tab: str) -> str:
 
 
 def _warning_rows(window: SessionWindow) -> list[Row]:
-    """Return the warnings; a press goes to the frame or the ball that one is about."""
+    """Return the warnings; a press goes to a frame that one is about."""
     found, names, rows = warnings_of(window.review, window.tab), window.review.names, list[Row]()
 
     def to_frame(frame: int) -> Row:
@@ -192,8 +145,6 @@ def _warning_rows(window: SessionWindow) -> list[Row]:
 
     for one in found[:MOST]:
         rows += [text(f"**{plain(one.step)}**: {plain(one.text)}"), *map(to_frame, one.frames[:4])]
-        if (ball := one.ball) is not None:
-            rows.append(button(f"Show ball {ball + 1}", lambda window, ball=ball: window.choose_ball(ball)))
     more = [text(f"{len(found) - MOST} more are in report.html.")] if len(found) > MOST else []
     return rows + more
 
@@ -219,36 +170,25 @@ def shoot_text(window: SessionWindow) -> str:
     with reading(window.folder / STATUS, "is no state of a shoot", do="It is written anew by rgbn watch."):
         if status["is_over"]:
             return OVER
-        lines = [f"**{int(status['flash'])} flash frames**, {int(status['ambient'])} ambient"]
+        lines = [f"**Shoot under way: {int(status['flash'])} flash frames**, {int(status['ambient'])} ambient"]
         if normals := status["normals"]:
-            following = normals["next_flash"]
+            following, wanted = normals["next_flash"], float(normals["wanted_deg"])
             lines += [
                 f"- sigma of the normals {readable(float(normals['sigma_deg_median']))}° (median), "
-                f"{share(float(normals['share_under_wanted']))} % of the object under "
-                f"{float(normals['wanted_deg']):g}° (green)",
-                f"- next flash: {readable(float(following['zenith_deg']), 0)}° from the axis, azimuth "
-                f"{readable(float(following['azimuth_deg']), 0)}° (0° right, 90° up): sigma to "
-                f"{readable(float(following['sigma_deg']))}°",
+                f"{share(float(normals['share_under_wanted']))} % of the object under {wanted:g}°",
+                f"- next flash: {place_text(following)}: sigma to {readable(float(following['sigma_deg']))}°",
             ]
         return "\n".join([*lines, *(f"- **{plain(str(one))}**" for one in reversed(list(status["warnings"])[-SHOWN:]))])
 
 
-def _shoot_rows(window: SessionWindow) -> Sequence[Row]:
-    path = window.folder / MAP
-    picture = [Row("image", start={"image": read_pixels(path)[0], "format": "png"})] if path.is_file() else []
-    return text(shoot_text), *picture
-
-
-SHOOT = Row("folder", "Shoot under way", lambda window: {
-    "visible": isinstance(window.status, dict) and (window.is_alone or not window.status.get("is_over"))},
-            start={"visible": False}, rows=_shoot_rows,
-            key=lambda window: window.status)  # fmt: skip
+def _is_shooting(window: SessionWindow) -> bool:
+    status = window.status
+    return isinstance(status, dict) and not (status.get("is_over") and window.review.names)
 
 
 SESSION_ROWS = (
-    OBJECT,
+    text(lambda window: shoot_text(window) if _is_shooting(window) else ""),
     *tab_rows(TABS, _mark),
-    SHOOT,
     Row("folder", "Warnings", lambda window: {
         "label": f"Warnings ({len(warnings_of(window.review, window.tab))})",
         "visible": bool(warnings_of(window.review, window.tab))}, start={"visible": False}, rows=_warning_rows,
@@ -258,8 +198,3 @@ SESSION_ROWS = (
            visible=False, hint="For a later run"),
     *WORK_ROWS,
 )  # fmt: skip
-
-
-def session_rows(window: SessionWindow) -> Sequence[Row]:
-    """Return the rows of a session; of a folder's first shoot nothing else can be shown."""
-    return (SHOOT,) if window.is_alone else SESSION_ROWS

@@ -1,12 +1,10 @@
-"""Lights, balls and object in space, where each light may be as an ellipsoid; and the scan alone, to be picked on."""
+"""Lights and object in space; and the scan alone, to be picked on."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.lights import Lights
-from studio.editor.edits import quaternion
 from studio.session.corrections import met
 from studio.session.plane import add_numbered
 from studio.session.session_window import SessionWindow
@@ -14,13 +12,10 @@ from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light, display_m
 
 Array = NDArray[np.float64]
 LIGHTS, SCAN = "/lights", "/scan"
-CHOSEN, PLAIN, CLAY, STEEL, CHALK = (26, 115, 232), (250, 210, 60), (205, 190, 170), (150, 155, 165), (240, 240, 240)
+PARTS = {"Lights in 3-D": {"object", "lights", "look"}, "Scan": {"scan", "marks", "look"}}
+CHOSEN, PLAIN, CLAY = (26, 115, 232), (250, 210, 60), (205, 190, 170)
 FAR_MM = 1000.0
 """So far toward distant lights they are drawn."""
-FACTORS = (1, 3, 10, 30, 100)
-"""By which a sigma may be drawn larger."""
-SHOWN_DEG = 4.0
-"""A sigma drawn this large is seen well."""
 SCAN_SIZE = 6.0
 """Of the scan when it is shown alone, in the view's units."""
 
@@ -30,20 +25,14 @@ class SpatialView:
 
     def __init__(self, window: SessionWindow) -> None:
         self._window, self._view, self._layers = window, window.client.scene, Layers()
-        self._roots = {
-            "Lights in 3-D": self._view.add_frame(LIGHTS, show_axes=False, visible=False),
-            "Scan": self._view.add_frame(SCAN, show_axes=False, visible=False),
-        }
 
     def refresh(self) -> None:
         """Show the window's lights around its object, or its scan with the points that were picked."""
         window, draw, reading = self._window, self._layers.draw, self._window.reading
-        for view, root in self._roots.items():
-            root.visible = window.view == view
+        self._layers.keep_only(PARTS.get(window.view, set()))
         if window.view == "Lights in 3-D":
             draw("object", reading, self._add_object)
-            draw("balls", reading, self._add_balls)
-            draw("lights", (reading, window.frame, window.factor), self._add_lights)
+            draw("lights", (reading, window.frame), self._add_lights)
         elif window.view == "Scan":
             draw("scan", reading, self._add_scan)
             places = [tuple(self._on_scan(np.array(point))) for point in window.picks.points]
@@ -61,25 +50,14 @@ class SpatialView:
             window.look(middle * UNITS_PER_MM, reach * np.array([1.3, 0.75, 1.5]))
 
     def _add_object(self) -> list[Any]:
-        review = self._window.review
-        if review.session is None or review.session.scan is None or not review.store.path("pose.json").exists():
+        if (placed := self._window.review.placed_scan) is None:
             return []
-        vertices, faces = display_mesh(review.scan_mesh.vertices, review.scan_mesh.faces)
-        placed = review.store.load_pose().apply(review.store.load_scan_scale() * vertices)
-        return [self._add_mesh(f"{LIGHTS}/object", placed * UNITS_PER_MM, faces)]
+        mesh, pose = placed
+        vertices, faces = display_mesh(mesh.vertices, mesh.faces)
+        return [self._add_mesh(f"{LIGHTS}/object", pose.apply(vertices) * UNITS_PER_MM, faces)]
 
     def _add_mesh(self, name: str, places: Array, faces: Any) -> Any:
         return self._view.add_mesh_simple(name, places.astype(np.float32), faces, color=CLAY, **NO_SHADOW)
-
-    def _add_balls(self) -> list[Any]:
-        review, handles = self._window.review, []
-        camera = review.material.camera
-        for index, sphere in enumerate(review.spheres):
-            if camera is not None and not camera.is_orthographic and sphere.diameter_mm:
-                at, radius = sphere.center_mm(camera) * UNITS_PER_MM, sphere.radius_mm * UNITS_PER_MM
-                look = {"color": STEEL if sphere.kind == "chrome" else CHALK, "position": tuple(at), **NO_SHADOW}
-                handles.append(self._view.add_icosphere(f"{LIGHTS}/ball_{index}", radius=radius, **look))
-        return handles
 
     def _add_lights(self) -> list[Any]:
         window, lights, view, handles = self._window, self._window.review.lights, self._view, []
@@ -87,23 +65,11 @@ class SpatialView:
             return handles
         places, reference = light_places(lights, FAR_MM), lights.reference_point_mm
         reach = float(np.median(np.linalg.norm(places - reference, axis=1)))
-        known = window.review.position_covariance_mm2
-        factor = window.factor or fitting_factor(lights)
-        # Of a near light its direction alone says nothing of how far away it is.
-        is_told = lights.positions_mm is None or known is not None
-        for index, (place, spread) in enumerate(zip(places, covariance_mm2(lights, known), strict=True)):
+        for index, place in enumerate(places):
             colour, at = CHOSEN if index == window.frame else PLAIN, tuple(place * UNITS_PER_MM)
-            ball, arrow = add_light(view, f"{LIGHTS}/light_{index}", (place, reference), reach, colour, 0.012)
-            handles += [arrow, view.add_label(f"{LIGHTS}/number_{index}", str(index + 1), position=at)]
-            bodies = [ball]
-            if is_told and (ellipsoid := ellipsoid_of(spread)) is not None:
-                axes = tuple(np.maximum(factor * ellipsoid[0] * UNITS_PER_MM, 1e-4))
-                look = {"position": at, "color": colour, "opacity": 0.35, "subdivisions": 2, **NO_SHADOW}
-                look |= {"radius": 1.0, "scale": axes, "wxyz": quaternion(ellipsoid[1])}
-                bodies.append(view.add_icosphere(f"{LIGHTS}/sigma_{index}", **look))
-            for body in bodies:
-                window.on(body.on_click, lambda frame=index: window.choose(frame=frame))
-            handles += bodies
+            added = add_light(view, f"{LIGHTS}/light_{index}", (place, reference), reach, colour, 0.02)
+            window.on(added[0].on_click, lambda frame=index: window.choose(frame=frame))
+            handles += [*added, view.add_label(f"{LIGHTS}/number_{index}", str(index + 1), position=at)]
         return handles
 
     def _on_scan(self, points_mm: Array) -> Array:
@@ -112,48 +78,17 @@ class SpatialView:
         return (points_mm - mesh.center_mm) * SCAN_SIZE / (2 * mesh.radius_mm)
 
     def _add_scan(self) -> list[Any]:
-        window, review = self._window, self._window.review
-        mesh = review.scan_mesh
+        from scene.rays import RayCaster
+
+        window, mesh = self._window, self._window.review.scan_mesh
+        caster = RayCaster(mesh)
         vertices, faces = display_mesh(mesh.vertices, mesh.faces)
         handle = self._add_mesh(f"{SCAN}/mesh", self._on_scan(vertices), faces)
 
         def clicked(origin: Array, direction: Array) -> None:
-            point = met(review.scan_rays, origin * 2 * mesh.radius_mm / SCAN_SIZE + mesh.center_mm, direction)
-            if point is not None and window.on_scan is not None:
-                window.on_scan(point)
+            point = met(caster, origin * 2 * mesh.radius_mm / SCAN_SIZE + mesh.center_mm, direction)
+            if point is not None:
+                window.take_point(point)
 
         window.on_ray(handle, clicked)
         return [handle]
-
-
-def covariance_mm2(lights: Lights, position_covariance_mm2: Array | None) -> Array:
-    """Return (N, 3, 3), how well each light's place is known; NaN where nothing is.
-
-    Where the positions' covariance is not known, the stated sigma holds all round, across the direction.
-    """
-    if position_covariance_mm2 is not None and lights.positions_mm is not None:
-        return position_covariance_mm2
-    away = np.linalg.norm(light_places(lights, FAR_MM) - lights.reference_point_mm, axis=1)
-    wide = away * np.tan(np.radians(lights.direction_sigma_deg))
-    across = np.eye(3) - lights.directions[:, :, None] * lights.directions[:, None]
-    return wide[:, None, None] ** 2 * across
-
-
-def fitting_factor(lights: Lights | None) -> int:
-    """Return by how much sigmas are drawn larger so that they are seen."""
-    if lights is None:
-        return 1
-    sigma = lights.direction_sigma_deg
-    typical = float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else SHOWN_DEG
-    return min(FACTORS, key=lambda factor: abs(np.log(factor * max(typical, 1e-6) / SHOWN_DEG)))
-
-
-def ellipsoid_of(covariance_mm2: Array) -> tuple[Array, Array] | None:
-    """Return one standard deviation (3,) along each axis, and the axes (3, 3), right-handed, as columns.
-
-    None where the covariance (3, 3) is not known.
-    """
-    if not np.isfinite(covariance_mm2).all():
-        return None
-    values, axes = np.linalg.eigh(covariance_mm2)
-    return np.sqrt(np.maximum(values, 0)), axes * [1.0, 1.0, np.sign(np.linalg.det(axes))]

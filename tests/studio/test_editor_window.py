@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from formats.meshes.scan_files import ObjectMesh, write_mesh
 from scene.errors import SceneError
+from scene.store import Store
 from studio.editor import edits
 from studio.editor.editor_window import EditorWindow, begun
 from studio.editor.edits import with_value
@@ -17,6 +19,7 @@ from studio.workspace import Workspace, put_own
 from twin.description.description_file import read_document, read_scene, write_document
 from twin.description.light_groups import DistantLight
 from twin.description.materials import Conductor, Diffuse, RoughPlastic, Subsurface, Texture
+from twin.description.object_mesh import built_in
 
 MATTE = ("materials", "matte")
 
@@ -103,27 +106,7 @@ def test_an_edit_changes_what_it_says_and_nothing_else(furnished):
     assert window.client.input("metal").value == "Hg", "what there is no choice for is shown"
 
 
-@pytest.mark.parametrize(
-    ("label", "found"),
-    [
-        ("ambient", lambda window: window.scene.environment.ambient),
-        ("intensity", lambda window: tuple(window.scene.lights.intensities[0])),
-    ],
-)
-def test_one_number_typed_gives_no_colour(furnished, label, found):
-    """Three channels have one input, until they are asked for one by one."""
-    window, say = furnished()
-    for words, value, wanted in (
-        (label, 0.3, (0.3,) * 3),
-        (f"{label} by channel", True, (0.3,) * 3),
-        (f"{label} R, G, B", (0.3, 0.2, 0.1), (0.3, 0.2, 0.1)),
-        (f"{label} by channel", False, (0.3,) * 3),
-    ):
-        say(words, value)
-        assert found(window) == wanted
-
-
-def test_lights_are_made_changed_and_singled_out(furnished):
+def test_lights_are_made_changed_and_singled_out(furnished, tmp_path):
     window, say = furnished()
     say("kind", "ring")
     say("Replace the lights")
@@ -142,6 +125,23 @@ def test_lights_are_made_changed_and_singled_out(furnished):
     say("kind", "session")
     say("Replace the lights")
     assert "no session" in window.client.told[-1]
+    window.state.session = tmp_path, None
+    Store(tmp_path).save_lights(window.scene.lights)
+    say("Replace the lights")
+    assert window.scene.lights.names == Store(tmp_path).load_lights().names
+
+
+def test_a_model_is_opened_into_the_scene(furnished, tmp_path):
+    """As one that is sent, and it can be taken back."""
+    cone = built_in("cone")
+    write_mesh(tmp_path / "cone.ply", ObjectMesh(cone.vertices * 40, cone.faces))
+    assert dict(entries(tmp_path))[tmp_path / "cone.ply"] == "model"
+    window, say = furnished()
+    open_path(window.state, window.workspace, tmp_path / "cone.ply")
+    window.refresh()
+    assert (window.state.area, [one.name for one in window.scene.objects]) == ("Scene", ["cone"])
+    say("Undo")
+    assert window.document == edits.start_document()
 
 
 def test_a_picture_sent_again_is_read_again(furnished, settle):
@@ -221,17 +221,6 @@ def test_nothing_foreign_is_written_over_nor_through_a_link_that_leads_out(furni
     if place.is_file():
         assert "rgbn did not write it" in window.client.told[-1], window.client.told
         assert place.read_text() == "mine"
-
-
-def test_a_refresh_looks_at_no_disk(furnished, monkeypatch):
-    window, say = furnished()
-
-    def walked(*_):
-        raise AssertionError("the workspace is walked at a refresh")
-
-    monkeypatch.setattr(Workspace, "_walk", walked)
-    say("Add shape")
-    assert not window.client.told
 
 
 def test_names_are_shown_as_they_are(furnished):

@@ -1,7 +1,5 @@
 """What can be done to a scene's document, without a browser: laws, and the convention of each number."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -45,36 +43,23 @@ def vertices(document, index=0):
     st.tuples(st.floats(-179, 179), ANGLE, st.floats(-179, 179)),
     st.tuples(st.one_of(FACTOR, FACTOR.map(lambda x: -x)), FACTOR, FACTOR),
 )
-def test_numbers_and_document_say_the_same(place, angles, scale):
-    """About x, then y, then z, the axes standing still; about the middle of the mesh, which goes where it is put."""
-    document = one_object()
-    wanted = replace(
-        edits.placement(document, 0), middle_mm=np.array(place), rotate_deg=np.array(angles), scale=np.array(scale)
-    )
-    document = edits.placed(document, 0, wanted)
+def test_a_matrix_is_said_in_numbers(place, angles, scale):
+    """About x, then y, then z, the axes standing still; the placement's middle is the mesh's."""
+    matrix, turn = np.eye(4), Rotation.from_euler("xyz", angles, degrees=True)
+    matrix[:3, :3], matrix[:3, 3] = turn.as_matrix() * scale, place
+    document = edits.with_matrix(one_object(), 0, matrix)
     table, found = document.objects[0], edits.placement(document, 0)
     np.testing.assert_allclose(table.rotate_deg, angles, atol=1e-5)
     np.testing.assert_allclose(table.scale, scale, rtol=1e-9)
-    np.testing.assert_allclose(found.middle_mm, place, atol=1e-7)
+    np.testing.assert_allclose(table.translate_mm, place)
+    np.testing.assert_allclose(found.middle_mm, matrix[:3, :3] @ [40, -70, 25] + place, atol=1e-7)
+    np.testing.assert_allclose(found.size_mm, np.abs(scale) * np.array([6, 4, 2]))
     turned = Rotation.from_quat(quaternion(found.rotation), scalar_first=True)
-    np.testing.assert_allclose(turned.as_matrix(), found.rotation, atol=1e-12)
-    centred = (off_centre().vertices - [40, -70, 25]) * scale
-    np.testing.assert_allclose(vertices(document), centred @ found.rotation.T + place, atol=1e-6)
+    np.testing.assert_allclose(turned.as_matrix(), turn.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(vertices(document), off_centre().vertices @ matrix[:3, :3].T + place, atol=1e-6)
 
 
-def test_a_size_is_in_millimetres_and_in_proportion_if_that_is_asked_for():
-    document = edits.added(edits.start_document(), "ball", shape="sphere")
-    was = edits.placement(document, 0)
-    np.testing.assert_allclose(was.size_mm, 120, atol=0.1)
-    whole = edits.placed(document, 0, was.sized((50.0, *was.size_mm[1:]), in_proportion=True))
-    np.testing.assert_allclose(np.ptp(vertices(whole), axis=0), 50, atol=0.1)
-    alone = edits.placed(document, 0, was.sized((50.0, *was.size_mm[1:]), in_proportion=False))
-    np.testing.assert_allclose(np.ptp(vertices(alone), axis=0), [50, 120, 120], atol=0.1)
-    with pytest.raises(RenderError, match="scale"):
-        edits.placed(document, 0, was.sized((0.0, 1.0, 1.0), in_proportion=True))
-
-
-def test_a_gizmo_moves_rigidly_about_the_middle_and_the_knob_scales_about_it():
+def test_a_gizmo_moves_rigidly_about_the_middle():
     """Where the file has a matrix that shears, too."""
     shear = ((1.0, 0.3, 0.0, 4.0), (0.0, 1.2, 0.0, 5.0), (0.0, 0.0, 1.0, -20.0), (0.0, 0.0, 0.0, 1.0))
     rotation, there = rotation_from_vector(np.array([0.3, -0.8, 0.5])), np.array([11.0, -20.0, -500.0])
@@ -83,8 +68,6 @@ def test_a_gizmo_moves_rigidly_about_the_middle_and_the_knob_scales_about_it():
         turn = rotation @ was.rotation.T
         now = edits.turned(document, 0, there, rotation)
         np.testing.assert_allclose(vertices(now), (before - was.middle_mm) @ turn.T + there, atol=1e-9)
-        larger = edits.scaled(document, 0, 1.7)
-        np.testing.assert_allclose(vertices(larger), was.middle_mm + 1.7 * (before - was.middle_mm), atol=1e-9)
 
 
 @pytest.mark.parametrize("stretch", [(1, 1, 1), (6, 1, 1), (1, 9, 2)])
@@ -142,7 +125,7 @@ def test_what_may_not_be_is_told_with_its_key_and_nothing_is_changed():
 EDITS = {
     "add": lambda d: edits.added(d, "ball", shape="sphere"),
     "move": lambda d: edits.turned(d, 0, np.array([1.0, 2, -700]), np.eye(3)),
-    "scale": lambda d: edits.scaled(d, 0, 2.0),
+    "scale": lambda d: with_value(d, ("objects", 0, "scale"), (2.0, 2.0, 2.0)),
     "material": lambda d: with_value(d, ("materials", "matte"), Diffuse((0.1, 0.2, 0.3))),
     "light": lambda d: edits.moved_light(d, 0, [1, 2, 3]),
     "intensity": lambda d: with_value(d, ("lights", 1, "intensity"), (2.0, 1.0, 1.0)),

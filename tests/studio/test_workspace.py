@@ -9,8 +9,7 @@ import time
 import pytest
 
 from scene.errors import SceneError
-from studio import workspace
-from studio.workspace import Listing, Workspace, put_own, remove_own
+from studio.workspace import Workspace, put_own
 
 
 @pytest.fixture
@@ -33,14 +32,6 @@ def test_nothing_outside_is_reached(place, name):
         place.path(name)
 
 
-def test_what_is_inside_is_found(place):
-    (place.root / "models" / "b.PNG").touch()
-    (place.root / "models" / "lights.json").touch()
-    (place.root / "s.toml").touch()
-    assert place.listing() == Listing(("models/a.ply",), ("models/b.PNG",), ("models",)), "neither hidden nor links"
-    assert place.path("models/../models/a.ply").read_text() == "ply"
-
-
 def test_uploads_are_kept_under_a_plain_name_and_others_refused(place):
     for sent, content in (("a.exe", b"1"), (".ply", b"1"), ("x.toml", b"1"), ("b.ply", b"")):
         with pytest.raises(SceneError, match="expected one of"):
@@ -61,16 +52,6 @@ def test_a_folder_for_a_scene_is_in_the_workspace(place):
         Workspace.at(place.root / "models" / "a.ply")
 
 
-def test_lists_end(place, monkeypatch):
-    for number in range(4):
-        (place.root / f"{number}.ply").touch()
-    for name, most, is_cut in (("MOST_FILES", 5, False), ("MOST_FILES", 4, True), ("MOST_WALKED", 3, True)):
-        monkeypatch.setattr(workspace, name, most)
-        found = place.listing()
-        assert len(found.models) <= 5
-        assert found.is_cut is is_cut, "a large folder is not walked to its end"
-
-
 NOT_OURS = "rgbn did not write it|was changed after rgbn wrote it"
 
 
@@ -89,14 +70,11 @@ def held(folder):
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
-def test_its_own_files_are_written_over_and_removed(tmp_path):
+def test_its_own_files_are_written_over(tmp_path):
     folder = tmp_path / "new"
     put(folder, scene_toml="1", meshes__a="1")
     put(folder, scene_toml="2", meshes__a="1", meshes__b="2")
     assert held(folder) == {"scene.toml": b"2", "meshes/a": b"1", "meshes/b": b"2"}
-    remove_own(folder, ("scene.toml", "never"))
-    assert not (folder / "scene.toml").exists()
-    assert held(folder).keys() == {"meshes/a", "meshes/b"}
 
 
 @pytest.mark.parametrize("foreign", ["scene.toml", "meshes/a"])
@@ -110,9 +88,6 @@ def test_a_foreign_file_stays_and_so_does_all_else(tmp_path, foreign, was_own):
     before = held(tmp_path)
     with pytest.raises(SceneError, match=f"{foreign}: (is there already, and rgbn did not|was changed after rgbn) w"):
         put(tmp_path, scene_toml="2", meshes__a="2")
-    assert held(tmp_path) == before
-    with pytest.raises(SceneError, match=NOT_OURS):
-        remove_own(tmp_path, (foreign,))
     assert held(tmp_path) == before
 
 

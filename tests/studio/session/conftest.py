@@ -4,14 +4,10 @@ import json
 from pathlib import Path
 from types import SimpleNamespace
 
-import cv2
 import numpy as np
 import pytest
 
 from calibrate.lights.directions import mirrored_at
-from capture.camera.exif import Exif
-from capture.session.manifest import FramesTable, Manifest, SphereTable
-from capture.survey.small_pictures import frames_of, read_small
 from fixtures.lit_surfaces import flashes_at
 from formats.meshes.scan_files import ObjectMesh, write_mesh
 from lab.run import run_session
@@ -22,7 +18,6 @@ from scene.output_folder import open_record
 from scene.pose import Pose, rotation_from_vector
 from scene.spheres import Sphere
 from scene.store import Store
-from shoot.init.draft import Draft, ScanSize
 from twin.description.object_mesh import built_in
 
 FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
@@ -85,13 +80,11 @@ def made(tmp_path):
         pose = Pose.from_rotation_translation(rotation_from_vector(np.array([0.2, 0.3, 0.1])), REFERENCE)
         store.save_pose(pose, residual_px=0.1, sigma_mm=0.2, sigma_deg=0.05)
         Store(store.path("twin")).save_frames(Frames.from_linear(lights.names, 0.9 * linear))
-        factors = generator.normal(0, 6, (5, 3, 3))
-        covariance = factors @ factors.transpose(0, 2, 1)
         highlights = np.array([mirrored_at(CAMERA, ball, lambda points: lights.directions) for ball in balls()])
         highlights[0, 3] = highlights[2] = np.nan
         write_json(
             store.path("calibration.json"),
-            {"highlights_px": highlights, "rejected": [], "position_covariance_mm2": covariance},
+            {"highlights_px": highlights, "rejected": []},
         )
         rows = [
             {"name": name, "saturated_share": 200 / 19200 if i == 1 else 0.0} for i, name in enumerate(lights.names)
@@ -114,7 +107,7 @@ def made(tmp_path):
     )
     return SimpleNamespace(
         folder=store.folder, store=store, session=session, lights=lights, spheres=balls(), camera=CAMERA, mask=mask,
-        truth=truth, linear=linear, frames=frames, covariance=covariance, pose=pose,
+        truth=truth, linear=linear, frames=frames, pose=pose,
     )  # fmt: skip
 
 
@@ -133,37 +126,3 @@ def calibrated(tmp_path_factory):
     (root / "session" / "session.toml").write_text(text)
     run_session(root / "session", "calibrate", out=root / "out")
     return SimpleNamespace(root=root, folder=root / "out", session=root / "session", text=text)
-
-
-BALLS = tuple(
-    SphereTable(kind=kind, center_px=[u, v], radius_px=radius)
-    for kind, u, v, radius in (("chrome", 20.0, 15.0, 8.0), ("chrome", 60.0, 15.0, 7.5), ("white", 20.0, 45.0, 7.0))
-)
-
-
-@pytest.fixture
-def folder(tmp_path):
-    """Photographs of noise, one of another size, and files of every other kind."""
-    generator = np.random.default_rng(10_040)
-    place = tmp_path / "bench" / "jug"
-    place.mkdir(parents=True)
-    for name in (*(f"flash_{n}" for n in range(5)), "ambient_0", "odd"):
-        shape = (30, 40, 3) if name == "odd" else (60, 80, 3)
-        cv2.imwrite(str(place / f"{name}.png"), generator.integers(1000, 60000, shape).astype(np.uint16))
-    for name in ("jug.ply", "mask.png", "lights.lp"):
-        (place / name).write_bytes(b"as it was")
-    return place
-
-
-@pytest.fixture
-def found(folder, monkeypatch):
-    """What a look finds there, but for the balls, which noise does not show."""
-    monkeypatch.setattr("shoot.init.draft.read_scan", lambda path: ScanSize(1000, (50.0, 40.0, 30.0)))
-    flash, ambient = sorted(folder.glob("flash_*")), sorted(folder.glob("ambient_*"))
-    small = {one.path: one for one in read_small([*ambient, *flash, folder / "odd.png"], "linear")[0]}
-    frames = frames_of([small[path] for path in flash], [small[path] for path in ambient])
-    manifest = Manifest(frames=FramesTable(flash=["flash_*.png"], ambient=["ambient_0.png"], linear=True))
-    draft = Draft(manifest, folder, 80, 60, frames, 1, exif=(Exif(),), found=BALLS, across_px=30.0,
-                  notes=("left out: x.",))  # fmt: skip
-    draft = draft.with_balls(BALLS).saying("object", scan="jug.ply")
-    return SimpleNamespace(draft=draft, small=small)

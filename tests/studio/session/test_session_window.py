@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from capture.session.session import load_session
-from capture.survey.folder_files import FolderFiles
 from lab.options import Settings
 from scene.errors import SceneError
 from scene.files import write_png
@@ -18,11 +17,10 @@ from scene.output_folder import open_record
 from shoot.watch.status import MAP, STATUS
 from studio import window as windows
 from studio.session import photograph_view
-from studio.session.looking import FolderLook
+from studio.session.ball_edits import moved
 from studio.session.photograph_view import PhotographView
-from studio.session.photograph_window import moved
 from studio.session.plane import ROOT
-from studio.session.session_rows import TABS, session_rows
+from studio.session.session_rows import SESSION_ROWS, TABS
 from studio.session.session_window import SessionWindow
 from studio.session.spatial_view import SpatialView
 from studio.studio_state import StudioState
@@ -36,7 +34,7 @@ def reviewing(made, nobody, furnish):
 
     def furnished(*views, state=None, number=1):
         state = state or StudioState(area="Session", session=(made.folder, made.session))
-        return furnish(SessionWindow(nobody(number), Workspace.at(made.folder.parent), state), session_rows, *views)
+        return furnish(SessionWindow(nobody(number), Workspace.at(made.folder.parent), state), SESSION_ROWS, *views)
 
     return furnished
 
@@ -71,7 +69,6 @@ def test_what_is_missing_breaks_no_tab(reviewing, made):
             window.open_tab(name)
         window.choose(ball=1)
         assert not window.client.told
-        assert window.beside is None
 
 
 def test_the_warnings_are_counted_as_the_folder_is_now(reviewing, made):
@@ -86,15 +83,11 @@ def test_the_warnings_are_counted_as_the_folder_is_now(reviewing, made):
     assert "\\<img src\\=x\\>" in texts(window)
 
 
-def test_a_scan_registered_under_its_tab_is_laid_over_the_photograph(reviewing, made):
-    truth = (made.folder / "normals" / "truth.npy").read_bytes()
-    (made.folder / "normals" / "truth.npy").unlink()
-    window = reviewing()
+def test_the_registered_scan_is_outlined_under_its_tab(reviewing):
+    window = reviewing(PhotographView)
     window.open_tab("Scan")
-    assert window.how.overlay == "nothing"
-    (made.folder / "normals" / "truth.npy").write_bytes(truth)
-    window.read_again()
-    assert window.how.overlay == "scan, shaded"
+    assert len(window.client.seen(f"{ROOT}/scan").points) > 20
+    assert not window.client.told
 
 
 def test_a_ball_is_added_where_it_is_clicked(reviewing, settle):
@@ -129,8 +122,8 @@ def test_a_ball_is_added_where_it_is_clicked(reviewing, settle):
     say("Remove this ball")
     assert [ball.kind for ball in window.outlines] == ["chrome", "chrome", "white"]
     say("frame", 3)
-    say("show", "mask")
-    assert (window.frame, window.how.overlay) == (2, "mask")
+    say("mark the object", True)
+    assert (window.frame, window.how.marks_object) == (2, True)
     assert not client.told
 
 
@@ -190,35 +183,16 @@ def test_a_diameter_that_was_kept_stays_when_the_balls_are_found_with_it(reviewi
     assert not window.client.told[1:]
 
 
-def test_another_folder_is_gone_back_to(reviewing, made, settle):
-    """In which a session is begun: what is opened meanwhile takes nothing of it away."""
-    look = FolderLook(FolderFiles(made.session.parent / "jug"), made.folder.parent / "jug_out")
-    state = StudioState(area="Session", session=(made.folder, made.session), looks={look.files.folder: look})
-    window = reviewing(state=state)
-    choice = window.client.input("object")
-    assert (choice.visible, choice.options, choice.value) == (
-        True,
-        ("jug", "session (has a session.toml)"),
-        choice.options[1],
-    )
-    for name, place in (
-        ("session (has a session.toml)", (made.folder, made.session)),
-        ("jug", (look.out, look.files.folder)),
-    ):
-        window.client.says("object", name)
-        settle(window)
-        assert state.session == place
-
-
 @pytest.fixture
 def runs(made, monkeypatch):
     """The runs that were begun: session and step. Each says a line and ends at once."""
     begun = []
 
     class Ran(SimpleNamespace):
-        def __init__(self, label, folder, arguments):
-            verb, session, out, place = arguments
-            assert (out, place) == ("--out", str(made.folder)) == ("--out", str(folder))
+        def __init__(self, label, folder, arguments, place):
+            verb, session, *out = arguments
+            assert out == ["--out", str(made.folder)] == ["--out", str(folder)]
+            assert place == made.folder.parent
             begun.append((load_session(Path(session)), verb))
             super().__init__(label=label, folder=folder, said=[], share=0.0, begun_s=0.0, fault="", is_stopped=False)
             self.is_over, self.is_told = False, False
@@ -258,8 +232,6 @@ def test_a_run_takes_what_was_corrected_and_the_session_as_it_is_now(reviewing, 
     session, step = run("Run up to Balls")
     assert (session.scan_unit, session.spheres[0].center_px, step) == ("cm", (40.0, 30.0), "calibrate")
     assert run("Run up to Balls")[0].spheres[0].center_px == (40.0, 30.0), "what was kept stays so"
-    window.forget()
-    assert run("Run up to Balls")[0].folder == made.session
 
 
 def test_corrections_stay_while_the_balls_are_sought_anew(reviewing, made, runs, settle):
@@ -276,8 +248,6 @@ def test_corrections_stay_while_the_balls_are_sought_anew(reviewing, made, runs,
     window.look_again()
     window.read_again()
     assert tuple(window.outlines[0].center_px) == (40.0, 30.0)
-    window.forget()
-    assert tuple(window.outlines[0].center_px) != (40.0, 30.0), "and can be taken back"
 
 
 def test_what_fails_at_each_look_is_told_once(reviewing, runs, monkeypatch, settle):
@@ -288,7 +258,7 @@ def test_what_fails_at_each_look_is_told_once(reviewing, runs, monkeypatch, sett
         looks.append(1)
         raise SceneError("the disk is gone")
 
-    monkeypatch.setattr(SessionWindow, "shown", fail)
+    monkeypatch.setattr(SessionWindow, "plane", property(fail))
     window.client.says("Run up to Capture")
     eventually(lambda: len(looks) > 5)
     assert window.client.told == ["That cannot be done: the disk is gone"]
@@ -301,42 +271,38 @@ STATE = {
     "is_over": False, "flash": 3, "ambient": 1, "warnings": ["a: <b>moved</b>"], "lights": None,
     "normals": {
         "sigma_deg_median": 1.5, "share_under_wanted": 0.25, "wanted_deg": 1.0,
-        "next_flash": {"zenith_deg": 45.0, "azimuth_deg": 180.0, "sigma_deg": 1.2},
+        "next_flash": {"zenith_deg": 45.0, "azimuth_deg": 180.0, "distance_mm": None, "sigma_deg": 1.2},
     },
 }  # fmt: skip
 
 
-def test_a_shoot_is_shown_renewed_and_told_when_it_is_over(reviewing, made):
-    write_png(made.folder / MAP, np.full((20, 30, 3), 90, np.uint8))
+def test_a_shoot_is_told_renewed_and_ends(reviewing, made):
     (made.folder / STATUS).write_text(json.dumps(STATE))
     window = reviewing()
-    folder = folder_of(window, "Shoot")
-    assert not window.is_alone
-    assert folder.visible
     assert "3 flash frames" in texts(window)
+    assert "45 degrees from the axis at 9:00" in texts(window)
     assert "<b>" not in texts(window)
-    pictures = [one.image for one in folder._children.values() if hasattr(one, "image")]
-    assert (pictures[0] == 90).all()
     (made.folder / STATUS).write_text(json.dumps(STATE | {"is_over": True}))
-    eventually(lambda: not folder.visible)
+    eventually(lambda: "3 flash frames" not in texts(window))
     (made.folder / STATUS).write_text('{"is_over": false, "flash": "many"}')
     eventually(lambda: window.client.told)
     assert "is no state of a shoot" in window.client.told[-1]
 
 
-def test_a_first_shoot_stands_alone_until_its_session_is_decoded(nobody, tmp_path, furnish):
-    """A wall of what a folder lacks would hide the shoot, and tell its photographer nothing."""
-    folder, turned = tmp_path / "out", []
+def test_a_first_shoot_is_shown_until_its_session_is_decoded(nobody, tmp_path, furnish):
+    """A wall of what a folder lacks would tell its photographer nothing; the map is large."""
+    folder = tmp_path / "out"
     with open_record(folder) as record:
         (folder / STATUS).write_text(json.dumps(STATE))
+        write_png(folder / MAP, np.full((20, 30, 3), 90, np.uint8))
         window = SessionWindow(nobody(), Workspace.at(tmp_path), StudioState(area="Session", session=(folder, None)))
-        window.turn = lambda: turned.append("turned")
-        furnish(window, session_rows, PhotographView)
-        assert window.is_alone
-        assert not window.client.inputs("Capture")
+        furnish(window, SESSION_ROWS, PhotographView)
+        assert "Not in this folder" not in texts(window)
+        assert (window.plane.width, window.plane.height) == (30, 20)
+        write_png(folder / MAP, np.full((40, 60, 3), 90, np.uint8))
+        (folder / STATUS).write_text(json.dumps(STATE | {"flash": 4}))
+        eventually(lambda: window.plane.width == 60)
         (folder / STATUS).write_text(json.dumps(STATE | {"is_over": True}))
         eventually(lambda: "The shoot is over" in texts(window))
-        assert folder_of(window, "Shoot").visible
-        assert not turned, "its photographs are not decoded yet"
         note_steps(record, {"check": {"result": {}, "warnings": []}})
-    eventually(lambda: turned)
+    eventually(lambda: "check" in window.review.done)

@@ -1,0 +1,160 @@
+"""A session is begun without a browser: what is typed goes to `rgbn init`, and the session that it writes is shown."""
+
+import time
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+
+from capture.session.session import load_session
+from scene.errors import SceneError
+from studio.opening import open_path
+from studio.session.new_session import NEW_ROWS, NewWindow
+from studio.session.photograph_view import PhotographView
+from studio.session.session_rows import SESSION_ROWS
+from studio.session.session_window import SessionWindow
+from studio.studio_command import studio
+from studio.studio_state import StudioState
+from studio.workspace import Workspace
+
+
+def photographs(place, count=5):
+    """Leave photographs of noise in a folder."""
+    generator = np.random.default_rng(10_040)
+    place.mkdir(parents=True)
+    for number in range(count):
+        picture = generator.integers(1000, 60000, (60, 80, 3)).astype(np.uint16)
+        cv2.imwrite(str(place / f"flash_{number}.png"), picture)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    photographs(tmp_path / "bench" / "jug")
+    return tmp_path / "bench" / "jug"
+
+
+@pytest.fixture
+def begin(nobody, furnish, monkeypatch):
+    """Return what opens a folder below its workspace; the window's `turned` says that it was left."""
+
+    def begun(folder, out=None):
+        place, state = Workspace.at(folder.parent), StudioState()
+        open_path(state, place, folder, out)
+        window = furnish(NewWindow(nobody(), place, state), NEW_ROWS)
+        window.turned, window.turn = False, lambda: setattr(window, "turned", True)
+        return window
+
+    return begun
+
+
+def ends(window):
+    """Wait until the work has ended and was told."""
+    end = time.monotonic() + 120
+    while not window.turned and not window.client.told:
+        assert time.monotonic() < end, window.work and window.work.said
+        time.sleep(0.05)
+
+
+def test_what_is_typed_is_in_the_session_that_is_shown(begin, folder, nobody, furnish, settle):
+    """The whole way: a first photograph, session.toml, the folder as `init` saw it; its results go to the workspace."""
+    window = begin(folder)
+    folders = window.client.gui._container_handle_from_uuid.values()
+    pictures = [one.image for folder in folders for one in folder._children.values() if hasattr(one, "image")]
+    assert pictures[0].shape == (60, 80, 3)
+    for label, value in (("focal, mm", 50.0), ("sensor, mm", 36.0), ("unit", "cm"), ("unit", "(not said)")):
+        window.client.says(label, value)
+    window.client.says("Write session.toml")
+    settle(window)
+    ends(window)
+    assert not window.client.told
+    assert "focal_mm = 50.0" in (folder / "session.toml").read_text()
+    out = folder.parent / "out" / "jug"
+    assert (window.state.session, window.state.area) == ((out, folder), "Session")
+    window = furnish(SessionWindow(nobody(), window.workspace, window.state), SESSION_ROWS, PhotographView)
+    assert window.client.seen("/photograph/picture") is not None
+    assert window.review.preview.shape[1] > 1000, "the contact sheet"
+    window.open_tab("Balls")
+    window.client.says("Add a chrome ball")
+    settle(window)
+    assert "frames: the step `check` has not ended here" in window.client.told[-1], "in which pixels is not known"
+
+
+def test_what_init_refuses_is_told(begin, folder, settle):
+    """As it says it on the command line, and what was typed stays."""
+    window = begin(folder)
+    window.client.says("sensor, mm", 3000.0)
+    window.client.says("Write session.toml")
+    settle(window)
+    ends(window)
+    assert "expected 1 to 250" in window.client.told[-1]
+    assert window.client.input("sensor, mm").value == 3000
+    assert not (folder / "session.toml").exists()
+
+
+def test_of_several_objects_each_gets_a_session(begin, tmp_path, settle):
+    for name in ("cup", "jug"):
+        photographs(tmp_path / "shelf" / name)
+    window = begin(tmp_path / "shelf")
+    window.client.says("Write session.toml")
+    settle(window)
+    ends(window)
+    assert all((tmp_path / "shelf" / name / "session.toml").exists() for name in ("cup", "jug"))
+    assert (window.state.area, window.state.folder) == ("Open", tmp_path / "shelf")
+    photographs(tmp_path / "other" / "a")
+    photographs(tmp_path / "other" / "b")
+    with pytest.raises(SceneError, match="2 objects"):
+        begin(tmp_path / "other", tmp_path / "out")
+
+
+def test_diameters_typed_before_the_photographs_are_decoded_are_kept(made, nobody, furnish, settle, tmp_path):
+    """Where the balls are is not known yet, nor changed."""
+    state = StudioState(area="Session", session=(tmp_path / "new", made.session))
+    window = furnish(SessionWindow(nobody(), Workspace.at(tmp_path), state), SESSION_ROWS)
+    window.open_tab("Balls")
+    for label, value in (("white balls, mm", 80.0), ("Keep", True)):
+        window.client.says(label, value)
+        settle(window)
+    kept = load_session(tmp_path / "new" / "review").spheres
+    assert [(one.kind, one.diameter_mm, one.center_px) for one in kept] == [
+        ("chrome", 100.0, None), ("chrome", 100.0, None), ("white", 80.0, None)
+    ]  # fmt: skip
+    window.read_again()
+    assert [ball.diameter_mm for ball in window.balls] == [100.0, 100.0, 80.0]
+
+
+def test_the_command_opens_what_a_path_is(folder, monkeypatch):
+    """Before the page opens: no photographs, or an output folder outside of the workspace, end it with one message."""
+    asked, opened = [], []
+
+    def begin(place, **how):
+        asked.append(how["state"])
+        return SimpleNamespace(address="http://127.0.0.1:1", close=lambda: None)
+
+    def wait(self, timeout=None):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("studio.server.Studio", begin)
+    monkeypatch.setattr("threading.Event.wait", wait)
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    monkeypatch.chdir(folder.parent)
+
+    def opens(*arguments, **options):
+        with pytest.raises(KeyboardInterrupt):
+            studio(*arguments, **options)
+        return asked[-1]
+
+    assert opens(browser=False).area == "Open"
+    assert not opened
+    state = opens(folder)
+    assert opened == ["http://127.0.0.1:1"], "the system's browser"
+    out = folder.parent / "out" / "jug"
+    assert (state.area, state.session) == ("Session", (out, folder))
+    with pytest.raises(SceneError, match="lies outside of the workspace"):
+        studio(folder, out=folder.parent / "out", workspace=folder)
+    (folder / "session.toml").write_text('[frames]\nflash = "flash_*.png"')
+    state = opens(folder)
+    assert (state.area, state.session) == ("Session", (out, folder))
+    (folder.parent / "empty").mkdir()
+    with pytest.raises(SceneError, match="photometric stereo needs 3"):
+        studio(folder.parent / "empty")
