@@ -8,7 +8,6 @@ from capture.session.manifest import TABLES
 from capture.survey.folder_files import name_of
 from lab.session_place import MANIFEST
 from scene.errors import SceneError
-from shoot.init.contact_sheet import COLOURS
 from shoot.init.draft import ROLES, Draft
 from shoot.init.init_session import check_free, write_manifest
 from shoot.init.session_text import facts_of, notes_of, session_text
@@ -23,6 +22,7 @@ from studio.widgets import Row, button, code, fenced, plain, text
 MEAN = "(mean of the flash frames)"
 NONE = "(none)"
 BY_SIZE = "(by the object's size)"
+COLOURS = {"chrome": (90, 220, 255), "white": (255, 190, 60)}
 FILES = {"object.scan": "scans", "object.mask": "masks", "object.normals": "normals", "lights.file": "lights"}
 """Keys that name files, and which of the folder's."""
 

@@ -19,11 +19,12 @@ from scene.errors import SceneError
 from scene.frames import decode
 from scene.map_pictures import Image, shrink
 from shoot.init.answers import Answers, Asking
-from shoot.init.contact_sheet import MOST
 from shoot.init.draft import ROLES, Draft
 from shoot.init.prepare import prepare
 
 BOARD, UNUSED = "board", "not used"
+MOST = 12
+"""Flash frames that their mean is made of."""
 LEFT_OUT, OTHER = (255, 120, 110), (255, 210, 90)
 """Colours of the names of photographs that are not used, and of those that are no flash frames."""
 
