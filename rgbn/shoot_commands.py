@@ -67,7 +67,7 @@ def plan(
     ] = None,
     json: Annotated[bool, Parameter(help="Print the results as JSON.", negative="")] = False,
 ) -> None:
-    """Plan a shoot: where flashes and balls go, which error to expect, and when to stop."""
+    """Plan a shoot: where flashes and balls go, and which error to expect after each flash."""
     from shoot.plan.run_plan import run_plan
 
     facts = run_plan(source, options, out=out)

@@ -65,10 +65,6 @@ class PlanOptions:
     white: Annotated[
         tuple[float, ...], diameters("Diameters of the white balls, mm. Default: one like the chrome.")
     ] = ()
-    accuracy_deg: Annotated[
-        float | None,
-        _number("Median error of the normals that ends the plan.", gt=0, lt=90),
-    ] = None
 
 
 AS_USUAL = PlanOptions()

@@ -35,7 +35,7 @@ def plan_facts(plan: ShootPlan) -> dict[str, Any]:
     """Return the plan."""
     import cv2
 
-    set_up, options, result = plan.so_far.pixels.set_up, plan.options, plan.predicted[-1]
+    set_up, result = plan.so_far.pixels.set_up, plan.predicted[-1]
     camera, middle = set_up.camera, set_up.middle_mm
     if result is not None and result.error_deg >= 90:
         result = None
@@ -65,9 +65,6 @@ def plan_facts(plan: ShootPlan) -> dict[str, Any]:
         "by_noise_deg": None if result is None else np.median(result.by_noise_deg),
         "by_lights_deg": None if result is None else np.median(result.by_lights_deg),
         "lights_sigma_deg": known_median(plan.lights.direction_sigma_deg),
-        "accuracy_deg": options.accuracy_deg,
-        "stop_after": plan.stop_after,
-        "helps_until": plan.helps_until,
         "balls": balls,
         "camera": {"width": camera.width, "height": camera.height, "distance_mm": np.linalg.norm(middle)},
         "object": {
@@ -92,18 +89,11 @@ def clock(azimuth_deg: float) -> str:
 
 def _warnings(plan: ShootPlan) -> list[str]:
     """Return what is to be looked at before the shoot."""
-    found, result, wanted = [], plan.predicted[-1], plan.options.accuracy_deg
+    found, result = [], plan.predicted[-1]
     if result is not None and (told := float((result.sigma_deg < 90).mean())) < 0.995:
         found.append(
             f"{1 - told:.1%} of the object is lit by fewer than three of the flashes, and has no normal: lower "
             "flashes (--to-deg), or a second view."
-        )
-    if result is not None and wanted and plan.stop_after is None:
-        noise, lights = np.median(result.by_noise_deg), np.median(result.by_lights_deg)
-        found.append(
-            f"{wanted:g} degrees are not reached with {len(plan.predicted)} flashes (expected "
-            f"{result.error_deg:.2g}): by noise alone {noise:.2g}, by the lights alone {lights:.2g}. "
-            + ("Larger balls." if lights > noise else "More light, or a lower ISO.")
         )
     kinds = [sphere.kind for sphere in plan.so_far.spheres]
     if "chrome" in kinds and "white" not in kinds:
@@ -137,11 +127,6 @@ def answer_of(facts: dict[str, Any]) -> str:
         f"photographs' noise {facts['by_noise_deg']:.2g}° and by what the balls leave unknown of the lights "
         f"{facts['by_lights_deg']:.2g}° a tangent axis."
     )
-    if accuracy := facts["accuracy_deg"]:
-        stop = facts["stop_after"]
-        text += f" {accuracy:g}° are not reached." if stop is None else f" {accuracy:g}° are reached."
-    if facts["helps_until"]:
-        text += f" From flash {facts['helps_until']} on each one lowers the error by less than 1 %."
     if 0 < there < len(flashes):
         now, row = flashes[there - 1]["error_median_deg"], flashes[there]
         gain = f", which brings {now:.2g}° to {row['error_median_deg']:.2g}°" if now else ""
