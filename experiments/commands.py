@@ -109,7 +109,7 @@ def make(
     ] = 256,
     processes: Annotated[int | None, Parameter(help="How many run at a time. Default: one per core.")] = None,
 ) -> None:
-    """Make datasets in the DiLiGenT layout, with true maps and a preview. Keeps what is current."""
+    """Make datasets in the DiLiGenT layout, with true maps. Keeps what is current."""
     from experiments.catalogue import benchmark_names, catalogue, first_names, wanted
     from experiments.datasets.make import make as make_datasets
 
