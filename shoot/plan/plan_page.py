@@ -95,11 +95,6 @@ def _warnings(plan: ShootPlan) -> list[str]:
             f"{1 - told:.1%} of the object is lit by fewer than three of the flashes, and has no normal: lower "
             "flashes (--to-deg), or a second view."
         )
-    kinds = [sphere.kind for sphere in plan.so_far.spheres]
-    if "chrome" in kinds and "white" not in kinds:
-        found.append("no white ball: how bright each flash was is then only known to some 10 %. Add one.")
-    if kinds.count("chrome") == 1:
-        found.append("one chrome ball: the flashes have no distance. Add a second one on the object's other side.")
     smallest = min((sphere.radius_px for sphere in plan.so_far.spheres), default=LEAST_PX)
     if smallest < LEAST_PX:
         found.append(

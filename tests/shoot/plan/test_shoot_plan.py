@@ -10,7 +10,7 @@ from calibrate.lights.predicted_lights import predict_lights
 from scene.errors import SceneError
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg, unit
-from shoot.plan.places import places_in_reach, stand_balls
+from shoot.plan.places import GOOD_PX, corner_balls, places_in_reach
 from shoot.plan.plan_options import PlanOptions
 from shoot.plan.plan_page import MOST_ROWS, answer_of, lights_of, plan_facts, plan_page
 from shoot.plan.set_up import SetUp, before_camera, lens_camera, lights_at, pixels_of
@@ -43,8 +43,7 @@ def pixels():
 
 @pytest.fixture(scope="module")
 def spheres(pixels):
-    places = places_in_reach(REACH, pixels.set_up.middle_mm, 120.0)
-    return stand_balls(pixels.set_up, places, [("chrome", 40.0)] * 3 + [("white", 40.0)])
+    return corner_balls(pixels.set_up, 40.0)
 
 
 def test_slopes_are_those_of_the_light_vectors(pixels):
@@ -147,7 +146,8 @@ def test_balls_stand_whole_in_the_picture_beside_the_object_and_apart(pixels, sp
             assert np.hypot(*(sphere.center_px - other.center_px)) > sphere.radius_px + other.radius_px
         assert sphere.center_mm(CAMERA)[2] == pytest.approx(pixels.set_up.table_mm + 20.0)
     with pytest.raises(SceneError, match="no room in the picture"):
-        stand_balls(pixels.set_up, pixels.points, [("chrome", 400.0)])
+        corner_balls(pixels.set_up, 300.0)
+    assert corner_balls(pixels.set_up, None)[0].radius_px == pytest.approx(GOOD_PX)
 
 
 @pytest.mark.full
