@@ -21,7 +21,7 @@ from studio.widgets import Row, button, code, fenced, plain, text
 
 MEAN = "(mean of the flash frames)"
 NONE = "(none)"
-BY_SIZE = "(by the object's size)"
+USUAL = "(mm; m for GLB)"
 COLOURS = {"chrome": (90, 220, 255), "white": (255, 190, 60)}
 FILES = {"object.scan": "scans", "object.mask": "masks", "object.normals": "normals", "lights.file": "lights"}
 """Keys that name files, and which of the folder's."""
@@ -169,7 +169,7 @@ def _key(path: str) -> Row:
     schema = TABLES[table].model_json_schema()["properties"][key]
     declared, start = schema.get("anyOf", [schema])[0], {"hint": schema["description"]}
     widget, nothing = {"boolean": ("checkbox", False), "number": ("number", 0.0)}.get(
-        declared["type"], ("dropdown", BY_SIZE if "enum" in declared else NONE)
+        declared["type"], ("dropdown", USUAL if "enum" in declared else NONE)
     )
     start |= {"checkbox": {"value": False}, "number": MILLIMETRES, "dropdown": {"options": (nothing,)}}[widget]
 

@@ -22,7 +22,7 @@ from scene.output_folder import open_record
 from scene.pose import Pose, rotation_from_vector
 from scene.spheres import Sphere
 from scene.store import Store
-from shoot.init.draft import Draft, ScanSize
+from shoot.init.draft import Draft
 from twin.description.object_mesh import built_in
 
 FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
@@ -156,14 +156,12 @@ def folder(tmp_path):
 
 
 @pytest.fixture
-def found(folder, monkeypatch):
+def found(folder):
     """What a look finds there, but for the balls, which noise does not show."""
-    monkeypatch.setattr("shoot.init.draft.read_scan", lambda path: ScanSize(1000, (50.0, 40.0, 30.0)))
     flash, ambient = sorted(folder.glob("flash_*")), sorted(folder.glob("ambient_*"))
     small = {one.path: one for one in read_small([*ambient, *flash, folder / "odd.png"], "linear")[0]}
     frames = frames_of([small[path] for path in flash], [small[path] for path in ambient])
     manifest = Manifest(frames=FramesTable(flash=["flash_*.png"], ambient=["ambient_0.png"], linear=True))
-    draft = Draft(manifest, folder, 80, 60, frames, 1, exif=(Exif(),), found=BALLS, across_px=30.0,
-                  notes=("left out: x.",))  # fmt: skip
+    draft = Draft(manifest, folder, 80, 60, frames, 1, exif=(Exif(),), found=BALLS, notes=("left out: x.",))
     draft = draft.with_balls(BALLS).saying("object", scan="jug.ply")
     return SimpleNamespace(draft=draft, small=small)

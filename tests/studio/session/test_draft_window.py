@@ -97,10 +97,10 @@ def test_the_panels_write_what_they_show(window, folder, settle):
     say("chrome balls, mm", 40.0)
     say("white balls, mm", 38.5)
     assert not client.input("white balls, mm").disabled
-    assert window.draft.scan_told.endswith("unit mm: the object looks 80 mm large"), "the balls tell the scan's unit"
+    assert any("unit is not told: mm is taken" in note for note in notes_of(window.draft))
     say("scan_unit", "cm")
-    assert any("as with unit mm" in note for note in notes_of(window.draft))
-    say("scan_unit", "(by the object's size)")
+    assert not any("unit is not told" in note for note in notes_of(window.draft))
+    say("scan_unit", "(mm; m for GLB)")
     say("focal_mm", 50.0)
     say("Write session")
     assert "without the size of the sensor" in client.told[-1]
