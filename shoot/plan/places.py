@@ -17,6 +17,8 @@ NEAREST_SIZES, NEAREST_MM = 5.0, 700.0
 """How far the flash is by default: so many object sizes, and so many millimetres."""
 IN_VIEW = 0.05
 """Share of the picture around it that a flash stays out of, too."""
+USUAL_MM = 20.0
+"""Diameter of small bearing balls that are sold."""
 LEAST_PX, GOOD_PX = 20.0, 60.0
 """Radius under which some balls are not found, and from which all are: docs/guide/shopping-list.md."""
 GAP = 0.3
@@ -69,12 +71,12 @@ def out_of_view(camera: Camera, positions: Array) -> Array:
 
 
 def corner_balls(set_up: SetUp, diameter_mm: float | None) -> list[Sphere]:
-    """Return three chrome balls and a white one on the table, in the picture's corners; None: of `GOOD_PX`.
+    """Return three chrome balls and a white one on the table, in the picture's corners; None: large enough.
 
     Raises SceneError: there is no room for them.
     """
     camera, away = set_up.camera, -set_up.table_mm
-    diameter = diameter_mm or 2 * GOOD_PX * away / (camera.fx + GOOD_PX)
+    diameter = diameter_mm or max(USUAL_MM, float(np.ceil(2 * GOOD_PX * away / (camera.fx + GOOD_PX))))
     depth = diameter / 2 - away
     if depth >= 0:
         raise SceneError(

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from draw.light_charts import directions
-from draw.svg import Drawing, circle, line, svg
 from lab.terminal_tables import cells_of
 from scene.files import plain
 from scene.lights import known_median
@@ -26,15 +25,10 @@ BALLS = {
     "radius": "{radius_px:0} px",
 }  # fmt: skip
 """Right and up: from the object's middle, as the camera sees it."""
-WIDE = 560.0
-"""Of the drawing of the picture, pixels."""
-BALL_COLOURS = {"chrome": "#59636e", "white": "#fff"}
 
 
 def plan_facts(plan: ShootPlan) -> dict[str, Any]:
     """Return the plan."""
-    import cv2
-
     set_up, result = plan.so_far.pixels.set_up, plan.predicted[-1]
     camera, middle = set_up.camera, set_up.middle_mm
     if result is not None and result.error_deg >= 90:
@@ -57,7 +51,6 @@ def plan_facts(plan: ShootPlan) -> dict[str, Any]:
             right, up, _ = (sphere.center_mm(camera) - middle) / 10
             told = {"kind": sphere.kind, "diameter_mm": sphere.diameter_mm, "radius_px": sphere.radius_px}
             balls.append(told | {"center_px": sphere.center_px, "right_cm": right, "up_cm": up})
-    hull = cv2.convexHull(np.ascontiguousarray(camera.project(plan.so_far.pixels.points), np.float32))
     facts = {
         "flashes": rows,
         "there": len(plan.so_far.lights),
@@ -71,7 +64,6 @@ def plan_facts(plan: ShootPlan) -> dict[str, Any]:
             "size_mm": set_up.size_mm,
             "mm_per_px": None if camera.is_orthographic else -middle[2] / camera.fx,
             "albedo": set_up.albedo,
-            "outline_px": hull.reshape(-1, 2).astype(np.float64),
         },
         "flash_mm": np.median([row["distance_mm"] for row in rows]),
         "white_ball_value": EXPOSURE,
@@ -137,20 +129,6 @@ def lights_of(facts: dict[str, Any]) -> str:
     return f"Directions of the lights at the object to {sigma:.2g}° (one standard deviation)."
 
 
-def picture_of(facts: dict[str, Any]) -> Drawing:
-    """Return where the object and the balls stand in the camera's picture."""
-    camera, outline = facts["camera"], facts["object"]["outline_px"]
-    scale = WIDE / camera["width"]
-    corners = [(scale * u, scale * v) for u, v in [*outline, *outline[:1]]]
-    wide, high = WIDE, scale * camera["height"]
-    frame = [(0, 0), (wide, 0), (wide, high), (0, high), (0, 0)]
-    parts = [line(frame, "#b9c6d1"), line(corners, "#b08d4a", fill="#f3e3c3")]
-    for ball in facts["balls"]:
-        u, v, radius = (scale * value for value in (*ball["center_px"], ball["radius_px"]))
-        parts.append(circle(u, v, radius, BALL_COLOURS[ball["kind"]], ball["kind"], stroke="#1d2329"))
-    return svg(wide, high, parts, label="the object and the balls in the picture")
-
-
 def plan_page(facts: dict[str, Any]) -> str:
     """Return the page of a plan's facts."""
     from jinja2 import Environment, StrictUndefined
@@ -162,7 +140,6 @@ def plan_page(facts: dict[str, Any]) -> str:
         facts,
         answer=answer_of(facts),
         dome=directions({"frames": facts["flashes"]}),
-        picture=picture_of(facts),
         tables={name: (list(cells), list(zip(*cells.values(), strict=True))) for name, cells in tables.items()},
         left_out=len(rows) - MOST_ROWS,
         lights_told=lights_of(facts),

@@ -147,7 +147,7 @@ def test_balls_stand_whole_in_the_picture_beside_the_object_and_apart(pixels, sp
         assert sphere.center_mm(CAMERA)[2] == pytest.approx(pixels.set_up.table_mm + 20.0)
     with pytest.raises(SceneError, match="no room in the picture"):
         corner_balls(pixels.set_up, 300.0)
-    assert corner_balls(pixels.set_up, None)[0].radius_px == pytest.approx(GOOD_PX)
+    assert corner_balls(pixels.set_up, None)[0].radius_px >= GOOD_PX
 
 
 @pytest.mark.full
