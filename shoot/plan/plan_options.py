@@ -59,7 +59,9 @@ class PlanOptions:
     ] = (0.0, 360.0)
     ball_mm: Annotated[
         float | None,
-        _number("Diameter of the balls, three of chrome and a white one, mm. Default: 20, and a radius of 60 px at least.", gt=0),
+        _number(
+            "Diameter of the balls, three of chrome and a white one, mm. Default: 20 or more, by 60 px of radius.", gt=0
+        ),
     ] = None
 
 
