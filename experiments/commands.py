@@ -61,7 +61,7 @@ def sweep(
 
 dataset = App(
     name="dataset",
-    help="Make, check, add and solve datasets with known truth.",
+    help="Make, add and solve datasets with known truth.",
     help_flags=["--help", "-h"],
     version_flags=[],
     sort_key=10,
@@ -109,7 +109,7 @@ def make(
     ] = 256,
     processes: Annotated[int | None, Parameter(help="How many run at a time. Default: one per core.")] = None,
 ) -> None:
-    """Make datasets in the DiLiGenT layout, with true maps and a preview. Keeps what is current."""
+    """Make datasets in the DiLiGenT layout, with true maps. Keeps what is current."""
     from experiments.catalogue import benchmark_names, catalogue, first_names, wanted
     from experiments.datasets.make import make as make_datasets
 
@@ -123,33 +123,6 @@ def make(
 
 
 @dataset.command(sort_key=3)
-def check(
-    folder: Annotated[Path, Parameter(help="Folder in the DiLiGenT layout.")],
-    /,
-    *,
-    json: Json = False,
-) -> None:
-    """Check axes, intensities and the order of the lights of a dataset against its photographs."""
-    from experiments.datasets.check import check_dataset
-    from scene.reading import told
-
-    verdict = check_dataset(folder)
-    for note in verdict.notes:
-        say(f"note: {note}")
-    if json:
-        found = {"faults": verdict.faults, "notes": verdict.notes, "ok": not verdict.faults, "facts": verdict.facts}
-        print(json_module.dumps({"folder": str(folder), **found}, indent=1))
-    if verdict.faults:
-        raise SceneError(told(folder, verdict.faults))
-    if not json:
-        facts = verdict.facts
-        print(
-            f"{folder}: fine. {facts['photographs']} photographs of {facts['width']} x {facts['height']} px; their "
-            f"median correlation with Lambert's law is {facts['agreement']:.3f}."
-        )
-
-
-@dataset.command(sort_key=4)
 def add(
     folder: Annotated[Path, Parameter(help="Folder in the DiLiGenT layout.")],
     /,
@@ -158,14 +131,14 @@ def add(
     text: Annotated[str, Parameter(help="A line that says what it is.")] = "",
     shelf: Shelf = SHELF,
 ) -> None:
-    """Check a dataset and note it on the shelf. The files stay where they are."""
+    """Read a dataset's files and note it on the shelf. They stay where they are."""
     from experiments.datasets.shelf import add as add_dataset
 
     entry = add_dataset(shelf, folder, name=name, text=text)
     print(f"{entry.name}: added, {entry.text}; {entry.folder}")
 
 
-@dataset.command(sort_key=5)
+@dataset.command(sort_key=4)
 def run(
     *,
     on: Annotated[

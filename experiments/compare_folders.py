@@ -15,7 +15,7 @@ from lab.progress import is_quiet, say
 from lab.run_log import log, logged
 from scene.current import libraries
 from scene.errors import SceneError
-from scene.files import write_json, write_text
+from scene.files import write_json
 from scene.normals import angular_error_deg
 from scene.origin import Origin
 from scene.output_folder import open_record, own_folder
@@ -24,7 +24,7 @@ from scene.store import Store
 
 Map = NDArray[np.float32]
 
-PAGE, NUMBERS = "counterparts.html", "counterparts.json"
+NUMBERS = "counterparts.json"
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Folder:
 def compare_folders(
     real: Path, twin: Path, out: Path | None = None, *, methods: str | None = None, json: bool = False
 ) -> dict[str, Any]:
-    """Compare two processed folders, and write counterparts.html and counterparts.json; of a scanned object its change.
+    """Compare two processed folders, and write counterparts.json; of a scanned object its change.
 
     Parameters
     ----------
@@ -74,7 +74,6 @@ def compare_folders(
     SceneError
         A folder is not processed, a method asked for is not in both, or the two have none in common.
     """
-    from compare.report.counterpart_page import counterpart_page
     from compare.statistics.counterparts import compare_counterparts
 
     folders = {"real": open_folder(real), "twin": open_folder(twin)}
@@ -84,23 +83,21 @@ def compare_folders(
     with open_record(folder, origin=origin, input_folders=[real, twin]) as record, logged(record):
         place = Store(record.folder)
         say(f"compare {real} with {twin}: {', '.join(common)}")
-        errors = {kind: error_maps(one, common) for kind, one in folders.items()}
         found = {
             "name": f"{folders['real'].name} against {folders['twin'].name}",
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
             "versions": libraries(),
             "captures": {kind: {"name": one.name, "kind": one.kind} for kind, one in folders.items()},
-            **compare_counterparts(errors["real"], errors["twin"]),
+            **compare_counterparts(*(error_maps(one, common) for one in folders.values())),
             "change": _change((folders["real"], folders["twin"]), common, place),
         }
         write_json(place.path(NUMBERS), found)
-        write_text(place.path(PAGE), counterpart_page(found, errors))
         log(told(found))
     if json:
         print(json_module.dumps(place.read_json(NUMBERS), indent=1))
     elif not is_quiet():
         print(told(found))
-        print(place.path(PAGE))
+        print(place.path(NUMBERS))
     return found
 
 
@@ -113,6 +110,8 @@ def told(found: dict[str, Any]) -> str:
         ends = (row[f"median_difference_{end}_deg"] for end in ("low", "high"))
         between = " to ".join("unknown" if end is None else f"{end:.2f}" for end in ends)
         lines.append(f"  {name}: {row['likeness']}: {r}, medians {real:.2f} and {twin:.2f} degrees, {between} apart")
+    if not found["laid_over"]:
+        lines.append("  the two do not show the object at the same pixels: their maps cannot be laid over each other")
     if found["change"]:
         lines.append(f"  the object, by {found['change']['method']}: {found['change']['verdict']}")
     if found["left_out"]:

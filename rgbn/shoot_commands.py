@@ -32,7 +32,6 @@ def init(
     made = init_sessions(folder, told, silent=yes, shown=_show)
     for one in made:
         print(f"written  {one.manifest}")
-        print(f"         {one.sheet}: the balls in circles; look whether all are found")
     for one in made:
         place = shlex.quote(str(one.draft.folder))
         unknown = sorted({f" --{ball.kind} MM" for ball in one.draft.manifest.spheres if ball.diameter_mm is None})
@@ -68,7 +67,7 @@ def plan(
     ] = None,
     json: Annotated[bool, Parameter(help="Print the results as JSON.", negative="")] = False,
 ) -> None:
-    """Plan a shoot: where flashes and balls go, which error to expect, and when to stop."""
+    """Plan a shoot: where flashes and balls go, and which error to expect after each flash."""
     from shoot.plan.run_plan import run_plan
 
     facts = run_plan(source, options, out=out)

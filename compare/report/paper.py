@@ -1,7 +1,6 @@
 """report.pdf: the report on two pages of A4, to be filed with the object: PDF/A, all its text can be selected."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from datetime import datetime
 from html import escape
 from importlib.metadata import distribution
@@ -9,16 +8,12 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from compare.report import page, pictures
 from compare.report.facts import Material, Summary
 from compare.report.pictures import PixelBox
-from compare.report.registration_pictures import SCAN_COLOUR, raking_frame
+from compare.report.registration_pictures import raking_frame
 from draw import light_charts
 from draw.readable import is_number
-from scene.errors import SceneError
 from scene.files import write_whole
 from scene.map_pictures import Image, data_uri, known_pixels, normal_picture, shrink
 from scene.store import Store
@@ -29,7 +24,7 @@ MARGIN_MM, WIDE_MM, GAP_MM, HIGHEST_MM = 15.0, 180.0, 6.0, 58.0
 PICTURE_PX = 1200
 SIZES_PT, MOST_PAGES = (8.0, 7.0, 6.0, 5.0), 2
 """Of the text: the largest by which all fits on these pages. Else it takes more: nothing is left out."""
-BALL_COLOUR, GREY = (255, 200, 0), (105, 112, 120)
+GREY = (105, 112, 120)
 COLOURS = {"good": (0, 81, 61), "care": (133, 84, 0), "bad": (163, 60, 0), "unknown": (80, 80, 80)}
 """Of a verdict, by its level: as on the page, dark enough for white letters."""
 FONTS = {"": "Roboto-Medium.ttf", "B": "Roboto-Bold.ttf"}
@@ -116,14 +111,13 @@ class _Paper:
             for cells in (head, *rows):
                 table.row([self.letters(cell) for cell in cells])
 
-    def picture(self, image: Image, left: float, wide: float, words: str, *, photograph: bool = False) -> float:
-        """Place a picture here, as large as may be, its words below; return the millimetres of one of its pixels."""
+    def picture(self, image: Image, left: float, wide: float, words: str, *, photograph: bool = False) -> None:
+        """Place a picture here, as large as may be, its words below."""
         top, scale = self.pdf.get_y(), min(wide / image.shape[1], HIGHEST_MM / image.shape[0])
         uri, words = data_uri(image, photograph=photograph), escape(words)
         self.pdf.image(uri, left, top, scale * image.shape[1], alt_text=self.letters(words))
         self.pdf.set_xy(left, top + scale * image.shape[0] + 1)
         self.say(words, colour=GREY, w=wide)
-        return scale
 
     def fill(self, subtitle: str, facts: Summary, digests: Mapping[str, str | None], folder: Path) -> None:
         """Write all parts."""
@@ -164,7 +158,7 @@ class _Paper:
         self.table("Files", ("file", "SHA-256 of its content"), rows, (1, 2))
 
     def setup(self, material: Material) -> None:
-        """Show a photograph with balls and object outlined, and where the lights stand."""
+        """Show a photograph, and where the lights stand."""
         lights, frames, wide = material.lights or {}, material.frames, 0.6 * WIDE_MM
         lit = lights.get("frames") and lights.get("model") != "unknown"
         self.head("The set-up" + ("; the lights, as the camera sees them" if lit else ""))
@@ -175,14 +169,7 @@ class _Paper:
             index = 0 if material.directions is None else raking_frame(material.directions[: len(frames)])
             whole = PixelBox(0, 0, frames.width, frames.height)
             shown = material.photograph(index, whole, PICTURE_PX)
-            words = f"{frames.names[index]}, with the outlines of the object (pink) and of the balls (yellow)."
-            scale = self.picture(shown, MARGIN_MM, wide, words, photograph=True) * shown.shape[1] / frames.width
-            self.pdf.set_line_width(0.35)
-            for colour, lines in _lines(material, whole):
-                self.pdf.set_draw_color(*colour)
-                for line in lines:
-                    self.pdf.polyline((line * scale + [MARGIN_MM, top]).tolist(), polygon=True)
-            self.pdf.set_line_width(0.2)
+            self.picture(shown, MARGIN_MM, wide, frames.names[index], photograph=True)
         if lit:
             chart = light_charts.directions(lights).replace("system-ui, 'DejaVu Sans', sans-serif", "text")
             self.pdf.image(BytesIO(chart.encode()), MARGIN_MM + wide + GAP_MM, top, HIGHEST_MM, alt_text="the lights")
@@ -203,14 +190,3 @@ class _Paper:
             shown = pictures.with_colour_scale(pictures.enlarged(shown, -(-PICTURE_PX // width)), end, "")
             self.pdf.set_y(top)
             self.picture(shown, MARGIN_MM + wide + GAP_MM, wide, "The angle to the ground truth's; grey: unknown.")
-
-
-def _lines(material: Material, box: PixelBox) -> list[tuple[tuple[int, int, int], list[NDArray[np.float64]]]]:
-    """Return the outlines of the object and of the balls in the photographs, with their colours, pixels of the box."""
-    spheres, mask, camera = [], material.mask, material.camera
-    with suppress(SceneError):
-        spheres = material.store.load_spheres()
-    seen = (one for one, row in zip(spheres, material.spheres, strict=False) if not row.get("apart"))
-    balls = [] if camera is None else [one.outline(camera) + 0.5 for one in seen]
-    shape = [] if mask is None or mask.shape != (box.height, box.width) else pictures.contours(mask, box)
-    return [(SCAN_COLOUR, shape), (BALL_COLOUR, balls)]

@@ -17,7 +17,7 @@ from scene.files import write_png
 from scene.frames import Frames
 from scene.image_files import read_pixels
 from scene.lights import Lights
-from scene.map_pictures import data_uri, known_pixels
+from scene.map_pictures import known_pixels
 from scene.spheres import Sphere
 from scene.store import Store
 
@@ -214,8 +214,7 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
 def placed(material: Material) -> Summary:
     """Return the pictures that show whether the scan lies where the object is, or under `missing` why there are none.
 
-    registered: there is a pose. As HTML, where they are there: outline, and zoom and sigma, as `align` drew them;
-    wiper: the values of the macro of pieces.html.
+    registered: there is a pose. As HTML, where they are there: outline, and zoom and sigma, as `align` drew them.
     """
     frames, mask, truth = material.frames, material.mask, material.map_of("normals", "truth")
     registered = material.store.path("pose.json").exists()
@@ -252,32 +251,8 @@ def placed(material: Material) -> Summary:
     caption = f"{escape(frames.names[index])} with the outline of {'; '.join(legend)}."
     alt = "photograph with the object's outline"
     found["outline"] = Markup(page.picture(drawn, alt, caption, photograph=True, overlay=overlay))
-    if both := _views(material, box, index, truth):
-        uris = [data_uri(image, photograph=True) for image in both]
-        said = page.say("registration", "wiper" if registered else "wiper without scan", name=frames.names[index])
-        shaded = "shaded scan" if registered else "shaded ground truth"
-        found["wiper"] = (uris[0], "photograph", uris[1], shaded, said)
     images = {"zoom": (zoom, "four stretches of the outline"), "sigma": (sigma, "map of the ground truth’s sigma")}
     for name, (image, alt) in images.items():
         if image is not None:
             found[name] = Markup(page.picture(image, alt, page.say("registration", name), photograph=name == "sigma"))
     return found
-
-
-def _views(material: Material, box: PixelBox, index: int, truth: NDArray | None) -> tuple[Image, Image] | None:
-    """Return what `align` drew; without it, shading by the truth's normals, which knows no cast shadows."""
-    photograph, shaded = (read_picture(material.store, name) for name in ("photograph", "shaded"))
-    if photograph is not None and shaded is not None and photograph.shape == shaded.shape:
-        return photograph, shaded
-    lights = None
-    with suppress(SceneError):
-        lights = material.store.load_lights()
-    if truth is None or lights is None or material.frames is None or material.exposure is None or index >= len(lights):
-        return None
-    cosine = np.clip(box.of(truth) @ lights.directions[index].astype(np.float32), 0, None)
-
-    def shading(pixels: NDArray) -> NDArray:
-        u, v = np.round(pixels).astype(int).transpose(2, 0, 1)
-        return cosine[np.clip(v - box.top, 0, box.height - 1), np.clip(u - box.left, 0, box.width - 1)]
-
-    return views(material.frames, material.exposure, lights, index, box, shading)

@@ -1,1 +1,1 @@
-"""The catalogue: named datasets made on demand, newcomers checked and added, and every method run on them."""
+"""The catalogue: named datasets made on demand, newcomers added, and every method run on them."""

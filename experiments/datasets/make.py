@@ -1,6 +1,6 @@
 """`rgbn dataset make`: what is missing is rendered, one dataset a core, written apart and moved to its place.
 
-A dataset is a folder in the DiLiGenT layout, with the true maps and pictures for people: the same bytes every time.
+A dataset is a folder in the DiLiGenT layout, with the true maps: the same bytes every time.
 """
 
 import shutil
@@ -8,10 +8,6 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from experiments.photographs import VirtualPhotographs, one_thread, photograph_dataset
 from experiments.recipe import Dataset
@@ -26,14 +22,10 @@ from scene.record import Record
 
 SUMS = "SHA256SUMS"
 """A dataset's checksums, in the form that `sha256sum --check` reads."""
-TILE, SHOWN = 160, 5
-"""Of preview.png: width of a picture, and how many photographs."""
 
 _README = """# {name}
 
 {text}.
-
-![photographs; true normals, albedo, height, attached and cast shadows](preview.png)
 
 Rendered by rgbn; nothing of it was photographed. Family `{family}`; the same recipe and code give the same bytes.
 
@@ -50,8 +42,7 @@ The layout is that of the DiLiGenT benchmark: a program that reads one reads the
 | `lights.json`, `session.toml` | the same for rgbn, with the camera and the positions of near lights in mm |
 | `truth/` | true maps, `.npy` with NaN outside: `normals`, `z_mm`, `height_mm`, `albedo`, `roughness`, `specularity` |
 | | `mask`, `object` (which of the objects) |
-| | `attached`, `cast`: shadows, one bit a light, light i in byte i // 8, bit i % 8; as `.png`: white, no light |
-| | `normals`, `z_mm`, `albedo` as `.exr` too (0 outside) |
+| | `attached`, `cast`: shadows, one bit a light, light i in byte i // 8, bit i % 8 |
 | | the object's surface, as a scan of it: `.ply`, mm, where the camera sees it |
 | `recipe.json` | what it is made from |
 | `SHA256SUMS` | checksums: `sha256sum --check SHA256SUMS` |
@@ -123,29 +114,19 @@ def _write(folder: Path, dataset: Dataset, stack: VirtualPhotographs) -> None:
     """Write what `_README` lists into an empty folder; SHA256SUMS last."""
     from formats.diligent_layout import NORMALS, write_diligent, write_normal_mat
     from formats.meshes.scan_files import ObjectMesh, write_mesh
-    from formats.picture_files import write_exr
     from scene.normals import encode_normals
     from scene.store import Store
-    from twin.ground_truth import lights_of, save_ground_truth
+    from twin.ground_truth import save_ground_truth
 
-    truth, count = stack.truth, len(stack.lights)
+    truth = stack.truth
     write_diligent(folder, stack.frames, stack.lights, truth.mask)
     Store(folder).save_lights(stack.lights, files=tuple(f"{name}.png" for name in stack.frames.names))
     write_normal_mat(folder / NORMALS[0], truth.normals)
     write_png(folder / NORMALS[2], encode_normals(truth.normals))
     save_ground_truth(truth, folder / "truth")
-    for name in ("normals", "z_mm", "albedo"):
-        values = getattr(truth, name)
-        # What a picture program makes of NaN nobody knows.
-        write_exr(folder / "truth" / f"{name}.exr", np.nan_to_num(values if values.ndim == 3 else values[..., None]))
     for one in dataset_scene(dataset).objects:
         # Corners and triangles alone, as of a scanner: whoever reads it makes its normals.
         write_mesh(folder / "truth" / f"{one.name}.ply", ObjectMesh(one.placed.vertices, one.placed.faces))
-    # Of how many of the lights a pixel does not see; white: none of them.
-    shadows = {name: lights_of(getattr(truth, name), count).mean(0) for name in ("attached", "cast")}
-    for name, share in shadows.items():
-        write_png(folder / "truth" / f"{name}.png", np.round(255 * share).astype(np.uint8))
-    write_png(folder / "preview.png", _preview(stack, shadows))
     write_text(folder / "session.toml", _session_toml(dataset, stack))
     recipe = asdict(dataset.recipe) | {"near_mm": dataset.near_mm, "group": dataset.group, "sensor": dataset.sensor}
     write_text(
@@ -184,25 +165,3 @@ def _session_toml(dataset: Dataset, stack: VirtualPhotographs) -> str:
         f"[camera]\nwidth = {camera.width}\nheight = {camera.height}\n{numbers}\n"
         '[lights]\nfile = "lights.json"\n\n[object]\nmask = "mask.png"\nnormals = "Normal_gt.mat"\n'
     )
-
-
-def _preview(stack: VirtualPhotographs, shadows: dict[str, Any]) -> NDArray[np.uint8]:
-    """Return (h, w, 3) uint8: photographs, evenly chosen, and below them normals, albedo, height and shadows."""
-    from compare.report.pictures import Exposure, PixelBox, normal_picture, thumbnail
-
-    frames, truth = stack.frames, stack.truth
-    box, exposure = PixelBox.of_mask(truth.mask, margin=0.06), Exposure.for_frames(frames)
-    chosen = np.linspace(0, len(frames) - 1, SHOWN).round().astype(int)
-    above = [exposure.develop(thumbnail(frames, int(index), TILE, box)) for index in chosen]
-    maps = [np.where(truth.mask, values, np.nan)[..., None] for values in (truth.height_mm, *shadows.values())]
-    below = [normal_picture(box.of(truth.normals), TILE), *(_gray(box.of(one)) for one in (truth.albedo, *maps))]
-    return np.concatenate([np.concatenate(above, 1), np.concatenate(below, 1)], 0)
-
-
-def _gray(values: NDArray) -> NDArray[np.uint8]:
-    """Return values (h, w, 1 or 3) from 0 as a picture, gamma in it; black where there is none."""
-    from scene.map_pictures import shrink
-
-    small = np.nan_to_num(shrink(np.broadcast_to(values, (*values.shape[:2], 3)), TILE))
-    top = max(float(np.quantile(small, 0.995)), 1e-6)
-    return np.round(255 * np.clip(small / top, 0, 1) ** (1 / 2.2)).astype(np.uint8)

@@ -1,13 +1,15 @@
-"""The shelf: one folder of the datasets that were made, and of notes on others' that were checked; and its list."""
+"""The shelf: one folder of the datasets that were made, and of notes on others' that were added; and its list."""
 
 import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
+
 from experiments.catalogue import benchmark_names, catalogue, first_names, wanted
-from experiments.datasets.check import check_dataset
 from experiments.datasets.make import SUMS, checksums_of, mark_of
+from formats.diligent_layout import read_layout
 from scene.current import fingerprint
 from scene.errors import SceneError
 from scene.files import write_json
@@ -69,14 +71,14 @@ def _state(record: Record | None, dataset) -> str:
 
 
 def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "") -> Entry:
-    """Check a dataset in the DiLiGenT layout, and note on the shelf where it is, by default under its folder's name.
+    """Read a dataset in the DiLiGenT layout, and note on the shelf where it is, by default under its folder's name.
 
-    text: what it is, in a line. The files stay where they are. SceneError: it does not pass the check, or the name is
-    taken.
+    text: what it is, in a line. The files stay where they are. SceneError: one is at fault, or the name is taken.
+    Whether the photographs agree with the lights is told when the dataset is solved.
     """
-    verdict = check_dataset(folder)
-    if verdict.faults:
-        raise SceneError(told(folder, verdict.faults, "not added, "))
+    found = read_layout(folder)
+    if found.faults or found.mask is None:
+        raise SceneError(told(folder, found.faults, "not added, "))
     name = name or folder.resolve().name
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
         raise SceneError(f"--name {name!r}: expected letters, digits, dots, - and _. Give another with --name.")
@@ -86,10 +88,10 @@ def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "") -
         if name in catalogue() or (shelf / name).exists() or is_other:
             raise SceneError(f"dataset {name}: the name is taken. Give another with --name.")
         sums = checksums_of(folder)
-        text = text or f"{verdict.facts['photographs']} photographs, {verdict.facts['object_pixels']} pixels"
+        text = text or f"{len(found.files)} photographs, {np.count_nonzero(found.mask)} pixels"
         entry = Entry(name, "added", text, "added", folder.resolve())
         with record.making(f"{ADDED}/{name}", fingerprint(sums)):
-            write_json(note, {**asdict(entry), "checksums": sums, "facts": verdict.facts})
+            write_json(note, {**asdict(entry), "checksums": sums})
     return entry
 
 

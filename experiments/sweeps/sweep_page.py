@@ -23,7 +23,7 @@ from experiments.sweeps.sweep_statistics import (
 )
 from experiments.tables import Results, Rows, results
 from lab.options import Staging
-from scene.files import write_json, write_text
+from scene.files import write_text
 
 QUANTITIES = {
     "normals": ("filled_deg", "default", "mean angular error, °"),
@@ -43,7 +43,7 @@ BOX = "display:inline-block;width:1.1em;text-align:center;color:white;margin-rig
 def write_page(
     folder: Path, rows: Rows, found: list[dict[str, Any]], *, seconds: Rows, staging: Staging = "one-factor"
 ) -> None:
-    """Write index.html, a chart EXPERIMENT-QUANTITY.svg each, speed.svg, statistics.json and stability.json.
+    """Write index.html, a chart EXPERIMENT-QUANTITY.svg each, and speed.svg.
 
     rows, seconds: of the two tables. found: the cells' files, for their pictures.
     """
@@ -77,13 +77,6 @@ def write_page(
         f"failed; shapes {escape(', '.join(dict.fromkeys(all_of['shape'])))}"
     )
     write_text(folder / "index.html", whole_page("Where each method fails", "sweeps", said, chapters))
-    write_json(folder / "statistics.json", _plain(numbers))
-    write_json(folder / "stability.json", _plain(failures))
-
-
-def _plain(found: Results) -> list[dict[str, Any]]:
-    """Return a table's rows as JSON has them: None where a number is not known."""
-    return found.reset_index().astype(object).replace({np.nan: None, np.inf: None}).to_dict("records")
 
 
 def _failure_map(failures: Results, there: list[Experiment]) -> str:

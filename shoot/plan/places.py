@@ -1,6 +1,4 @@
-"""Where flashes can be, and where balls stand: whole in the picture, far from each other, in nobody's shadow."""
-
-from collections.abc import Sequence
+"""Where flashes can be, and where balls stand."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,16 +17,12 @@ NEAREST_SIZES, NEAREST_MM = 5.0, 700.0
 """How far the flash is by default: so many object sizes, and so many millimetres."""
 IN_VIEW = 0.05
 """Share of the picture around it that a flash stays out of, too."""
-USUAL_MM = (20.0, 25.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0)
-"""Diameters of bearing balls that are sold."""
+USUAL_MM = 20.0
+"""Diameter of small bearing balls that are sold."""
 LEAST_PX, GOOD_PX = 20.0, 60.0
 """Radius under which some balls are not found, and from which all are: docs/guide/shopping-list.md."""
 GAP = 0.3
-"""Radii between a ball and the picture's border, or the object."""
-ALONG_SIDE = 24
-"""Places along each side of the picture that are tried."""
-SHADED = 0.02
-"""Share of the flashes that the object may hide from a ball."""
+"""Radii between a ball and the picture's border."""
 
 
 def places_in_reach(options: PlanOptions, middle: Array, size_mm: float, count: int = CANDIDATES) -> Array:
@@ -76,62 +70,25 @@ def out_of_view(camera: Camera, positions: Array) -> Array:
     return outside
 
 
-def stand_balls(set_up: SetUp, positions: Array, kinds: Sequence[tuple[Kind, float]]) -> list[Sphere]:
-    """Return balls of kinds and diameters, mm, on the table around the object.
+def corner_balls(set_up: SetUp, diameter_mm: float | None) -> list[Sphere]:
+    """Return three chrome balls and a white one on the table, in the picture's corners; None: large enough.
 
-    The first stands where it is farthest from the object, each other one farthest from those before; no place in the
-    object's shadow from one of the flashes at `positions` (F, 3), if there are others.
-
-    Raises SceneError: there is no room in the picture.
+    Raises SceneError: there is no room for them.
     """
-    camera = set_up.camera
-    outline, shape = camera.project(set_up.mesh.vertices), np.array([camera.width, camera.height])
-    low, high = np.nanmin(outline, 0), np.nanmax(outline, 0)
-    stood: list[Sphere] = []
-    for kind, diameter in kinds:
-        depth = set_up.table_mm + diameter / 2
-        if depth >= 0:
-            raise SceneError(
-                f"balls: one of {diameter:g} mm, on the table {-set_up.table_mm:.4g} mm from the camera, would reach "
-                "it. Take smaller balls, or a greater --distance-mm."
-            )
-        radius = -camera.fx * diameter / 2 / depth
-        places = _border(shape, (1 + GAP) * radius)
-        # Distance to the object's box in the picture, and to the balls that stand.
-        free = np.hypot(*np.maximum(np.maximum(low - places, places - high), 0).T) > (1 + GAP) * radius
-        for other in stood:
-            free &= np.hypot(*(places - other.center_px).T) > (1 + GAP) * (radius + other.radius_px)
-        if not free.any():
-            raise SceneError(
-                f"balls: no room in the picture for {len(kinds)} balls beside the object, one of them of "
-                f"{diameter:g} mm. Take smaller balls, or a greater --distance-mm."
-            )
-        places = places[free]
-        toward = (positions - camera.points_at_depth(places, depth)[:, None]).reshape(-1, 3)
-        far = np.linalg.norm(toward, axis=1)
-        from_ball = np.repeat(camera.points_at_depth(places, depth), len(positions), 0)
-        shaded = set_up.caster.blocked(from_ball, toward / far[:, None], far).reshape(len(places), -1).mean(1)
-        sunny = shaded <= max(SHADED, float(shaded.min()))
-        others = np.array([other.center_px for other in stood] or [(low + high) / 2])
-        away = np.linalg.norm((places[:, None] - others) / shape, axis=-1).min(1)
-        stood.append(Sphere(kind, places[int(np.where(sunny, away, -1).argmax())], radius, diameter))
-    return stood
-
-
-def _border(shape: Array, inset: float) -> Array:
-    """Return places (N, 2) along the border of a picture of this width and height, so far inside."""
-    if 2 * inset >= shape.min():
-        return np.zeros((0, 2))
-    step = np.linspace(0, 1, ALONG_SIDE)
-    edge, side = np.stack(np.meshgrid([0.0, 1.0], step), -1).reshape(-1, 2), inset - 0.5
-    return side + np.concatenate([edge, edge[:, ::-1]]) * (shape - 2 * inset)
-
-
-def usual_balls(set_up: SetUp) -> list[tuple[Kind, float]]:
-    """Return three chrome balls and a white one, of the least diameter that is sold and surely found."""
-    # Up to half of the way to the camera; `stand_balls` says where none fits.
-    there = [mm for mm in USUAL_MM if mm < -set_up.table_mm] or USUAL_MM[:1]
-    good = (mm for mm in there if -set_up.camera.fx * mm / 2 / (set_up.table_mm + mm / 2) >= GOOD_PX)
-    diameter = next(good, there[-1])
+    camera, away = set_up.camera, -set_up.table_mm
+    diameter = diameter_mm or max(USUAL_MM, float(np.ceil(2 * GOOD_PX * away / (camera.fx + GOOD_PX))))
+    depth = diameter / 2 - away
+    if depth >= 0:
+        raise SceneError(
+            f"balls: one of {diameter:g} mm, on the table {away:.4g} mm from the camera, would reach it. Take smaller "
+            "balls, or a greater --distance-mm."
+        )
+    radius = -camera.fx * diameter / 2 / depth
+    inset, far = (1 + GAP) * radius, np.array([camera.width, camera.height]) - 1
+    if 2 * inset >= far.min():
+        raise SceneError(
+            f"balls: no room in the picture for four of {diameter:g} mm. Take smaller ones, or a greater --distance-mm."
+        )
+    corners = np.array([(0, 1), (1, 0), (1, 1), (0, 0)]) * (far - 2 * inset) + inset
     kinds: tuple[Kind, ...] = ("chrome", "chrome", "chrome", "white")
-    return [(kind, diameter) for kind in kinds]
+    return [Sphere(kind, corner, radius, diameter) for kind, corner in zip(kinds, corners, strict=True)]

@@ -7,7 +7,6 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 from scene.length_units import Unit
-from shoot.init.answers import diameters
 
 View = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 FEWEST, MOST = 4, 200
@@ -58,16 +57,11 @@ class PlanOptions:
         tuple[float, float],
         _number("Range around the axis that you can reach. 0 is right, 90 is up."),
     ] = (0.0, 360.0)
-    chrome: Annotated[
-        tuple[float, ...],
-        diameters("Diameters of the chrome balls, mm. Default: three of a radius of 60 px or more."),
-    ] = ()
-    white: Annotated[
-        tuple[float, ...], diameters("Diameters of the white balls, mm. Default: one like the chrome.")
-    ] = ()
-    accuracy_deg: Annotated[
+    ball_mm: Annotated[
         float | None,
-        _number("Median error of the normals that ends the plan.", gt=0, lt=90),
+        _number(
+            "Diameter of the balls, three of chrome and a white one, mm. Default: 20 or more, by 60 px of radius.", gt=0
+        ),
     ] = None
 
 

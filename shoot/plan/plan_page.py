@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from draw.light_charts import directions
-from draw.svg import Drawing, circle, line, svg
 from lab.terminal_tables import cells_of
 from scene.files import plain
 from scene.lights import known_median
@@ -26,16 +25,11 @@ BALLS = {
     "radius": "{radius_px:0} px",
 }  # fmt: skip
 """Right and up: from the object's middle, as the camera sees it."""
-WIDE = 560.0
-"""Of the drawing of the picture, pixels."""
-BALL_COLOURS = {"chrome": "#59636e", "white": "#fff"}
 
 
 def plan_facts(plan: ShootPlan) -> dict[str, Any]:
     """Return the plan."""
-    import cv2
-
-    set_up, options, result = plan.so_far.pixels.set_up, plan.options, plan.predicted[-1]
+    set_up, result = plan.so_far.pixels.set_up, plan.predicted[-1]
     camera, middle = set_up.camera, set_up.middle_mm
     if result is not None and result.error_deg >= 90:
         result = None
@@ -57,7 +51,6 @@ def plan_facts(plan: ShootPlan) -> dict[str, Any]:
             right, up, _ = (sphere.center_mm(camera) - middle) / 10
             told = {"kind": sphere.kind, "diameter_mm": sphere.diameter_mm, "radius_px": sphere.radius_px}
             balls.append(told | {"center_px": sphere.center_px, "right_cm": right, "up_cm": up})
-    hull = cv2.convexHull(np.ascontiguousarray(camera.project(plan.so_far.pixels.points), np.float32))
     facts = {
         "flashes": rows,
         "there": len(plan.so_far.lights),
@@ -65,16 +58,12 @@ def plan_facts(plan: ShootPlan) -> dict[str, Any]:
         "by_noise_deg": None if result is None else np.median(result.by_noise_deg),
         "by_lights_deg": None if result is None else np.median(result.by_lights_deg),
         "lights_sigma_deg": known_median(plan.lights.direction_sigma_deg),
-        "accuracy_deg": options.accuracy_deg,
-        "stop_after": plan.stop_after,
-        "helps_until": plan.helps_until,
         "balls": balls,
         "camera": {"width": camera.width, "height": camera.height, "distance_mm": np.linalg.norm(middle)},
         "object": {
             "size_mm": set_up.size_mm,
             "mm_per_px": None if camera.is_orthographic else -middle[2] / camera.fx,
             "albedo": set_up.albedo,
-            "outline_px": hull.reshape(-1, 2).astype(np.float64),
         },
         "flash_mm": np.median([row["distance_mm"] for row in rows]),
         "white_ball_value": EXPOSURE,
@@ -92,24 +81,12 @@ def clock(azimuth_deg: float) -> str:
 
 def _warnings(plan: ShootPlan) -> list[str]:
     """Return what is to be looked at before the shoot."""
-    found, result, wanted = [], plan.predicted[-1], plan.options.accuracy_deg
+    found, result = [], plan.predicted[-1]
     if result is not None and (told := float((result.sigma_deg < 90).mean())) < 0.995:
         found.append(
             f"{1 - told:.1%} of the object is lit by fewer than three of the flashes, and has no normal: lower "
             "flashes (--to-deg), or a second view."
         )
-    if result is not None and wanted and plan.stop_after is None:
-        noise, lights = np.median(result.by_noise_deg), np.median(result.by_lights_deg)
-        found.append(
-            f"{wanted:g} degrees are not reached with {len(plan.predicted)} flashes (expected "
-            f"{result.error_deg:.2g}): by noise alone {noise:.2g}, by the lights alone {lights:.2g}. "
-            + ("Larger balls." if lights > noise else "More light, or a lower ISO.")
-        )
-    kinds = [sphere.kind for sphere in plan.so_far.spheres]
-    if "chrome" in kinds and "white" not in kinds:
-        found.append("no white ball: how bright each flash was is then only known to some 10 %. Add one.")
-    if kinds.count("chrome") == 1:
-        found.append("one chrome ball: the flashes have no distance. Add a second one on the object's other side.")
     smallest = min((sphere.radius_px for sphere in plan.so_far.spheres), default=LEAST_PX)
     if smallest < LEAST_PX:
         found.append(
@@ -137,11 +114,6 @@ def answer_of(facts: dict[str, Any]) -> str:
         f"photographs' noise {facts['by_noise_deg']:.2g}° and by what the balls leave unknown of the lights "
         f"{facts['by_lights_deg']:.2g}° a tangent axis."
     )
-    if accuracy := facts["accuracy_deg"]:
-        stop = facts["stop_after"]
-        text += f" {accuracy:g}° are not reached." if stop is None else f" {accuracy:g}° are reached."
-    if facts["helps_until"]:
-        text += f" From flash {facts['helps_until']} on each one lowers the error by less than 1 %."
     if 0 < there < len(flashes):
         now, row = flashes[there - 1]["error_median_deg"], flashes[there]
         gain = f", which brings {now:.2g}° to {row['error_median_deg']:.2g}°" if now else ""
@@ -157,20 +129,6 @@ def lights_of(facts: dict[str, Any]) -> str:
     return f"Directions of the lights at the object to {sigma:.2g}° (one standard deviation)."
 
 
-def picture_of(facts: dict[str, Any]) -> Drawing:
-    """Return where the object and the balls stand in the camera's picture."""
-    camera, outline = facts["camera"], facts["object"]["outline_px"]
-    scale = WIDE / camera["width"]
-    corners = [(scale * u, scale * v) for u, v in [*outline, *outline[:1]]]
-    wide, high = WIDE, scale * camera["height"]
-    frame = [(0, 0), (wide, 0), (wide, high), (0, high), (0, 0)]
-    parts = [line(frame, "#b9c6d1"), line(corners, "#b08d4a", fill="#f3e3c3")]
-    for ball in facts["balls"]:
-        u, v, radius = (scale * value for value in (*ball["center_px"], ball["radius_px"]))
-        parts.append(circle(u, v, radius, BALL_COLOURS[ball["kind"]], ball["kind"], stroke="#1d2329"))
-    return svg(wide, high, parts, label="the object and the balls in the picture")
-
-
 def plan_page(facts: dict[str, Any]) -> str:
     """Return the page of a plan's facts."""
     from jinja2 import Environment, StrictUndefined
@@ -182,7 +140,6 @@ def plan_page(facts: dict[str, Any]) -> str:
         facts,
         answer=answer_of(facts),
         dome=directions({"frames": facts["flashes"]}),
-        picture=picture_of(facts),
         tables={name: (list(cells), list(zip(*cells.values(), strict=True))) for name, cells in tables.items()},
         left_out=len(rows) - MOST_ROWS,
         lights_told=lights_of(facts),

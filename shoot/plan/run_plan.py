@@ -13,8 +13,7 @@ from scene.mesh import Mesh
 from scene.origin import Origin
 from scene.output_folder import open_record, own_folder
 from scene.record import Record
-from scene.spheres import KINDS, Kind
-from shoot.plan.places import places_in_reach, stand_balls, usual_balls
+from shoot.plan.places import corner_balls
 from shoot.plan.plan_options import PlanOptions
 from shoot.plan.plan_page import plan_facts, plan_page
 from shoot.plan.set_up import SetUp, before_camera, lens_camera, pixels_of
@@ -59,10 +58,8 @@ def run_plan(source: Path | None, options: PlanOptions, *, out: Path | None = No
         origin = Origin("scan", source.resolve())
         usual = own_folder(Path("out") / f"plan-{source.stem}", origin)
     with open_record(out or usual, origin=origin, inputs=[] if source is None else [source]) as record:
-        places = places_in_reach(options, set_up.middle_mm, set_up.size_mm)
-        given: list[tuple[Kind, float]] = [(kind, one) for kind in KINDS for one in getattr(options, kind)]
-        spheres = stand_balls(set_up, places, given or usual_balls(set_up))
-        return _written(record, plan_shoot(UnderWay.begun(pixels_of(set_up), spheres), options), name, source)
+        begun = UnderWay.begun(pixels_of(set_up), corner_balls(set_up, options.ball_mm))
+        return _written(record, plan_shoot(begun, options), name, source)
 
 
 def _written(record: Record, plan: ShootPlan, name: str, source: Path | None) -> dict[str, Any]:

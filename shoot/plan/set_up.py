@@ -1,7 +1,6 @@
 """What will be photographed, by what camera; what each flash shows of each of the object's pixels, and how noisily."""
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +11,6 @@ from scene.errors import SceneError
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import unit
-from scene.rays import RayCaster
 from scene.spheres import WHITE_BALL_ALBEDO
 from shoot.plan.plan_options import AS_USUAL, View
 from solve.samples import GRAY
@@ -62,11 +60,6 @@ class SetUp:
     white_value: float = EXPOSURE / WHITE_BALL_ALBEDO
     is_mosaic: bool = True
     said: tuple[str, ...] = ()
-
-    @cached_property
-    def caster(self) -> RayCaster:
-        """The object, ready for rays."""
-        return RayCaster(self.mesh)
 
     @property
     def middle_mm(self) -> Array:

@@ -1,6 +1,5 @@
-"""The plan: which flashes, in which order, what they give, and when more no longer help."""
+"""The plan: which flashes, in which order, and what they give."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -26,8 +25,6 @@ from solve.design.normal_information import (
 Array = NDArray[np.float64]
 RAYLEIGH_MEDIAN = float(np.sqrt(2 * np.log(2)))
 """Median of an angle whose two components have the standard deviation 1."""
-NO_LONGER = 0.01
-"""Share of the error by which one more flash must lower it, mean over the next three, to be worth it."""
 FEWEST = 3
 FAR_MM = 1000.0
 """Where a light without a position is put."""
@@ -54,22 +51,15 @@ class ShootPlan:
     ----------
     so_far : UnderWay
         What is there: the flashes of which the first are.
-    options : PlanOptions
     lights : Lights
         First the flashes that there are already, then those that help most; as well known as the balls tell them.
     predicted : list of Predicted or None
         After each of them, with those before; None before the third.
-    stop_after, helps_until : int or None
-        How many are enough for the wanted accuracy, and from which on a further one lowers the error by under 1 %;
-        None: there is no such number, or no accuracy was wanted.
     """
 
     so_far: UnderWay
-    options: PlanOptions
     lights: Lights
     predicted: list[Predicted | None]
-    stop_after: int | None
-    helps_until: int | None
 
 
 def light_slopes(positions: Array, reference: Array, points: Array, b: Array) -> Array:
@@ -113,27 +103,17 @@ def predict(pixels: ObjectPixels, shown: ShownObject, slopes: Array, covariance:
     return Predicted(*sigma)
 
 
-def enough(errors: Sequence[float], accuracy_deg: float | None, first: int) -> tuple[int | None, int | None]:
-    """Return after how many flashes the error (one a number of flashes from `first` on) is reached; and where it rests.
-
-    At rest: three more flashes lower it by less than `NO_LONGER` each.
-    """
-    reached = next((first + n for n, error in enumerate(errors) if accuracy_deg and error <= accuracy_deg), None)
-    rests = (n for n in range(len(errors) - 3) if errors[n + 3] > errors[n] * (1 - NO_LONGER) ** 3)
-    return reached, next((first + n for n in rests), None)
-
-
 def plan_shoot(so_far: UnderWay, options: PlanOptions) -> ShootPlan:
     """Return the flashes that one after the other help most, and what they give.
 
-    As many as wanted, one more than there are at least; of fewer that reach the wanted accuracy, the best set.
+    As many as wanted, one more than there are at least.
 
     Parameters
     ----------
     so_far : UnderWay
         The object, the balls, and the flashes that there are.
     options : PlanOptions
-        How many flashes, where they can be, and the accuracy that is wanted.
+        How many flashes, and where they can be.
 
     Raises
     ------
@@ -164,16 +144,8 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> ShootPlan:
     for used in range(len(predicted) + 1, len(order) + 1):
         some = order[:used]
         predicted.append(predict(pixels, shown.only(some), slopes[some], joint_covariance(known_lights(some))))
-    errors = [one.error_deg for one in predicted if one]
-    reached, rests = enough(errors, options.accuracy_deg, len(order) - len(errors) + 1)
-    if reached is not None and n < reached < len(order):
-        # Chosen for that many; the first of more are nearly as good, and known to suffice.
-        fewer = plan_shoot(so_far, replace(options, flashes=reached))
-        if fewer.stop_after is not None:
-            return fewer
-    order = order[:reached]
     lights = replace(lights_at(positions[order], middle), direction_sigma_deg=known_lights(order).direction_sigma_deg)
-    return ShootPlan(so_far, options, lights, predicted[: len(order)], reached, rests)
+    return ShootPlan(so_far, lights, predicted)
 
 
 def next_flash(so_far: UnderWay, camera: Camera, lights: Lights) -> tuple[dict[str, Any], Array]:

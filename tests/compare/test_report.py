@@ -113,8 +113,8 @@ def test_every_number_on_the_page_is_in_the_summary(page, session, tmp_path):
 def test_pictures_are_all_there_each_with_words_for_it(page):
     images = page.all("img")
     # 3 on the first screen; of the viewer 12 frames, real and twin, normals of the truth and of 2 methods real and
-    # twin, their errors, 2 albedos, 1 sigma; 3 balls, silhouette, slider's two, key ball; `align` drew none here.
-    assert len(images) == 3 + 2 * 12 + (1 + 4) + 4 + 2 + 1 + 3 + 3 + 1
+    # twin, their errors, 2 albedos, 1 sigma; 3 balls, silhouette, key ball; `align` drew none here.
+    assert len(images) == 3 + 2 * 12 + (1 + 4) + 4 + 2 + 1 + 3 + 1 + 1
     assert all(image["alt"] for image in images)
     assert all(values.get("aria-label") for values in page.all("svg"))
 
@@ -230,7 +230,6 @@ def test_the_methods_are_ranked_on_top_with_what_they_doubt(page, session):
     top = page.texts["normals"]
     assert top.index("All methods, against") < top.index(f"{best} take care") < top.index(f"{other} take care")
     assert "3 pixels see fewer than four lit samples" in top
-    assert page.texts["errors"].count("It doubts itself") == 1
     assert "least squares over the samples that are not in shadow" in page.texts["how-to-read"]
 
 
@@ -259,8 +258,6 @@ def test_many_methods_stay_readable(crowd):
     _, summary = crowd
     page = Page(write_report(*crowd))
     assert_self_contained(page)
-    # The pairs are folded away: 13 methods make 78.
-    assert re.search(r"<details><summary>All statistics of each two methods", page.source)
     (square,) = re.findall(r'<table class="square">.*?</table>', page.source, re.S)
     assert square.count("<tr>") == 1 + 12
     assert square.count('class="heat"') == 12 * 11

@@ -35,11 +35,14 @@ def box(path):
         (None, ["--albedo", "2"], "--albedo. Must be <= 1"),
         (None, ["--iso", "0"], "--iso. Must be > 0"),
         (None, ["--size-mm", "20", "--distance-mm", "10"], "--distance-mm 10: the object reaches 10 mm"),
-        (None, ["--size-mm", "5", "--distance-mm", "6"], "balls: one of 20 mm, on the table 8.5 mm from the camera"),
-        (None, ["--size-mm", "20", "--distance-mm", "20", "--chrome", "60"], "would reach it. Take smaller balls"),
         (
             None,
-            ["--flash-mm", "1e6", "--chrome", "0.1", "--focal-mm", "1", "--sensor-mm", "1000"],
+            ["--size-mm", "5", "--distance-mm", "6", "--ball-mm", "20"],
+            "balls: one of 20 mm, on the table 8.5 mm from the camera, would reach it. Take smaller balls",
+        ),
+        (
+            None,
+            ["--flash-mm", "1e6", "--ball-mm", "0.1", "--focal-mm", "1", "--sensor-mm", "1000"],
             "they tell nothing of flashes at",
         ),
         (None, ["--empty-pixels"], "Unknown option: --empty-pixels"),
@@ -64,13 +67,13 @@ def test_each_fault_is_one_message_and_nothing_is_written(tmp_path, run_rgbn, so
 def test_a_scan_is_planned_written_and_told(tmp_path, run_rgbn, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = ["plan", box(tmp_path / "box.ply"), "--flashes", "5", "--unit", "mm", "--pixels", "900", "600"]
-    words += ["--chrome", "30", "30", "--white", "30"]
+    words += ["--ball-mm", "30"]
     code, printed, said = run_rgbn(*words, "--json")
     assert code == 0, said
     written = json.loads((tmp_path / "out" / "plan-box" / "plan.json").read_text())
     assert written == {name: value for name, value in json.loads(printed).items() if name != "folder"}
     assert len(written["flashes"]) == 5
-    assert [ball["kind"] for ball in written["balls"]] == ["chrome", "chrome", "white"]
+    assert [ball["kind"] for ball in written["balls"]] == ["chrome", "chrome", "chrome", "white"]
     assert written["object"]["size_mm"] == pytest.approx(100)
     # What the camera sees of a cube from above is one face; 100 mm fill 40 % of the picture.
     assert written["object"]["mm_per_px"] * 0.4 * 600 == pytest.approx(100, rel=0.1)

@@ -23,23 +23,18 @@ def surface():
     return mask, np.where(mask[..., None], normals, 0)
 
 
-def write(folder: Path, *, gloss=0.0, ambient=0.0, hollow=False):
-    """Write the dataset: Lambert, with a highlight, light from everywhere, or as a hollow if asked."""
+def write(folder: Path):
+    """Write the dataset: Lambert."""
     generator = np.random.default_rng(10001)
     mask, normals = surface()
-    if hollow:
-        normals = normals * [-1, -1, 1]
     z = generator.uniform(0.5, 0.98, 12)
     around = generator.uniform(0, 2 * np.pi, 12)
     lights = np.stack([np.sqrt(1 - z**2) * np.cos(around), np.sqrt(1 - z**2) * np.sin(around), z], -1)
     power = generator.uniform(0.4, 1.6, (12, 1)) * generator.uniform(0.9, 1.1, (12, 3))
     albedo = 0.2 + 0.2 * ((np.arange(WIDTH) // 6) % 2)[None, :, None] * np.array([1.0, 0.6, 0.3])
     folder.mkdir(parents=True)
-    half = lights + [0, 0, 1]
-    half /= np.linalg.norm(half, axis=1, keepdims=True)
-    for number, (light, middle, strength) in enumerate(zip(lights, half, power, strict=True), 1):
-        shine = gloss * np.maximum(normals @ middle, 0) ** 60 * (normals @ light > 0)
-        value = strength * (albedo * np.maximum(normals @ light, 0)[..., None] + shine[..., None]) + ambient * albedo
+    for number, (light, strength) in enumerate(zip(lights, power, strict=True), 1):
+        value = strength * albedo * np.maximum(normals @ light, 0)[..., None]
         codes = np.clip(np.round(value * mask[..., None] * 65535), 0, 65535).astype(np.uint16)
         cv2.imwrite(str(folder / f"{number:03d}.png"), codes[..., ::-1])
     (folder / "filenames.txt").write_text("".join(f"{number:03d}.png\n" for number in range(1, 13)))
@@ -54,9 +49,3 @@ def write(folder: Path, *, gloss=0.0, ambient=0.0, hollow=False):
 def dented(tmp_path):
     """Its folder."""
     return write(tmp_path / "dented")
-
-
-@pytest.fixture
-def write_dented():
-    """What writes it elsewhere, glossy, in ambient light, or as a hollow."""
-    return write
