@@ -32,7 +32,7 @@ MOST_BYTES = 5_500_000
 """Of all pictures, before base64 makes four thirds of them."""
 ALBEDO_QUANTILE = 0.999
 GROUPS = {
-    "photograph": "photographs of one light", "relit": "relit by that light", "normals": "normals",
+    "photograph": "photographs of one light", "relit": "relit by a lamp", "normals": "normals",
     "error": "angular error", "sigma": "standard deviation (sigma)", "albedo": "albedo",
 }  # fmt: skip
 """What a side of the viewer may show."""
@@ -208,6 +208,24 @@ def angle_uri(angle_deg: NDArray, end_deg: float) -> str:
     return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"
 
 
+def _surface_uri(material: Material, grid: Grid) -> tuple[str, float, float] | None:
+    """Return the scan's depth z as a picture (red and green: 16 bits, blue: known), its least value and range, mm."""
+    path = material.store.path("twin", "truth_z_mm.npy")
+    if not path.exists():
+        return None
+    z = np.load(path, mmap_mode="r")
+    if z.ndim != 2 or (material.mask is not None and z.shape != material.mask.shape):
+        return None
+    z = grid.of(z).astype(np.float64)
+    known = np.isfinite(z) & (z < 0) & (True if material.mask is None else grid.of(material.mask))
+    if not known.any():
+        return None
+    low, span = float(z[known].min()), max(float(np.ptp(z[known])), 1e-6)
+    code = np.where(known, np.round((np.nan_to_num(z) - low) / span * 65535), 0).clip(0, 65535).astype(np.uint16)
+    image = np.stack([code >> 8, code & 255, known * 255], -1).astype(np.uint8)
+    return data_uri(image, photograph=False), low, span
+
+
 def _shape(material: Material) -> NDArray[np.bool_] | None:
     """Return the mask (H, W) of the object: given, or where normals are known, or all of the photographs."""
     frames, mask = material.frames, material.mask
@@ -261,12 +279,12 @@ def viewer_facts(material: Material, layers: ViewerLayers | None, best: str | No
     left = "photograph:real" if "photograph:real" in keys else keys[0]
     wanted = [f"error:real:{best}", f"normals:real:{best}", *found["normals"], keys[-1]]
     (width, height), grid = layers.grid.size, layers.grid
-    parts = {name: read_optional(material.store, f"{name}.json") for name in ("camera", "lights")}
+    parts = {name: read_optional(material.store, f"{name}.json") for name in ("camera", "lights", "spheres")}
     data = {
         "width": width, "height": height, "left": grid.box.left, "top": grid.box.top, "step": grid.step,
         "frames": [] if material.frames is None else list(material.frames.names), "scales": layers.scales,
         "frame": 0 if material.directions is None else raking_frame(material.directions),
-        "palette": palette().tolist(), "best": best, **parts,
+        "palette": palette().tolist(), "surface": _surface_uri(material, grid), "best": best, **parts,
     }  # fmt: skip
     return {
         "options": {GROUPS[group]: [*rows.items()] for group, rows in found.items() if rows},

@@ -32,7 +32,7 @@ CHAPTERS = {
     "truth-check": "Known truth", "provenance": "Provenance", "how-to-read": "How to read",
 }  # fmt: skip
 """The sections of report.html, and their names in the row of links."""
-SCRIPTS = ("report_page.js", "viewer_values.js", "viewer_pixel.js", "viewer.js")
+SCRIPTS = ("report_page.js", "viewer_values.js", "viewer_pixel.js", "viewer_scene.js", "viewer.js")
 """The page's program in parts, each reading none that follows it."""
 PARTS = (
     "capture", "calibrate", "align", "solve", "twin", "compare", "trust", "results", "truth_check", "versions",

@@ -1,10 +1,10 @@
-// The instrument: two pictures wiped over each other, and a pointer that reads values.
+// The instrument: two pictures wiped over each other, a pointer that reads values, a lamp.
 function startViewer() {
   const canvas = byId("viewer-canvas"), context = canvas.getContext("2d"), wipe = byId("viewer-wipe");
   const sides = ["left", "right"].map((side) => byId(`viewer-${side}`)), values = byId("viewer-values");
-  const frame = byId("viewer-frame");
+  const frame = byId("viewer-frame"), azimuth = byId("viewer-azimuth"), zenith = byId("viewer-zenith"), dome = byId("viewer-dome");
   const view = { scale: 1, x: 0, y: 0 }, touches = new Map();
-  let pointer = null, moved = 0, wiping = false;
+  let pointer = null, lamp = null, moved = 0, wiping = false;
   byId("instrument").hidden = false;
   byId("viewer-still").hidden = true;
   frame.value = info.frame;
@@ -13,7 +13,7 @@ function startViewer() {
   const sourceOf = (key) => {
     const [kind, side, name] = key.split(":");
     if (kind === "photograph") return images.get(`${kind}:${side}:${frame.value}`);
-    return kind === "relit" ? relit(name, info.lights?.frames?.[frame.value]) ?? images.get(`albedo:real:${name}`) : images.get(key);
+    return kind === "relit" ? relit(name, lamp) ?? images.get(`albedo:real:${name}`) : images.get(key);
   };
   const fitting = () => {
     view.scale = Math.min(canvas.width / info.width, canvas.height / info.height);
@@ -45,6 +45,7 @@ function startViewer() {
       context.strokeRect(view.x + at[0] * view.scale - side / 2, view.y + at[1] * view.scale - side / 2, side, side);
     }
     byId("viewer-frame-name").textContent = info.frames[frame.value] ? `${Number(frame.value) + 1}, ${info.frames[frame.value]}` : "";
+    byId("viewer-lamp").hidden = !sides.some((side) => side.value.startsWith("relit"));
   };
   const redraw = () => requestAnimationFrame(draw);
   const size = () => {
@@ -153,6 +154,43 @@ function startViewer() {
   byId("viewer-fit").addEventListener("click", () => { fitting(); draw(); });
   wipe.addEventListener("input", redraw);
   for (const control of [...sides, frame]) control.addEventListener("input", load);
+
+  // The lamp stands as far away as the lights do, in the median.
+  const farOff = () => {
+    const reference = info.lights?.reference_point_mm, far = (info.lights?.frames ?? []).filter((light) => light.position_mm)
+      .map((light) => Math.hypot(...light.position_mm.map((value, i) => value - reference[i]))).sort((a, b) => a - b);
+    return far.length ? far[far.length >> 1] : null;
+  };
+  const placeLamp = (light) => {
+    const a = azimuth.value * Math.PI / 180, z = zenith.value * Math.PI / 180, far = farOff();
+    const direction = [Math.sin(z) * Math.cos(a), Math.sin(z) * Math.sin(a), Math.cos(z)];
+    lamp = light ?? { direction, intensity: [1, 1, 1],
+      position_mm: far && direction.map((part, i) => info.lights.reference_point_mm[i] + far * part) };
+    dome.style.setProperty("--x", lamp.direction[0]);
+    dome.style.setProperty("--y", lamp.direction[1]);
+    redraw();
+  };
+  const turnTo = (x, y, angle) => {
+    azimuth.value = (Math.atan2(y, x) * 180 / Math.PI + 360) % 360;
+    zenith.value = angle * 180 / Math.PI;
+  };
+  const drag = (event) => {
+    if (!event.buttons) return;
+    const box = dome.getBoundingClientRect(), x = (event.clientX - box.left) / box.width * 2 - 1, y = 1 - (event.clientY - box.top) / box.height * 2;
+    turnTo(x, y, Math.asin(Math.min(1, Math.hypot(x, y) / 0.92)));
+    placeLamp();
+  };
+  for (const kind of ["pointerdown", "pointermove"]) dome.addEventListener(kind, drag);
+  dome.addEventListener("pointerdown", (event) => dome.setPointerCapture(event.pointerId));
+  for (const slider of [azimuth, zenith]) slider.addEventListener("input", () => placeLamp());
+  byId("viewer-as-light").addEventListener("click", () => {
+    const light = info.lights?.frames?.[frame.value];
+    if (!light?.direction) return;
+    turnTo(light.direction[0], light.direction[1], Math.acos(light.direction[2]));
+    placeLamp(light);
+  });
+  byId("viewer-3d").addEventListener("toggle", () => startScene(byId("viewer-scene")), { once: true });
+  placeLamp();
   new ResizeObserver(size).observe(canvas);
   // What a click needs is decoded before the first one, while nothing else is to be done.
   load().then(() => (window.requestIdleCallback ?? setTimeout)(async () => {

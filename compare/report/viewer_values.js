@@ -64,28 +64,28 @@ function toward(light, u, v) {
   return [away[0] * gain, away[1] * gain, away[2] * gain];
 }
 
-// Normals and albedo under a light of lights.json, on a canvas; null until both are decoded, or where it is not known.
+// Normals and albedo under a lamp, a light as lights.json has it, on a canvas; null until both are decoded.
 const SRGB = Uint8ClampedArray.from({ length: 4096 }, (_, i) =>
   Math.round(255 * (i <= 12 ? 12.92 * i / 4095 : 1.055 * (i / 4095) ** (1 / 2.4) - 0.055)));
 const LINEAR = Float32Array.from({ length: 256 }, (_, code) => linear(code));
 const relights = new Map();
-function relit(name, light) {
-  if (relights.get(name)?.light === light) return relights.get(name).canvas;
+function relit(name, lamp) {
+  if (relights.get(name)?.lamp === lamp) return relights.get(name).canvas;
   const normals = decoded.get(`normals:real:${name}`), albedo = decoded.get(`albedo:real:${name}`);
-  if (!normals || !albedo || !light?.direction) return null;
+  if (!normals || !albedo) return null;
   const exposure = info.scales["photograph-real"], scale = info.scales[`albedo-${name}`];
-  const gain = light.intensity.map((value, c) => 4095 * (exposure
+  const gain = lamp.intensity.map((value, c) => 4095 * (exposure
     ? value * scale.white * scale.balance[c] / (exposure.white * exposure.balance[c]) : value));
   const canvas = relights.get(name)?.canvas ?? new OffscreenCanvas(info.width, info.height);
   const picture = new ImageData(normals.slice(), info.width), codes = picture.data;
   for (let at = 0; at < codes.length; at += 4) {
     if (!known([codes[at], codes[at + 1], codes[at + 2]])) continue;
     const n = [codes[at] - 127.5, codes[at + 1] - 127.5, codes[at + 2] - 127.5], x = at / 4 % info.width;
-    const way = toward(light, info.left + x * info.step, info.top + (at / 4 - x) / info.width * info.step);
-    const shade = Math.max(0, dot(n, way)) / Math.sqrt(dot(n, n));
+    const light = toward(lamp, info.left + x * info.step, info.top + (at / 4 - x) / info.width * info.step);
+    const shade = Math.max(0, dot(n, light)) / Math.sqrt(dot(n, n));
     for (let c = 0; c < 3; c++) codes[at + c] = SRGB[Math.min(4095, Math.round(shade * gain[c] * LINEAR[albedo[at + c]]))];
   }
   canvas.getContext("2d").putImageData(picture, 0, 0);
-  relights.set(name, { light, canvas });
+  relights.set(name, { lamp, canvas });
   return canvas;
 }

@@ -4,16 +4,20 @@ import base64
 import importlib.resources
 import importlib.util
 import json
+import shutil
 
 import cv2
 import numpy as np
 import pytest
+from scipy.ndimage import binary_fill_holes
 
 from compare.report.facts import Material
 from compare.report.layers import ViewerLayers
 from compare.report.report import write_report
 from formats.picture_files import srgb_from_linear
+from scene.files import write_npy
 from scene.normals import angular_error_deg
+from scene.store import Store
 
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
 NORMAL_DEG = 0.4
@@ -192,7 +196,7 @@ def test_the_wipe_shows_one_side_or_the_other_by_keyboard_too(viewer, session, s
     assert np.abs(colours[0] - colours[1]).max() > 5, "the two sides can be told apart here"
 
 
-def test_relit_by_the_photographs_light_is_the_rendering(viewer, session, shown):
+def test_relit_by_a_known_light_is_the_rendering(viewer, session, shown):
     store, grid, layers = session.store, shown[1].grid, shown[1]
     lights, camera = store.load_lights(), store.load_camera()
     viewer.locator("#viewer-left").select_option("relit:real:ls")
@@ -200,6 +204,7 @@ def test_relit_by_the_photographs_light_is_the_rendering(viewer, session, shown)
     viewer.locator("#viewer-frame").focus()
     for light in (0, 7):
         viewer.locator("#viewer-frame").fill(str(light))
+        viewer.locator("#viewer-as-light").click()
         viewer.wait_for_timeout(250)
         exposure = layers.scales["photograph-real"]
         for u, v in pixels_inside(session, 8):
@@ -220,6 +225,60 @@ def test_without_scripts_still_pictures_remain(chromium, shown):
     page.locator("#errors summary").click()
     assert page.locator("#errors img").first.is_visible()
     page.context.close()
+
+
+def test_the_scene_is_drawn_in_3d(viewer):
+    viewer.locator("#viewer-3d > summary").click()
+    scene = viewer.locator("#viewer-scene")
+    viewer.wait_for_selector("#viewer-scene[data-points]")
+    # 12 lights, 3 balls and the camera; this folder's twin has no depth.
+    assert float(scene.get_attribute("data-points")) == 16 * 41 * 80
+    scene.scroll_into_view_if_needed()
+
+    def orange():
+        """Return the places of the lights' pixels on the screen."""
+        picture = cv2.imdecode(np.frombuffer(scene.screenshot(), np.uint8), cv2.IMREAD_COLOR).astype(int)
+        return np.argwhere((picture[..., 2] > picture[..., 0] + 60) & (picture[..., 1] > picture[..., 0] + 30))
+
+    first = orange()
+    assert len(first) > 300
+    for key in ("+", "+", "ArrowRight"):
+        scene.press(key)
+    viewer.wait_for_timeout(200)
+    assert len(orange()) != len(first)
+
+
+def test_a_surface_in_3d_is_closed_and_no_larger_than_it_is_where_it_is_steep(chromium, session, tmp_path):
+    """Half a ball, seen from aside."""
+    store = Store(shutil.copytree(session.store.folder, tmp_path / "out"))
+    store.path("spheres.json").unlink()
+    camera, lights, mask = store.load_camera(), store.load_lights(), store.load_mask()
+    (v, u), radius_px = np.indices(mask.shape), 0.45 * min(np.ptp(axis) for axis in np.nonzero(mask))
+    middle = [np.mean(axis) for axis in np.nonzero(mask)]
+    square = radius_px**2 - (v - middle[0]) ** 2 - (u - middle[1]) ** 2
+    rise_mm = np.sqrt(np.where(square > 0, square, np.nan)) * 700 / camera.fx
+    write_npy(store.path("twin", "truth_z_mm.npy"), (-700 + rise_mm).astype(np.float32))
+    page = chromium.new_page(viewport=DESK)
+    page.goto(write_report(store, session.summary).as_uri())
+    page.locator("#viewer-3d > summary").click()
+    page.wait_for_selector("#viewer-scene[data-points]")
+    scene = page.locator("#viewer-scene")
+    scene.scroll_into_view_if_needed()
+    # From half a radian to a quarter turn, and nearly level.
+    for key in ["ArrowRight"] * 11 + ["ArrowUp"] * 3 + ["+"] * 3:
+        scene.press(key)
+    page.wait_for_timeout(200)
+    picture = cv2.imdecode(np.frombuffer(scene.screenshot(), np.uint8), cv2.IMREAD_COLOR).astype(int)
+    page.close()
+    blue, _, red = picture.transpose(2, 0, 1)
+    shown = (red >= blue + 5) & (blue > 50)
+    reach_mm = np.linalg.norm(lights.positions_mm - lights.reference_point_mm, axis=1).max()
+    px_mm = 1.7 * 1.2**3 / reach_mm * min(shown.shape) / 2
+    tall, wide = (np.ptp(axis) + 1 for axis in np.nonzero(shown))
+    radius = radius_px * 700 / camera.fx * px_mm
+    assert tall == pytest.approx(2 * radius, rel=0.05)
+    assert wide == pytest.approx(radius, rel=0.1)
+    assert (binary_fill_holes(shown) & ~shown).sum() < 0.002 * shown.sum()
 
 
 def test_wheel_and_keys_move_what_is_read(viewer, session, shown):
