@@ -32,6 +32,7 @@ def init(
     made = init_sessions(folder, told, silent=yes, shown=_show)
     for one in made:
         print(f"written  {one.manifest}")
+        print(f"         {one.sheet}: the balls in circles; look whether all are found")
     for one in made:
         place = shlex.quote(str(one.draft.folder))
         unknown = sorted({f" --{ball.kind} MM" for ball in one.draft.manifest.spheres if ball.diameter_mm is None})

@@ -11,21 +11,29 @@ from capture.session.manifest_file import parse, toml_tables
 from capture.session.session import load_session
 from capture.survey.folder_files import FolderFiles, survey
 from lab.progress import progress_bar, say
-from lab.session_place import MANIFEST
+from lab.session_place import MANIFEST, default_out
 from scene.errors import SceneError, SessionError
-from scene.files import write_text
+from scene.files import write_png, write_text
 from scene.light_text import FILENAMES
+from scene.origin import Origin
+from scene.output_folder import open_record
+from scene.record import Record
 from shoot.init.answers import Answers, Asking
+from shoot.init.contact_sheet import contact_sheet
 from shoot.init.draft import Draft
 from shoot.init.prepare import prepare
 from shoot.init.session_text import is_unedited, session_text, signed
 
+SHEET = "contact-sheet.png"
+PART = "init"
+
 
 class Made(NamedTuple):
-    """A session that was written: what was found, and its file."""
+    """A session that was written: what was found, its file, and its contact sheet."""
 
     draft: Draft
     manifest: Path
+    sheet: Path
 
 
 def init_sessions(
@@ -67,8 +75,21 @@ def init_sessions(
         draft = prepare(one, asking, progress_bar(f"look at {one.folder.name}"))
         if shown:
             shown(draft)
-        made.append(Made(draft, write_manifest(draft, signed(session_text(draft)))))
+        origin = Origin("session", draft.folder, tuple(draft.photographs["flash"]))
+        out = default_out(origin, draft.folder.name)
+        with open_record(out, origin=origin, input_folders=[draft.folder]) as record:
+            sheet = write_sheet(draft, record)
+        made.append(Made(draft, write_manifest(draft, signed(session_text(draft))), sheet))
     return made
+
+
+def write_sheet(draft: Draft, record: Record) -> Path:
+    """Write the contact sheet into the session's output folder, which is held, and return its path."""
+    sheet = record.folder / SHEET
+    record.forget([PART])
+    with record.part_of(PART):
+        write_png(sheet, contact_sheet(draft))
+    return sheet
 
 
 def write_manifest(draft: Draft, text: str) -> Path:

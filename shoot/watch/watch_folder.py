@@ -22,7 +22,7 @@ from scene.origin import Origin
 from scene.output_folder import open_record
 from shoot.init.answers import Answers, Asking
 from shoot.init.draft import Draft
-from shoot.init.init_session import check_free, check_layout, write_manifest
+from shoot.init.init_session import check_free, check_layout, write_manifest, write_sheet
 from shoot.init.prepare import prepare
 from shoot.init.session_text import notes_of, session_text, signed
 from shoot.watch.shoot import Shoot
@@ -97,6 +97,7 @@ def watch_folder(
             draft = _draft_of(folder, shoot, answers, taken)
             # What stood there first, perhaps an ambient frame alone, is no longer what tells the session from others.
             Origin("session", folder, tuple(shot.path for shot in taken.shots.values())).claim(record, out)
+            write_sheet(draft, record)
         manifest = write_manifest(draft, signed(session_text(draft)))
     for note in notes_of(draft):
         say(f"note: {note}")

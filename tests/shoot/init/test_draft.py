@@ -14,6 +14,7 @@ from scene.errors import SessionError
 from scene.files import write_png
 from scene.frames import Frames
 from shoot.init.answers import Answers, Asking
+from shoot.init.contact_sheet import contact_sheet
 from shoot.init.draft import Draft
 from shoot.init.session_text import is_unedited, notes_of, session_text, signed
 
@@ -145,3 +146,19 @@ def test_names_that_are_no_globs(tmp_path, draft):
     assert list(session.flash) == names
     assert session.scan == folder / "s[1].ply"
     assert session.name == folder.name
+
+
+@pytest.mark.parametrize("count", [3, 13, 40])
+def test_the_sheet_shows_every_ball_where_it_is(draft, count):
+    """Each circle's colour stands on its outline, and nowhere without the ball; as wide for any number of frames."""
+    small = draft.small
+    names, codes = tuple(f"f{i}" for i in range(count)), np.repeat(small.codes[:1], count, axis=0)
+    draft = replace(draft, small=replace(small, names=names, codes=codes, gain=np.ones(count)))
+    sheet, without = (contact_sheet(draft.with_balls(balls)).astype(int) for balls in ([CHROME, WHITE], []))
+    assert sheet.shape == without.shape
+    scale = sheet.shape[1] / draft.width
+    for one, other in ((CHROME, WHITE), (WHITE, CHROME)):
+        some = contact_sheet(draft.with_balls([other])).astype(int)
+        for angle in np.linspace(0.3, 2.8, 9):
+            u, v = scale * (np.array(one.center_px) + one.radius_px * np.array([np.cos(angle), np.sin(angle)]))
+            assert np.abs(sheet[round(v), round(u)] - some[round(v), round(u)]).sum() > 60

@@ -1,6 +1,7 @@
 """A folder of photographs to its session.toml, and on."""
 
 import io
+import json
 import shutil
 import sys
 
@@ -90,6 +91,7 @@ def test_two_questions_give_the_session_that_was_written_by_hand(folder, monkeyp
     assert [path.read_bytes() for path in ours.ambient] == [path.read_bytes() for path in theirs.ambient]
     assert balls(ours) == balls(theirs)
     assert (ours.scan_unit, ours.camera) == ("mm", None)
+    assert made.sheet.is_file()
     assert any("13 .jpg" in note and "beside a file of the same name" in note for note in made.draft.notes)
     # What nobody has changed is written anew, with what is known now, and what was said before.
     init_sessions(folder, Answers(chrome=(60.0,)), silent=True)
@@ -97,13 +99,20 @@ def test_two_questions_give_the_session_that_was_written_by_hand(folder, monkeyp
 
 
 def test_only_its_own_file_is_written_anew(mine, tmp_path, monkeypatch):
+    """And from inside of the folder, `rgbn init .`, its output lies beside it, not among what is read."""
     manifest = mine / "session.toml"
     monkeypatch.chdir(mine)
     said = Answers(focal_mm=50.0, sensor_mm=36.0)
     for answers in (said, Answers()):
-        init_sessions(mine, answers, silent=True)
+        (made,) = init_sessions(mine, answers, silent=True)
         assert load_session(mine).camera == Lens(focal_mm=50.0, sensor_mm=36.0), "as it was said before"
+    assert made.sheet == tmp_path / "out" / mine.name / "contact-sheet.png"
+    assert made.sheet.is_file()
     assert sorted(path.name for path in mine.iterdir()) == [*(f"{n}.png" for n in range(4)), "session.toml"]
+    # The file is the user's: no output folder's record has it, and it is written anew when its results are gone.
+    assert list(json.loads((made.sheet.parent / ".rgbn" / "record.json").read_text())["files"]) == [made.sheet.name]
+    shutil.rmtree(tmp_path / "out")
+    init_sessions(mine, said, silent=True)
     written = manifest.read_text()
     manifest.write_text(written.replace("50.0", "51.0", 1))
     with pytest.raises(SessionError, match="is there already"):
@@ -159,13 +168,16 @@ def test_several_objects_in_one_folder_are_no_session(mine, tmp_path):
         (["filenames.txt", "1.png", "2.png", "3.png"], "DiLiGenT layout already. Run: rgbn process"),
         (["1.png", "2.png"], "holds 2 photographs"),
         (["1.png", "2.png", "3.png"], "0 of 3 photographs can be read.\n.*1.png"),
+        # The output folder is another's.
+        (["../out/hot/thesis.txt"], r"is not empty \(thesis.txt\)"),
     ],
 )
 def test_what_is_refused(tmp_path, monkeypatch, names, words):
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "hot"
-    folder.mkdir()
+    folder.mkdir() if "thesis" not in words else take_photographs(folder)
     for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(b"")
     before = lay_out(tmp_path)
     with pytest.raises(SceneError, match=words):
