@@ -68,6 +68,8 @@ class EditorWindow(Window):
         self.show_preview: Callable[[Drawn], None] = lambda drawn: None
         self.chosen: dict[str, str] = {}
         """What is chosen or typed for a button to take, by what it is for."""
+        self.size_in_proportion = True
+        """One side that is typed changes the others too."""
 
     @property
     def _made(self) -> Edited:

@@ -178,6 +178,23 @@ def turned(document: SceneDocument, index: int, middle_mm: ArrayLike, rotation: 
     return with_matrix(document, index, move @ document.objects[index].camera_from_object())
 
 
+def sized(document: SceneDocument, index: int, size_mm: ArrayLike, *, in_proportion: bool) -> SceneDocument:
+    """Return the document with an object of another extent (3,) along its own axes, about its middle.
+
+    A flat mesh stays flat. in_proportion: What was changed of the extent changes the rest too.
+    """
+    was, wanted, matrix = placement(document, index), np.asarray(size_mm, float), np.eye(4)
+    factors = np.divide(wanted, was.size_mm, out=np.ones(3), where=was.size_mm > 0)
+    if in_proportion:
+        factors = np.full(3, factors[np.argmax(np.abs(factors - 1))])
+    if not (factors > 0).all():
+        raise RenderError(f"objects: the size {' x '.join(f'{one:g}' for one in wanted)} mm; every side is above 0.")
+    low, high = _box(document.objects[index].own_mesh())
+    matrix[:3, :3] = was.rotation * (was.scale * factors)
+    matrix[:3, 3] = was.middle_mm - matrix[:3, :3] @ ((low + high) / 2)
+    return with_matrix(document, index, matrix)
+
+
 def of_kind(kind: type[Material], was: Material, first: Mapping[str, Any]) -> Material:
     """Return a material of another kind with what the old one has that it has too; the others are the kind's.
 

@@ -4,6 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from formats.meshes.scan_files import SUFFIXES as MESHES
 from studio.editor import edits
 from studio.editor.editor_window import EditorWindow
@@ -73,11 +75,6 @@ def _add(window: EditorWindow, label: str, name: str, **source: Any) -> None:
     # It is the last one, and selected as it comes: a large mesh is sent once.
     window.object = len(window.document.objects)
     window.change(label, lambda document: edits.added(document, name, **source))
-
-
-def _size(window: EditorWindow) -> str:
-    sides = " x ".join(f"{side:.4g}" for side in edits.placement(window.document, window.object).size_mm)
-    return f"{len(window.scene.objects[window.object].mesh.faces):,} triangles, {sides} mm."
 
 
 def _material(window: EditorWindow) -> Place:
@@ -162,8 +159,15 @@ SCENE_ROWS = tab_rows({
                 lambda window: {"options": tuple(window.document.materials), "value": _material(window)[1]},
                 lambda window, name: window.change("material of object", lambda document: with_value(
                     document, (*_object(window), "material"), name)), {"options": ("matte",)}),
-            fields(_object),
-            text(_size),
+            fields(_object, skip=("scale",)),
+            Row("vector3", "size, mm",
+                lambda window: tuple(np.round(edits.placement(window.document, window.object).size_mm, 4).tolist()),
+                lambda window, said: window.change("size of object", lambda document: edits.sized(
+                    document, window.object, said, in_proportion=window.size_in_proportion)),
+                {"value": (0.0,) * 3, "min": (0.0,) * 3, "hint": "Along the object's own axes"}),
+            Row("checkbox", "size in proportion", lambda window: window.size_in_proportion,
+                lambda window, said: window.choose(size_in_proportion=said), {"value": True}),
+            text(lambda window: f"{len(window.scene.objects[window.object].mesh.faces):,} triangles."),
             button("Remove object",
                    _edit("remove object", lambda document, index: edits.without(document, "objects", index), "object"),
                    kind="danger"),

@@ -59,6 +59,20 @@ def test_a_matrix_is_said_in_numbers(place, angles, scale):
     np.testing.assert_allclose(vertices(document), off_centre().vertices @ matrix[:3, :3].T + place, atol=1e-6)
 
 
+def test_a_size_is_in_millimetres_and_in_proportion_if_that_is_asked_for():
+    """About the middle, which stays."""
+    document = edits.added(edits.start_document(), "ball", shape="sphere")
+    was = edits.placement(document, 0)
+    np.testing.assert_allclose(was.size_mm, 120, atol=0.1)
+    wanted = (50.0, *was.size_mm[1:])
+    for in_proportion, expected in ((True, 50), (False, [50, 120, 120])):
+        now = edits.sized(document, 0, wanted, in_proportion=in_proportion)
+        np.testing.assert_allclose(np.ptp(vertices(now), axis=0), expected, atol=0.1)
+        np.testing.assert_allclose(edits.placement(now, 0).middle_mm, was.middle_mm, atol=1e-9)
+    with pytest.raises(RenderError, match="above 0"):
+        edits.sized(document, 0, (0.0, 1.0, 1.0), in_proportion=True)
+
+
 def test_a_gizmo_moves_rigidly_about_the_middle():
     """Where the file has a matrix that shears, too."""
     shear = ((1.0, 0.3, 0.0, 4.0), (0.0, 1.2, 0.0, 5.0), (0.0, 0.0, 1.0, -20.0), (0.0, 0.0, 0.0, 1.0))
