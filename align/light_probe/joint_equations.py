@@ -80,21 +80,6 @@ class JointEquations:
         """Return the lights' part (N, k) of a step."""
         return step[6:].reshape(self.count, -1)
 
-    def lights_held_out(self, before: Array) -> Array:
-        """Return (SECTORS, N), by how much less each light misses each sector, fitted to the rest, than after `before`.
-
-        `before` (N, k): the step back to lights as they were. In variances of a sample.
-        """
-        gain = np.zeros((len(self.matrices), self.count))
-        k = before.shape[1]
-        for sector, (matrix, pull) in enumerate(zip(self.matrices, self.pulls, strict=True)):
-            blocks = matrix[6:, 6:].reshape(self.count, k, self.count, k)
-            own = np.einsum("ninj->nij", blocks)
-            for sign, step in ((1, before), (-1, self.lights_of(self.solve(without=sector)[0]))):
-                missed = np.einsum("ni,nij,nj->n", step, own, step) - 2 * (step * self.lights_of(pull)).sum(1)
-                gain[sector] += sign * missed
-        return gain
-
     def jackknife(self) -> Array:
         """Return the lights' covariance (N, k, k) by leaving out each sector in turn [Efron1981], a held pose's aside.
 
