@@ -101,9 +101,10 @@ def _adapt(
         sums = near.smooth(sums, ROUNDS)
         return (sums[:, :-1] / np.maximum(sums[:, -1:], 1e-12)).T
 
-    chosen, normals[chosen], variance[chosen], left = fit(JUDGE)
+    chosen, fitted, own, left = fit(JUDGE)
     # What the fit leaves beyond noise is shape that it does not follow, and as bad as noise.
     shape, doubt, every = SHAPE * np.maximum(around(chosen, left)[0], 0), np.zeros(count), np.flatnonzero(where)
+    normals[chosen], variance[chosen] = fitted, own
     bias[chosen] = doubt[chosen] = shape[chosen]
     for level in (None, *WIDER):
         chosen, fitted, own = (every, start[every], shaken[every]) if level is None else fit(level)[:3]
