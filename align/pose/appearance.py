@@ -152,6 +152,25 @@ def trust(used: NDArray[np.bool_], residuals: Array, loss: float = LEAST_LOSS) -
     return used / (1 + (residuals / loss) ** 2) ** 2
 
 
+def freed_of_appearance(changes: Array, weight: Array, albedo: Array, shown: Array, lit: Lit, normals: Array) -> Array:
+    """Return changes (N, P, K) of weighted samples less what another appearance and other albedos would make of them.
+
+    `shown` (N, P): the samples as they are predicted at albedo one. Weighted projection: albedos are eliminated pixel
+    by pixel; what is left of material and surroundings is one system of equations.
+    """
+    count = len(changes)
+    basis, beside = _material_basis(lit, normals), _beside(normals)
+    square = _squares(basis, beside, weight, albedo, shown)
+    pulled = (weight * albedo)[..., None] * changes
+    pull = [np.tensordot(basis, pulled, ((0, 1), (0, 1))), (beside.T @ pulled).reshape(4 * count, -1)]
+    step = np.linalg.solve(square, np.concatenate(pull))
+    own = basis.shape[2]
+    taken = albedo[:, None] * (basis @ step[:own] + beside @ step[own:].reshape(count, 4, -1))
+    share = ((weight * shown)[..., None] * taken).sum(0)
+    taken -= shown[..., None] * share / np.maximum((weight * shown * shown).sum(0), 1e-12)[:, None]
+    return changes - taken
+
+
 def _squares(basis: Array, beside: Array, weight: Array, albedo: Array, shown: Array) -> Array:
     """Return the normal equations' matrix of J numbers of the material and 4 N of the surroundings, albedos eliminated.
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.appearance import Appearance, Lit, albedo_of
+from align.pose.appearance import Appearance, Lit, albedo_of, freed_of_appearance
 from align.pose.photographed import FEWEST
 from align.pose.scan_view import View
 from scene.camera import Camera
@@ -119,7 +119,8 @@ def explain(
     """Explain samples by normals (P, 3), NaN where the scan is missed, with the best albedo for each pixel.
 
     `used` (N, P), of `choose`, is held while the pose moves, so that the cost does not jump, and so is the appearance;
-    `slopes` (P, 3, 6): the normals', see `View.normal_slopes`. With them there is a Jacobian.
+    `slopes` (P, 3, 6): the normals', see `View.normal_slopes`. With them there is a Jacobian; residuals and Jacobian
+    are then freed of what another appearance would make of them: it follows the pose, as the albedo does.
 
     With b = predicted and weights w: albedo = sum w b E / sum w b^2 (variable projection [Golub1973]); w falls off for
     samples that the rest of their pixel contradicts. The albedo's slope: sum w (E - 2 albedo b) db / sum w b^2.
@@ -134,6 +135,10 @@ def explain(
     square = np.maximum((weight * shown * shown).sum(0), 1e-12)
     drift = np.einsum("np,pnt->pt", weight * (values - 2 * albedo * shown), along) / square[:, None]
     jacobian = -(albedo[:, None, None] * along + shown.T[:, :, None] * drift[:, None, :]).transpose(1, 0, 2)
+    if look.around is not None:
+        changes = np.concatenate([residuals[..., None], jacobian], -1)
+        changes = freed_of_appearance(changes, weight, albedo, shown, lit, normals)
+        residuals, jacobian = np.where(used, changes[..., 0], 0.0), changes[..., 1:]
     return ExplainedShading(residuals, albedo, np.where(used[..., None], jacobian, 0.0))
 
 

@@ -1,5 +1,7 @@
 """The law of how an object looks: its slopes, what it leaves free, and what it finds again."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from align.pose.appearance import (
     Lit,
     albedo_of,
     free_normals,
+    freed_of_appearance,
 )
 from scene.normals import angular_error_deg, unit
 
@@ -76,6 +79,29 @@ def test_the_slope_by_the_normal_is_the_difference(scene):
         # But where a step crosses a node.
         off = np.abs(look.slopes(lit, normals) @ axis - moved) > 1e-5
         assert off.mean() < 0.01
+
+
+def test_what_material_surroundings_and_albedo_can_make_is_taken_away(scene):
+    """A projection: their own changes vanish, and what is left is left as it is."""
+    normals, lit, used = scene
+    generator = np.random.default_rng(3)
+    look, other_look = truth(0.3), replace(truth(0.8), around=generator.standard_normal((COUNT, 4)))
+    shown, albedo = look.predict(lit, normals), generator.uniform(0.3, 1.0, PIXELS)
+    weight = used * generator.uniform(0.2, 1.0, used.shape)
+    theirs = albedo * other_look.predict(lit, normals) + generator.standard_normal(PIXELS) * shown
+    other = generator.standard_normal(used.shape)
+
+    def freed(changes):
+        return freed_of_appearance(changes[..., None], weight, albedo, shown, lit, normals)[..., 0]
+
+    size = np.abs(theirs[used]).mean()
+    # Albedos are free before: what they alone can make is no change.
+    without = theirs - shown * (weight * shown * theirs).sum(0) / (weight * shown * shown).sum(0)
+    assert np.abs(freed(without)[used]).mean() < 5e-3 * size
+    mean = (weight * shown * other).sum(0) / (weight * shown * shown).sum(0)
+    once = freed(other - shown * mean)
+    assert np.abs(freed(once) - once)[used].mean() < 5e-3 * np.abs(once[used]).mean()
+    assert np.abs(once[used]).mean() > 0.5 * np.abs(other[used]).mean()
 
 
 @pytest.mark.parametrize("metal", [0.0, 1.0])
