@@ -69,9 +69,10 @@ def open_record(
             yield record
         finally:
             _active.remove(record)
-            # How files looked that were read meanwhile; all else is saved already.
+            # All else is saved already.
             with suppress(SceneError):
-                record.save()
+                if record.has_learnt:
+                    record.save()
 
 
 def own_folder(folder: Path, origin: Origin) -> Path:

@@ -26,6 +26,8 @@ STEP_SIGMA_MM = 0.5 / np.sqrt(3)
 """Of a number rounded to whole millimetres."""
 CENTER_SIGMA = 0.01
 """Principal point against the picture's middle, of its width: lenses and stabilised sensors sit beside it."""
+UNIT = 4.0
+"""Ratio of a length to EXIF's from which it is taken for one in another unit."""
 USUAL_DISTANCE_MM = 1000.0
 """Sensor to object, where EXIF does not tell: the balls and the object fill the picture."""
 
@@ -97,9 +99,11 @@ def camera_from_lens(
     )
     if known and not focal.sigma:
         return camera, ()
+    doubts = _doubts(lens, exif, width, height)
     middle = "" if known else f" The principal point is taken as the centre, +- {camera.center_sigma_px:.0f} px."
     by = "focal length from EXIF, " if source == "EXIF" else "focal length "
     return camera, (
+        *doubts,
         f"camera: {by}{focal.what}: {camera.fx:.1f} px, good to {share(focal.sigma, 1)} %.{middle} Shots of a ChArUco "
         "board or a chessboard would measure all of it, and the distortion.",
     )
@@ -141,6 +145,25 @@ def _focal_of(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> _Foc
     sigma = float(np.linalg.norm([ENGRAVED_SIGMA, STEP_SIGMA_MM / stated_mm, breathing, convention]))
     what += f", focused at {e.subject_mm:.0f} mm" if e.subject_mm else ""
     return _Focal(stated_mm * x * longer, stated_mm * y * longer, sigma, what)
+
+
+def _doubts(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> list[str]:
+    """Say where millimetres contradict the photographs' EXIF by more than an adapted lens or a crop: another unit."""
+    doubts = []
+    focal = next((e.focal_mm for e in exif if e.focal_mm), None)
+    if lens.focal_mm and focal and not 1 / UNIT <= lens.focal_mm / focal <= UNIT:
+        doubts.append(
+            f"camera.focal_mm: found {lens.focal_mm:g}, but the photographs' EXIF says {focal:g} mm. Give millimetres, "
+            "as engraved on the lens (1 cm = 10 mm); or leave focal_mm out."
+        )
+    known = _sensor_of(Lens(model=lens.model), exif, width, height) if lens.sensor_mm else None
+    sensor = max(width, height) / known[0][0] if known else None
+    if lens.sensor_mm and sensor and not 1 / UNIT <= lens.sensor_mm / sensor <= UNIT:
+        doubts.append(
+            f"camera.sensor_mm: found {lens.sensor_mm:g}, but by the photographs' EXIF the sensor is {sensor:.3g} mm "
+            "wide. Give millimetres (1 cm = 10 mm), 36 for full frame; or leave sensor_mm out."
+        )
+    return doubts
 
 
 def _sensor_of(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> tuple[tuple[float, float], str] | None:
