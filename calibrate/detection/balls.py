@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calibrate.detection.coarse import Coarse, Progress, shrink
 from calibrate.detection.detect import Rejected, around_hint, detect
 from calibrate.detection.diameters import Diameter, doubted_diameters, told_diameters
-from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline
+from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline, with_blur
 from calibrate.silhouette.outline import difference, share_in_picture
 from scene.camera import Camera
 from scene.errors import CalibrationError
@@ -90,7 +90,9 @@ def find_balls(
                 diameters.append(diameter)
         listed = [replace(fit.sphere, diameter_mm=d.mm) for fit, d in zip(fits, diameters, strict=True) if d.mm]
         warnings += doubted_diameters(listed)
+        blurs = [fit.blur_px for fit in fits if fit.sphere.kind == "white" and np.isfinite(fit.blur_px)]
         for fit, diameter in zip(fits, diameters, strict=True):
+            fit = with_blur(own, camera, fit, float(np.median(blurs))) if blurs else fit
             known = {"diameter_mm": diameter.mm, "diameter_sigma": diameter.sigma}
             sphere = replace(fit.sphere, **known, apart=own is not frames)
             warnings += _cautions(camera, sphere, is_open=fit.is_open)

@@ -161,14 +161,12 @@ def _mirrors(
         if any(overlap(seed, other) for other in tables):
             continue
         about = circles_about(static, seed) or [seed]
-        full = [coarse.sphere_to_full(circle) for circle in (*about, *(c for c, _ in group))]
         plane, table = shared_plane(planes), None
-        search = partial(by_mirrored_table, frames, camera, full, blur_px=coarse.factor)
-        if plane is not None:
-            table = search(plane=plane)
         # A table that one mirror shows surely is the others', too.
-        if table is None and not is_sure:
-            table = search()
+        for known in ([plane] if plane else []) + ([] if is_sure else [None]):
+            for circles in (about, [circle for circle, _ in group]):
+                full = [coarse.sphere_to_full(circle) for circle in circles]
+                table = table or by_mirrored_table(frames, camera, full, blur_px=coarse.factor, plane=known)
         some = [c for c in about[: ALIKE[0]] if c.score >= LEAST_SUPPORT] + [c for c, _ in group[: ALIKE[1]]]
         if table is not None:
             tables.append(coarse.from_full(table.sphere))

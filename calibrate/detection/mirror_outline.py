@@ -9,7 +9,7 @@ Static is what the median over the frames keeps of the logarithm's gradient [Wei
 some of the frames leaves no trace, an edge of reflectance stays.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -174,17 +174,13 @@ def by_mirrored_table(
 
     `circles` are those about its highlights, the likeliest first. `plane`: what other balls have shown of the table.
     """
-    some = frames.some(FRAMES)
-    fit = partial(fit_mirrored_table, some, camera, blur_px=blur_px, plane=plane)
-    flat = (ANY_PLANE if plane is None else plane).values
-    tables: list[MirroredTable] = []
-    share = partial(mirrored_share, frames.some(FEW_FRAMES), camera, plane=flat, blur_px=blur_px)
-    for circle in _likeliest(circles, share):
-        table = fit(circle, rough=True)
-        if table and circles_apart(table.sphere, circle) < FARTHEST_MOVED * circle.radius_px:
-            tables.append(table)
-            if table.explained > SURE and _located(table):
-                break
+    fit = partial(fit_mirrored_table, frames.some(FRAMES), camera, blur_px=blur_px, plane=plane)
+    tables = _rough(fit, circles[:TRIED])
+    if all(table.explained < SURE for table in tables):
+        # Not before: of a plain table every circle mirrors much.
+        flat = (ANY_PLANE if plane is None else plane).values
+        share = partial(mirrored_share, frames.some(FEW_FRAMES), camera, plane=flat, blur_px=blur_px)
+        tables += _rough(fit, sorted(circles[TRIED:], key=lambda one: -share(one))[:TRIED])
     rough = max(tables, key=lambda one: one.explained, default=None)
     best = fit(rough.sphere) if rough else None
     if best is None or not (best.explained > SURE and _located(best)):
@@ -193,13 +189,12 @@ def by_mirrored_table(
     return best._replace(sphere=replace(best.sphere, score=seen * best.explained))
 
 
-def _likeliest(circles: list[Sphere], share: Callable[[Sphere], float]) -> Iterator[Sphere]:
-    """Yield the likeliest circles by their edges; then, where none of them was it, those that mirror most.
-
-    Not the other way round: of a plain table every circle mirrors much.
-    """
-    yield from circles[:TRIED]
-    yield from sorted(circles[TRIED:], key=lambda one: -share(one))[:TRIED]
+def _rough(fit: Callable[..., MirroredTable | None], circles: list[Sphere]) -> list[MirroredTable]:
+    """Return the rough fits of circles that stay near them."""
+    tables = [(fit(circle, rough=True), circle) for circle in circles]
+    return [
+        one for one, circle in tables if one and circles_apart(one.sphere, circle) < FARTHEST_MOVED * circle.radius_px
+    ]
 
 
 def _located(table: MirroredTable) -> bool:

@@ -7,7 +7,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.silhouette.cone_fit import STEP_PX, ConeFit, EdgeModel, Reader, fit_cone
+from calibrate.silhouette.cone_fit import (
+    MATTE,
+    MIRROR,
+    MIRROR_CLOSE,
+    MIRROR_START,
+    STEP_PX,
+    ConeFit,
+    EdgeModel,
+    Reader,
+    fit_cone,
+)
 from calibrate.silhouette.explained_profiles import LAWS, Law
 from calibrate.silhouette.mirrored_surroundings import TablePlane
 from calibrate.silhouette.mirrored_table import SURE, MirroredTable, fit_mirrored_table
@@ -44,10 +54,14 @@ cos^2 of the angle: it shines, and the ball sees it from where the camera does n
 FLOOR_PX = 0.01  # what shifts an outline that is fitted by its profiles, beyond their residuals' scatter;
 EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35  # the same by the steepest places alone: for softness 1, of their spread
 SAME_PX = 0.3  # under which two places to start from are the same one
-INSIDE_PX, INSIDE_DOUBT_PX = 0.28, 0.25
-"""How far inside its outline, for softness 1, a mirror's steepest place lies, and how far that may err: a metal
-reflects all that meets it at its outline, and so shows no edge there. Of 30 balls of 15 to 74 px in scenes of two
-generators by others."""
+INSIDE_PX, INSIDE_DOUBT_PX = 0.2, 0.25
+"""How far inside its outline, for softness 1, a mirror's steepest place lies, and how far that, or a profile of one
+reflectance, may err: a metal reflects all that meets it at its outline, and so shows no edge there. In scenes of two
+generators by others the steepest places lay 0.1 and 0.3 px inside (medians of 30 balls of 15 to 74 px)."""
+PROFILE_SHARE = 0.5  # share of what another profile would change of a mirror's outline
+BLUR_DOUBT_PX, BLUR_DOUBT = 1.3, 0.01
+"""Relative error of the blur: read at a mirror's edge of radius r, the first over r; read on a matte ball."""
+BLUR_AGREES = 0.15  # relative, up to which a mirror's blur and the matte balls' are the same
 
 
 @dataclass(frozen=True)
@@ -97,7 +111,8 @@ def fit_outline(
     if sphere.kind == "white":
         return _fit_matte(read, camera, best, sphere, float(best_softness)) or best[0]
     known = shown, None if shown else plane, laws
-    return _fit_chrome(frames, camera, best[0], sphere, known, best_softness) or _by_edges(best[0], best_softness)
+    fit = _fit_chrome(frames, read, camera, best[0], sphere, known, float(best_softness))
+    return fit or _by_edges(best[0], best_softness)
 
 
 def table_floor_px(radius_px: float, blur_px: float, steepness: float = 0.0) -> float:
@@ -106,6 +121,20 @@ def table_floor_px(radius_px: float, blur_px: float, steepness: float = 0.0) -> 
     `steepness`: tangent of the angle between the table's normal and the view.
     """
     return TABLE_FLOOR_PX * (1 + steepness**2) * float(np.hypot(1, (TABLE_BLURS * blur_px / radius_px) ** 2))
+
+
+def with_blur(frames: Frames, camera: Camera, fit: OutlineFit, blur_px: float) -> OutlineFit:
+    """Return a chrome ball's fit with the blur that matte balls of the same photographs show, where they agree on it.
+
+    What a mirror squeezes into its last pixels looks like blur; a matte ball tells the two apart.
+    """
+    if fit.sphere.kind != "chrome" or fit.by_table or not abs(fit.blur_px / blur_px - 1) < BLUR_AGREES:
+        return fit
+    read = _reader(frames)
+    model = EdgeModel(MIRROR, fit.sphere.radius_px, blur_px, MIRROR_START)
+    first = fit_cone(read, camera, fit.sphere, model, free_blur=False)
+    again = _fit_mirror(read, camera, fit, first, BLUR_DOUBT) if first else fit
+    return again if _apart(again.sphere, fit.sphere) < 0.5 * blur_px else fit
 
 
 def fit_mask(mask: NDArray[np.bool_], camera: Camera, sphere: Sphere) -> OutlineFit | None:
@@ -200,7 +229,7 @@ def _fit_matte(
     tried: list[ConeFit] = []
     for sphere in [*(fit.sphere for fit in edges), start]:
         if all(_apart(sphere, other.sphere) > SAME_PX for other in tried):
-            fit = fit_cone(read, camera, sphere, EdgeModel(start.radius_px, softness))
+            fit = fit_cone(read, camera, sphere, EdgeModel(MATTE, start.radius_px, softness), free_blur=True)
             tried += [fit] if fit else []
     if not tried:
         return None
@@ -211,13 +240,14 @@ def _fit_matte(
 
 def _fit_chrome(
     frames: Frames,
+    read: Reader,
     camera: Camera,
     edge: OutlineFit,
     start: Sphere,
     known: tuple[MirroredTable | None, TablePlane | None, Sequence[Law]],
     softness: float,
 ) -> OutlineFit | None:
-    """Fit a chrome ball by the table that it mirrors; None where none is seen."""
+    """Fit a chrome ball by the table that it mirrors, else by a mirror's smooth profile; None if neither holds."""
     sphere, (shown, plane, laws) = edge.sphere, known
     farthest = softness + SEARCH * sphere.radius_px
     # A small mirror's rims draw the edge away from where the search began.
@@ -233,7 +263,24 @@ def _fit_chrome(
             covariance = table.covariance + doubt**2 * np.eye(3)
             if table.covariance[2, 2] < TABLE_LOCATES_PX**2:
                 return replace(_finished(edge, table.sphere, covariance, table.blur_px), by_table=True)
-    return None
+    model = EdgeModel(MIRROR, sphere.radius_px, softness, MIRROR_START)
+    first = fit_cone(read, camera, sphere, model, free_blur=True)
+    if first is None:
+        return None
+    fit = _fit_mirror(read, camera, edge, first, BLUR_DOUBT_PX / sphere.radius_px)
+    return fit if _apart(fit.sphere, sphere) < 0.6 * softness + 0.4 else None
+
+
+def _fit_mirror(read: Reader, camera: Camera, edge: OutlineFit, first: ConeFit, blur_doubt: float) -> OutlineFit:
+    """Fit a mirror's profiles where its blur is known to `blur_doubt`, relative."""
+    last = fit_cone(read, camera, first.sphere, first.model._replace(terms=MIRROR_CLOSE), free_blur=False) or first
+    sharper = last.model._replace(blur_px=(1 - blur_doubt) * last.model.blur_px)
+    other = fit_cone(read, camera, last.sphere, sharper, free_blur=False)
+    # What the model may err by: other profiles, another blur.
+    doubts = [PROFILE_SHARE * difference(first.sphere, last.sphere)]
+    doubts += [difference(other.sphere, last.sphere)] if other else []
+    covariance = last.covariance + sum(np.outer(d, d) for d in doubts) + np.diag([0.0, 0.0, INSIDE_DOUBT_PX**2])
+    return replace(_finished(edge, last.sphere, covariance, last.model.blur_px), is_open=edge.is_open)
 
 
 def _by_edges(edge: OutlineFit, softness: float) -> OutlineFit:
