@@ -194,8 +194,9 @@ class Settings(TwinSettings, Solving):
 
     @classmethod
     def of(cls, record: "Record") -> "Settings":
-        """Return those by which a folder was made."""
-        kept = record.notes.get(NOTE, {})
+        """Return those by which a folder was made; what an earlier version had beside them is left."""
+        known = {field.name for field in fields(cls)}
+        kept = {name: value for name, value in record.notes.get(NOTE, {}).items() if name in known}
         external, truth = kept.get("external"), kept.get("truth")
         lists = {"external": None if external is None else tuple(external), "truth": truth and Path(truth)}
         return cls(**{**kept, **lists})

@@ -9,7 +9,7 @@ import pytest
 
 from capture.session.session_types import CaptureSession, SphereSpec
 from lab.job import Job, Outcome, Step
-from lab.options import Settings, degrees_of
+from lab.options import NOTE, Settings, degrees_of
 from lab.plan import STEPS
 from lab.run import run_session
 from scene.camera import Camera
@@ -165,3 +165,10 @@ def test_every_file_of_a_session_counts(tmp_path, name):
     plain = marks(before, tmp_path)
     Path(tmp_path / name).write_text("something else")
     assert marks(before, tmp_path)["compare"] != plain["compare"]
+
+
+def test_a_setting_that_an_earlier_version_had_is_left(tmp_path):
+    """It was a TypeError, in every verb on such a folder."""
+    kept = Settings(method="ls")
+    record = SimpleNamespace(notes={NOTE: {**vars(kept), "exr": True}})
+    assert Settings.of(record) == kept
