@@ -29,6 +29,8 @@ SETTLED_DEG = 0.01
 STEP_PX, STEP = 4.0, 0.25
 """The longest step of the pose; of a light, in radians and as a logarithm."""
 REACH_PX = 6.0
+SURE = 2.0
+"""Standard errors by which near lights must foretell the sectors left out better."""
 KNOWN = 0.25
 """Relative sigma of their distance from which lights are taken as distant."""
 UNKNOWN_DEG = 10.0
@@ -37,8 +39,10 @@ UNKNOWN_DEG = 10.0
 PIXELS = 4000  # that are asked
 WITNESS_ROUNDS = 8  # which pixels are lit hangs on the lights' directions: they are chosen again
 DOUBT_DEG = 1.0  # sigma of the scan's normals: what all frames say of one is no light's fault
+LOOSE = 100.0  # times its sigma, by which a light may be off that the scan contradicts
 LEAST_DEG, LEAST_SHARE = 1.0, 0.05  # a turn, and a relative change of intensity, worth a word
 SIGMAS = 3.0  # of light and witness together, beyond which a light is off
+EXPLAINS = 0.2  # share of its frame's misfit, on sectors left out, that a change must explain
 
 
 class Joint(NamedTuple):
@@ -51,8 +55,13 @@ class Joint(NamedTuple):
 
     @property
     def is_near(self) -> bool:
-        """Whether sectors of the object agree how near the lights are: gloss, too, looks like lights that are near."""
-        return bool(np.median(self.deviations()[2]) < KNOWN)
+        """Whether near lights foretell sectors of the object, left out of the fit, better than distant ones.
+
+        And whether it is known how near: what gloss does to shading looks like lights at some distance, too.
+        """
+        gain = self.equations.held_out(nearness_of(self.evidence.seen.lights))
+        is_better = gain.mean() > SURE * gain.std(ddof=1) / np.sqrt(len(gain))
+        return bool(is_better and np.median(self.deviations()[2]) < KNOWN)
 
     def deviations(self) -> tuple[Array, Array, Array]:
         """Return the standard deviations (N,) of directions, degrees, one axis; of intensities and distances, relative.
@@ -143,7 +152,7 @@ class Witness(NamedTuple):
 
     change: Array  # (N, 3), see `changed`: tangents of turns to two sides, and the intensity's logarithm
     covariance: Array  # (N, 3, 3)
-    moved: NDArray[np.bool_]  # (N,) whether the scan contradicts the light
+    moved: NDArray[np.bool_]  # (N,) whether the change explains sectors that it was not fitted to
 
     @property
     def turn_deg(self) -> Array:
@@ -186,16 +195,29 @@ def ask_scan(view: View, photographs: Photographs) -> Witness:
         here = equations(found)
         step = here.lights_of(here.solve()[0])
         found = changed(found, step * min(1.0, STEP / max(float(np.abs(step).max()), 1e-12)), 1.0)
-    witness = Witness(_between(lights, found), equations(found).jackknife(), count > 0)
-    witness = witness._replace(covariance=witness.covariance + _of_the_model(witness, lights))
-    return witness._replace(moved=witness.off(lights))
+    here, change = equations(found), _between(lights, found)
+    covariance = here.jackknife()
+    gain = here.lights_held_out(_between(found, lights)).sum(0)
+    # A sample that is explained misses by its own variance.
+    moved = (count > 0) & (gain > EXPLAINS * (gain + count))
+    witness = Witness(change, covariance, moved)
+    return witness._replace(covariance=covariance + _of_the_model(witness, lights))
 
 
 def refined(lights: Lights, witness: Witness) -> Lights:
-    """Return the lights, those that the scan contradicts as it has them, each as sure as it is."""
-    moved, (across, along) = witness.moved, _sigmas(witness.covariance)
+    """Return the lights as they are by calibration and scan together, each as sure as it is.
+
+    Only lights whose change explains sectors that it was not fitted to are moved. Where the scan contradicts the
+    calibration it alone is believed; what is not known of a light is no bar.
+    """
+    moved, wide = witness.moved, np.where(witness.off(lights), LOOSE, 1.0)
+    turn = np.deg2rad(np.nan_to_num(lights.direction_sigma_deg, nan=180.0)) * wide
+    share = np.nan_to_num(lights.intensity_sigma, nan=1.0) * wide
+    known = np.stack([turn, turn, share], -1)[..., None] ** 2 * np.eye(3) + 1e-12 * np.eye(3)
+    gain = known @ np.linalg.inv(known + witness.covariance) * moved[:, None, None]
+    across, along = _sigmas(known - gain @ known)
     told = [["moved by the scan's shading"] if one else [] for one in moved]
-    better = changed(lights, np.where(moved[:, None], witness.change, 0), 1.0)
+    better = changed(lights, np.einsum("nij,nj->ni", gain, witness.change), 1.0)
     return replace(
         better,
         direction_sigma_deg=np.where(moved, np.rad2deg(across), lights.direction_sigma_deg),
