@@ -137,7 +137,7 @@ def _levels(one: Experiment, rows: Sequence[SeriesRow]) -> str:
     methods, lines = list(dict.fromkeys(row.method for row in rows)), []
     for level in dict.fromkeys(row.level for row in rows):
         own = {row.method: row for row in rows if row.level == level}
-        cells = {name: f"{row.real_mean_deg:.1f} / {row.twin_mean_deg:.1f}" for name, row in own.items()}
+        cells = {name: f"{row.real_mean_deg:.1f}/{row.twin_mean_deg:.1f}" for name, row in own.items()}
         lines.append(
             {"level": level if isinstance(level, str) else f"{level:g}", **dict.fromkeys(methods, "–"), **cells}
         )

@@ -211,7 +211,13 @@ def shown(table: Table) -> str | None:
 def _read(kind: Any, text: str) -> Any:
     """Return a cell of a CSV file as a row has it; `_plain` wrote it."""
     if isinstance(kind, UnionType):
-        return _read(get_args(kind)[0], text) if text else None
+        first, *others = get_args(kind)
+        try:
+            return _read(first, text) if text else None
+        except ValueError:
+            if str not in others:
+                raise
+            return text
     if get_origin(kind) is tuple:
         return tuple(_read(get_args(kind)[0], one) for one in text.split("; ")) if text else ()
     return text == "True" if kind is bool else kind(text)
