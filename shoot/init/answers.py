@@ -57,7 +57,7 @@ class Answers:
     white: Annotated[tuple[float, ...], diameters("Diameter of the white balls, mm.")] = ()
     unit: Annotated[
         Unit | None,
-        Parameter(help="Unit of the scan. Default: mm; m for GLB."),
+        Parameter(help="Unit of the scan. Default: found from the object's size in the picture."),
     ] = None
     focal_mm: Annotated[float | None, Parameter(help="Focal length engraved on the lens, mm. Default: EXIF's.")] = None
     sensor_mm: Annotated[float | None, Parameter(help="Width of the sensor, mm; 36 for full frame.")] = None

@@ -20,7 +20,7 @@ from capture.survey.small_pictures import Small, by_light, frames_of, of_one_siz
 from formats.picture_files import read_values
 from lab.progress import say
 from scene.camera import Camera
-from scene.errors import CalibrationError, SceneError, SessionError
+from scene.errors import AlignError, CalibrationError, SceneError, SessionError
 from scene.spheres import KINDS, Sphere
 from shoot.init.answers import Asking
 from shoot.init.draft import Draft
@@ -175,7 +175,27 @@ def _given(draft: Draft, files: FolderFiles, asking: Asking) -> Draft:
     ):
         keys[key] = name_of(paths[0], draft.folder) if paths else None
         draft = draft.noting(f"{len(paths)} {what.format(paths[0].name)}") if len(paths) > 1 else draft
-    return draft.saying("object", **keys, scan_unit=asking.said("unit") if scans else None)
+    draft = draft.saying("object", **keys)
+    if not scans:
+        return draft
+    draft = replace(draft, across_px=_across_px(draft))
+    unit = asking.answers.unit or (None if draft.likely_unit else asking.said("unit"))
+    return draft.saying("object", scan_unit=unit)
+
+
+def _across_px(draft: Draft) -> float | None:
+    """Return the object's diagonal in the picture; None where it, or every ball, is not found."""
+    from align.mask.object_mask import find_object
+
+    balls = [
+        Sphere(ball.kind, (np.array(ball.center_px) + 0.5) / draft.step - 0.5, ball.radius_px / draft.step)
+        for ball in draft.found if ball.center_px and ball.radius_px
+    ]  # fmt: skip
+    try:
+        mask = find_object(draft.small, _small_camera(draft), balls).mask if balls else None
+    except AlignError:
+        mask = None
+    return None if mask is None else draft.step * float(np.hypot(*np.ptp(np.argwhere(mask), axis=0)))
 
 
 def _with_balls(draft: Draft, files: FolderFiles, asking: Asking, found: Sequence[SphereTable] | None) -> Draft:

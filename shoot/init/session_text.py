@@ -17,7 +17,7 @@ SIGNED = "# As rgbn wrote it: "
 """What stands before the fingerprint of all that is above: a file in which nothing was changed is written anew."""
 WIDE = 112
 """Letters of a line of what is assumed."""
-BESIDE = ("frames", "spheres")
+BESIDE = ("frames", "spheres", "object.scan_unit")
 """Keys beside which stands what was found; beside others, what they are for."""
 LONGEST = 1000
 """Letters of a sentence there: names of files are as long as they like."""
@@ -79,6 +79,8 @@ def facts_of(draft: Draft) -> Iterator[tuple[str, str]]:
     for table, key in (("lights", "file"), ("object", "mask"), ("object", "scan"), ("object", "normals")):
         if name := getattr(getattr(manifest, table), key, None):
             yield f"{table}.{key}", name
+    if manifest.object.scan:
+        yield "object.scan_unit", draft.scan_told
 
 
 def _place_told(draft: Draft, ball: SphereTable) -> str:
@@ -97,7 +99,7 @@ def notes_of(draft: Draft) -> tuple[str, ...]:
 
 def _missing(draft: Draft) -> Iterator[str]:
     """Yield what a person may still tell, and what is done without it."""
-    manifest, known = draft.manifest, draft.manifest.object
+    manifest, known, unit = draft.manifest, draft.manifest.object, draft.unit
     balls = manifest.spheres
     if not manifest.lights and not known.normals and not balls:
         yield (
@@ -120,6 +122,10 @@ def _missing(draft: Draft) -> Iterator[str]:
         yield f"{suffix} values are taken as sRGB-encoded, as cameras write them; else say --linear."
     if not known.scan and not known.normals:
         yield "there is no scan: no ground truth, no twin."
-    elif known.scan and "scan_unit" not in known.model_fields_set:
-        unit = "m" if known.scan.lower().endswith(".glb") else "mm"
-        yield f"the scan's unit is not told: {unit} is taken; else say --unit."
+    elif known.scan and unit == "unknown":
+        yield "the scan's unit is not known: give it (--unit), or a ball's diameter."
+    elif known.scan and draft.likely_unit not in (None, unit):
+        yield (
+            f"the scan is {draft.scan_told}, but the object looks {draft.object_mm:.0f} mm large in the picture, as "
+            f"with unit {draft.likely_unit}. Check the unit, and the balls' diameters."
+        )

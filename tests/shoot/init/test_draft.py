@@ -15,7 +15,7 @@ from scene.files import write_png
 from scene.frames import Frames
 from shoot.init.answers import Answers, Asking
 from shoot.init.contact_sheet import contact_sheet
-from shoot.init.draft import Draft
+from shoot.init.draft import Draft, ScanSize, unit_by_size
 from shoot.init.session_text import is_unedited, notes_of, session_text, signed
 
 
@@ -40,6 +40,15 @@ def test_each_question_is_asked_once_until_its_answer_can_be_read(monkeypatch, c
     assert [asked.camera(is_known=False) for _ in ("one object", "another")] == [{}, {}]
 
 
+@pytest.mark.parametrize(
+    ("diagonal", "size", "unit"),
+    [(450, 387, "mm"), (45, 387, "cm"), (0.45, 387, "m"), (17.7, 387, "inch"), (450, None, None), (35, 500, None)],
+)
+def test_the_objects_size_tells_the_scans_unit(diagonal, size, unit):
+    """35 for 500 mm may be centimetres or inches: then none is told."""
+    assert unit_by_size(diagonal, size) == unit
+
+
 def ball(kind, u, v, radius, diameter=None):
     return SphereTable(kind=kind, center_px=[u, v], radius_px=radius, diameter_mm=diameter)
 
@@ -49,17 +58,19 @@ CHROME, SECOND, WHITE = ball("chrome", 100.0, 50.0, 38.0, 76.0), ball("chrome", 
 
 
 @pytest.fixture
-def draft(tmp_path):
-    """Balls of 1 mm a pixel."""
+def draft(tmp_path, monkeypatch):
+    """Balls of 1 mm a pixel; the object is 38 px large, of which 45 mm were scanned."""
     for name in ("flash_1", "flash_2", "flash_3", "ambient", "board_1", "board_2", "mask"):
         write_png(tmp_path / f"{name}.png", np.full((4, 6), 9, np.uint8))
     (tmp_path / "s.ply").write_bytes(b"")
+    monkeypatch.setattr("shoot.init.draft.read_scan", lambda path: ScanSize(3, (36.0, 24.0, 12.0)))
     frames = Frames.from_linear(("a", "b", "c"), np.random.default_rng(0).uniform(0, 1, (3, 60, 90, 3)))
     manifest = Manifest(
         frames=FramesTable(flash=["flash_*.png"], ambient=["ambient.png"], linear=True), spheres=[CHROME, SECOND, WHITE]
     )
-    known = Draft(manifest, tmp_path, 270, 180, frames, 3, found=(CHROME, SECOND, WHITE), notes=("left out: x.",))
-    return known.saying("object", mask="mask.png", scan="s.ply", scan_unit="mm")
+    known = Draft(manifest, tmp_path, 270, 180, frames, 3, found=(CHROME, SECOND, WHITE), across_px=38.0,
+                  notes=("left out: x.",))  # fmt: skip
+    return known.saying("object", mask="mask.png", scan="s.ply")
 
 
 def loaded(draft):
@@ -110,13 +121,14 @@ def test_circles_are_written_where_detection_would_find_others(draft, balls, wit
         (lambda one: one.saying("frames", ambient=None), "no ambient frame"),
         (lambda one: one.saying("frames", linear=False), "sRGB-encoded"),
         (lambda one: one.saying("object", scan=None), "no ground truth, no twin"),
-        (lambda one: one.saying("object", scan_unit=None), "unit is not told: mm is taken"),
+        (lambda one: one.saying("object", scan_unit="unknown"), "unit is not known"),
+        (lambda one: one.saying("object", scan_unit="m"), "unit m, but the object looks 38 mm large"),
         (lambda one: one.saying("lights", file="a.lp"), "lights are read from a.lp"),
     ],
 )
 def test_what_is_missing_is_said_until_it_is_there(draft, lacking, said):
-    assert notes_of(draft) == ("left out: x.",)
-    first, *others = notes_of(lacking(draft))
+    assert (notes_of(draft), draft.unit) == (("left out: x.",), "mm")
+    first, *others = notes_of(lacking(draft.saying("object", scan_unit="mm")))
     assert said in first
     assert others == ["left out: x."]
 
