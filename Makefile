@@ -4,19 +4,6 @@ BIN := .venv/bin
 READY := .venv/.ready
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 TEST = $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q
-# Of the system: what Open3D and Mitsuba load; with libllvm19 Mitsuba renders several times faster.
-LIBRARIES = libatomic1 libegl1 libgl1 libx11-6 libgomp1 libllvm19
-
-# Installs Debian packages that are not there, where that may be done without asking; else says how.
-define install
-	@sudo=; [ "$$(id -u)" = 0 ] || sudo="sudo -n"; \
-	for name in $(1); do \
-		dpkg -s $$name >/dev/null 2>&1 || command -v $$name >/dev/null || { \
-		echo "installing $$name"; $$sudo apt-get update -qq >/dev/null 2>&1; \
-		$$sudo apt-get install -y -qq --no-install-recommends $$name >/dev/null 2>&1 || \
-		echo "$$name is missing. Run: sudo apt-get install $$name, or your system's package of it" >&2; }; \
-	done
-endef
 
 .PHONY: setup lock demo gallery docs gates gates-compare test test-all test-full test-latest lint check clean
 
@@ -26,15 +13,13 @@ setup: $(READY)
 $(READY): pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "rgbn needs Python 3.11 or later; $(PYTHON) is older. Run: make PYTHON=/path/to/python3.11 setup" >&2; exit 2; }
-	$(call install,$(LIBRARIES))
+	@$(PYTHON) rgbn/system_libraries.py
 	@$(PYTHON) -m venv .venv || { echo "Run: sudo apt-get install python3-venv" >&2; exit 2; }
 	@echo "installing Python packages into .venv (a minute or two)"
 	@$(PIP) --require-hashes --requirement requirements.lock
 	@$(PIP) --no-deps --no-build-isolation --editable .
 	@echo "compiling the kernels (a minute or two)"
-	@place=$$(mktemp -d); names=$$($(BIN)/python -c 'from scene.method_names import METHODS; print(",".join(METHODS))'); \
-		$(BIN)/rgbn -q process fixtures/bumpy --out $$place/out --method "$$names" --engine many --error 0.05 \
-		>/dev/null 2>&1 || echo "not compiled beforehand: the first run will be slower"; rm -rf $$place
+	@$(BIN)/python -m rgbn.compile_kernels
 	@touch $(READY)
 
 # The newest versions that pyproject.toml allows, for every Python and system that it allows, with their hashes.
@@ -49,7 +34,7 @@ demo: setup
 
 # Example reports: docs/gallery.md, with the reports in docs/_gallery, from where `make docs` takes them.
 gallery: setup
-	$(call install,chromium)
+	@$(PYTHON) rgbn/system_libraries.py --browser
 	$(BIN)/python -m docs.write_gallery
 
 # The site: docs/_build/html/index.html. The pages that the code writes are written first.
@@ -66,12 +51,12 @@ gates-compare: setup
 	@$(BIN)/python -m benchmarks.gates $(OLD) $(NEW)
 
 test: setup
-	$(call install,chromium)
+	@$(PYTHON) rgbn/system_libraries.py --browser
 	$(TEST) -m "not full"
 
 # As well as what would take `make test` beyond five minutes on two cores; in one run, which makes what tests share once.
 test-all: setup
-	$(call install,chromium)
+	@$(PYTHON) rgbn/system_libraries.py --browser
 	$(TEST)
 
 test-full: setup
@@ -80,7 +65,7 @@ test-full: setup
 # Weekly: the tests of `make test` with the newest versions that pyproject.toml allows. Where they pass, `make lock`.
 test-latest: BIN := .venv-latest/bin
 test-latest:
-	$(call install,chromium)
+	@$(PYTHON) rgbn/system_libraries.py --browser
 	@$(PYTHON) -m venv --clear .venv-latest
 	@$(PIP) --editable '.[dev]'
 	$(TEST) -m "not full"
