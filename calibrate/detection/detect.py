@@ -21,7 +21,7 @@ from calibrate.detection.mirror_outline import (
 from calibrate.silhouette.ball_silhouette import TABLE_FROM_PX, OutlineFit, fit_outline
 from calibrate.silhouette.explained_profiles import law_of
 from calibrate.silhouette.mirrored_surroundings import TablePlane, shared_plane
-from calibrate.silhouette.mirrored_table import SURE, MirroredTable
+from calibrate.silhouette.mirrored_table import MirroredTable
 from draw.readable import share
 from scene.camera import Camera
 from scene.frames import Frames
@@ -154,24 +154,21 @@ def _mirrors(
     suspects: list[Suspect] = []
     tables: list[Sphere] = []
     planes: list[TablePlane] = []
-    is_sure = False
     static = static_slopes(coarse)
     for group in by_points(pointed):
         seed = group[0][0]
         if any(overlap(seed, other) for other in tables):
             continue
         about = circles_about(static, seed) or [seed]
+        # A table that one mirror shows is the others', too.
         plane, table = shared_plane(planes), None
-        # A table that one mirror shows surely is the others', too.
-        for known in ([plane] if plane else []) + ([] if is_sure else [None]):
-            for circles in (about, [circle for circle, _ in group]):
-                full = [coarse.sphere_to_full(circle) for circle in circles]
-                table = table or by_mirrored_table(frames, camera, full, blur_px=coarse.factor, plane=known)
+        for circles in (about, [circle for circle, _ in group]):
+            full = [coarse.sphere_to_full(circle) for circle in circles]
+            table = table or by_mirrored_table(frames, camera, full, blur_px=coarse.factor, plane=plane)
         some = [c for c in about[: ALIKE[0]] if c.score >= LEAST_SUPPORT] + [c for c, _ in group[: ALIKE[1]]]
         if table is not None:
             tables.append(coarse.from_full(table.sphere))
             planes.append(table.plane)
-            is_sure |= table.explained > SURE
             suspects += _mirror(coarse, change, tables[-1], table)
         for circle in some:
             suspects += _mirror(coarse, change, circle, None)

@@ -54,10 +54,11 @@ cos^2 of the angle: it shines, and the ball sees it from where the camera does n
 FLOOR_PX = 0.01  # what shifts an outline that is fitted by its profiles, beyond their residuals' scatter;
 EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35  # the same by the steepest places alone: for softness 1, of their spread
 SAME_PX = 0.3  # under which two places to start from are the same one
-INSIDE_PX, INSIDE_DOUBT_PX = 0.2, 0.25
-"""How far inside its outline, for softness 1, a mirror's steepest place lies, and how far that, or a profile of one
-reflectance, may err: a metal reflects all that meets it at its outline, and so shows no edge there. In scenes of two
-generators by others the steepest places lay 0.1 and 0.3 px inside (medians of 30 balls of 15 to 74 px)."""
+INSIDE_PX, INSIDE_DOUBT_PX, PROFILE_DOUBT_PX = 0.2, 0.25, 0.15
+"""How far inside its outline, for softness 1, a mirror's steepest place lies, and how far that may err; the same of its
+radius by profiles of one reflectance. A metal reflects all that meets it at its outline: there is no edge. In scenes of
+two generators by others the steepest places lay 0.1 and 0.3 px inside (medians of 30 balls of 15 to 74 px); by profiles
+13 of 15 radii are then within two sigma."""
 PROFILE_SHARE = 0.5  # share of what another profile would change of a mirror's outline
 BLUR_DOUBT_PX, BLUR_DOUBT = 1.3, 0.01
 """Relative error of the blur: read at a mirror's edge of radius r, the first over r; read on a matte ball."""
@@ -279,7 +280,7 @@ def _fit_mirror(read: Reader, camera: Camera, edge: OutlineFit, first: ConeFit, 
     # What the model may err by: other profiles, another blur.
     doubts = [PROFILE_SHARE * difference(first.sphere, last.sphere)]
     doubts += [difference(other.sphere, last.sphere)] if other else []
-    covariance = last.covariance + sum(np.outer(d, d) for d in doubts) + np.diag([0.0, 0.0, INSIDE_DOUBT_PX**2])
+    covariance = last.covariance + sum(np.outer(d, d) for d in doubts) + np.diag([0.0, 0.0, PROFILE_DOUBT_PX**2])
     return replace(_finished(edge, last.sphere, covariance, last.model.blur_px), is_open=edge.is_open)
 
 

@@ -53,7 +53,7 @@ TILTS, AZIMUTHS = np.tan(np.deg2rad([30, 55])), np.deg2rad(np.arange(0, 360, 60)
 HEIGHTS, SURE = (1.0, 1.6), 0.985
 """Radii from the ball's centre to the planes that are tried, at these tilts, until one explains so much of the
 profiles' variance. Where none does, no table is seen."""
-NEAREST, FARTHEST_PLANE = 0.85, 2.0
+NEAREST_PLANE, FARTHEST_PLANE = 0.85, 2.0
 """Radii from the ball's centre to its table: nearer it would cut the ball (a ring lets it in a little), and no foot on
 which a ball stands is higher."""
 TURNS, ROUGH_TURNS, LAST_TURNS = 40, 8, 20
@@ -209,7 +209,7 @@ def _settle(
         elif is_at_rest or damping > MOST_DAMPING or turn == TURNS - LAST_TURNS:
             is_last, damping, step = True, 0.0, 0 * step
         sphere, plane = moved(found.sphere, np.asarray(step[OUTLINE], np.float64)), found.plane.values + step[PLANE]
-        plane[2] = np.clip(plane[2], NEAREST, FARTHEST_PLANE)
+        plane[2] = np.clip(plane[2], NEAREST_PLANE, FARTHEST_PLANE)
         blur = float(max(found.blur_px + step[BLUR], SHARPEST_PX))
         mirror = min(max(found.mirror, REFLECTS[0]), REFLECTS[1])
     return found

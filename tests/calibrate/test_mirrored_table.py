@@ -5,6 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calibrate.detection.coarse import shrink
+from calibrate.detection.detect import _mirrors
+from calibrate.detection.evidence import bright_points, changes
 from calibrate.detection.mirror_outline import by_mirrored_table
 from calibrate.silhouette.ball_silhouette import fit_outline
 from calibrate.silhouette.mirrored_table import fit_mirrored_table
@@ -59,6 +62,23 @@ def test_of_many_circles_the_one_that_mirrors_the_table_is_found() -> None:
     assert found is not None
     assert np.abs(found.sphere.center_px - true.center_px).max() < 0.1
     assert found.sphere.radius_px == pytest.approx(r, abs=0.1)
+
+
+def test_the_circle_that_mirrors_the_table_is_found_beside_one_of_twice_its_size() -> None:
+    """Edges are sought from half of a mirror's first circle on: none was the ball's where that was larger by more."""
+    world = table_world(20001, texture="wood")
+    true, frames = world.spheres()[0], seen(world, 20001)
+    coarse = shrink(frames, CAMERA)
+    near = replace(coarse.from_full(true), radius_px=coarse.from_full(true).radius_px + 0.6)
+    change = changes(coarse)
+    points = bright_points(change, near)
+    assert points is not None
+    large = replace(near, radius_px=2.3 * near.radius_px, score=1.0)
+    track = (near.center_px + near.radius_px * points.track - large.center_px) / large.radius_px
+    suspects = _mirrors(frames, CAMERA, coarse, change, [(large, points._replace(track=track)), (near, points)])
+    (found,) = (one.table.sphere for one in suspects if one.table)
+    assert np.abs(found.center_px - true.center_px).max() < 0.1
+    assert found.radius_px == pytest.approx(true.radius_px, abs=0.1)
 
 
 @pytest.mark.full

@@ -125,7 +125,7 @@ def test_bunny_session():
     from benchmarks.calibration import TABLES
 
     (row,) = TABLES[0].measure("path-traced bunny", str(SHARED / "sessions" / "bunny"), "")
-    assert np.median(row.direction_deg) < 0.23
+    assert np.median(row.direction_deg) < 0.2
     assert np.median(np.divide(row.direction_deg, row.sigma_deg)) < 2
     assert max(row.direction_deg) < 0.5
     assert np.median(row.position_percent) < 1
