@@ -83,9 +83,11 @@ def detect(
     starts = [coarse.sphere_to_full(one.suspect.sphere) for one in chosen]
     shown = [one.suspect.table for one in chosen]
     tables = [table for table in shown if table]
-    plane, law = shared_plane([table.plane for table in tables]), law_of([table.is_fresnels for table in tables])
+    plane = shared_plane([table.plane for table in tables])
+    # Where no ball shows a table none is looked for again.
+    laws = [law_of([table.is_fresnels for table in tables])] if tables else []
     with ThreadPoolExecutor(THREADS) as threads:
-        outline = partial(fit_outline, frames, camera, search_px=coarse.search_px, plane=plane, laws=(law,))
+        outline = partial(fit_outline, frames, camera, search_px=coarse.search_px, plane=plane, laws=laws)
         fits = list(threads.map(lambda start, table: outline(start, shown=table), starts, shown))
     for one, fit in zip(chosen, fits, strict=True):
         if fit is None:

@@ -256,7 +256,7 @@ def _fit_chrome(
     tries = [(near, None, softness) for near in places]
     if shown:
         tries = [(shown.sphere, shown.plane.values, shown.blur_px), *tries]
-    for near, begin, blur_px in tries if sphere.radius_px > TABLE_FROM_PX else ():
+    for near, begin, blur_px in tries if laws and sphere.radius_px > TABLE_FROM_PX else ():
         table = fit_mirrored_table(frames, camera, near, blur_px=blur_px, plane=plane, start=begin, laws=laws)
         if table and table.explained > SURE and _apart(table.sphere, near) < farthest:
             floor = table_floor_px(table.sphere.radius_px, table.blur_px, table.plane.steepness)

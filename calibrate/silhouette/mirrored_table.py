@@ -13,7 +13,7 @@ the outline then, where they would bend a smooth profile's. The mirror's picture
 outline; so it is looked up at even steps of the ball's normal, and blurred as the camera blurs it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,9 +27,7 @@ from calibrate.silhouette.explained_profiles import (
     Law,
     coefficients,
     explain,
-    fresnel,
     outside,
-    schlick,
     without,
 )
 from calibrate.silhouette.mirrored_surroundings import (
@@ -50,9 +48,7 @@ Array = NDArray[np.float64]
 Values = NDArray[np.floating]
 FRAMES = 12  # frames that are looked at: the table is the same in all, only its shadows move
 TILTS, AZIMUTHS = np.tan(np.deg2rad([30, 55])), np.deg2rad(np.arange(0, 360, 60))
-HEIGHTS, SURE = (1.0, 1.6), 0.985
-"""Radii from the ball's centre to the planes that are tried, at these tilts, until one explains so much of the
-profiles' variance. Where none does, no table is seen."""
+SURE = 0.985  # share of the profiles' variance that a table explains which is seen
 NEAREST_PLANE, FARTHEST_PLANE = 0.85, 2.0
 """Radii from the ball's centre to its table: nearer it would cut the ball (a ring lets it in a little), and no foot on
 which a ball stands is higher."""
@@ -97,25 +93,17 @@ def fit_mirrored_table(
     `plane`: what other balls show of the table; `start` (3,): the plane to begin with, where one is known; `laws`:
     those that the metal may have. `rough`: a few turns only, enough to tell a mirror's outline from another circle.
     """
-    surroundings, best = Surroundings(frames.some(FRAMES), camera, sphere), None
-    known, left = ANY_PLANE if plane is None else plane, dict[Law, float]()
-    for law in laws[:1] if rough else laws:
-        if best:
-            starts = [(best.sphere, best.plane.values, best.blur_px)]
-        elif start is None and plane is None:
-            starts = _starts(surroundings, sphere, law, blur_px, rough=rough)
-        else:
-            starts = [(sphere, known.values if start is None else start, blur_px)]
-        for begun in starts:
-            one = _settle(surroundings, begun, known, law, rough=rough)
-            if one:
-                left[law] = min(left.get(law, 1.0), 1 - one.explained)
-                best = one if best is None or one.explained > best.explained else best
-            if one and one.explained > SURE:
-                break
-    if best is None or len(left) < 2:
+    table, known = Surroundings(frames.some(FRAMES), camera, sphere), ANY_PLANE if plane is None else plane
+    if start is None:
+        start = _rough_plane(table, sphere, blur_px, rough=rough) if plane is None else plane.values
+    best = None if start is None else _settle(table, (sphere, start, blur_px), known, laws[0], rough=rough)
+    if best is None or rough or len(laws) < 2:
         return best
-    return best._replace(is_fresnels=float(np.log(left[schlick] / left[fresnel])))
+    other = _settle(table, (best.sphere, best.plane.values, best.blur_px), known, laws[1], rough=False)
+    if other is None:
+        return best
+    is_fresnels = float(np.log((1 - other.explained) / (1 - best.explained)))
+    return max(best, other, key=lambda one: one.explained)._replace(is_fresnels=is_fresnels)
 
 
 def mirrored_share(frames: Frames, camera: Camera, sphere: Sphere, *, plane: Array, blur_px: float) -> float:
@@ -127,25 +115,15 @@ def mirrored_share(frames: Frames, camera: Camera, sphere: Sphere, *, plane: Arr
     return explained.share if explained else 0.0
 
 
-def _starts(
-    table: Surroundings, sphere: Sphere, law: Law, blur_px: float, *, rough: bool
-) -> Iterator[tuple[Sphere, Array, float]]:
-    """Yield outline, plane (3,) and blur to begin with, for each height of the plane that explains anything."""
-    for height in HEIGHTS[:1] if rough else HEIGHTS:
-        plane = _rough_plane(table, sphere, height, law, blur_px, rough=rough)
-        if plane is not None:
-            yield sphere, plane, blur_px
-
-
-def _rough_plane(
-    table: Surroundings, sphere: Sphere, height: float, law: Law, blur_px: float, *, rough: bool
-) -> Array | None:
-    """Return the best of some tilts of a table so far below the ball's centre, or None where none explains anything."""
+def _rough_plane(table: Surroundings, sphere: Sphere, blur_px: float, *, rough: bool) -> Array | None:
+    """Return the best of some tilts of a table under the ball, or None where none explains anything."""
     at, best, least = samples(sphere.radius_px, blur_px), None, np.inf
     profiles, _ = table.profiles(sphere, at)
     for x, y in [(0.0, 0.0), *((t * np.cos(a), t * np.sin(a)) for t in TILTS for a in AZIMUTHS)]:
-        plane = np.array([x, y, height])
-        explained = explain(profiles, table.mirrored_by(sphere, plane, at), law(at.middle, USUAL), at.offsets, blur_px)
+        plane = np.array([x, y, 1.0])
+        explained = explain(
+            profiles, table.mirrored_by(sphere, plane, at), LAWS[0](at.middle, USUAL), at.offsets, blur_px
+        )
         if explained and explained.hopeful:
             # Of an even table any tilt explains much: on an outline a slope must pay for itself.
             left = (1 - explained.share) * (1.0 if rough else 1 + x * x + y * y)
