@@ -23,8 +23,7 @@ DEEP_STEP = 0.015  # radii between the samples where the mirror's picture is no 
 SURROUNDINGS = 3.2  # radii around the ball's centre in which the table is looked up,
 LOOKED_UP_AT_PX = 100.0  # in a picture in which the ball is at most so large: what is mirrored is squeezed,
 SMOOTH_PX = 1.0  # with this blur: the picture's noise would pass for a slope of what is looked up
-PER_BIN = 3  # directions in which the table is looked up for each profile,
-MIDDLES = slice(PER_BIN // 2, None, PER_BIN)  # and the middle ones of them
+PER_BIN = 3  # directions in which the table is looked up for each profile
 MOVE = 1e-4  # px, of the differences by which what is looked up moves
 SLOPE_SIGMA, HEIGHT_SIGMA = 0.1, 0.05
 """How far the plane under one ball differs from that under the next, by slopes and in radii: tables are not flat, and
@@ -178,14 +177,13 @@ class Surroundings:
 
     def slopes(self, sphere: Sphere, plane: Array, at: MirroredSamples) -> Values:
         """Return (6, F, BINS, K), what `mirrored_by` shows more by (u, v, radius) and the plane's three numbers."""
-        here = self._pixels(self._looking(sphere, at), plane, at)
-        shown = np.stack([_binned(slopes) for slopes in self._look_up(here)[1]])
-        # What is looked up moves smoothly along the outline: one direction a bin tells how.
-        middle = self._looked(sphere, at, MIDDLES)
-        elsewhere = [self._pixels(self._looked(moved(sphere, e), at, MIDDLES), plane, at) for e in MOVE * np.eye(3)]
-        elsewhere += [self._pixels(middle, plane + e, at) for e in MOVE * np.eye(3)]
-        by = (np.nan_to_num((pixels - here[MIDDLES]) / MOVE).astype(np.float32) for pixels in elsewhere)
-        return np.stack([move[..., 0] * shown[0] + move[..., 1] * shown[1] for move in by])
+        looking = self._looking(sphere, at)
+        here = self._pixels(looking, plane, at)
+        shown = self._look_up(here)[1]
+        elsewhere = [self._pixels(self._looked(moved(sphere, e), at), plane, at) for e in MOVE * np.eye(3)]
+        elsewhere += [self._pixels(looking, plane + e, at) for e in MOVE * np.eye(3)]
+        by = (np.nan_to_num((pixels - here) / MOVE).astype(np.float32)[..., None] for pixels in elsewhere)
+        return np.stack([_binned(move[:, :, 0] * shown[0] + move[:, :, 1] * shown[1]) for move in by])
 
     def _pixels(self, looking: _Looking, plane: Array, at: MirroredSamples) -> Array:
         """Return the pixels (N, K, 2) that show what a ball mirrors; NaN where its rays miss the plane."""
@@ -201,8 +199,8 @@ class Surroundings:
             self.last = key, self._looked(sphere, at)
         return self.last[1]
 
-    def _looked(self, sphere: Sphere, at: MirroredSamples, some: slice = slice(None)) -> _Looking:
-        outline, normals = (array[some] for array in outline_with_normals(self.camera, sphere, PER_BIN * BINS))
+    def _looked(self, sphere: Sphere, at: MirroredSamples) -> _Looking:
+        outline, normals = outline_with_normals(self.camera, sphere, PER_BIN * BINS)
         depths = sphere.radius_px * (1 - np.sqrt(1 - at.middle**2))
         ball = sized(sphere)
         rays = mirrored_rays(self.camera, ball, outline[:, None] - depths[:, None] * normals[:, None])
