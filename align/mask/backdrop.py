@@ -135,7 +135,7 @@ def _albedo(
 
 
 def block_means(frames: Frames, factor: int) -> NDArray[np.float32]:
-    """Return (F, H // factor, W // factor) float32, the channels' and blocks' means of every frame."""
+    """Return (F, H // factor, W // factor, 3) float32, the blocks' means of every frame."""
     import cv2
 
     size = frames.width // factor, frames.height // factor
@@ -151,11 +151,11 @@ def block_means(frames: Frames, factor: int) -> NDArray[np.float32]:
         codes=np.stack([shrink(codes) for codes in frames.codes]),
         ambient=None if frames.ambient is None else shrink(frames.ambient),
     )
-    return gray(small.read())
+    return small.read()
 
 
 def bright_mean(stack: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return (h, w), the mean of each pixel's brightest quarter of frames (F, h, w).
+    """Return (h, w, ...), the mean of each pixel's brightest quarter of frames (F, h, w, ...).
 
     Cast shadows vanish from the backdrop, and the object's edge counts where it is lit: it is steeper than in the mean.
     """

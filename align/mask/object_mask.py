@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.mask.backdrop import Contradiction, block_means, bright_mean, bright_picture, contradict_backdrop
+from align.mask.cut_out import cut_out
 from align.pose.photographed import FEWEST, box_of
 from scene.camera import Camera
 from scene.errors import AlignError
@@ -53,8 +54,9 @@ def find_object(
     lies beside it is backdrop, balls and other things.
 
     The backdrop is one smooth surface: in each frame its brightness is a smooth function of the pixel, or it
-    lies in a cast shadow (`align.mask.backdrop`). The object contradicts it in many frames. The border is then put
-    where each pixel's brightest quarter of frames passes midway between its values just inside and just outside.
+    lies in a cast shadow (`align.mask.backdrop`). The object contradicts it in many frames; its colours part it from
+    what only its shadows contradict. In a large picture the border is then put where each pixel's brightest quarter of
+    frames passes midway between its values just inside and just outside.
 
     Raises
     ------
@@ -76,15 +78,15 @@ def find_object(
 
     factor = max(1, round(max(size) / WORK_SIZE))
     stack = block_means(frames, factor)
-    height, width = stack.shape[1:]
+    height, width = stack.shape[1:3]
     balls_small = _blocks(balls, factor, height, width)
     beside = np.zeros(size, bool) if box is None else _beside(box, size)
     beside_small = _blocks(beside, factor, height, width)
-    contradiction = contradict_backdrop(stack, balls_small)
+    contradiction = contradict_backdrop(stack.mean(-1), balls_small)
     balls, balls_small = balls | beside, balls_small | beside_small
     small, warnings = _choose(contradiction, balls_small, ~beside_small)
     bright = bright_mean(stack)
-    border = _sharpen(bright, _trim(bright, contradiction, small), balls_small, reach=3)
+    border = cut_out(bright, _trim(bright.mean(-1), contradiction, small), balls_small)
     if factor > 1:
         big = np.zeros(size, bool)
         blown = np.kron(border, np.ones((factor, factor), bool))
