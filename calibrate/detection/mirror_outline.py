@@ -182,8 +182,7 @@ def by_mirrored_table(
         share = partial(mirrored_share, frames.some(FEW_FRAMES), camera, plane=flat, blur_px=blur_px)
         tables += _rough(fit, sorted(circles[TRIED:], key=lambda one: -share(one))[:TRIED])
     rough = max(tables, key=lambda one: one.explained, default=None)
-    begin = rough.plane.values if rough and plane is None else None
-    best = fit(rough.sphere, start=begin) if rough else None
+    best = fit(rough.sphere) if rough else None
     if best is None or not (best.explained > SURE and _located(best)):
         return None
     seen = share_in_picture(camera, best.sphere)
