@@ -26,8 +26,7 @@ def cut_out(picture: NDArray[np.float32], piece: NDArray[np.bool_], never: NDArr
     import cv2
 
     white = max(float(np.quantile(picture[piece], 0.99)), 1e-9)
-    coded = np.sqrt(np.clip(picture / white, 0, 1)).astype(np.float32)
-    lab = cv2.cvtColor(coded, cv2.COLOR_RGB2LAB)
+    lab = cv2.cvtColor(np.sqrt(np.clip(picture / white, 0, 1)).astype(np.float32), cv2.COLOR_RGB2LAB)
     lab = np.dstack([255 / 100 * BRIGHT * lab[..., 0], 128 + COLOURFUL * lab[..., 1:]])
     depth = cv2.distanceTransform(piece.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     away = cv2.distanceTransform((~piece).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
@@ -37,6 +36,6 @@ def cut_out(picture: NDArray[np.float32], piece: NDArray[np.bool_], never: NDArr
     label[never] = cv2.GC_BGD
     label = np.ascontiguousarray(label, np.uint8)
     cv2.setRNGSeed(0)
-    none = np.zeros((1, 65))
-    cv2.grabCut(np.clip(lab, 0, 255).astype(np.uint8), label, (0, 0, 0, 0), none, none.copy(), TURNS, cv2.GC_INIT_WITH_MASK)
+    coded, none = np.clip(lab, 0, 255).astype(np.uint8), np.zeros((1, 65))
+    cv2.grabCut(coded, label, (0, 0, 0, 0), none, none.copy(), TURNS, cv2.GC_INIT_WITH_MASK)
     return (label == cv2.GC_FGD) | (label == cv2.GC_PR_FGD)
