@@ -17,8 +17,8 @@ from formats.meshes.ply import Columns, Element, read_ply, read_rows, write_ply
 from formats.meshes.polygons import check_corners, lines_of, places, read_text, strips, table, triangles, whole
 from formats.picture_files import linear_from_srgb
 from scene.errors import AlignError
+from scene.mesh import first_of_same
 from scene.reading import reading
-from scene.same_rows import first_of_same
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
