@@ -146,19 +146,22 @@ def write_npy(path: Path, array: NDArray) -> None:
 
 
 def write_png(path: Path, image: NDArray) -> None:
-    """Write an image, uint8 or uint16, (H, W) or (H, W, 3) RGB; bool becomes 0 and 255."""
+    """Write an image; see `encoded`."""
+    with write_whole(path) as file:
+        file.write(encoded(image))
+
+
+def encoded(image: NDArray, ending: str = ".png", *options: int) -> bytes:
+    """Return an image, uint8 or uint16, (H, W) or (H, W, 3) RGB, as OpenCV writes it; bool becomes 0 and 255."""
     import cv2
 
     image = np.asarray(image)
     if image.dtype == bool:
         image = image.astype(np.uint8) * 255
-    if image.ndim == 3:
-        image = image[..., ::-1]
-    done, buffer = cv2.imencode(".png", image)
+    done, buffer = cv2.imencode(ending, image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1]), options)
     if not done:
-        raise ValueError(f"{path}: {image.dtype} {image.shape} is not an image")
-    with write_whole(path) as file:
-        file.write(buffer.tobytes())
+        raise ValueError(f"{image.dtype} {image.shape} is not an image")
+    return buffer.tobytes()
 
 
 def plain(value: Any) -> Any:

@@ -22,11 +22,15 @@ from scene.lights import Lights
 from scene.normals import encode_normals
 from scene.pose import Pose
 from scene.reading import array_of, json_of, numbers, positive, reading
-from scene.spheres import Kind, Sphere
+from scene.spheres import KINDS, Sphere
 
 REMADE = "Remove it, if it is there, and run the same command again: it is made anew."
 
-_KINDS: dict[str, Kind] = {"chrome": "chrome", "white": "white"}
+MAPS = {
+    "albedo": ("albedo", np.float32), "samples": ("samples", np.uint16), "sigma_deg": ("sigma", np.float32),
+    "z_mm": ("depth", np.float32),
+}  # fmt: skip
+"""Of an estimate, but for its normals: the folder of each, and as what it is written. The last two may be unknown."""
 
 
 @dataclass(frozen=True)
@@ -106,9 +110,10 @@ class Store:
         rows = self.read_json("spheres.json")
         with self._door("spheres.json"):
             read = {
-                "kind": _KINDS.__getitem__, "center_px": lambda place: numbers(place, 2, what="center_px"),
-                "radius_px": positive, "diameter_mm": lambda size: None if size is None else positive(size),
-                "sigma_px": float, "score": float, "apart": bool, "diameter_sigma": float,
+                "kind": lambda kind: KINDS[KINDS.index(kind)],
+                "center_px": lambda place: numbers(place, 2, what="center_px"), "radius_px": positive,
+                "diameter_mm": lambda size: None if size is None else positive(size), "sigma_px": float,
+                "score": float, "apart": bool, "diameter_sigma": float,
             }  # fmt: skip
             return [Sphere(**{name: of(row[name]) for name, of in read.items()}) for row in rows]
 
@@ -181,12 +186,9 @@ class Store:
     def save_estimate(self, estimate: Estimate) -> None:
         name = estimate.method
         write_png(self.path("normals", f"{name}.png"), encode_normals(estimate.normals))
-        write_npy(self.path("albedo", f"{name}.npy"), np.asarray(estimate.albedo, np.float32))
-        write_npy(self.path("samples", f"{name}.npy"), np.asarray(estimate.samples, np.uint16))
-        maps = (("sigma", estimate.sigma_deg), ("depth", estimate.z_mm))
-        for folder, known in maps:
-            if known is not None:
-                write_npy(self.path(folder, f"{name}.npy"), np.asarray(known, np.float32))
+        for field, (folder, kind) in MAPS.items():
+            if (known := getattr(estimate, field)) is not None:
+                write_npy(self.path(folder, f"{name}.npy"), np.asarray(known, kind))
         write_npy(self.path("normals", f"{name}.npy"), np.asarray(estimate.normals, np.float32))
 
     def load_normals(self, name: str) -> NDArray[np.float32]:
@@ -200,12 +202,9 @@ class Store:
 
     def load_estimate(self, name: str, **told: Any) -> Estimate:
         """Return what `save_estimate` kept of a method; `told`: what the summary says of it, by `Estimate`'s names."""
-
-        def known(folder: str) -> NDArray | None:
-            return (
-                np.array(self.read_array(folder, f"{name}.npy")) if self.path(folder, f"{name}.npy").exists() else None
-            )
-
-        albedo, samples = (np.array(self.read_array(folder, f"{name}.npy")) for folder in ("albedo", "samples"))
-        maps = {"sigma_deg": known("sigma"), "z_mm": known("depth")}
-        return Estimate(name, self.load_normals(name), albedo, samples, **maps, **told)
+        maps = {
+            field: np.array(self.read_array(folder, f"{name}.npy"))
+            for field, (folder, _) in MAPS.items()
+            if folder in ("albedo", "samples") or self.path(folder, f"{name}.npy").exists()
+        }
+        return Estimate(name, self.load_normals(name), **maps, **told)
