@@ -74,13 +74,6 @@ def _feed(value: Any, update: Callable[[Any], Any], digest: Callable[[Path], str
         update(f"{value!r} ".encode())
 
 
-def paths_in(value: Any) -> list[Path]:
-    """Return the paths in a value, as `fingerprint` meets them."""
-    found: list[Path] = []
-    fingerprint(value, digest=found.append)
-    return found
-
-
 def blocks_digest(path: Path) -> str | None:
     """Return a hash of a file's size and of blocks all over it, which tells photographs apart; None without a file."""
     try:

@@ -69,10 +69,9 @@ def open_record(
             yield record
         finally:
             _active.remove(record)
-            # All else is saved already.
+            # All is saved already but how files looked that were read: it spares the next run reading them.
             with suppress(SceneError):
-                if record.has_learnt:
-                    record.save()
+                record.save()
 
 
 def own_folder(folder: Path, origin: Origin) -> Path:
