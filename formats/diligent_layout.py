@@ -4,7 +4,6 @@
 line a photograph), mask.png, and the true normals. What every output folder has of it is in `scene.light_text`.
 """
 
-import io
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.mat_files import bytes_of_mat
 from formats.normal_maps import read_normal_map
 from scene.errors import SceneError
 from scene.files import write_png, write_text, write_whole
@@ -30,7 +30,6 @@ NORMALS = ("Normal_gt.mat", "normal.txt", "Normal_gt.png")
 """The first of them that is there counts."""
 _UNIT = 0.01
 _WRONG_LENGTHS = 0.001
-_MAT_HEADER = b"MATLAB 5.0 MAT-file, rgbn"
 
 
 @dataclass
@@ -132,13 +131,8 @@ def write_diligent(
 
 def write_normal_mat(path: Path, normals: NDArray[np.float32]) -> None:
     """Write `Normal_gt` as DiLiGenT has it, float64, zero where there is no object; the same bytes every time."""
-    from scipy.io import savemat
-
-    stream = io.BytesIO()
-    savemat(stream, {"Normal_gt": np.nan_to_num(normals.astype(np.float64))}, do_compression=True)
     with write_whole(path) as file:
-        # Its first 116 bytes are text for people, with the hour in it.
-        file.write(_MAT_HEADER.ljust(116) + stream.getvalue()[116:])
+        file.write(bytes_of_mat({"Normal_gt": np.nan_to_num(normals.astype(np.float64))}))
 
 
 def _read_names(found: DiligentFolder) -> None:

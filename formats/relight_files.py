@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.files import write_text, write_whole
+from scene.files import write_json, write_text, write_whole
 
 Array = NDArray[np.float64]
 QUALITY = 95
@@ -80,7 +80,6 @@ def write_relight(
     """
     from PIL import Image
 
-    folder.mkdir(parents=True, exist_ok=True)
     low, high = coefficients.min((1, 2)).astype(float), coefficients.max((1, 2)).astype(float)
     scale = np.maximum(high - low, 1e-6)
     bias = -low / scale
@@ -97,7 +96,7 @@ def write_relight(
     info = {"width": width, "height": height, "format": "jpg", "type": kind, "colorspace": "rgb",
             "lights": np.round(directions, 6).ravel().tolist(), "nplanes": 3 * len(coefficients), "quality": QUALITY,
             "materials": [material]}  # fmt: skip
-    write_text(paths[1], json.dumps(info) + "\n")
+    write_json(paths[1], info)
     write_text(paths[0], PAGE.format(title=escape(title), pixel_mm=json.dumps(pixel_mm)))
     return paths
 
@@ -105,4 +104,4 @@ def write_relight(
 def tell(folder: Path, told: dict[str, float]) -> None:
     """Add to info.json, under `rgbn`, how far the picture misses the photographs; viewers pass it over."""
     info = json.loads((folder / "info.json").read_text())
-    write_text(folder / "info.json", json.dumps({**info, "rgbn": told}) + "\n")
+    write_json(folder / "info.json", {**info, "rgbn": told})
