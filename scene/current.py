@@ -125,11 +125,7 @@ def libraries() -> dict[str, str]:
 @cache
 def code_fingerprint(room: str = ROOMS[-1]) -> str:
     """Return a hash of the sources of a room and of those below it, as they were when it was first asked for."""
-    whole = hashlib.sha256()
-    for path in sources(room):
-        whole.update(f"{path.relative_to(ROOT).as_posix()} ".encode())
-        whole.update(hashlib.sha256(path.read_bytes()).digest())
-    return whole.hexdigest()
+    return fingerprint([(path.relative_to(ROOT).as_posix(), path) for path in sources(room)])
 
 
 def sources(room: str = ROOMS[-1]) -> tuple[Path, ...]:
