@@ -82,8 +82,7 @@ def _alicevision(path: Path, data: dict[str, Any]) -> Lights:
     if all("name" in row for row in rows):
         names = tuple(str(row["name"]) for row in rows)
     elif any("viewId" in row for row in rows):
-        views = [path for beside in sorted(path.parent.glob("*.sfm")) for path in view_paths(beside).items()]
-        known = {view: file for file, view in views}
+        known = {view: file for one in sorted(path.parent.glob("*.sfm")) for file, view in view_paths(one).items()}
         unknown = [str(row.get("viewId")) for row in rows if str(row.get("viewId")) not in known]
         if unknown:
             raise CalibrationError(
