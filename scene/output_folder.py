@@ -69,9 +69,10 @@ def open_record(
             yield record
         finally:
             _active.remove(record)
-            # All is saved already but how files looked that were read: it spares the next run reading them.
+            # All else is saved already.
             with suppress(SceneError):
-                record.save()
+                if record.has_learnt:
+                    record.save()
 
 
 def own_folder(folder: Path, origin: Origin) -> Path:

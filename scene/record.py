@@ -50,6 +50,8 @@ class Record:
     may have: two, while nobody knows whether a killed run had put the second in place."""
     _seen: dict[str, tuple[list[int], str]] = field(default_factory=dict)
     """How a file looked when it had this digest: inputs, and files that rgbn wrote."""
+    has_learnt: bool = False
+    """Files were read since it was saved: what they look like spares the next run reading them."""
     _work: str = ""
     process: int = field(default_factory=os.getpid)
     _guard: threading.RLock = field(default_factory=threading.RLock)
@@ -233,7 +235,7 @@ class Record:
             return known[1]
         digest = file_digest(path)
         if digest is not None and is_settled(look):
-            self._seen[name] = look, digest
+            self._seen[name], self.has_learnt = (look, digest), True
         return digest
 
     def refuse_inputs(self, paths: Iterable[Path]) -> None:
@@ -284,6 +286,7 @@ class Record:
                 text = json.dumps({**data, "digest": fingerprint(data)}, allow_nan=False)
                 path.with_suffix(".new").write_text(text)
                 os.replace(path.with_suffix(".new"), path)
+                self.has_learnt = False
             except OSError as error:
                 raise SceneError(
                     f"{path}: cannot be written ({error.strerror}). Free some space or choose another folder with "
