@@ -14,7 +14,7 @@ from capture.session.session import load_session
 from compare.report.facts import best_method, read_optional
 from compare.report.pictures import PixelBox, colour_scale_end, error_picture, with_colour_scale
 from compare.statistics.change import STATED, ChangedPlace, Tested, common_turn, fit_common, places, tested
-from formats.map_tiff import write_map
+from formats.tiff_files import write_map
 from lab.job import scan_of
 from lab.results import pixel_size_mm
 from lab.session_place import session_of

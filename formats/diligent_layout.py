@@ -4,7 +4,6 @@
 line a photograph), mask.png, and the true normals. What every output folder has of it is in `scene.light_text`.
 """
 
-import io
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.mat_files import bytes_of_mat
 from formats.normal_maps import read_normal_map
 from scene.errors import SceneError
 from scene.files import write_png, write_text, write_whole
@@ -30,7 +30,6 @@ NORMALS = ("Normal_gt.mat", "normal.txt", "Normal_gt.png")
 """The first of them that is there counts."""
 _UNIT = 0.01
 _WRONG_LENGTHS = 0.001
-_MAT_HEADER = b"MATLAB 5.0 MAT-file, rgbn"
 
 
 @dataclass
@@ -39,20 +38,18 @@ class DiligentFolder:
 
     Parameters
     ----------
-    faults, notes : list of str
-        What must be mended; what is suspicious but usable.
-    listed, files : list of str
-        What filenames.txt says; the same where all of it is there, once, else empty.
+    faults : list of str
+        What must be mended.
+    files : list of str
+        What filenames.txt says.
     directions, intensities : (N, 3) float64 or None
     mask : (H, W) bool or None
     normals : (H, W, 3) float64 or None
-        As they stand in the file; NaN where there is none.
+        Unit, in the file's axes; NaN where there is none.
     """
 
     folder: Path
     faults: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    listed: list[str] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
     directions: Array | None = None
     intensities: Array | None = None
@@ -96,7 +93,7 @@ def read_tables(folder: Path) -> DiligentFolder:
 
 
 def read_layout(folder: Path) -> DiligentFolder:
-    """Read all but the photographs' pixels; unit directions.
+    """Read all but the photographs' pixels.
 
     Raises
     ------
@@ -106,8 +103,7 @@ def read_layout(folder: Path) -> DiligentFolder:
     if not folder.is_dir():
         raise SceneError(f"{folder}: no such folder. Give one in the DiLiGenT layout (docs/guide/synthetic.md).")
     found = read_tables(folder)
-    _check_directions(found)
-    _check_intensities(found)
+    _check_lights(found)
     _read_mask(found)
     _read_normals(found)
     return found
@@ -135,77 +131,55 @@ def write_diligent(
 
 def write_normal_mat(path: Path, normals: NDArray[np.float32]) -> None:
     """Write `Normal_gt` as DiLiGenT has it, float64, zero where there is no object; the same bytes every time."""
-    from scipy.io import savemat
-
-    stream = io.BytesIO()
-    savemat(stream, {"Normal_gt": np.nan_to_num(normals.astype(np.float64))}, do_compression=True)
     with write_whole(path) as file:
-        # Its first 116 bytes are text for people, with the hour in it.
-        file.write(_MAT_HEADER.ljust(116) + stream.getvalue()[116:])
+        file.write(bytes_of_mat({"Normal_gt": np.nan_to_num(normals.astype(np.float64))}))
 
 
 def _read_names(found: DiligentFolder) -> None:
-    there = sorted(path.name for path in found.folder.glob("[0-9]*.png"))
-    count = f"{len(there)} numbered PNGs" if there else "no numbered PNG"
-    if found.lacks(FILENAMES, f"; the folder has {count}. List the photographs there, one a line."):
+    count = len(list(found.folder.glob("[0-9]*.png"))) or "no"
+    if found.lacks(FILENAMES, f"; the folder has {count} numbered PNGs. List the photographs there, one a line."):
         return
-    names = found.listed = found.read(names_in, FILENAMES) or []
+    names = found.files = found.read(names_in, FILENAMES) or []
     if not names and not found.faults:
         found.faults.append(f"{FILENAMES}: names no file. List the photographs there, one a line.")
     # `Path.is_file` raises where a name is longer than the system allows.
     absent = [name for name in names if not os.path.isfile(found.folder / name)]
-    is_off = found.tell(FILENAMES, absent, "not in the folder. Add, or cross out.")
+    found.tell(FILENAMES, absent, "not in the folder. Add, or cross out.")
     twice = sorted({name for name in names if names.count(name) > 1})
-    is_off |= found.tell(FILENAMES, twice, "on the list more than once. One line a photograph.")
-    found.files = [] if is_off else names
-    spare = [name for name in there if len(name) == len("001.png") and name not in {Path(name).name for name in names}]
-    for name in spare if names else ():
-        found.notes.append(f"{FILENAMES}: {name} is in the folder but not on the list: left out.")
+    found.tell(FILENAMES, twice, "on the list more than once. One line a photograph.")
 
 
 def _read_table(found: DiligentFolder, name: str, *beside: str) -> tuple[Array | None, str]:
+    """Return a table, and what is to be said of how it was read."""
     if found.lacks(name, ". Write three numbers a line, one line a photograph."):
         return None, ""
     table, note = found.read(table_in, name, SceneError, *beside) or (None, "")
-    if note and not beside:
-        found.notes.append(f"{name}: {note}.")
-    if table is not None and found.listed and len(table) != len(found.listed):
+    if table is None:
+        return None, ""
+    if found.files and len(table) != len(found.files):
         found.faults.append(
-            f"{name}: found {len(table)} rows, expected {len(found.listed)}, one for each line of {FILENAMES}. Add or "
+            f"{name}: found {len(table)} rows, expected {len(found.files)}, one for each line of {FILENAMES}. Add or "
             "remove rows; their order is that of the list."
         )
         return None, note
-    wrong = [] if table is None else np.flatnonzero(~np.isfinite(table).all(1)) + 1
+    wrong = np.flatnonzero(~np.isfinite(table).all(1)) + 1
     return None if found.tell(f"{name}, row", wrong, "not finite. Give every light its numbers.") else table, note
 
 
-def _check_directions(found: DiligentFolder) -> None:
-    name, table = DIRECTIONS, found.directions
-    if table is None:
+def _check_lights(found: DiligentFolder) -> None:
+    if (table := found.intensities) is not None:
+        low = np.flatnonzero((table <= 0).any(1)) + 1
+        found.tell(f"{INTENSITIES}, row", low, "not above 0. Give R G B of each light.")
+    if (table := found.directions) is None:
         return
-    length = np.linalg.norm(table, axis=1)
-    off = np.flatnonzero(np.abs(length - 1) > _UNIT) + 1
-    if len(off):
-        places = " They look like positions: this layout holds directions." if np.median(length) > 3 else ""
-        found.faults.append(
-            f"{name}: row {listed(off)} {'has' if len(off) == 1 else 'have'} the length {length[off[0] - 1]:.4g}"
-            f"{' (the first)' if len(off) > 1 else ''}, expected 1: unit vectors toward the lights.{places} Divide "
-            "each row by its length."
-        )
-    if not length.all():
-        found.directions = None
+    off = np.flatnonzero(np.abs(np.linalg.norm(table, axis=1) - 1) > _UNIT) + 1
+    words = "not of length 1. Give unit vectors toward the lights, not positions; divide each row by its length."
+    if found.tell(f"{DIRECTIONS}, row", off, words):
         return
-    table = found.directions = table / length[:, None]
     try:
         Lights(("",) * len(table), table, np.ones_like(table)).check()
     except SceneError as error:
-        found.faults.append(f"{name}: {error}")
-
-
-def _check_intensities(found: DiligentFolder) -> None:
-    low = [] if found.intensities is None else np.flatnonzero((found.intensities <= 0).any(1)) + 1
-    if found.tell(f"{INTENSITIES}, row", low, "not above 0. Give R G B of each light."):
-        found.intensities = None
+        found.faults.append(f"{DIRECTIONS}: {error}")
 
 
 def _read_mask(found: DiligentFolder) -> None:
@@ -213,14 +187,10 @@ def _read_mask(found: DiligentFolder) -> None:
         return
     if (read := found.read(read_pixels, MASK)) is None:
         return
-    image, _ = read
-    values = image.reshape(*image.shape[:2], -1)[..., :3].max(-1)
-    low, high = int(values.min()), int(values.max())
-    if low < high:
-        found.mask = values > (low + high) / 2
-        return
-    kind = "white" if high else "black"
-    found.faults.append(f"mask.png: all {kind}. Expected white where the object is, black elsewhere.")
+    values = read[0].reshape(*read[0].shape[:2], -1)[..., :3].max(-1)
+    mask = found.mask = values > (int(values.min()) + int(values.max())) / 2
+    if not mask.any():
+        found.faults.append(f"{MASK}: of one value everywhere. Expected white where the object is, black elsewhere.")
 
 
 def _read_normals(found: DiligentFolder) -> None:
@@ -228,25 +198,17 @@ def _read_normals(found: DiligentFolder) -> None:
     name = found.normals_name or NORMALS[0]
     if found.lacks(name, do) or found.mask is None:
         return
-    height, width = found.mask.shape
-    values = found.read(read_normal_map, name, height, width)
-    if values is None:
+    if (values := found.read(read_normal_map, name, *found.mask.shape)) is None:
         return
-    values = values.astype(np.float64)
-    bad = np.asarray(~np.isfinite(values).all(-1))
-    length: Array = np.asarray(np.linalg.norm(np.where(bad[..., None], 0, values), axis=-1))
-    known = length > 0.1
+    length: Array = np.asarray(np.linalg.norm(values.astype(np.float64), axis=-1, keepdims=True))
+    known = np.isfinite(length) & (length > 0.1)
     if not known.any():
         found.faults.append(f"{name}: no pixel has a normal (all are zero or no numbers).")
         return
-    tolerance = 0.05 if name.endswith(".png") else _UNIT
-    off = np.abs(length[known] - 1) > tolerance
+    off = np.abs(length[known] - 1) > (0.05 if name.endswith(".png") else _UNIT)
     if off.mean() > _WRONG_LENGTHS:
         found.faults.append(
             f"{name}: {off.mean():.1%} of the vectors are not of length 1 (median length "
             f"{np.median(length[known]):.4g}). Divide each by its length; where there is none, write 0 0 0."
         )
-    holes = int((bad & found.mask).sum())
-    if holes and not name.endswith(".png"):
-        found.notes.append(f"{name}: {holes} pixels under the mask are NaN or infinite: no normal.")
-    found.normals = np.where(known[..., None], values / np.maximum(length, 1e-9)[..., None], np.nan)
+    found.normals = np.where(known, values / np.where(known, length, 1), np.nan)

@@ -39,18 +39,14 @@ def read_normal_map(path: Path, height: int, width: int) -> NDArray:
         raise SceneError(f"{path}: cannot read normals with the ending {suffix!r}; expected {', '.join(SUFFIXES)}.")
     with reading(path, "cannot be read as a normal map", do="Save it again."):
         values = readers[suffix](path)
-    if suffix == ".txt":
-        if values.shape != (height * width, 3):
-            raise SceneError(
-                f"{path}: found {values.shape[0]} rows of {values.shape[1]} numbers, expected {height * width} rows "
-                f"of 3 ({height} x {width} pixels, row by row)."
-            )
+    if suffix == ".txt" and values.shape == (height * width, 3):
         values = values.reshape(height, width, 3)
     if values.shape != (height, width, 3):
         turned = values.shape == (width, height, 3)
+        hint = f", or {height * width} rows of 3 in a .txt" if suffix == ".txt" else ""
         raise SceneError(
             f"{path}: found an array of {' x '.join(map(str, values.shape))}, expected {height} x {width} x 3, the "
-            f"size of the frames.{' It is transposed: store rows as the photographs lie.' if turned else ''}"
+            f"size of the frames{hint}.{' It is transposed: store rows as the photographs lie.' if turned else ''}"
         )
     return values
 

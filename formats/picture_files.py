@@ -62,7 +62,7 @@ def read_picture(path: Path, encoding: str | None = None) -> Picture:
         raise RenderError(f"{path}: not found.")
     if path.suffix.lower() not in SUFFIXES:
         raise RenderError(f"{path}: not a picture that is read here; expected one of {', '.join(SUFFIXES)}.")
-    values, white = _read(path)
+    values, white = read_values(path, RenderError)
     if values.ndim == 2:
         values = values[..., None]
     if values.ndim == 3 and values.shape[2] == 4:
@@ -82,23 +82,18 @@ def read_picture(path: Path, encoding: str | None = None) -> Picture:
     return np.ascontiguousarray(linear, np.float32)
 
 
-def _read(path: Path) -> tuple[NDArray, int]:
-    """Return the values of a picture, and that of white."""
-    if path.suffix.lower() != ".npy":
-        return read_values(path, RenderError)
-    values = array_of(path, "cannot be read as a picture", RenderError)
-    return values, np.iinfo(values.dtype).max if values.dtype.kind in "iu" else 1
-
-
 def read_values(path: Path, error: type[SceneError], **how: str) -> tuple[NDArray, int]:
     """Return the values of a picture of any kind as they lie in the file, and that of white, 1 of floating point.
 
-    No colour profile is applied, and no orientation. What the file is, is told by its first bytes, not by its name.
-    See `scene.image_files.read_pixels` for the parameters.
+    No colour profile is applied, and no orientation. What a file is, but for .npy, is told by its first bytes, not by
+    its name. See `scene.image_files.read_pixels` for the parameters.
     """
     with reading(path, **{"fault": "cannot be read as a picture", "do": "Save it again.", **how}, error=error):
         with path.open("rb") as file:
             start = file.read(4)
+        if path.suffix.lower() == ".npy":
+            values = array_of(path, "cannot be read as a picture", error)
+            return values, np.iinfo(values.dtype).max if values.dtype.kind in "iu" else 1
         if start == EXR:
             return _read_exr(path, error), 1
         if start[:2] in (b"II", b"MM"):

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.files import write_text, write_whole
+from scene.files import write_json, write_text, write_whole
 
 Array = NDArray[np.float64]
 QUALITY = 95
@@ -72,6 +72,7 @@ def write_relight(
     """Write index.html, a page for OpenLIME, info.json, plane_0.jpg and so on.
 
     coefficients : (K, h, w, 3) float32
+        Written over by what a viewer has of the files: it shows the sum times `terms`, cut off at 0 and 1.
     directions : (F, 3)
         Of the lights that they were fitted to.
     pixel_mm : float or None
@@ -79,9 +80,9 @@ def write_relight(
     """
     from PIL import Image
 
-    folder.mkdir(parents=True, exist_ok=True)
     low, high = coefficients.min((1, 2)).astype(float), coefficients.max((1, 2)).astype(float)
     scale = np.maximum(high - low, 1e-6)
+    bias = -low / scale
     height, width = coefficients.shape[1:3]
     paths = [folder / "index.html", folder / "info.json"]
     for index, plane in enumerate(coefficients):
@@ -89,11 +90,13 @@ def write_relight(
         paths.append(folder / f"plane_{index}.jpg")
         with write_whole(paths[-1]) as file:
             Image.fromarray(codes).save(file, "JPEG", quality=QUALITY, subsampling=0)
-    material = {"scale": scale.ravel().tolist(), "bias": (-low / scale).ravel().tolist()}
+        shown = np.asarray(Image.open(paths[-1]), np.float32) / 255
+        plane[:] = (shown - bias[index].astype(np.float32)) * scale[index].astype(np.float32)
+    material = {"scale": scale.ravel().tolist(), "bias": bias.ravel().tolist()}
     info = {"width": width, "height": height, "format": "jpg", "type": kind, "colorspace": "rgb",
             "lights": np.round(directions, 6).ravel().tolist(), "nplanes": 3 * len(coefficients), "quality": QUALITY,
             "materials": [material]}  # fmt: skip
-    write_text(paths[1], json.dumps(info) + "\n")
+    write_json(paths[1], info)
     write_text(paths[0], PAGE.format(title=escape(title), pixel_mm=json.dumps(pixel_mm)))
     return paths
 
@@ -101,18 +104,4 @@ def write_relight(
 def tell(folder: Path, told: dict[str, float]) -> None:
     """Add to info.json, under `rgbn`, how far the picture misses the photographs; viewers pass it over."""
     info = json.loads((folder / "info.json").read_text())
-    write_text(folder / "info.json", json.dumps({**info, "rgbn": told}) + "\n")
-
-
-def read_relight(folder: Path) -> tuple[str, NDArray[np.float32]]:
-    """Return the kind of the terms, and their coefficients (K, h, w, 3), as a viewer has them of the files.
-
-    What it shows under a light is the sum of coefficients times `terms`, cut off at 0 and 1.
-    """
-    from PIL import Image
-
-    info = json.loads((folder / "info.json").read_text())
-    scale, bias = (np.array(info["materials"][0][name], np.float32).reshape(-1, 3) for name in ("scale", "bias"))
-    planes = (np.asarray(Image.open(folder / f"plane_{k}.jpg"), np.float32) / 255 for k in range(len(scale)))
-    values = [(plane - b) * s for plane, s, b in zip(planes, scale, bias, strict=True)]
-    return info["type"], np.stack(values).astype(np.float32, copy=False)
+    write_json(folder / "info.json", {**info, "rgbn": told})

@@ -1,12 +1,11 @@
 """AliceVision's SfMData (.sfm) of photographs from one place: views, one camera, one pose, for Meshroom."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
 from scene.camera import Camera
 from scene.errors import CalibrationError
-from scene.files import write_text
+from scene.files import write_json
 
 VERSION = ["1", "2", "6"]
 SENSOR_MM = 36.0
@@ -51,6 +50,5 @@ def write_sfm(path: Path, camera: Camera, photographs: Sequence[Path]) -> list[s
     turn = {"rotation": ["1", "0", "0", "0", "1", "0", "0", "0", "1"], "center": ["0", "0", "0"]}
     pose = {"poseId": "1", "pose": {"transform": turn, "locked": "1"}}
     data = {"version": VERSION, "views": views, "intrinsics": [intrinsic], "poses": [pose]}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_text(path, json.dumps(data, indent=1) + "\n")
+    write_json(path, data)
     return [f"cameras.sfm: its camera is from {camera.source}"]

@@ -1,7 +1,12 @@
-"""TIFF files: what a picture is, is read from its tags; tifffile decodes it, and applies none of them."""
+"""TIFF files: what a picture is, is read from its tags; tifffile decodes it, and applies none of them.
 
+Maps of an object are written as measuring and mapping programs open them: values, and the size of a pixel.
+"""
+
+import json
 import logging
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import SceneError
+from scene.files import write_text, write_whole
 from scene.image_files import check_size
 
 # What it would print of damaged headers, the reader says in one message.
@@ -19,6 +25,8 @@ COPY = 0b1101
 ALIKE = 0.3
 """Share of the largest page's area from which another page is a picture too: a pyramid's next level has a quarter."""
 PHOTOMETRIC, YCBCR, JPEG, FLOAT = 262, 6, 7, 3
+CENTIMETRE = 3
+"""ResolutionUnit [Adobe1992]."""
 SAMPLES = {0: 1, 1: 1, 2: 3, 3: 1, YCBCR: 3}
 """Of a pixel, by PhotometricInterpretation: MinIsWhite, MinIsBlack, RGB, palette; YCbCr, undone by JPEG's decoder."""
 READ = (
@@ -128,3 +136,42 @@ def _area(page: Any) -> int:
 def named(value: Any) -> str:
     """Return the name of a tag's value, the value itself where it has none."""
     return str(getattr(value, "name", value))
+
+
+def write_map(
+    path: Path, values: NDArray, told: Mapping[str, Any], pixel_mm: float | None, *, world_mm: float = 1.0, **tags: Any
+) -> list[Path]:
+    """Write a map as TIFF, and a world file beside it where a pixel has a size; return both.
+
+    Parameters
+    ----------
+    path : Path
+        .tif
+    values : (H, W) or (H, W, 3), uint16 or float32
+        NaN where unknown, of whole numbers 0.
+    told : mapping
+        What the values mean: JSON in the tag ImageDescription.
+    pixel_mm : float or None
+        On the object. It goes into XResolution and YResolution, pixels a centimetre, and into the .tfw: x to the right
+        and y up, from the middle of the picture's first pixel.
+    world_mm : float
+        Unit of the .tfw.
+    **tags
+        Of `tifffile.imwrite`, as `iccprofile`.
+    """
+    import tifffile
+
+    kind = "rgb" if values.ndim == 3 else "minisblack"
+    size = {} if pixel_mm is None else {"resolution": (10 / pixel_mm,) * 2, "resolutionunit": CENTIMETRE}
+    with write_whole(path) as file:
+        tifffile.imwrite(
+            file, np.ascontiguousarray(values), photometric=kind, description=json.dumps(told), metadata=None,
+            compression="zlib", predictor=values.dtype.kind == "u", software="rgbn", **size, **tags,
+        )  # fmt: skip
+    world = path.with_suffix(".tfw")
+    if pixel_mm is None:
+        return [path]
+    # Across, two turns, down, and the middle of the first pixel.
+    pixel = pixel_mm / world_mm
+    write_text(world, "".join(f"{number:.9g}\n" for number in (pixel, 0, 0, -pixel, 0, 0)))
+    return [path, world]

@@ -107,13 +107,7 @@ def _key(key: str) -> str:
 
 def toml_value(value: Any) -> str:
     """Return a text, a number, a truth value or a list of them as TOML."""
-    if isinstance(value, list):
-        parts = [toml_value(part) for part in value]
-        if len(value) > 4 and isinstance(value[0], str):
-            # Files' names: one a line.
-            return "[\n" + "".join(f"  {part},\n" for part in parts) + "]"
-        return f"[{', '.join(parts)}]"
-    if isinstance(value, str):
-        # JSON escapes what TOML does, but for this one; in ASCII it would write surrogates, which TOML has not.
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    return str(value).lower() if isinstance(value, bool) else repr(value)
+    # Files' names: one a line.
+    is_long = isinstance(value, list) and len(value) > 4 and isinstance(value[0], str)
+    # JSON writes these as TOML does, but for one letter; in ASCII it would write surrogates, which TOML has not.
+    return json.dumps(value, ensure_ascii=False, indent=2 if is_long else None).replace("\x7f", "\\u007f")

@@ -29,7 +29,7 @@ UNITS = {"sigma": "degrees, one standard deviation of the normal", "depth": "mm,
 
 def results(job: Job) -> Outcome:
     """Write each method's maps, and one method's surface."""
-    from formats.map_tiff import write_map
+    from formats.tiff_files import write_map
 
     store, axes = job.store, job.settings.normals or "opengl"
     camera, lights, colours = store.load_camera(), store.load_lights(), albedo_colours(job)
@@ -107,9 +107,9 @@ def _write_surface(
 ) -> dict[str, Any]:
     """Write the surface of one of the methods as PLY and GLB, its depth as a map; return what is to be said of it."""
     from compare.report.pictures import PixelBox
-    from formats.map_tiff import write_map
-    from formats.meshes.glb_files import textured, write_glb
+    from formats.meshes.glb_files import write_glb
     from formats.picture_files import srgb_from_linear
+    from formats.tiff_files import write_map
     from solve.surface.solved_surface import solved_surface
 
     store = job.store
@@ -127,7 +127,7 @@ def _write_surface(
     picture = np.round(255 * shown).astype(np.uint8)
     size = shrink * np.array([picture.shape[1], picture.shape[0]])
     texcoords = (np.stack([u - box.left, v - box.top], 1) + 0.5 * shrink) / size
-    write_glb(glb, textured(mesh.vertices, mesh.faces, mesh.normals, texcoords, {"baseColorTexture": picture}))
+    write_glb(glb, mesh.vertices, mesh.faces, mesh.normals, texcoords, picture)
     written += [ply, glb]
     if not store.path("depth", f"{found.method}.npy").exists():
         told = {"map": "depth", "method": found.method, "value": f"mm, z; {found.scale}"}

@@ -51,14 +51,16 @@ def open_job(
     from lab.job import Job
     from lab.progress import say
     from lab.run_log import logged
-    from scene.current import paths_in
+    from scene.current import fingerprint
     from scene.output_folder import open_record
 
     # Before anything is written.
     _ = said.methods(), said.programs()
     place, folder = session_and_out(session_path, out)
     session = load_session(place)
-    files = tuple(paths_in(session))
+    files: list[Path] = []
+    # Its paths, as its fingerprint meets them.
+    fingerprint(session, digest=files.append)
     with (
         open_record(folder, origin=origin_of(session, place), inputs=files, input_folders=[session.folder]) as record,
         logged(record),

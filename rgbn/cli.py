@@ -278,7 +278,7 @@ def main() -> None:
     """Run the command line; `rgbn.exit_codes` says what each end is told by."""
     open_streams()
     try:
-        from scene.rooms import check_rooms
+        from scene.current import check_rooms
 
         check_rooms()
         check_words(sys.argv[1:])

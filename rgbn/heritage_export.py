@@ -17,8 +17,8 @@ from compare.report.facts import all_warnings
 from compare.report.pictures import Exposure, colour_scale_end, error_picture
 from formats.iiif_files import write_manifest, write_tiles
 from formats.light_files.light_formats import export_lights
-from formats.map_tiff import write_map
 from formats.picture_files import srgb_from_linear, srgb_profile
+from formats.tiff_files import write_map
 from lab.colours import Colours, albedo_colours
 from lab.job import Job
 from lab.plan import ARCHIVED, STEPS

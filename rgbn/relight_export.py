@@ -61,7 +61,7 @@ def export_relight(store: Any, name: str) -> tuple[list[Path], list[str]]:
     """
     from compare.report.pictures import Exposure
     from formats.picture_files import srgb_from_linear
-    from formats.relight_files import read_relight, tell, terms, write_relight
+    from formats.relight_files import tell, terms, write_relight
     from lab.results import pixel_size_mm
 
     frames, lights, camera = store.load_frames(), store.load_lights(), store.load_camera()
@@ -86,18 +86,16 @@ def export_relight(store: Any, name: str) -> tuple[list[Path], list[str]]:
     coefficients = np.stack([np.einsum("kf,fwc->kwc", inverse, pictures(row)) for row in rows], 1)
     pixel_mm = pixel_size_mm(camera, lights)
     paths = write_relight(folder, name, kind, coefficients, lights.directions, pixel_mm and step * pixel_mm)
-    del coefficients
     # By the files: what eight bits and JPEG cost is in it.
-    _, shown = read_relight(folder)
     squares = [
-        float(np.mean((np.clip(np.einsum("fk,kwc->fwc", matrix, shown[:, i]), 0, 1) - pictures(row)) ** 2))
+        float(np.mean((np.clip(np.einsum("fk,kwc->fwc", matrix, coefficients[:, i]), 0, 1) - pictures(row)) ** 2))
         for i, row in enumerate(rows)
     ]
     rms = float(np.sqrt(np.mean(squares)))
     tell(folder, {"rms": rms, "left_out_rms": left_out})
     notes = [
-        f"relight: {kind}, {len(shown)} terms; misses the photographs by {100 * rms:.1f} % of white (rms, sRGB), "
-        f"photographs that it was not fitted to by {100 * left_out:.1f} %",
+        f"relight: {kind}, {len(coefficients)} terms; misses the photographs by {100 * rms:.1f} % of white (rms, "
+        f"sRGB), photographs that it was not fitted to by {100 * left_out:.1f} %",
         f"relight: {folder.name}/index.html shows it with OpenLIME's openlime.min.js, skin.svg and skin.css beside it, "
         "served over http",
     ]

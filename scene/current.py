@@ -1,6 +1,7 @@
 """What tells whether a result is current: one fingerprint of the inputs, of the code and of the libraries."""
 
 import hashlib
+import importlib.util
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -12,6 +13,8 @@ from platform import python_version
 from typing import Any
 
 import numpy as np
+
+from scene.errors import SceneError
 
 ROOMS = (
     "draw", "scene", "formats", "capture", "calibrate", "align", "solve", "twin", "compare", "lab", "shoot",
@@ -71,13 +74,6 @@ def _feed(value: Any, update: Callable[[Any], Any], digest: Callable[[Path], str
         update(f"{value!r} ".encode())
 
 
-def paths_in(value: Any) -> list[Path]:
-    """Return the paths in a value, as `fingerprint` meets them."""
-    found: list[Path] = []
-    fingerprint(value, digest=found.append)
-    return found
-
-
 def blocks_digest(path: Path) -> str | None:
     """Return a hash of a file's size and of blocks all over it, which tells photographs apart; None without a file."""
     try:
@@ -129,14 +125,31 @@ def libraries() -> dict[str, str]:
 @cache
 def code_fingerprint(room: str = ROOMS[-1]) -> str:
     """Return a hash of the sources of a room and of those below it, as they were when it was first asked for."""
-    whole = hashlib.sha256()
-    for path in sources(room):
-        whole.update(f"{path.relative_to(ROOT).as_posix()} ".encode())
-        whole.update(hashlib.sha256(path.read_bytes()).digest())
-    return whole.hexdigest()
+    return fingerprint([(path.relative_to(ROOT).as_posix(), path) for path in sources(room)])
 
 
 def sources(room: str = ROOMS[-1]) -> tuple[Path, ...]:
     """Return all files of a room and of those below it, sorted."""
     every = (path for one in ROOMS[: ROOMS.index(room) + 1] for path in (ROOT / one).rglob("*"))
     return tuple(sorted(path for path in every if "__pycache__" not in path.parts and path.is_file()))
+
+
+def check_rooms() -> None:
+    """Raise when another distribution owns one of the folders' import names.
+
+    Raises
+    ------
+    SceneError
+        Names the folder, where it was found and whose it is.
+    """
+    for room in ROOMS:
+        found = importlib.util.find_spec(room)
+        place = Path(found.origin).resolve().parent if found and found.origin else None
+        if place == ROOT / room:
+            continue
+        owners = sorted({*metadata.packages_distributions().get(room, ())} - {"rgbn"})
+        raise SceneError(
+            f"The import name {room!r} belongs to {', '.join(owners) or 'an unknown package'} here ({place}), not to "
+            f"rgbn ({ROOT / room}). rgbn is an application and wants an environment of its own: run `make setup` in "
+            "its folder."
+        )

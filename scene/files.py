@@ -9,7 +9,6 @@ import json
 import os
 import shutil
 from collections.abc import Iterator
-from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -147,35 +146,26 @@ def write_npy(path: Path, array: NDArray) -> None:
 
 
 def write_png(path: Path, image: NDArray) -> None:
-    """Write an image, uint8 or uint16, (H, W) or (H, W, 3) RGB; bool becomes 0 and 255."""
+    """Write an image; see `encoded`."""
+    with write_whole(path) as file:
+        file.write(encoded(image))
+
+
+def encoded(image: NDArray, ending: str = ".png", *options: int) -> bytes:
+    """Return an image, uint8 or uint16, (H, W) or (H, W, 3) RGB, as OpenCV writes it; bool becomes 0 and 255."""
     import cv2
 
     image = np.asarray(image)
     if image.dtype == bool:
         image = image.astype(np.uint8) * 255
-    if image.ndim == 3:
-        image = image[..., ::-1]
-    done, buffer = cv2.imencode(".png", image)
+    done, buffer = cv2.imencode(ending, image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1]), options)
     if not done:
-        raise ValueError(f"{path}: {image.dtype} {image.shape} is not an image")
-    with write_whole(path) as file:
-        file.write(buffer.tobytes())
+        raise ValueError(f"{image.dtype} {image.shape} is not an image")
+    return buffer.tobytes()
 
 
 def plain(value: Any) -> Any:
     """Turn arrays, paths and dataclass values into JSON; NaN and infinity become null."""
-    if is_dataclass(value) and not isinstance(value, type):
-        value = asdict(value)
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    if isinstance(value, Path):
-        return str(value)
-    return value
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(Any).dump_python(value, mode="json", fallback=lambda array: array.tolist())

@@ -87,24 +87,19 @@ def lp_file(files: Sequence[str], lights: Lights) -> dict[str, str]:
 
 def lights_json(lights: Lights) -> dict[str, Any]:
     """Return what lights.json holds: see `scene.store.Store.save_lights`, which writes it; unknown directions null."""
-    rows = zip(
-        lights.names,
-        [None] * len(lights) if lights.is_unknown else lights.directions,
-        [None] * len(lights) if lights.positions_mm is None else lights.positions_mm,
-        lights.intensities,
-        lights.direction_sigma_deg,
-        lights.intensity_sigma,
-        lights.flags,
-        strict=True,
-    )
-    keys = ("name", "direction", "position_mm", "intensity", "direction_sigma_deg", "intensity_sigma", "flags")
-    return {
-        "frames": [dict(zip(keys, row, strict=True)) for row in rows],
-        "reference_point_mm": lights.reference_point_mm,
-        "ambient": lights.ambient,
-        "white_value": lights.white_value,
-        "model": lights.model,
+    columns = {
+        "name": lights.names,
+        "direction": None if lights.is_unknown else lights.directions,
+        "position_mm": lights.positions_mm,
+        "intensity": lights.intensities,
+        "direction_sigma_deg": lights.direction_sigma_deg,
+        "intensity_sigma": lights.intensity_sigma,
+        "flags": lights.flags,
     }
+    known = [[None] * len(lights) if column is None else column for column in columns.values()]
+    whole = ("reference_point_mm", "ambient", "white_value", "model")
+    rows = [dict(zip(columns, row, strict=True)) for row in zip(*known, strict=True)]
+    return {"frames": rows, **{name: getattr(lights, name) for name in whole}}
 
 
 def lights_of_json(data: dict[str, Any]) -> Lights:

@@ -5,6 +5,7 @@ import base64
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.files import encoded
 from scene.normals import unit
 
 Image = NDArray[np.uint8]
@@ -43,10 +44,5 @@ def data_uri(image: Image, *, photograph: bool) -> str:
     """Return the image (h, w, 3) RGB as a data URI: JPEG for photographs, PNG for maps."""
     import cv2
 
-    kind, options = "png", [cv2.IMWRITE_PNG_COMPRESSION, 9]
-    if photograph:
-        kind, options = "jpeg", [cv2.IMWRITE_JPEG_QUALITY, 86]
-    done, buffer = cv2.imencode(f".{kind}", np.ascontiguousarray(image[..., ::-1]), options)
-    if not done:
-        raise ValueError(f"{image.dtype} {image.shape} is not an image")
-    return f"data:image/{kind};base64,{base64.b64encode(buffer.tobytes()).decode()}"
+    how = ("jpeg", cv2.IMWRITE_JPEG_QUALITY, 86) if photograph else ("png", cv2.IMWRITE_PNG_COMPRESSION, 9)
+    return f"data:image/{how[0]};base64,{base64.b64encode(encoded(image, f'.{how[0]}', *how[1:])).decode()}"

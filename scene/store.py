@@ -3,7 +3,8 @@
 Steps hand over through this folder, and so each can be run again alone.
 """
 
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -22,11 +23,15 @@ from scene.lights import Lights
 from scene.normals import encode_normals
 from scene.pose import Pose
 from scene.reading import array_of, json_of, numbers, positive, reading
-from scene.spheres import Kind, Sphere
+from scene.spheres import KINDS, Sphere
 
 REMADE = "Remove it, if it is there, and run the same command again: it is made anew."
 
-_KINDS: dict[str, Kind] = {"chrome": "chrome", "white": "white"}
+MAPS = {
+    "albedo": ("albedo", np.float32), "samples": ("samples", np.uint16), "sigma_deg": ("sigma", np.float32),
+    "z_mm": ("depth", np.float32),
+}  # fmt: skip
+"""Of an estimate, but for its normals: the folder of each, and as what it is written. The last two may be unknown."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +50,12 @@ class Store:
         """Return an array of the folder as a memory map."""
         return array_of(self.path(*parts), do=REMADE)
 
-    def _door(self, *parts: str) -> AbstractContextManager[None]:
-        return reading(self.path(*parts), "is damaged", do=REMADE)
+    @contextmanager
+    def _opened(self, name: str) -> Iterator[Any]:
+        """Give what a JSON file holds; whatever the block stumbles over in it is told as damage."""
+        data = self.read_json(name)
+        with reading(self.path(name), "is damaged", do=REMADE):
+            yield data
 
     def _stack_shape(self) -> tuple[int, ...] | None:
         """Return the shape of the frames (F, H, W, 3) in this folder, or of those that this folder lies in."""
@@ -74,8 +83,8 @@ class Store:
         write_json(self.path("frames", "frames.json"), {**told, "has_ambient": frames.ambient is not None})
 
     def load_frames(self) -> Frames:
-        header, codes = self.read_json("frames/frames.json"), self.read_array("frames", "codes.npy")
-        with self._door("frames", "frames.json"):
+        with self._opened("frames/frames.json") as header:
+            codes = self.read_array("frames", "codes.npy")
             names, saturation = tuple(map(str, header["names"])), header["saturation"]
             if codes.dtype not in (np.uint16, np.float16) or codes.ndim != 4 or codes.shape[3] != 3:
                 raise ValueError(f"codes.npy beside it holds {codes.dtype} {codes.shape}")
@@ -89,8 +98,7 @@ class Store:
         write_json(self.path("camera.json"), asdict(camera))
 
     def load_camera(self) -> Camera:
-        data = self.read_json("camera.json")
-        with self._door("camera.json"):
+        with self._opened("camera.json") as data:
             numbers([data[name] for name in ("width", "height", "fx", "fy", "cx", "cy")], 6, what="width to cy")
             camera = Camera(**{**data, "distortion": tuple(data["distortion"])})
             self._of_frames_size(self.path("camera.json"), camera.height, camera.width)
@@ -103,12 +111,12 @@ class Store:
         write_json(self.path("spheres.json"), rows)
 
     def load_spheres(self) -> list[Sphere]:
-        rows = self.read_json("spheres.json")
-        with self._door("spheres.json"):
+        with self._opened("spheres.json") as rows:
             read = {
-                "kind": _KINDS.__getitem__, "center_px": lambda place: numbers(place, 2, what="center_px"),
-                "radius_px": positive, "diameter_mm": lambda size: None if size is None else positive(size),
-                "sigma_px": float, "score": float, "apart": bool, "diameter_sigma": float,
+                "kind": lambda kind: KINDS[KINDS.index(kind)],
+                "center_px": lambda place: numbers(place, 2, what="center_px"), "radius_px": positive,
+                "diameter_mm": lambda size: None if size is None else positive(size), "sigma_px": float,
+                "score": float, "apart": bool, "diameter_sigma": float,
             }  # fmt: skip
             return [Sphere(**{name: of(row[name]) for name, of in read.items()}) for row in rows]
 
@@ -132,8 +140,7 @@ class Store:
         write_json(self.path("lights.json"), lights_json(lights))
 
     def load_lights(self) -> Lights:
-        data = self.read_json("lights.json")
-        with self._door("lights.json"):
+        with self._opened("lights.json") as data:
             lights, shape = lights_of_json(data), self._stack_shape()
             if shape is not None and len(lights) != shape[0]:
                 raise ValueError(f"{len(lights)} lights for {shape[0]} frames")
@@ -149,8 +156,7 @@ class Store:
         write_json(self.path("pose.json"), {"camera_from_scan": pose.matrix, **sigmas, **scale})
 
     def load_pose(self) -> Pose:
-        data = self.read_json("pose.json")
-        with self._door("pose.json"):
+        with self._opened("pose.json") as data:
             matrix = numbers(data["camera_from_scan"], 4, 4, what="camera_from_scan")
             if not np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-3):
                 raise ValueError("camera_from_scan is no rigid motion")
@@ -160,8 +166,7 @@ class Store:
         """Return the millimetres per unit of the scan's file that registering found; 1 where the unit was known."""
         if not self.path("pose.json").exists():
             return 1.0
-        data = self.read_json("pose.json")
-        with self._door("pose.json"):
+        with self._opened("pose.json") as data:
             return positive(data.get("mm_per_unit", 1.0))
 
     def save_mask(self, mask: NDArray[np.bool_]) -> None:
@@ -181,12 +186,9 @@ class Store:
     def save_estimate(self, estimate: Estimate) -> None:
         name = estimate.method
         write_png(self.path("normals", f"{name}.png"), encode_normals(estimate.normals))
-        write_npy(self.path("albedo", f"{name}.npy"), np.asarray(estimate.albedo, np.float32))
-        write_npy(self.path("samples", f"{name}.npy"), np.asarray(estimate.samples, np.uint16))
-        maps = (("sigma", estimate.sigma_deg), ("depth", estimate.z_mm))
-        for folder, known in maps:
-            if known is not None:
-                write_npy(self.path(folder, f"{name}.npy"), np.asarray(known, np.float32))
+        for field, (folder, kind) in MAPS.items():
+            if (known := getattr(estimate, field)) is not None:
+                write_npy(self.path(folder, f"{name}.npy"), np.asarray(known, kind))
         write_npy(self.path("normals", f"{name}.npy"), np.asarray(estimate.normals, np.float32))
 
     def load_normals(self, name: str) -> NDArray[np.float32]:
@@ -200,12 +202,9 @@ class Store:
 
     def load_estimate(self, name: str, **told: Any) -> Estimate:
         """Return what `save_estimate` kept of a method; `told`: what the summary says of it, by `Estimate`'s names."""
-
-        def known(folder: str) -> NDArray | None:
-            return (
-                np.array(self.read_array(folder, f"{name}.npy")) if self.path(folder, f"{name}.npy").exists() else None
-            )
-
-        albedo, samples = (np.array(self.read_array(folder, f"{name}.npy")) for folder in ("albedo", "samples"))
-        maps = {"sigma_deg": known("sigma"), "z_mm": known("depth")}
-        return Estimate(name, self.load_normals(name), albedo, samples, **maps, **told)
+        maps = {
+            field: np.array(self.read_array(folder, f"{name}.npy"))
+            for field, (folder, _) in MAPS.items()
+            if folder in ("albedo", "samples") or self.path(folder, f"{name}.npy").exists()
+        }
+        return Estimate(name, self.load_normals(name), **maps, **told)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar, get_args
 
-from scene.rooms import ROOT
+from scene.current import ROOT
 
 LINES = 8
 """The last ones that are shown."""

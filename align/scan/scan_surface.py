@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.motion import looking_along
-from scene.mesh import Mesh
+from scene.mesh import Mesh, first_of_same
 from scene.rays import RayCaster
-from scene.same_rows import Integers, first_of_same, group_numbers
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 CLEARLY, SURELY = 0.15, 0.5
 """How much more of the sky the back of a patch must see than its front before it is turned against its file.
 
@@ -138,9 +138,8 @@ def _near_borders(surface: Any) -> Integers:
     one, two, distance = np.nonzero(near)[0], np.asarray(other)[near], distance[near]
     near = (one != two) & (distance < np.minimum(reach[one], reach[two]))
     group = connected(one[near], two[near], len(border))
-    order, starts = group_numbers(group.astype(np.int64))
-    lowest: Integers = np.minimum.reduceat(border[order], starts)
-    same[border] = lowest[group]
+    # Ascending: the first of each group is its lowest.
+    same[border] = border[np.unique(group, return_index=True)[1]][group]
     return same
 
 

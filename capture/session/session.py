@@ -77,7 +77,7 @@ def _load_toml(path: Path) -> CaptureSession:
 def _load_diligent(folder: Path) -> CaptureSession:
     """Return the session of a folder in the DiLiGenT layout: 16-bit linear pictures, lights given."""
     found = read_tables(folder)
-    flash = [folder / name for name in found.listed]
+    flash = [folder / name for name in found.files]
     faults = found.faults + [
         f"{FILENAMES}: {path.name} is no photograph that can be read." for path in flash if kind_of(path) is None
     ]

@@ -14,7 +14,7 @@ from experiments.recipe import Dataset
 from experiments.scenes import dataset_scene
 from experiments.workers import run_all
 from lab.progress import progress_bar, say
-from scene.current import code_fingerprint, fingerprint
+from scene.current import code_fingerprint, file_digest, fingerprint
 from scene.errors import SceneError
 from scene.files import move, write_json, write_png, write_text
 from scene.output_folder import open_record
@@ -144,14 +144,11 @@ def _write(folder: Path, dataset: Dataset, stack: VirtualPhotographs) -> None:
 
 def checksums_of(folder: Path) -> str:
     """Return a line for each file below a folder, but for `SUMS` and hidden files: its SHA-256, and its name."""
-    import hashlib
-
     lines = []
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
         if path.is_file() and name != SUMS and not any(part.startswith(".") for part in name.split("/")):
-            with path.open("rb") as file:
-                lines.append(f"{hashlib.file_digest(file, 'sha256').hexdigest()}  {name}\n")
+            lines.append(f"{file_digest(path)}  {name}\n")
     return "".join(lines)
 
 

@@ -118,13 +118,12 @@ def read_light_file(path: Path, camera: Camera | None) -> Lights:
     CalibrationError
         Unknown suffix, or a malformed file.
     """
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
+    known = {one.suffix: one for one in FORMATS.values()}.get(path.suffix.lower())
+    if known is None:
         raise CalibrationError(
             f"{path}: lights in {path.suffix or 'a file without suffix'} are not known; expected one of "
             f"{', '.join(SUFFIXES)} (.txt: DiLiGenT's light_directions.txt)."
         )
-    known = next(known for known in FORMATS.values() if known.suffix == suffix)
     with reading(path, "cannot be read as lights", CalibrationError, do=f"Expected {known.expected}."):
         return known.read(path, camera)
 

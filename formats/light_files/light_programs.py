@@ -7,7 +7,6 @@
 | RelightLab `.dome` | x right, y up, z to the viewer | the object, at the middle of the picture | mm |
 """
 
-import io
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from formats.light_files.light_names import nameless, places
-from formats.mat_files import arrays_of_mat
+from formats.mat_files import arrays_of_mat, bytes_of_mat
 from scene.camera import FROM_OPENCV, Camera
 from scene.errors import CalibrationError, SceneError
 from scene.light_text import BY_COLUMN, lights_of_json
@@ -83,8 +82,7 @@ def _alicevision(path: Path, data: dict[str, Any]) -> Lights:
     if all("name" in row for row in rows):
         names = tuple(str(row["name"]) for row in rows)
     elif any("viewId" in row for row in rows):
-        views = [path for beside in sorted(path.parent.glob("*.sfm")) for path in view_paths(beside).items()]
-        known = {view: file for file, view in views}
+        known = {view: file for one in sorted(path.parent.glob("*.sfm")) for file, view in view_paths(one).items()}
         unknown = [str(row.get("viewId")) for row in rows if str(row.get("viewId")) not in known]
         if unknown:
             raise CalibrationError(
@@ -271,8 +269,6 @@ def read_mat(path: Path, camera: Camera | None = None) -> Lights:
 
 def write_mat(lights: Lights, shot: BesideLights) -> tuple[dict[str, bytes], list[str]]:
     """Return `light.mat` of near lights, and `camera.mat`: K, whose pixels count from 1."""
-    import scipy.io
-
     camera = shot.camera
     if lights.positions_mm is None or camera.is_orthographic:
         raise CalibrationError(
@@ -292,9 +288,6 @@ def write_mat(lights: Lights, shot: BesideLights) -> tuple[dict[str, bytes], lis
     }
     notes = ["camera.mat has no lens distortion: undistort the photographs before near_ps."]
     # MATLAB's centre of the upper left pixel is (1, 1).
-    files, matrix = {}, camera.matrix + [[0, 0, 1], [0, 0, 1], [0, 0, 0]]
-    for name, variables in {"light.mat": light, "camera.mat": {"K": matrix}}.items():
-        buffer = io.BytesIO()
-        scipy.io.savemat(buffer, variables)
-        files[name] = buffer.getvalue()
+    matrix = camera.matrix + [[0, 0, 1], [0, 0, 1], [0, 0, 0]]
+    files = {"light.mat": bytes_of_mat(light), "camera.mat": bytes_of_mat({"K": matrix})}
     return files, notes if any(camera.distortion) else []

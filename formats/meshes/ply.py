@@ -190,20 +190,17 @@ def write_ply(path: Path, columns: Mapping[str, NDArray], faces: NDArray, commen
 
     columns: Arrays (V, n) by the names of their n columns, "x y z", each written in the type that it has.
     """
-    types = {name: values.dtype.str[1:] for names, values in columns.items() for name in names.split()}
-    vertex = np.empty(len(columns["x y z"]), [(name, f"<{kind}") for name, kind in types.items()])
-    for names, values in columns.items():
-        for column, name in enumerate(names.split()):
-            vertex[name] = values[:, column]
-    face = np.empty(len(faces), [("count", "u1"), ("corners", "<i4", 3)])
-    face["count"], face["corners"] = 3, faces
+    known = {name: values[:, i] for names, values in columns.items() for i, name in enumerate(names.split())}
+    types = {name: column.dtype.str[1:] for name, column in known.items()}
+    vertex = np.rec.fromarrays(list(known.values()), [(name, f"<{kind}") for name, kind in types.items()])
+    face = np.rec.fromarrays([np.full(len(faces), 3), faces], [("count", "u1"), ("corners", "<i4", 3)])
     header = [
         "ply",
         "format binary_little_endian 1.0",
         *([f"comment {comment}"] if comment else []),
         f"element vertex {len(vertex)}",
         *(f"property {WRITTEN[kind]} {name}" for name, kind in types.items()),
-        f"element face {len(face)}",
+        f"element face {len(faces)}",
         "property list uchar int vertex_indices",
         "end_header\n",
     ]

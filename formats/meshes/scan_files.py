@@ -7,6 +7,7 @@ import codecs
 import json
 import re
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,8 @@ from formats.meshes.ply import Columns, Element, read_ply, read_rows, write_ply
 from formats.meshes.polygons import check_corners, lines_of, places, read_text, strips, table, triangles, whole
 from formats.picture_files import linear_from_srgb
 from scene.errors import AlignError
+from scene.mesh import first_of_same
 from scene.reading import reading
-from scene.same_rows import first_of_same
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -95,12 +96,11 @@ def read_mesh_file(path: Path, *, attributes: bool = True) -> ObjectMesh:
     if not path.is_file():
         raise AlignError(f"{path}: there is no such file. Check its name in session.toml or the scene's description.")
     with reading(path, "cannot be read as a mesh", AlignError, do="Export it again."):
-        if suffix == ".ply":
-            found = _mesh_of(read_ply(path), attributes)
-        elif suffix == ".obj":
-            found = _read_obj(path, attributes)
+        if suffix in (".stl", ".glb"):
+            found = _read_stl(path) if suffix == ".stl" else _read_glb(path)
         else:
-            found = {".stl": _read_stl, ".off": _read_off, ".glb": _read_glb}[suffix](path)
+            columns = {".ply": read_ply, ".obj": partial(_read_obj, attributes=attributes), ".off": _read_off}[suffix]
+            found = _mesh_of(columns(path), attributes)
         check_corners(found.faces, len(found.vertices))
     vertices, faces = found.vertices, found.faces
     if not len(faces):
@@ -159,23 +159,16 @@ def _mesh_of(columns: Columns, attributes: bool) -> ObjectMesh:
     pairs = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
     texcoords = next((found for pair in pairs if (found := of_vertices(*pair)) is not None), None)
     if texcoords is None and "texcoord" in face and np.array_equal(face["texcoord"][0], 2 * counts):
-        at_corner = np.asarray(face["texcoord"][1], np.float64).reshape(-1, 2)[corners]
-        place, faces, texcoords = _split(flat[corners], at_corner)
+        # A vertex of each pair of a vertex and the coordinates that a corner gives it.
+        at_corner = np.asarray(face["texcoord"][1], np.float64).reshape(-1, 2)[corners.ravel()]
+        at_vertex = flat[corners.ravel()]
+        first, which = np.unique(first_of_same(np.column_stack([at_vertex, at_corner])), return_inverse=True)
+        place, faces, texcoords = at_vertex[first], which.reshape(-1, 3), at_corner[first]
         vertices, normals, colours = (None if a is None else a[place] for a in (vertices, normals, colours))
     return ObjectMesh(vertices, faces, normals, texcoords, colours)  # type: ignore[arg-type]
 
 
-def _split(faces: Integers, texcoords: Array) -> tuple[Integers, Integers, Array]:
-    """Make a vertex of each pair of a vertex and the coordinates (T, 3, 2) that a corner gives it.
-
-    Returns the vertex that each was (V,), the faces (T, 3), and the coordinates (V, 2).
-    """
-    pairs = np.concatenate([faces.reshape(-1, 1).astype(np.float64), texcoords.reshape(-1, 2)], 1)
-    first, which = np.unique(first_of_same(pairs), return_inverse=True)
-    return faces.ravel()[first], which.reshape(-1, 3), pairs[first, 1:]
-
-
-def _read_obj(path: Path, attributes: bool) -> ObjectMesh:
+def _read_obj(path: Path, attributes: bool) -> Columns:
     """All objects and groups together; normals are left behind."""
     text = read_text(path).lower()
     if b"\\" in text:
@@ -201,26 +194,24 @@ def _read_obj(path: Path, attributes: bool) -> ObjectMesh:
         above = np.repeat(np.cumsum(kind == ord(letter))[is_face], counts)
         return np.where(numbers > 0, numbers - 1, above + numbers)
 
-    vertices, counts = first("v", 3), words[is_face]
+    counts = words[is_face]
     numbers = whole(flat[places(starts[is_face], counts)])
     if (numbers == 0).any():
         raise ValueError("a face names vertex 0; OBJ counts from 1")
-    corner_of = index(numbers, "v")
-    corners = triangles(counts, corner_of, vertices)
-    faces = corner_of[corners]
+    vertex: dict[str, Any] = dict(zip("xyz", first("v", 3).T, strict=True))
+    face: dict[str, Any] = {"vertex_indices": (counts, index(numbers, "v"))}
     if not attributes:
-        return ObjectMesh(vertices, faces)
-    is_coloured = len(vertices) and (words[kind == ord("v")] == 6).all()
-    colours, coordinates = linear_from_srgb(first("v", 6)[:, 3:]) if is_coloured else None, first("t", 2)
-    parts, words = table(lines_of(text, b"f").replace(b"/", b" ").translate(None, b"f"))
+        return {"vertex": vertex, "face": face}
+    if (words[kind == ord("v")] == 6).all():
+        vertex |= zip("rgb", linear_from_srgb(first("v", 6)[:, 3:]).T, strict=True)
+    parts, each_line = table(lines_of(text, b"f").replace(b"/", b" ").translate(None, b"f"))
     # Texture coordinates count where each corner is v/vt, or each v/vt/vn.
-    each = next((k for k in (2, 3) if np.array_equal(words, k * counts) and np.array_equal(parts[::k], numbers)), 0)
-    if not each or b"//" in text or not len(coordinates):
-        return ObjectMesh(vertices, faces, colours=colours)
-    texture = index(whole(parts[1::each]), "t")
-    check_corners(texture, len(coordinates), "vt")
-    place, faces, texcoords = _split(faces, coordinates[texture][corners])
-    return ObjectMesh(vertices[place], faces, None, texcoords, None if colours is None else colours[place])
+    each = next((k for k in (2, 3) if np.array_equal(each_line, k * counts) and np.array_equal(parts[::k], numbers)), 0)
+    if each and b"//" not in text and (kind == ord("t")).any():
+        coordinates, texture = first("t", 2), index(whole(parts[1::each]), "t")
+        check_corners(texture, len(coordinates), "vt")
+        face["texcoord"] = (2 * counts, coordinates[texture].ravel())
+    return {"vertex": vertex, "face": face}
 
 
 def _read_stl(path: Path) -> ObjectMesh:
@@ -247,7 +238,7 @@ def _read_stl(path: Path) -> ObjectMesh:
     return ObjectMesh(corners, np.arange(len(corners)).reshape(-1, 3))
 
 
-def _read_off(path: Path) -> ObjectMesh:
+def _read_off(path: Path) -> Columns:
     """OFF with anything behind a vertex's position (COFF: colours, NOFF: normals) and behind a face's corners.
 
     Below its head it is what an ASCII PLY is.
@@ -260,7 +251,7 @@ def _read_off(path: Path) -> ObjectMesh:
         Element("vertex", int(head[2]), [(axis, "f8", None) for axis in "xyz"]),
         Element("face", int(head[3]), [("vertex_indices", "f8", "f8")]),
     ]
-    return _mesh_of(read_rows(text[head.end() :], elements), attributes=False)
+    return read_rows(text[head.end() :], elements)
 
 
 def _read_glb(path: Path) -> ObjectMesh:

@@ -23,10 +23,10 @@ from capture.session.requests import read_mask
 from capture.session.session import load_session
 from capture.session.session_types import Lens
 from scene.camera import Camera
+from scene.current import ROOT
 from scene.errors import AlignError, SessionError
 from scene.files import write_png
 from scene.frames import Frames
-from scene.rooms import ROOT
 from scene.spheres import Sphere, SphereRequest
 
 FIXTURE = ROOT / "fixtures" / "bumpy"

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from formats.meshes.scan_files import ObjectMesh, read_mesh_file
 from scene.errors import AlignError, RenderError
-from scene.mesh import Mesh
-from scene.same_rows import first_of_same
+from scene.mesh import Mesh, first_of_same
 
 Array = NDArray[np.float64]
 MESHES_KEPT = 8

@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from lab.cluster import refuse
-from scene.current import code_fingerprint, libraries
+from scene.current import ROOMS, ROOT, code_fingerprint, libraries
 from scene.errors import ClusterError
-from scene.rooms import ROOMS, ROOT
 
 
 @pytest.fixture

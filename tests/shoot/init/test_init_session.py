@@ -11,10 +11,10 @@ import pytest
 from capture.session.session import load_session
 from capture.session.session_types import Lens
 from lab.run import run_session
+from scene.current import ROOT
 from scene.errors import SceneError, SessionError
 from scene.files import write_png
 from scene.normals import angular_error_deg
-from scene.rooms import ROOT
 from scene.store import Store
 from shoot.init.answers import Answers
 from shoot.init.init_session import init_sessions

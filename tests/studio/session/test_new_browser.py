@@ -6,8 +6,8 @@ import shutil
 import numpy as np
 import pytest
 
+from scene.current import ROOT
 from scene.normals import angular_error_deg
-from scene.rooms import ROOT
 from studio.server import Studio
 from studio.workspace import Workspace
 
