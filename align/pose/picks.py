@@ -24,8 +24,6 @@ FAR_FROM_SURFACE = 0.03
 """Of the scan's radius: a pick that lies further from its surface was not made on it."""
 STRAIGHT = 0.05
 """Picks whose second principal extent is a smaller share of their first lie on one line."""
-TRIALS = 400
-"""Fours of picks that are drawn."""
 
 
 @dataclass(frozen=True)
@@ -69,25 +67,28 @@ def read_picks(path: Path, camera: Camera, mesh: Mesh, *, unit: str = "mm", half
     _check(path, rows, pixels, points, camera, mesh, unit)
     # Hand and eye are good to some pixels; a wrong correspondence is off by far more.
     tolerance_px = max(5.0, 0.005 * float(np.hypot(camera.width, camera.height)))
-    start, agree = _consensus(camera, points, pixels, mesh, tolerance_px)
-    if start is None:
+    everyone = np.ones(len(rows), bool)
+
+    def fitted(agree: NDArray[np.bool_]) -> tuple[float, Pose | None, Array, NDArray[np.bool_]]:
+        pose = pose_of(camera, points[agree], pixels[agree], mesh.radius_mm, mesh.center_mm)
+        misses = np.full(len(rows), np.inf) if pose is None else misses_px(pose, camera, points, pixels)
+        return float(misses[agree].max()), pose, misses, agree
+
+    fits = [fitted(everyone)]
+    # A wrong pick draws the pose to itself: each is left out in turn. Any four points fit some pose fairly; it takes a
+    # fifth to say that they are right.
+    if fits[0][0] > tolerance_px and len(rows) > FEWEST + 1:
+        fits += [fitted(rest) for rest in ~np.eye(len(rows), dtype=bool)]
+    apart, pose, misses, agree = min(fits, key=lambda fit: fit[0])
+    if pose is None:
         raise AlignError(f"{path}: no pose puts these {len(rows)} points at their pixels. Pick again.")
-    pose = start
-    for _ in range(3):
-        if agree.sum() < FEWEST:
-            break
-        pose = pose_of(camera, points[agree], pixels[agree], mesh.radius_mm, mesh.center_mm) or pose
-        misses = misses_px(pose, camera, points, pixels)
-        agree = misses < tolerance_px
-    misses = misses_px(pose, camera, points, pixels)
-    # Any four points fit some pose fairly; it takes a fifth to say that they are right.
-    if not agree.all() and agree.sum() < max(FEWEST + 1, 0.6 * len(rows)):
+    if apart > tolerance_px:
         worst = int(np.argmax(misses))
         raise AlignError(
-            f"{path}: the picks contradict each other: at the best pose only {agree.sum()} of {len(rows)} come within "
-            f"{tolerance_px:.0f} px of their pixels, and row {rows[worst]} lies {misses[worst]:.0f} px away. Are "
-            "u, v counted from the upper left, x, y, z in the scan's own axes, and is the scan not mirrored? Of six "
-            "picks or more a single wrong one is found."
+            f"{path}: the picks contradict each other: at the best pose {(misses > tolerance_px).sum()} of {len(rows)} "
+            f"lie farther than {tolerance_px:.0f} px from their pixels, row {rows[worst]} by {misses[worst]:.0f} px. "
+            "Are u, v counted from the upper left, x, y, z in the scan's own axes, and is the scan not mirrored? Of "
+            "six picks or more a single wrong one is found."
         )
     warnings = tuple(
         f"{Path(path).name}: row {rows[index]} was left out: its point lies {misses[index]:.0f} px from its pixel "
@@ -160,25 +161,6 @@ def _check(path: Path, rows: list[int], pixels: Array, points: Array, camera: Ca
                 f"{path}: the points lie in one plane; an orthographic camera does not tell its tilt from the "
                 "opposite one. Add a pick in front of that plane, or behind."
             )
-
-
-def _consensus(
-    camera: Camera, points: Array, pixels: Array, mesh: Mesh, tolerance_px: float
-) -> tuple[Pose | None, NDArray[np.bool_]]:
-    """Return the pose of four picks with which the others agree best, and who agrees [Torr2000]."""
-    best, lowest, agree = None, np.inf, np.zeros(len(points), bool)
-    generator = np.random.default_rng(0)
-    drawn = (tuple(sorted(generator.choice(len(points), FEWEST, replace=False).tolist())) for _ in range(TRIALS))
-    for chosen in map(list, dict.fromkeys(drawn)):
-        pose = pose_of(camera, points[chosen], pixels[chosen], mesh.radius_mm, mesh.center_mm)
-        if pose is None:
-            continue
-        misses = misses_px(pose, camera, points, pixels)
-        # Poses from four noisy picks are rough: they agree within twice the tolerance.
-        cost = float(np.minimum((misses / (2 * tolerance_px)) ** 2, 1).sum())
-        if cost < lowest:
-            best, lowest, agree = pose, cost, misses < 2 * tolerance_px
-    return best, agree
 
 
 def pose_of(camera: Camera, points: Array, pixels: Array, radius_mm: float, center_mm: Array) -> Pose | None:
