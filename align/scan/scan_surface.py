@@ -22,7 +22,7 @@ Surely where the rest of the file is right, clearly where most of it is wrong to
 from its pole, inside out, has 0.14, half a sphere 0.33, one of many patches that cover an object nearly 1.
 """
 NEAR = 0.1
-"""Border vertices closer than this share of the shortest edge at either are one: a rotated .glb has its seams so."""
+"""Border vertices closer than this share of the shortest border edges are one: a rotated .glb has its seams so."""
 POINTS, DIRECTIONS = 256, 24
 """Rays are cast from so many points a patch, into so many directions on both sides."""
 
@@ -111,35 +111,18 @@ def _drop_bad_faces(surface: Any, repairs: list[str]) -> Any:
 
 
 def _near_borders(surface: Any) -> Integers:
-    """Return for each vertex (V,) which it becomes: patches whose borders meet only nearly are sewn.
-
-    Only border vertices move, and by less than a tenth of their shortest edge, so no face collapses.
-    """
+    """Return for each vertex (V,) which it becomes: patches whose borders meet only nearly are sewn."""
     from scipy.spatial import KDTree
 
-    vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
+    vertices, ends = np.asarray(surface.vertices), border_of(surface)
     same = np.arange(len(vertices))
-    border = np.unique(border_of(surface))
-    if not len(border):
+    if not len(ends):
         return same
-    at_border = np.zeros(len(vertices), bool)
-    at_border[border] = True
-    beside = faces[at_border[faces].any(1)]
-    start, end = beside.ravel(), np.roll(beside, -1, axis=1).ravel()
-    length = np.linalg.norm(vertices[start] - vertices[end], axis=1)
-    shortest = np.full(len(vertices), np.inf)
-    np.minimum.at(shortest, start, length)
-    np.minimum.at(shortest, end, length)
-    reach = NEAR * shortest[border]
-    tree = KDTree(vertices[border])
-    # Eight: around a vertex of a soup, where no two corners quite meet, lie six.
-    distance, other = tree.query(vertices[border], k=min(8, len(border)), distance_upper_bound=float(reach.max()))
-    near = np.isfinite(distance)
-    one, two, distance = np.nonzero(near)[0], np.asarray(other)[near], distance[near]
-    near = (one != two) & (distance < np.minimum(reach[one], reach[two]))
-    group = connected(one[near], two[near], len(border))
-    # Ascending: the first of each group is its lowest.
-    same[border] = border[np.unique(group, return_index=True)[1]][group]
+    border = np.unique(ends)
+    shortest = np.quantile(np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1), 0.01)
+    one, two = KDTree(vertices[border]).query_pairs(NEAR * shortest, output_type="ndarray").T
+    group = connected(one, two, len(border))
+    same[border] = border[np.unique(group, return_index=True)[1][group]]
     return same
 
 
