@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.scan.scan_surface import border_of, pieces_of
+from scene.rays import import_open3d
 from scene.robust import spread
 
 ROUND = 0.01
@@ -57,15 +58,10 @@ def find_table(surface: Any) -> tuple[NDArray[np.bool_], str]:
     # Small holes only: a table's outline goes around all that stands on it.
     if not len(border) or np.linalg.norm(np.ptp(vertices[border], axis=0)) < 0.1 * size:
         return nothing
-    generator = np.random.default_rng(0)
     total = np.cumsum(area)
     # Corners, not middles: those scatter less than the vertices, which have to lie in the plane.
-    picked = np.searchsorted(total, generator.random(4000) * total[-1] * (1 - 1e-9))
-    sample = vertices[faces[picked, 0]]
-    plane = _plane(sample, generator, size)
-    if plane is None:
-        return nothing
-    normal, offset, tolerance = plane
+    picked = np.searchsorted(total, np.random.default_rng(0).random(4000) * total[-1] * (1 - 1e-9))
+    normal, offset, tolerance = _plane(vertices[faces[picked, 0]], size)
     height = vertices @ normal - offset
     low = np.abs(height) < tolerance
     flat = low[faces[:, 0]] & low[faces[:, 1]] & low[faces[:, 2]]
@@ -107,40 +103,23 @@ def _some(part: NDArray[np.bool_]) -> NDArray[np.int64]:
     return faces[:: len(faces) // 20000 + 1]
 
 
-def _plane(
-    sample: NDArray[np.float64], generator: np.random.Generator, size: float
-) -> tuple[NDArray[np.float64], float, float] | None:
-    """Return normal, offset and half thickness of the largest plane with nothing beneath; the rest is on its front."""
-    triples = sample[generator.integers(0, len(sample), (1500, 3))]
-    normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
-    length = np.linalg.norm(normals, axis=1)
-    # Three points in a row, or close together, span no plane worth trying.
-    good = length > 1e-3 * size**2
-    if not good.any():
-        return None
-    normals = normals[good] / length[good, None]
-    heights = sample @ normals.T - np.einsum("nk,nk->n", triples[good, 0], normals)
-    tolerance = 0.005 * size
-    on, over, under = (
-        (np.abs(heights) < tolerance).mean(0), (heights > 2 * tolerance).mean(0), (heights < -2 * tolerance).mean(0),
-    )  # fmt: skip
-    free = np.minimum(over, under) <= BENEATH
-    if not (free & (on > 0.1)).any():
-        return None
-    best = int(np.argmax(np.where(free, on, 0)))
-    normal, near = normals[best], np.abs(heights[:, best]) < tolerance
-    if under[best] > over[best]:
-        normal = -normal
-    # Fitted to what lies on it, twice, each time within what its own scatter allows.
+def _plane(sample: NDArray[np.float64], size: float) -> tuple[NDArray[np.float64], float, float]:
+    """Return normal, offset and half thickness of the plane that most points (N, 3) lie in; the rest is on its front.
+
+    Fitted to what lies on it, three times, each time within what its own scatter allows.
+    """
+    open3d, tolerance = import_open3d(), 0.005 * size
+    open3d.utility.random.seed(0)
+    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(sample))
+    normal, near = np.zeros(3), cloud.segment_plane(tolerance, 3, 1500)[1]
     for _ in range(3):
         middle = sample[near].mean(0)
-        fitted = np.linalg.svd(sample[near] - middle, full_matrices=False)[2][2]
-        normal = fitted * np.sign(fitted @ normal)
-        offset = float(middle @ normal)
-        height = sample @ normal - offset
+        normal = np.linalg.svd(sample[near] - middle, full_matrices=False)[2][2]
+        height = (sample - middle) @ normal
         tolerance = float(np.clip(5 * spread(height[near]), 5e-4 * size, 5e-3 * size))
         near = np.abs(height) < tolerance
-    return normal, offset, tolerance
+    front = 1.0 if (height > 2 * tolerance).sum() > (height < -2 * tolerance).sum() else -1.0
+    return front * normal, front * float(middle @ normal), tolerance
 
 
 def _is_open(places: NDArray, flat: NDArray, border: NDArray) -> bool:
