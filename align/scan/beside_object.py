@@ -1,5 +1,6 @@
 """What was scanned beside the object: a calibration ball, which gives the scale, and a table, told from a flat base."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ from numpy.typing import NDArray
 
 from align.scan.scan_surface import border_of, pieces_of
 from scene.rays import import_open3d
-from scene.robust import spread
+from scene.robust import Array, spread
 
 ROUND = 0.01
 """A piece is a ball when its vertices keep to a sphere within this share of the radius, rms."""
@@ -19,6 +20,8 @@ ALWAYS = 0.02
 """... and by this in all of them: the foot of a bracket ends with it."""
 SHALLOW = 0.15
 """A rest lower than this share of its width may be a relief on its ground: that stays."""
+PLANES = 6
+"""The largest of a scan, so many at most, are looked at: a block has four sides larger than its table, and a top."""
 BENEATH = 0.02
 """At most this share of the rest's area lies beneath a table: a plinth has sides, a table seen from above none."""
 
@@ -61,13 +64,15 @@ def find_table(surface: Any) -> tuple[NDArray[np.bool_], str]:
     total = np.cumsum(area)
     # Corners, not middles: those scatter less than the vertices, which have to lie in the plane.
     picked = np.searchsorted(total, np.random.default_rng(0).random(4000) * total[-1] * (1 - 1e-9))
-    normal, offset, tolerance = _plane(vertices[faces[picked, 0]], size)
-    height = vertices @ normal - offset
-    low = np.abs(height) < tolerance
-    flat = low[faces[:, 0]] & low[faces[:, 1]] & low[faces[:, 2]]
-    face_height = surface.triangles_center @ normal - offset
-    above, beneath = face_height > 2 * tolerance, face_height < -2 * tolerance
-    if not flat.any() or not above.any() or area[beneath].sum() > BENEATH * area[above].sum():
+    for normal, offset, tolerance in _planes(vertices[faces[picked, 0]], size):
+        height, face_height = vertices @ normal - offset, surface.triangles_center @ normal - offset
+        low = np.abs(height) < tolerance
+        flat = low[faces[:, 0]] & low[faces[:, 1]] & low[faces[:, 2]]
+        above, beneath = face_height > 2 * tolerance, face_height < -2 * tolerance
+        # The side of a tall block may be larger than the table, which goes on beyond it.
+        if flat.any() and above.any() and area[beneath].sum() <= BENEATH * area[above].sum():
+            break
+    else:
         return nothing
 
     across = np.linalg.svd(normal[None])[2][1:]
@@ -103,23 +108,28 @@ def _some(part: NDArray[np.bool_]) -> NDArray[np.int64]:
     return faces[:: len(faces) // 20000 + 1]
 
 
-def _plane(sample: NDArray[np.float64], size: float) -> tuple[NDArray[np.float64], float, float]:
-    """Return normal, offset and half thickness of the plane that most points (N, 3) lie in; the rest is on its front.
+def _planes(sample: Array, size: float) -> Iterator[tuple[Array, float, float]]:
+    """Yield normal, offset and half thickness of the largest planes in points (N, 3); most others are on its front.
 
     Fitted to what lies on it, three times, each time within what its own scatter allows.
     """
-    open3d, tolerance = import_open3d(), 0.005 * size
+    open3d = import_open3d()
     open3d.utility.random.seed(0)
-    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(sample))
-    normal, near = np.zeros(3), cloud.segment_plane(tolerance, 3, 1500)[1]
-    for _ in range(3):
-        middle = sample[near].mean(0)
-        normal = np.linalg.svd(sample[near] - middle, full_matrices=False)[2][2]
-        height = (sample - middle) @ normal
-        tolerance = float(np.clip(5 * spread(height[near]), 5e-4 * size, 5e-3 * size))
-        near = np.abs(height) < tolerance
-    front = 1.0 if (height > 2 * tolerance).sum() > (height < -2 * tolerance).sum() else -1.0
-    return front * normal, front * float(middle @ normal), tolerance
+    for _ in range(PLANES):
+        cloud, tolerance = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(sample)), 0.005 * size
+        normal, offset, near = np.zeros(3), 0.0, cloud.segment_plane(tolerance, 3, 1500)[1]
+        for _ in range(3):
+            middle = sample[near].mean(0)
+            normal = np.linalg.svd(sample[near] - middle, full_matrices=False)[2][2]
+            normal *= np.sign((sample.mean(0) - middle) @ normal) or 1.0
+            offset = float(middle @ normal)
+            height = sample @ normal - offset
+            tolerance = float(np.clip(5 * spread(height[near]), 5e-4 * size, 5e-3 * size))
+            near = np.abs(height) < tolerance
+        yield normal, offset, tolerance
+        sample = sample[~near]
+        if len(sample) < 3:
+            return
 
 
 def _is_open(places: NDArray, flat: NDArray, border: NDArray) -> bool:

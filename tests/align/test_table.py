@@ -70,6 +70,15 @@ def test_a_table_goes_and_nothing_else(rotations, name, noise_mm):
         assert said.startswith("dropped a table")
 
 
+def test_a_table_smaller_than_a_wall_of_what_stands_on_it_goes(rotations):
+    import trimesh
+
+    block = field(lambda u, v: 300.0 * (np.maximum(abs(u), abs(v)) < 60))
+    table, said = found(*trimesh.remesh.subdivide_to_size(*block, 12.0), rotations[0])
+    assert said.startswith("dropped a table")
+    assert table.any()
+
+
 def test_a_table_apart_from_the_object_goes_too(coarse, rotations):
     lifted = coarse.vertices - [0, 0, coarse.vertices[:, 2].min() - 2.0]
     top, squares = field(lambda u, v: 0 * u, x=1.5 * SPAN, y=1.5 * SPAN)
