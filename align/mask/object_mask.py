@@ -87,7 +87,7 @@ def find_object(
     small, warnings = _choose(contradiction, balls_small, ~beside_small)
     bright = bright_mean(stack)
     border = cut_out(bright, _trim(bright.mean(-1), contradiction, small), balls_small)
-    if factor > 1:
+    if factor > 1 and border.any():
         big = np.zeros(size, bool)
         blown = np.kron(border, np.ones((factor, factor), bool))
         big[: blown.shape[0], : blown.shape[1]] = blown
