@@ -7,22 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.full_resolution import FinalEvidence, ObservedObject
-from align.pose.motion import distinct
-from align.pose.photographed import FEWEST, Photographs, longer_side
+from align.pose.photographed import Photographs
 from align.pose.scan_view import View
-from align.pose.search import REACH, ROUGH_ROUNDS, unexplained
+from align.pose.search import rough_poses, unexplained
 from align.pose.shading import ShadedSamples
-from align.pose.start import find_starts
 from scene.lights import Lights
 from scene.pose import Pose
 from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
-STARTS = 80
-"""Orientations tried: by silhouette alone the right one of a potato came 45th."""
-CELLS = 60
-"""Of the raster on which the outline is searched, across the object."""
 ROUNDS = 8
 LEAST_SEEN = 0.3
 """Share of the object's pixels that must show the scan's outside: a scan of one side says nothing from behind."""
@@ -57,31 +50,14 @@ def candidates(
 ) -> list[Candidate]:
     """Return distinct poses, best first, by silhouette and by the shading under the lights that suit each.
 
-    `start`: the one to look about; None: all around. `tell` is called with the number of poses that are done, of
-    `STARTS`.
+    `start`: the one to look about; None: all around. `tell` is called with the number of poses that are done.
     """
-    camera, mask = photographs.camera, photographs.mask
-    starts = find_starts(caster, camera, mask, None, count=STARTS) if start is None else [start]
-    # Of unknown lights no shading counts.
-    seen = ObservedObject.of(caster, photographs, None, count=FEWEST, cells=CELLS)
-    first = [FinalEvidence(seen, pose, REACH * longer_side(mask)) for pose in starts]
-    found = []
-    for done, item in enumerate((executor.map if executor else map)(_by_outline, first)):
-        found.append(item)
-        tell(done + 1)
-    found.sort(key=lambda item: item[1])
-    kept = distinct(caster.mesh, camera, [pose for pose, _ in found], least_px=3 * longer_side(mask) / CELLS)
-    rated = [_rated(View(caster, camera, found[number][0]), samples) for number in kept]
+    rough = rough_poses(caster, photographs, None, start=start, executor=executor, tell=tell)
     # The silhouette has its say: a pose that lies beside it explains pixels that it should not see.
-    outside = np.array([found[number][1] for number in kept]) - found[0][1]
-    rated = [one._replace(cost=one.cost + more) for one, more in zip(rated, outside, strict=True)]
+    outside = [unexplained(one) for one in rough]
+    found = [_rated(one.view, samples) for one in rough]
+    rated = [one._replace(cost=one.cost + more - outside[0]) for one, more in zip(found, outside, strict=True)]
     return sorted(rated, key=lambda one: one.cost)
-
-
-def _by_outline(one: FinalEvidence) -> tuple[Pose, float]:
-    """Return where a pose comes to rest by silhouette against mask alone, and the cost: a rough answer."""
-    one = one.refined(rounds=ROUGH_ROUNDS)
-    return one.pose, unexplained(one)
 
 
 def _rated(view: View, samples: ShadedSamples) -> Candidate:

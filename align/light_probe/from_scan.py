@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from align.light_probe.candidates import STARTS, candidates
+from align.light_probe.candidates import candidates
 from align.light_probe.joint_equations import nearness_of
 from align.light_probe.joint_fit import Joint, begin, settled
 from align.pose.photographed import Photographs
-from align.pose.scan_view import View
-from align.pose.search import SURE, best_of
-from align.pose.shading import ShadedSamples, take_samples
+from align.pose.search import STARTS, SURE, best_of
+from align.pose.shading import take_samples
 from scene.errors import AlignError
 from scene.lights import Lights
 from scene.pose import Pose
@@ -29,8 +28,6 @@ FINALISTS, CLOSE = 5, 1.5
 """Poses that are refined: so many at most, of those whose cost is less than so many times the best one's."""
 EARLY = 12
 """Rounds of a finalist."""
-CURVED = 0.05
-"""Smallest to largest singular value of the normals that are seen, under which they face too much alike."""
 VAGUE_DEG, VAGUE_SHARE, USELESS_DEG = 1.0, 0.03, 5.0
 """Sigmas of direction and intensity, medians, from which the object is said to tell too little; from which it does."""
 
@@ -99,7 +96,7 @@ def lights_from_scan(
 
     Notes
     -----
-    Near lights are claimed where they foretell sectors of the object, left out of the fit, better than distant ones.
+    Near lights are claimed where sectors of the object agree how near they are.
     Albedo and intensities share a factor: the mean intensity is 1, and no white value is known.
     """
     photographs = replace(photographs, lights=Lights.unknown(photographs.frames.names))
@@ -117,7 +114,6 @@ def lights_from_scan(
     rated = candidates(
         caster, photographs, samples, start=start, executor=executor, tell=lambda done: tell(done, total)
     )
-    _check_curved(View(caster, photographs.camera, rated[0].pose), samples)
     found: list[Joint] = []
     for one in (one for one in rated[:FINALISTS] if one.cost < CLOSE * rated[0].cost):
         lights = one.lights(photographs.frames.names, caster.mesh.center_mm)
@@ -140,18 +136,6 @@ def lights_from_scan(
         best = settled(best.evidence.under(far), sigma_deg, near=False)
     tell(total, total)
     return _told(best, warnings)
-
-
-def _check_curved(view: View, samples: ShadedSamples) -> None:
-    normals = view.surface(*view.camera.rays(samples.pixels))[1]
-    normals = normals[np.isfinite(normals[:, 0])]
-    singular = np.linalg.svd(normals, compute_uv=False) if len(normals) > 2 else np.zeros(3)
-    share = float(singular[-1] / max(singular[0], 1e-12))
-    if share < CURVED:
-        raise AlignError(
-            f"scan: what is seen of it is too flat to tell the lights: its normals spread by {share:.3f} (smallest to "
-            f"largest singular value, expected at least {CURVED:g}). Put balls beside the object, or give lights.file."
-        )
 
 
 def _told(best: Joint, warnings: list[str]) -> ScanLights:

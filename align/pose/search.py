@@ -88,25 +88,7 @@ def search(
     camera, mask = photographs.camera, photographs.mask
     size, outline_alone = longer_side(mask), not shading_tells(photographs.lights)
     total = (STARTS if outline_alone else REFINED) + 3 * FINALISTS + 2
-    coarse = ObservedObject.of(caster, photographs, None, count=FEW, cells=40)
-    if start is None:
-        starts = find_starts(caster, camera, mask, normals, count=STARTS)
-        tell(1, total)
-        reach = REACH * size
-        rated = sorted((FinalEvidence(coarse, pose, reach) for pose in starts), key=unexplained)
-        run_all = executor.map if executor else map
-        poses = []
-        # An outline alone rates poses wrongly until they are refined.
-        for done, pose in enumerate(run_all(_roughly, rated if outline_alone else rated[:REFINED])):
-            poses.append(pose)
-            tell(2 + done, total)
-        least = max(NEAREST_PX, reach / 2**ROUGH_ROUNDS)
-        rough = sorted((FinalEvidence(coarse, pose, least) for pose in poses), key=unexplained)
-        kept = distinct(caster.mesh, camera, [one.pose for one in rough], least_px=reach / 2)
-        rough = [rough[number] for number in kept]
-    else:
-        rough = [FinalEvidence(coarse, start, REACH * size)]
-
+    rough = rough_poses(caster, photographs, normals, start=start, executor=executor, tell=lambda n: tell(n, total))
     # The more frames, the fewer pixels tell as much; neighbours err together, so that more of them tell little more.
     count = int(np.clip(SAMPLES / len(photographs.frames), 3000, 15_000))
     reach = max(6.0, 0.01 * (size - 1))
@@ -137,6 +119,34 @@ def search(
     evidence = FinalEvidence(many, pose, reach).refined(rounds=8)
     tell(total, total)
     return Found(evidence, *(rivals[0] if rivals else (None, None)))
+
+
+def rough_poses(
+    caster: RayCaster,
+    photographs: Photographs,
+    normals: NDArray | None,
+    *,
+    start: Pose | None,
+    executor: Executor | None,
+    tell: Callable[[int], None],
+) -> list[FinalEvidence]:
+    """Return distinct poses at low resolution, best first: all around, or near `start`; `tell`: how many are done."""
+    size, outline_alone = longer_side(photographs.mask), not shading_tells(photographs.lights)
+    coarse, reach = ObservedObject.of(caster, photographs, None, count=FEW, cells=40), REACH * size
+    camera, mask = photographs.camera, photographs.mask
+    starts = [start] if start else find_starts(caster, camera, mask, normals, count=STARTS)
+    tell(1)
+    rated = sorted((FinalEvidence(coarse, pose, reach) for pose in starts), key=unexplained)
+    poses = []
+    # An outline alone rates poses wrongly until they are refined.
+    for pose in (executor.map if executor else map)(_roughly, rated if outline_alone else rated[:REFINED]):
+        poses.append(pose)
+        tell(1 + len(poses))
+    least = max(NEAREST_PX, reach / 2**ROUGH_ROUNDS)
+    rough = sorted((FinalEvidence(coarse, pose, least) for pose in poses), key=unexplained)
+    return [
+        rough[n] for n in distinct(caster.mesh, photographs.camera, [one.pose for one in rough], least_px=reach / 2)
+    ]
 
 
 def unexplained(one: FinalEvidence) -> float:
