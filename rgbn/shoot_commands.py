@@ -1,20 +1,14 @@
 """`rgbn init`, `plan` and `watch` as the command line has them."""
 
-import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
 from lab.progress import is_quiet, say
-from shoot.init.answers import Answers
+from shoot.init.answers import NOTHING, Answers
 from shoot.plan.plan_options import AS_USUAL, PlanOptions
-
-if TYPE_CHECKING:
-    from shoot.init.draft import Draft
-
-NOTHING = Answers()
 
 
 def init(
@@ -29,26 +23,7 @@ def init(
     """Look at a folder of photographs, ask what no file tells, and write its session.toml."""
     from shoot.init.init_session import init_sessions
 
-    made = init_sessions(folder, told, silent=yes, shown=_show)
-    for one in made:
-        print(f"written  {one.manifest}")
-        print(f"         {one.sheet}: the balls in circles; look whether all are found")
-    for one in made:
-        place = shlex.quote(str(one.draft.folder))
-        unknown = sorted({f" --{ball.kind} MM" for ball in one.draft.manifest.spheres if ball.diameter_mm is None})
-        if unknown:
-            print(f"tell     rgbn init {place}{''.join(unknown)}: diameters, for the lights' positions")
-        print(f"next     rgbn process {place}")
-
-
-def _show(draft: "Draft") -> None:
-    """Print what was found, and what was assumed."""
-    from lab.terminal_tables import fact_table, show
-    from shoot.init.session_text import facts_of, notes_of
-
-    show(fact_table(f"{draft.folder}", dict(facts_of(draft))))
-    for note in notes_of(draft):
-        print(f"note: {note}")
+    init_sessions(folder, yes=yes, told=told)
 
 
 def plan(
@@ -114,4 +89,4 @@ def watch(
     """Judge each photograph of a shoot within seconds, and write the session at the end."""
     from shoot.watch.watch_folder import watch_folder
 
-    watch_folder(folder, out, told, until_idle_s=until_idle, wanted_deg=wanted_deg)
+    watch_folder(folder, out=out, until_idle=until_idle, wanted_deg=wanted_deg, told=told)

@@ -1,9 +1,9 @@
 """What no file tells: given on the command line, said before, asked on a terminal, or assumed and said."""
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from capture.session.manifest import Manifest
     from scene.spheres import Kind
 
-T = TypeVar("T")
 LENS = {
     "focal_mm": "Focal length engraved on the lens, mm",
     "sensor_mm": "Width of the sensor, mm: 36 for full frame, 23.5 or 22.3 for APS-C",
@@ -67,9 +66,15 @@ class Answers:
     ] = None
 
     def __post_init__(self) -> None:
+        if self.camera:
+            # Here: the command line's help needs no manifest.
+            from capture.session.manifest_file import table_of
         for key, value in self.camera.items():
-            if fault := _fault(key, value):
-                raise SceneError(f"--{key.replace('_', '-')}: {fault}")
+            try:
+                table_of("camera", {key: float(value)})
+            except SessionError as error:
+                told = str(error).partition(": ")[2]
+                raise SceneError(f"--{key.replace('_', '-')}: {told}") from error
 
     @property
     def camera(self) -> dict[str, Any]:
@@ -88,15 +93,7 @@ class Answers:
         return cls(**balls, **lens, unit=None if unit == "unknown" else unit, linear=manifest.frames.linear)
 
 
-def _fault(key: str, value: float) -> str:
-    """Return what is wrong with a number of [camera]; empty: nothing."""
-    from capture.session.manifest_file import table_of
-
-    try:
-        table_of("camera", {key: float(value)})
-    except SessionError as error:
-        return str(error).partition(": ")[2]
-    return ""
+NOTHING = Answers()
 
 
 @dataclass
@@ -123,7 +120,7 @@ class Asking:
         what = f"Diameter in mm of the {balls} {kind} balls" if balls > 1 else f"Diameter in mm of the {kind} ball"
         what += f" at {', '.join(f'({u:.0f}, {v:.0f})' for u, v in places)} px" if places else ""
         more = "; where they differ, one for each, in this order" if balls > 1 else ""
-        given = self._once(kind, f"{what}{more}", lengths_of) or ()
+        given = self._once(kind, f"{what}{more}") or ()
         if len(given) not in (0, 1, balls):
             raise SessionError(
                 f"--{kind} {' '.join(f'{one:g}' for one in given)}: {len(given)} diameters, but {balls} {kind} balls "
@@ -142,42 +139,30 @@ class Asking:
         if is_known or said:
             return said
         for key, question in LENS.items():
-            if self._once(key, question, _number(key)) is None:
+            if self._once(key, question) is None:
                 # Without the sensor's width a focal length tells nothing: of the next object neither.
                 self.answers = replace(self.answers, **dict.fromkeys(LENS))
                 return {}
         return self.answers.camera
 
-    def _once(self, what: str, question: str, read: Callable[[str], T]) -> T | None:
+    def _once(self, what: str, question: str) -> Any:
         """Return what was given, said earlier, or asked for once; None where nobody answers."""
-        known = self.said(what)
-        if known is not None or self.silent or what in self._asked:
-            return known
-        self._asked.add(what)
-        answer = self._ask(question, read)
-        if answer is not None:
-            self.answers = replace(self.answers, **{what: answer})
-        return answer
+        if self.said(what) is None and not self.silent and what not in self._asked:
+            self._asked.add(what)
+            self._ask(what, question)
+        return self.said(what)
 
-    def _ask(self, question: str, read: Callable[[str], T]) -> T | None:
+    def _ask(self, what: str, question: str) -> None:
+        """Ask for a field of `Answers`, until its answer may stand in session.toml, or there is none."""
         while True:
             print(f"{question} (Enter: not known): ", end="", file=sys.stderr, flush=True)
             line = sys.stdin.readline()
-            if not line:
-                self.silent = True
+            self.silent |= not line
             if not line.strip():
-                return None
+                return
             try:
-                return read(line.strip())
-            except ValueError as error:
+                found = lengths_of(line.strip())
+                self.answers = replace(self.answers, **{what: found[0] if what in LENS else found})
+                return
+            except (ValueError, SceneError) as error:
                 print(f"  {error}", file=sys.stderr)
-
-
-def _number(key: str) -> Callable[[str], float]:
-    def read(text: str) -> float:
-        value, *_ = lengths_of(text)
-        if fault := _fault(key, value):
-            raise ValueError(fault)
-        return value
-
-    return read

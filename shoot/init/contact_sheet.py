@@ -1,5 +1,6 @@
 """A picture of what was found: the scene with the balls in circles, and the photographs small."""
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,8 +17,6 @@ COLOURS = {"chrome": (90, 220, 255), "white": (255, 190, 60)}
 
 def contact_sheet(draft: Draft) -> NDArray[np.uint8]:
     """Return the sheet (H, W, 3), RGB."""
-    import cv2
-
     frames = draft.small
     some = frames.only(slice(None, None, -(-len(frames) // MOST)))
     linear = some.read()
@@ -41,8 +40,6 @@ def contact_sheet(draft: Draft) -> NDArray[np.uint8]:
 
 def _write(picture: NDArray[np.uint8], text: str, x: float, y: float, colour: tuple[int, int, int]) -> None:
     """Write a text on a dark ground, its middle at x if it is then wholly inside the picture."""
-    import cv2
-
     (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.6, 1)
     x = int(np.clip(x - width / 2, 2, max(picture.shape[1] - width - 2, 2)))
     y = int(np.clip(y, height + 2, picture.shape[0] - below - 2))

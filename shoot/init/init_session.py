@@ -2,7 +2,6 @@
 
 import os
 import shlex
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -10,19 +9,20 @@ from typing import NamedTuple
 from capture.session.manifest_file import parse, toml_tables
 from capture.session.session import load_session
 from capture.survey.folder_files import FolderFiles, survey
-from lab.progress import progress_bar, say
+from lab.progress import say
 from lab.session_place import MANIFEST, default_out
+from lab.terminal_tables import fact_table, show
 from scene.errors import SceneError, SessionError
 from scene.files import write_png, write_text
 from scene.light_text import FILENAMES
 from scene.origin import Origin
 from scene.output_folder import open_record
 from scene.record import Record
-from shoot.init.answers import Answers, Asking
+from shoot.init.answers import NOTHING, Answers, Asking
 from shoot.init.contact_sheet import contact_sheet
 from shoot.init.draft import Draft
 from shoot.init.prepare import prepare
-from shoot.init.session_text import is_unedited, session_text, signed
+from shoot.init.session_text import facts_of, is_unedited, notes_of, session_text, signed
 
 SHEET = "contact-sheet.png"
 PART = "init"
@@ -36,22 +36,18 @@ class Made(NamedTuple):
     sheet: Path
 
 
-def init_sessions(
-    folder: Path, answers: Answers, *, silent: bool = False, shown: Callable[[Draft], None] | None = None
-) -> list[Made]:
-    """Write a session.toml for a folder, or one for each object's subfolder.
+def init_sessions(folder: Path, *, yes: bool = False, told: Answers = NOTHING) -> list[Made]:
+    """Write a session.toml for a folder, or one for each object's subfolder: `rgbn init`.
 
-    One that rgbn wrote and nobody changed is written anew: what it says holds where `answers` say nothing else.
+    One that rgbn wrote and nobody changed is written anew: what it says holds where nothing else is said.
 
     Parameters
     ----------
     folder : Path
-    answers : Answers
-        What the command line says.
-    silent : bool
-        Nothing is asked; what is not known is assumed, and said in the drafts' notes.
-    shown : callable, optional
-        Gets each draft before it is written.
+        Folder with the photographs, or with a folder of them for each object.
+    yes : bool
+        Ask nothing. What is not known is assumed, and named.
+    told : Answers
 
     Raises
     ------
@@ -65,21 +61,31 @@ def init_sessions(
         check_free(one)
     if len(found) > 1:
         say(f"{len(found)} objects: {', '.join(one.folder.name for one in found)}")
-    asking, made = Asking(answers, silent), []
+    asking, made = Asking(told, yes), []
     for one in found:
         asking.earlier = Answers()
         if (manifest := one.folder / MANIFEST).is_file():
             with suppress(SceneError):
                 known, _ = parse(toml_tables(manifest))
                 asking.earlier = Answers.said_in(known) if known else Answers()
-        draft = prepare(one, asking, progress_bar(f"look at {one.folder.name}"))
-        if shown:
-            shown(draft)
+        draft = prepare(one, asking)
+        show(fact_table(f"{draft.folder}", dict(facts_of(draft))))
+        for note in notes_of(draft):
+            print(f"note: {note}")
         origin = Origin("session", draft.folder, tuple(draft.photographs["flash"]))
         out = default_out(origin, draft.folder.name)
         with open_record(out, origin=origin, input_folders=[draft.folder]) as record:
             sheet = write_sheet(draft, record)
-        made.append(Made(draft, write_manifest(draft, signed(session_text(draft))), sheet))
+        made.append(Made(draft, write_manifest(draft), sheet))
+    for one in made:
+        print(f"written  {one.manifest}")
+        print(f"         {one.sheet}: the balls in circles; look whether all are found")
+    for one in made:
+        place = shlex.quote(str(one.draft.folder))
+        unknown = sorted({f" --{ball.kind} MM" for ball in one.draft.balls if ball.diameter_mm is None})
+        if unknown:
+            print(f"tell     rgbn init {place}{''.join(unknown)}: diameters, for the lights' positions")
+        print(f"next     rgbn process {place}")
     return made
 
 
@@ -92,13 +98,12 @@ def write_sheet(draft: Draft, record: Record) -> Path:
     return sheet
 
 
-def write_manifest(draft: Draft, text: str) -> Path:
+def write_manifest(draft: Draft) -> Path:
     """Write a draft's session.toml, and return its path. No output folder is held: the file is the user's from then on.
 
     Raises SceneError, and leaves what was there: the lens is known in part, or what was written cannot be read again.
     """
-    draft.known_camera()
-    manifest = draft.folder / MANIFEST
+    manifest, text = draft.folder / MANIFEST, signed(session_text(draft))
     before = manifest.read_bytes() if manifest.is_file() else None
     write_text(manifest, text)
     try:

@@ -1,16 +1,20 @@
 """A folder looked at: roles of the photographs, camera, balls or a light file, scan; what is not sure is noted."""
 
 import re
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, suppress
-from dataclasses import replace
+from collections.abc import Sequence
+from contextlib import suppress
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from align.mask.object_mask import find_object
+from align.scan.mended_scan import load_scan
+from calibrate.detection.balls import find_balls
+from calibrate.known_lights.read_known import read_lights
 from capture.camera.exif import read_exif
+from capture.camera.session_camera import usual_camera
 from capture.session.globs import frame_names, kind_of
 from capture.session.manifest import FramesTable, Manifest, SphereTable
 from capture.session.session_types import Encoding
@@ -18,7 +22,7 @@ from capture.survey.board_layout import find_board
 from capture.survey.folder_files import FEWEST, FolderFiles, name_of, pattern_of
 from capture.survey.small_pictures import Small, by_light, frames_of, of_one_size, otherwise_lit, read_small
 from formats.picture_files import read_values
-from lab.progress import say
+from lab.progress import progress_bar, say
 from scene.camera import Camera
 from scene.errors import AlignError, CalibrationError, SceneError, SessionError
 from scene.spheres import KINDS, Sphere
@@ -33,35 +37,25 @@ one object, 0.17 to 0.71 of seven."""
 
 
 def prepare(
-    files: FolderFiles,
-    asking: Asking,
-    progress: AbstractContextManager[Callable[[int, int], None]],
-    *,
-    small: Sequence[Small] = (),
-    balls: Sequence[SphereTable] | None = None,
-    seen: Callable[[Draft], Any] = lambda draft: None,
+    files: FolderFiles, asking: Asking, small: Sequence[Small] = (), balls: Sequence[SphereTable] | None = None
 ) -> Draft:
     """Return what a folder's files are, with what the user answered.
 
-    `progress` gives what is told of how many photographs are read; it is closed before a question comes. `small`,
-    `balls`: the photographs as they were read already, and the balls as they were found. `seen` is given the draft when
-    the photographs have their roles, and again when the balls are found.
+    `small`, `balls`: the photographs as they were read already, and the balls as they were found.
 
     Raises SessionError: too few photographs can be read or are of one size, or they show several objects; answers do
     not fit what was found.
     """
     linear, encoding = encoding_of(files.photographs["flash"][0], asking)
     every = [path for role in ("flash", "ambient", "board", "chart") for path in files.photographs.get(role, [])]
-    with progress as tell:
-        small, unread = (small, []) if small else read_small(every, encoding, tell)
+    unread: list[str] = []
+    if not small:
+        with progress_bar(f"look at {files.folder.name}") as tell:
+            small, unread = read_small(every, encoding, tell)
     draft = _look(files, linear, {one.path: one for one in small}, unread)
-    seen(draft)
     if "board" not in draft.photographs:
-        draft = draft.saying("camera", **asking.camera(is_known=draft.known_camera()[0] is not None))
-        draft.known_camera()
-    draft = _with_balls(draft, files, asking, balls)
-    seen(draft)
-    return _given(draft, files, asking)
+        draft = draft.saying("camera", **asking.camera(is_known=draft.camera[0] is not None))
+    return _given(_with_balls(draft, files, asking, balls), files, asking)
 
 
 def _look(files: FolderFiles, linear: bool | None, by_path: dict[Path, Small], unread: list[str]) -> Draft:
@@ -109,11 +103,13 @@ def _look(files: FolderFiles, linear: bool | None, by_path: dict[Path, Small], u
         "dark": [*files.photographs.get("dark", []), *(one.path for one in roles.get("dark", []))],
         "flat": files.photographs.get("flat", []),
     }
+    globs = {role: pattern_of(some, files.folder) for role, some in photographs.items() if some}
+    frames = FramesTable.model_validate({**globs, "linear": linear})
     first = shots[0]
     draft = Draft(
-        Manifest(frames=FramesTable(flash=["*"], linear=linear)), files.folder, first.width, first.height,
-        frames_of(shots, ambient), first.step, exif=tuple(read_exif(one.path) for one in shots), notes=tuple(notes),
-    ).with_photographs(photographs)  # fmt: skip
+        Manifest(frames=frames), files.folder, first.width, first.height, frames_of(shots, ambient), first.step,
+        tuple(read_exif(one.path) for one in shots), notes=tuple(notes),
+    )  # fmt: skip
     draft = _with_chart(draft, [by_path[path] for path in files.photographs.get("chart", []) if path in by_path])
     if layout is None:
         return draft
@@ -178,18 +174,14 @@ def _given(draft: Draft, files: FolderFiles, asking: Asking) -> Draft:
     draft = draft.saying("object", **keys)
     if not scans:
         return draft
-    draft = replace(draft, across_px=_across_px(draft))
-    unit = asking.answers.unit or (None if draft.likely_unit else asking.said("unit"))
-    return draft.saying("object", scan_unit=unit)
+    return draft.with_unit(load_scan(scans[0], "unknown").vertices, _across_px(draft), asking)
 
 
 def _across_px(draft: Draft) -> float | None:
     """Return the object's diagonal in the picture; None where it, or every ball, is not found."""
-    from align.mask.object_mask import find_object
-
     balls = [
         Sphere(ball.kind, (np.array(ball.center_px) + 0.5) / draft.step - 0.5, ball.radius_px / draft.step)
-        for ball in draft.found if ball.center_px and ball.radius_px
+        for ball in draft.balls if ball.center_px and ball.radius_px
     ]  # fmt: skip
     try:
         mask = find_object(draft.small, _small_camera(draft), balls).mask if balls else None
@@ -203,14 +195,11 @@ def _with_balls(draft: Draft, files: FolderFiles, asking: Asking, found: Sequenc
 
     `found`: those in the frames, where they are known.
     """
-    from calibrate.detection.balls import find_balls
-    from calibrate.known_lights.read_known import read_lights
-
     apart, notes = _shot_apart(files, len(draft.photographs["flash"]))
     names = tuple(frame_names(draft.photographs["flash"]))
     for path in files.lights if not apart else ():
         try:
-            read_lights(path, names, camera=draft.known_camera()[0])
+            read_lights(path, names, camera=draft.camera[0])
             return draft.saying("lights", file=name_of(path, draft.folder))
         except SceneError as error:
             draft = draft.noting(f"{path.name} is not used: {str(error).splitlines()[0]}")
@@ -221,8 +210,7 @@ def _with_balls(draft: Draft, files: FolderFiles, asking: Asking, found: Sequenc
         with suppress(CalibrationError):
             balls, _, _ = find_balls(draft.small, _small_camera(draft), [])
             found = drafted([one.sphere for one in balls], draft.step)
-    draft = replace(draft, found=tuple(() if apart else found or ()))
-    return draft.noting(*notes).with_balls(with_diameters(apart or draft.found, asking))
+    return draft.noting(*notes).with_balls(with_diameters(apart or found or (), asking))
 
 
 def with_diameters(balls: Sequence[SphereTable], asking: Asking) -> list[SphereTable]:
@@ -242,7 +230,8 @@ def with_diameters(balls: Sequence[SphereTable], asking: Asking) -> list[SphereT
 
 def _small_camera(draft: Draft) -> Camera:
     """Return the camera of the small frames, as far as it is known."""
-    return draft.assumed_camera.scaled(draft.small.width, draft.small.height, 1 / draft.step, 1 / draft.step)
+    camera = draft.camera[0] or usual_camera(draft.width, draft.height)
+    return camera.scaled(draft.small.width, draft.small.height, 1 / draft.step, 1 / draft.step)
 
 
 def drafted(spheres: Sequence[Sphere], step: int = 1) -> list[SphereTable]:

@@ -12,7 +12,7 @@ from scene.reading import shortened
 from scene.spheres import KINDS
 from shoot.init.draft import Draft
 
-HEADLINE = "# Written by {by} on {day}. Correct what is wrong; rgbn only reads it."
+HEADLINE = "# Written by rgbn init on {day}. Correct what is wrong; rgbn only reads it."
 SIGNED = "# As rgbn wrote it: "
 """What stands before the fingerprint of all that is above: a file in which nothing was changed is written anew."""
 WIDE = 112
@@ -23,10 +23,10 @@ LONGEST = 1000
 """Letters of a sentence there: names of files are as long as they like."""
 
 
-def session_text(draft: Draft, by: str = "rgbn init") -> str:
+def session_text(draft: Draft) -> str:
     """Return the text of session.toml, with what is assumed or missing above its tables."""
-    head = [HEADLINE.format(by=by, day=date.today().isoformat())]
-    for told in (f"camera: {draft.camera_told}", *notes_of(draft)):
+    head = [HEADLINE.format(day=date.today().isoformat())]
+    for told in (f"camera: {draft.camera[1]}", *notes_of(draft)):
         head += textwrap.wrap(shortened(told, LONGEST), WIDE, initial_indent="# - ", subsequent_indent="#   ")
     tables, facts = _tables(draft.written), dict(facts_of(draft))
     comments = {path: text for path, text in facts.items() if path.startswith(BESIDE)}
@@ -72,10 +72,10 @@ def facts_of(draft: Draft) -> Iterator[tuple[str, str]]:
         shown = files[0].name if len(files) == 1 else f"{files[0].name} to {files[-1].name}"
         size = f", {draft.width} x {draft.height} px" if role == "flash" else ""
         yield f"camera.{role}" if role == "board" else f"frames.{role}", f"{len(files)}: {shown}{size}"
-    yield "camera", draft.camera_told
+    yield "camera", draft.camera[1]
     for number, ball in enumerate(manifest.spheres):
         known = f"{ball.diameter_mm:.4g} mm" if ball.diameter_mm else "diameter_mm not known"
-        yield f"spheres[{number}]", f"{ball.kind}, {known}; {_place_told(draft, ball)}"
+        yield f"spheres[{number}]", f"{ball.kind}, {known}; {_place_told(ball)}"
     for table, key in (("lights", "file"), ("object", "mask"), ("object", "scan"), ("object", "normals")):
         if name := getattr(getattr(manifest, table), key, None):
             yield f"{table}.{key}", name
@@ -83,13 +83,10 @@ def facts_of(draft: Draft) -> Iterator[tuple[str, str]]:
         yield "object.scan_unit", draft.scan_told
 
 
-def _place_told(draft: Draft, ball: SphereTable) -> str:
-    if ball.frames:
+def _place_told(ball: SphereTable) -> str:
+    if ball.center_px is None:
         return "in its own photographs, in the flash frames' order"
-    if ball.center_px is None or ball.radius_px is None:
-        return "to be found"
-    (u, v), how = ball.center_px, "found" if draft.is_found(ball) else "placed by hand"
-    return f"{how} at ({u:.0f}, {v:.0f}) px, radius {ball.radius_px:.0f} px"
+    return "found at ({:.0f}, {:.0f}) px, radius {:.0f} px".format(*ball.center_px, ball.radius_px)
 
 
 def notes_of(draft: Draft) -> tuple[str, ...]:
@@ -99,7 +96,7 @@ def notes_of(draft: Draft) -> tuple[str, ...]:
 
 def _missing(draft: Draft) -> Iterator[str]:
     """Yield what a person may still tell, and what is done without it."""
-    manifest, known, unit = draft.manifest, draft.manifest.object, draft.unit
+    manifest, known = draft.manifest, draft.manifest.object
     balls = manifest.spheres
     if not manifest.lights and not known.normals and not balls:
         yield (
@@ -122,10 +119,3 @@ def _missing(draft: Draft) -> Iterator[str]:
         yield f"{suffix} values are taken as sRGB-encoded, as cameras write them; else say --linear."
     if not known.scan and not known.normals:
         yield "there is no scan: no ground truth, no twin."
-    elif known.scan and unit == "unknown":
-        yield "the scan's unit is not known: give it (--unit), or a ball's diameter."
-    elif known.scan and draft.likely_unit not in (None, unit):
-        yield (
-            f"the scan is {draft.scan_told}, but the object looks {draft.object_mm:.0f} mm large in the picture, as "
-            f"with unit {draft.likely_unit}. Check the unit, and the balls' diameters."
-        )

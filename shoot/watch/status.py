@@ -47,44 +47,32 @@ class Screen:
 
     def renew(self, *, is_over: bool = False) -> None:
         """Say what is known by now, and write watch.json, and watch-sigma.png where the normals are known."""
-        shoot, record = self._shoot, record_for(self._out / STATUS)
+        shoot, record, known = self._shoot, record_for(self._out / STATUS), None
         assert record is not None
-        status = status_of(shoot, self._warnings, self._wanted_deg)
         with record.part_of(WORK):
             if shoot.sigma_deg is not None:
+                sigma = shoot.sigma_deg[np.isfinite(shoot.sigma_deg)]
+                known = {
+                    "sigma_deg_median": float(np.median(sigma)),
+                    "wanted_deg": self._wanted_deg,
+                    "share_under_wanted": float(np.mean(sigma < self._wanted_deg)),
+                    "next_flash": shoot.next_flash,
+                }
                 write_png(self._out / MAP, sigma_picture(shoot.sigma_deg, self._wanted_deg))
-            write_json(self._out / STATUS, {"is_over": is_over, **status})
-        lines = state_lines(shoot, status)
+            lights, ambient = shoot.lights.facts() if shoot.lights else None, len(shoot.roles["ambient"])
+            status = {"flash": len(shoot.flash), "ambient": ambient, "warnings": self._warnings}
+            write_json(self._out / STATUS, {"is_over": is_over, **status, "lights": lights, "normals": known})
+        lines = state_lines(shoot, known)
         # What is as it was need not be said again.
         for line in [] if is_over else [line for line in lines if line not in self._said]:
             self.note(line)
         self._said = lines
 
 
-def status_of(shoot: Shoot, warnings: list[str], wanted_deg: float) -> dict[str, Any]:
-    """Return the state of a shoot as plain values."""
-    sigma = None if shoot.sigma_deg is None else shoot.sigma_deg[np.isfinite(shoot.sigma_deg)]
-    known = None
-    if sigma is not None:
-        known = {
-            "sigma_deg_median": float(np.median(sigma)),
-            "wanted_deg": wanted_deg,
-            "share_under_wanted": float(np.mean(sigma < wanted_deg)),
-            "next_flash": shoot.next_flash,
-        }
-    return {
-        "flash": len(shoot.flash),
-        "ambient": len(shoot.roles["ambient"]),
-        "warnings": warnings,
-        "lights": shoot.lights.facts() if shoot.lights else None,
-        "normals": known,
-    }
-
-
-def state_lines(shoot: Shoot, status: dict[str, Any]) -> list[str]:
-    """Return what is known by now, in lines; `status`: see `status_of`."""
-    count, known = status["flash"], status["normals"]
-    lines = [f"{count} flash frame{'s' * (count != 1)}, {status['ambient']} ambient"]
+def state_lines(shoot: Shoot, known: dict[str, Any] | None) -> list[str]:
+    """Return what is known by now, in lines; `known`: `normals` of watch.json."""
+    count = len(shoot.flash)
+    lines = [f"{count} flash frame{'s' * (count != 1)}, {len(shoot.roles['ambient'])} ambient"]
     light = shoot.light_of(shoot.newest) if shoot.newest else None
     lines += [f"{shoot.newest.name}: flash at {place_text(light)}"] if shoot.newest and light else []
     if shoot.lights is None:

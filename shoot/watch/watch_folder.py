@@ -5,7 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,11 +20,11 @@ from lab.session_place import default_out, note_session
 from scene.errors import SessionError
 from scene.origin import Origin
 from scene.output_folder import open_record
-from shoot.init.answers import Answers, Asking
+from shoot.init.answers import NOTHING, Answers, Asking
 from shoot.init.draft import Draft
 from shoot.init.init_session import check_free, check_layout, write_manifest, write_sheet
 from shoot.init.prepare import prepare
-from shoot.init.session_text import notes_of, session_text, signed
+from shoot.init.session_text import notes_of
 from shoot.watch.shoot import Shoot
 from shoot.watch.status import Screen
 from shoot.watch.taken import Taken
@@ -42,12 +42,11 @@ def whole_photographs(folder: Path) -> tuple[Path, ...]:
 
 def watch_folder(
     folder: Path,
-    out: Path | None,
-    answers: Answers,
     *,
-    until_idle_s: float | None = None,
+    out: Path | None = None,
+    until_idle: float | None = None,
     wanted_deg: float = 1.0,
-    clock: Callable[[], float] = time.monotonic,
+    told: Answers = NOTHING,
 ) -> None:
     """Watch a folder until it is ended, or no photograph has come for a while; then write its session, and decode it.
 
@@ -56,15 +55,15 @@ def watch_folder(
     Parameters
     ----------
     folder : Path
-        Where the camera's program writes.
+        Folder that the camera's program writes into.
     out : Path, optional
-        Output folder; outside of `folder`. Default: out/NAME here, by the folder's name.
-    answers : Answers
-        Camera and balls, as `init` is told them.
-    until_idle_s : float, optional
-        Seconds without a new photograph after which the shoot is over.
+        Output folder. Default: out/NAME, by the folder's name.
+    until_idle : float, optional
+        The shoot ends after so many seconds without a new photograph. Default: it ends by Ctrl-C.
     wanted_deg : float
-        Sigma of the normals that is good enough.
+        Sigma of the normals that is good enough, degrees.
+    told : Answers
+        Camera and balls, as `init` is told them.
 
     Raises
     ------
@@ -79,7 +78,7 @@ def watch_folder(
     check_layout(folder)
     # In the end session.toml is written; one that rgbn wrote and nobody has changed is written anew.
     check_free(FolderFiles(folder))
-    asking = Asking(answers, silent=True)
+    asking = Asking(told, silent=True)
     origin = Origin("session", folder, whole_photographs(folder))
     out = out or default_out(origin, folder.name)
     with ExitStack() as until_written:
@@ -91,14 +90,14 @@ def watch_folder(
             taken = Taken(folder, kept_folder(record.folder), asking, screen.note, screen.warn)
             is_ended = until_written.enter_context(_ended_by_signals())
             say(f"watching {folder}; Ctrl-C ends the shoot and writes its session")
-            _loop(folder, taken, shoot, screen, until_idle_s, clock, is_ended)
+            _loop(folder, taken, shoot, screen, until_idle, time.monotonic, is_ended)
             say("the shoot is over; writing its session ...")
             screen.renew(is_over=True)
-            draft = _draft_of(folder, shoot, answers, taken)
+            draft = _draft_of(folder, shoot, told, taken)
             # What stood there first, perhaps an ambient frame alone, is no longer what tells the session from others.
             Origin("session", folder, tuple(shot.path for shot in taken.shots.values())).claim(record, out)
             write_sheet(draft, record)
-        manifest = write_manifest(draft, signed(session_text(draft)))
+        manifest = write_manifest(draft)
     for note in notes_of(draft):
         say(f"note: {note}")
     say(f"written  {manifest}")
@@ -193,8 +192,7 @@ def _draft_of(folder: Path, shoot: Shoot, answers: Answers, taken: Taken) -> Dra
     files, small = replace(files, photographs=named), [shot.small for shot in taken.shots.values()]
 
     def prepared(answers: Answers) -> Draft:
-        silent, progress = Asking(answers, silent=True), nullcontext(lambda done, total: None)
-        draft = prepare(files, silent, progress, small=small, balls=shoot.balls)
+        draft = prepare(files, Asking(answers, silent=True), small, shoot.balls)
         return draft.noting(*(f"{path.name}: {text}" for path, text in left_out.items()), *taken.unreadable)
 
     try:

@@ -80,7 +80,7 @@ def balls(session):
 def test_two_questions_give_the_session_that_was_written_by_hand(folder, monkeypatch, capsys):
     before = lay_out(folder)
     monkeypatch.setattr(sys, "stdin", io.StringIO("100\n90\n"))
-    (made,) = init_sessions(folder, Answers())
+    (made,) = init_sessions(folder, told=Answers())
     assert capsys.readouterr().err.count("Enter") == 2
     after = lay_out(folder)
     assert after.pop("session.toml")
@@ -94,7 +94,7 @@ def test_two_questions_give_the_session_that_was_written_by_hand(folder, monkeyp
     assert made.sheet.is_file()
     assert any("13 .jpg" in note and "beside a file of the same name" in note for note in made.draft.notes)
     # What nobody has changed is written anew, with what is known now, and what was said before.
-    init_sessions(folder, Answers(chrome=(60.0,)), silent=True)
+    init_sessions(folder, told=Answers(chrome=(60.0,)), yes=True)
     assert {spec.kind: spec.diameter_mm for spec in load_session(folder).spheres} == {"chrome": 60.0, "white": 90.0}
 
 
@@ -104,7 +104,7 @@ def test_only_its_own_file_is_written_anew(mine, tmp_path, monkeypatch):
     monkeypatch.chdir(mine)
     said = Answers(focal_mm=50.0, sensor_mm=36.0)
     for answers in (said, Answers()):
-        (made,) = init_sessions(mine, answers, silent=True)
+        (made,) = init_sessions(mine, told=answers, yes=True)
         assert load_session(mine).camera == Lens(focal_mm=50.0, sensor_mm=36.0), "as it was said before"
     assert made.sheet == tmp_path / "out" / mine.name / "contact-sheet.png"
     assert made.sheet.is_file()
@@ -112,17 +112,17 @@ def test_only_its_own_file_is_written_anew(mine, tmp_path, monkeypatch):
     # The file is the user's: no output folder's record has it, and it is written anew when its results are gone.
     assert list(json.loads((made.sheet.parent / ".rgbn" / "record.json").read_text())["files"]) == [made.sheet.name]
     shutil.rmtree(tmp_path / "out")
-    init_sessions(mine, said, silent=True)
+    init_sessions(mine, told=said, yes=True)
     written = manifest.read_text()
     manifest.write_text(written.replace("50.0", "51.0", 1))
     with pytest.raises(SessionError, match="is there already"):
-        init_sessions(mine, Answers(), silent=True)
+        init_sessions(mine, told=Answers(), yes=True)
     # A link leads to a file of another place, whatever that holds.
     (tmp_path / "elsewhere.toml").write_text(written)
     manifest.unlink()
     manifest.symlink_to(tmp_path / "elsewhere.toml")
     with pytest.raises(SessionError, match="is there already"):
-        init_sessions(mine, Answers(), silent=True)
+        init_sessions(mine, told=Answers(), yes=True)
     assert manifest.is_symlink()
 
 
@@ -143,7 +143,7 @@ def test_the_command_says_what_to_run_for_each_object(run_rgbn, tmp_path, monkey
 def test_a_photograph_that_is_called_a_chart_is_the_chart(mine):
     for name, wide in (("Color Checker", 60), ("chart_2", 60), ("chart_0", 30)):
         write_png(mine / f"{name}.png", np.full((40, wide, 3), 3000, np.uint16))
-    (made,) = init_sessions(mine, Answers(), silent=True)
+    (made,) = init_sessions(mine, told=Answers(), yes=True)
     session = load_session(mine)
     assert session.chart == mine / "chart_2.png"
     assert len(session.flash) == 4
@@ -154,10 +154,10 @@ def test_several_objects_in_one_folder_are_no_session(mine, tmp_path):
     for seed, name in enumerate(("cat_{}", "owl_{}", "rock_{}")):
         take_photographs(tmp_path / "mixed", name, seed)
     with pytest.raises(SessionError, match=r"several objects \(cat 4, owl 4, rock 4\).*a folder of its own"):
-        init_sessions(tmp_path / "mixed", Answers(), silent=True)
+        init_sessions(tmp_path / "mixed", told=Answers(), yes=True)
     for name in ("left_{}", "right_{}"):
         take_photographs(tmp_path / "same", name)
-    (made,) = init_sessions(tmp_path / "same", Answers(), silent=True)
+    (made,) = init_sessions(tmp_path / "same", told=Answers(), yes=True)
     assert len(made.draft.photographs["flash"]) == 8, "two names of one object"
 
 
@@ -181,7 +181,7 @@ def test_what_is_refused(tmp_path, monkeypatch, names, words):
         (folder / name).write_bytes(b"")
     before = lay_out(tmp_path)
     with pytest.raises(SceneError, match=words):
-        init_sessions(folder, Answers(), silent=True)
+        init_sessions(folder, told=Answers(), yes=True)
     assert lay_out(tmp_path) == before
 
 
@@ -192,7 +192,7 @@ def test_lights_without_a_word_about_the_camera(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(
         "capture.camera.exif._exif_of_tags", lambda tags: __import__("capture.camera.exif").camera.exif.Exif()
     )
-    init_sessions(folder, Answers(**SIZES), silent=True)
+    init_sessions(folder, told=Answers(**SIZES), yes=True)
     run_session(folder, "calibrate", out=tmp_path / "unknown")
     run_session(FIXTURE, "calibrate", out=tmp_path / "known")
     unknown, known = Store(tmp_path / "unknown"), Store(tmp_path / "known")
@@ -211,12 +211,12 @@ def test_photographs_that_others_took(shared, tmp_path, monkeypatch, place):
     """A room-lit frame among the flashes hid a ball of 487 px and left one of 8; seven objects have a folder each."""
     monkeypatch.chdir(tmp_path)
     shutil.copytree(shared(f"real/{place}"), tmp_path / "theirs", ignore=shutil.ignore_patterns("*.txt"))
-    made = init_sessions(tmp_path / "theirs", Answers(), silent=True)
+    made = init_sessions(tmp_path / "theirs", told=Answers(), yes=True)
     if place == "uw_psm/png":
         assert [one.draft.folder.name for one in made] == ["buddha", "cat", "horse", "owl", "rock"]
         assert all(len(load_session(one.draft.folder).spheres) == 2 for one in made)
     else:
-        (ball,) = made[0].draft.found
+        (ball,) = made[0].draft.balls
         assert (ball.kind, ball.radius_px) == ("chrome", pytest.approx(487, rel=0.03))
         assert any("ref.JPG is brighter" in note for note in made[0].draft.notes)
 
@@ -230,7 +230,7 @@ def test_somebody_elses_session_without_its_session_toml(shared, tmp_path, monke
     for part in ("raw", "scan"):
         shutil.copytree(source / part, tmp_path / "bunny" / part)
     answers = Answers(chrome=(76.0,), white=(70.0,), focal_mm=50.0, sensor_mm=36.0)
-    init_sessions(tmp_path / "bunny", answers, silent=True)
+    init_sessions(tmp_path / "bunny", told=answers, yes=True)
     ours = load_session(tmp_path / "bunny")
     assert balls(ours) == balls(load_session(source))
     assert (ours.scan_unit, len(ours.flash), len(ours.ambient)) == ("mm", 12, 1)

@@ -38,7 +38,7 @@ def after_shoot(tmp_path_factory):
     )
     photographer.start()
     with contextlib.redirect_stderr(said):
-        watch_folder(place / "hot", place / "out", BALLS, until_idle_s=8.0)
+        watch_folder(place / "hot", out=place / "out", told=BALLS, until_idle=8.0)
     photographer.join()
     return place, said.getvalue()
 
@@ -90,15 +90,15 @@ def test_a_watch_goes_on_with_a_shoot_that_ended_and_leaves_a_changed_session_al
 
     place, _ = after_shoot
     blurred(SESSION / "raw" / "flash_004.dng", place / "hot" / "flash_012.dng", sigma_px=0.8)
-    watch_folder(place / "hot", place / "out", BALLS, until_idle_s=3.0)
+    watch_folder(place / "hot", out=place / "out", told=BALLS, until_idle=3.0)
     assert "flash_012" in Store(place / "out").load_frames().names
-    watch_folder(place / "hot", place / "out", BALLS, until_idle_s=1.0)
+    watch_folder(place / "hot", out=place / "out", told=BALLS, until_idle=1.0)
     assert not (place / "out" / ".rgbn" / "decoded").exists(), "nothing was new, and no second copy is left"
     manifest = place / "hot" / MANIFEST
     manifest.write_text(manifest.read_text() + "# mine\n")
     pushed(SESSION / "raw" / "flash_004.dng", place / "hot" / "flash_013.dng")
     with pytest.raises(SessionError, match="is there already, and is not written over"):
-        watch_folder(place / "hot", place / "out", BALLS, until_idle_s=1.0)
+        watch_folder(place / "hot", out=place / "out", told=BALLS, until_idle=1.0)
     assert manifest.read_text().endswith("# mine\n")
 
 
