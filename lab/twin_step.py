@@ -58,11 +58,11 @@ def _render(
         # The twin's photographs take the place of its rendered frames.
         with progress_bar("twin: decode") as progress:
             decode(load_session(folder.folder), folder, progress=progress)
-    foretold = _foretold(job, scene, rendered.choice, found) if job.twin.held_out else None
+    predicted = _held_out(job, scene, rendered.choice, found) if job.twin.held_out else None
     facts = rendered.facts()
     facts["warnings"] = (*scene_warnings, *rendered.warnings)
     photographed = {} if sensor is None else {"sensor": asdict(sensor)}
-    return {"rendered": True, "material": found.facts(), "held_out": foretold, **facts, **photographed}, list(
+    return {"rendered": True, "material": found.facts(), "held_out": predicted, **facts, **photographed}, list(
         facts["warnings"]
     )
 
@@ -76,15 +76,15 @@ def twin_scene(job: Job) -> tuple[Any, Any, list[str]]:
     return session_scene(job.store, job.load_scan(), sampling, is_error_given=how.error is not None)
 
 
-def _foretold(job: Job, scene: Any, choice: Any, whole: Any) -> dict[str, Any] | None:
-    """Fit the material to half of the frames, foretell the others; return what the summary keeps of it."""
+def _held_out(job: Job, scene: Any, choice: Any, whole: Any) -> dict[str, Any] | None:
+    """Fit the material to half of the frames, predict the others; return what the summary keeps of it."""
     from twin.engines.render import render_scene
     from twin.session_scene import session_relighting
 
     # As the twin was rendered.
     sampling = replace(scene.sampling, engine=choice.engine, samples=choice.samples)
     with progress_bar("twin: frames not fitted to") as progress:
-        scratch = job.record.scratch("foretold")
+        scratch = job.record.scratch("predicted")
         how: Any = {"executor": job.executor, "progress": progress, "scratch": scratch}
         try:
             found = session_relighting(

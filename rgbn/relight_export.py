@@ -16,7 +16,7 @@ MOST_CONDITION = 1e3
 
 
 def choose_terms(directions: Array, values: NDArray[np.float32]) -> tuple[str, float]:
-    """Return the terms that foretell left-out photographs best, and by how much they miss, rms.
+    """Return the terms that predict left-out photographs best, and by how much they miss, rms.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ ALIGN = {
 TWIN = {
     "material": "{model}",
     "misfit": "{relative_rmse:1%} of the photographs, rms",
-    "foretold": "{relative_rmse_lit:1%} of frames not fitted to, where lit",
+    "predicted": "{relative_rmse_lit:1%} of frames not fitted to, where lit",
     "rendering": "engine {engine}, {seconds:0} s, error {error:1%}",
 }
 

@@ -1,4 +1,4 @@
-"""How well a twin foretells photographs that it has not seen: fitted to every second frame, it predicts the others."""
+"""How well a twin predicts photographs that it has not seen: fitted to every second frame, it predicts the others."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -25,9 +25,9 @@ MASKS = ("fitted", "lit", "whole")
 
 @dataclass(frozen=True)
 class Relighting:
-    """Photographs foretold, over three sets of pixels.
+    """Photographs predicted, over three sets of pixels.
 
-    fitted, predicted: Names of the frames that the material was fitted to, and of those that were foretold.
+    fitted, predicted: Names of the frames that the material was fitted to, and of those that were predicted.
     relative_rmse: By the set: `fitted` (samples such as the material is fitted to), `lit` (all of the mask in no shadow
         of the scan, not clipped), `whole` (all of the mask that is not clipped: cast shadows, light from elsewhere, and
         outline included). Root of the squared errors' sum over the squared values'.
@@ -46,7 +46,7 @@ class Relighting:
         """The line that is printed."""
         rmse = ", ".join(f"{100 * value:.1f} % {name}" for name, value in self.relative_rmse.items())
         return (
-            f"fitted to {len(self.fitted)} frames, it foretells the other {len(self.predicted)} to a relative RMSE of "
+            f"fitted to {len(self.fitted)} frames, it predicts the other {len(self.predicted)} to a relative RMSE of "
             f"{rmse}"
         )
 
@@ -60,7 +60,7 @@ def relighting(
     *,
     whole: ScanMaterial | None = None,
 ) -> Relighting:
-    """Return how well the material that every second frame tells foretells the others.
+    """Return how well the material that every second frame tells predicts the others.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def relighting(
         Returns a scene's frames (`twin.engines.render.render_scene`).
     whole : ScanMaterial or None
         Fitted to all frames. Its samples are used again, and the light from elsewhere that was found in them: a small
-        part of it, by the albedo, was told by the frames that are foretold.
+        part of it, by the albedo, was told by the frames that are predicted.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def relighting(
         There are too few frames, or no material can be fitted to half of them.
     """
     if len(frames) < FEWEST:
-        raise RenderError(f"{len(frames)} frames; {FEWEST} or more can be divided into fitted and foretold ones.")
+        raise RenderError(f"{len(frames)} frames; {FEWEST} or more can be divided into fitted and predicted ones.")
     first, others = slice(0, None, 2), slice(1, None, 2)
     seen, unseen = (replace(sight, lights=sight.lights.only(which)) for which in (first, others))
     known = None

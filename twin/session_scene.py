@@ -44,7 +44,7 @@ def session_scene(
 def session_relighting(
     store: Store, mesh: Mesh, sampling: Sampling, render: Callable[[TwinScene], Frames], whole: "ScanMaterial"
 ) -> "Relighting":
-    """Return how well the session's twin foretells frames that it was not fitted to; see `twin.relighting.relighting`.
+    """Return how well the session's twin predicts frames that it was not fitted to; see `twin.relighting.relighting`.
 
     store: the session's output folder, after `align`.
     """

@@ -30,7 +30,7 @@ STEP_PX, STEP = 4.0, 0.25
 """The longest step of the pose; of a light, in radians and as a logarithm."""
 REACH_PX = 6.0
 SURE = 2.0
-"""Standard errors by which near lights must foretell the sectors left out better."""
+"""Standard errors by which near lights must predict the sectors left out better."""
 KNOWN = 0.25
 """Relative sigma of their distance from which lights are taken as distant."""
 UNKNOWN_DEG = 10.0
@@ -55,7 +55,7 @@ class Joint(NamedTuple):
 
     @property
     def is_near(self) -> bool:
-        """Whether near lights foretell sectors of the object, left out of the fit, better than distant ones.
+        """Whether near lights predict sectors of the object, left out of the fit, better than distant ones.
 
         And whether it is known how near: what gloss does to shading looks like lights at some distance, too.
         """

@@ -1,4 +1,4 @@
-// A pixel's samples over the lights, divided by the lights' intensities, and what each method's answer foretells.
+// A pixel's samples over the lights, divided by the lights' intensities, and what each method's answer predicts.
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"];
 const element = (tag, values = {}, text = "") => {
   const made = document.createElementNS("http://www.w3.org/2000/svg", tag);

@@ -76,7 +76,7 @@ def test_the_twin_is_of_the_true_material(demo):
     assert f'data-value="{material["relative_rmse"]!r}"' in page
 
 
-def test_the_twin_foretells_frames_that_it_was_not_fitted_to(demo):
+def test_the_twin_predicts_frames_that_it_was_not_fitted_to(demo):
     twin = demo[1]["twin"]
     found = twin["held_out"]
     assert sorted([*found["fitted"], *found["predicted"]]) == [f"flash_{i:03d}" for i in range(12)]

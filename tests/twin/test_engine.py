@@ -67,7 +67,7 @@ def test_the_layers_add_up_to_stock_mitsuba_environment_and_all():
 
 
 @pytest.mark.parametrize("engine", ["many", "mitsuba"])
-def test_the_noise_that_is_foretold_is_that_of_the_rendering(engine):
+def test_the_noise_that_is_predicted_is_that_of_the_rendering(engine):
     scene = ball()
     film = scene.film()
     exact, rough = (render_layers(scene, film, engine, samples).frames() for samples in (400, 16))

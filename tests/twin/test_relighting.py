@@ -1,4 +1,4 @@
-"""How well a twin foretells frames that it was not fitted to: the score's laws, and a scene whose answer is known."""
+"""How well a twin predicts frames that it was not fitted to: the score's laws, and a scene whose answer is known."""
 
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ def scored(guess, images):
     return score(sight, Frames.from_linear(LIGHTS.names, images), Frames.from_linear(LIGHTS.names, guess), mask)
 
 
-def test_photographs_that_are_foretold_exactly_score_so_and_the_exposure_does_not_count():
+def test_photographs_that_are_predicted_exactly_score_so_and_the_exposure_does_not_count():
     images = photographs()
     rmse = scored(images, images)
     assert set(rmse) == set(MASKS)
@@ -62,7 +62,7 @@ def test_each_score_judges_its_own_pixels():
     assert rmse["lit"] > 0.01
 
 
-def test_too_few_frames_foretell_nothing():
+def test_too_few_frames_predict_nothing():
     few = LIGHTS.only(slice(0, FEWEST - 1))
     with pytest.raises(RenderError, match="7 frames; 8 or more"):
         relighting(*sight_of_ball(few), Sampling(), lambda scene: pytest.fail("rendered"))
@@ -70,7 +70,7 @@ def test_too_few_frames_foretell_nothing():
 
 @pytest.mark.full
 @pytest.mark.render
-def test_what_is_made_of_the_fitted_kind_is_foretold_and_a_light_that_lies_is_not():
+def test_what_is_made_of_the_fitted_kind_is_predicted_and_a_light_that_lies_is_not():
     import_mitsuba()
     (sight, _, mask), images, asked = sight_of_ball(LIGHTS), photographs(), []
 
@@ -78,20 +78,20 @@ def test_what_is_made_of_the_fitted_kind_is_foretold_and_a_light_that_lies_is_no
         asked.append(scene.lights.names)
         return render_scene(scene).frames
 
-    def foretold():
+    def predicted():
         frames = Frames.from_linear(LIGHTS.names, images)
         return relighting(sight, frames, mask, Sampling("many", error=0.005), render)
 
-    found = foretold()
+    found = predicted()
     assert asked == [found.predicted] == [LIGHTS.names[1::2]]
     assert found.fitted == LIGHTS.names[::2]
     assert found.relative_rmse["fitted"] < 0.02
     assert found.relative_rmse["lit"] < 0.05
-    # The frames that are foretold, and they alone, were taken by another light than is said.
+    # The frames that are predicted, and they alone, were taken by another light than is said.
     turned = LIGHTS.directions @ np.array([[0.985, 0, 0.174], [0, 1, 0], [-0.174, 0, 0.985]])
     images[1::2] = photographs(replace(LIGHTS, directions=turned))[1::2]
-    wrong = foretold()
+    wrong = predicted()
     assert wrong.relative_rmse["fitted"] > 3 * found.relative_rmse["fitted"]
     assert wrong.facts()["relative_rmse_lit"] == wrong.relative_rmse["lit"]
     assert {"relative_rmse_whole", "predicted"} <= wrong.facts().keys()
-    assert "foretells the other 8" in str(wrong)
+    assert "predicts the other 8" in str(wrong)

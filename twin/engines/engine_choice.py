@@ -22,7 +22,7 @@ class Choice:
     samples : int
         Paths a pixel and light.
     noise : float or None
-        What these leave: standard deviation over the mean of what is lit, foretold from strips that were rendered
+        What these leave: standard deviation over the mean of what is lit, predicted from strips that were rendered
         twice (`twin.engines.light_layers.noise_of_one_sample`). None: nothing was rendered.
     """
 
