@@ -78,7 +78,7 @@ def _of_session(folder: str) -> Told:
     """Take the balls out of a session with a scan, and register it."""
     scene = Path(folder)
     manifest = next(path for path in (scene / "whole" / "session.toml", scene / "session.toml") if path.is_file())
-    text = re.sub(r"\[\[spheres\]\]\n(?:[^\[].*\n|\n)*", "", manifest.read_text() + "\n")
+    text = re.sub(r"\[\[spheres\]\]\n(?:[^\[\n].*\n|\n)*", "", manifest.read_text() + "\n")
     with tempfile.TemporaryDirectory() as place:
         here = Path(place) / "scene" / manifest.relative_to(scene)
         here.parent.mkdir(parents=True)
