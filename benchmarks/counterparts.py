@@ -141,7 +141,7 @@ def _levels(one: Experiment, rows: Sequence[SeriesRow]) -> str:
         lines.append(
             {"level": level if isinstance(level, str) else f"{level:g}", **dict.fromkeys(methods, "–"), **cells}
         )
-    return f"**{one.label}**\n\n{markdown({one.axis: '{level}'} | {name: f'{{{name}}}' for name in methods}, lines)}"
+    return markdown({one.axis: "{level}"} | {name: f"{{{name}}}" for name in methods}, lines)
 
 
 def _shown(rows: Sequence[SeriesRow]) -> str:
