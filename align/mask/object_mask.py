@@ -86,7 +86,10 @@ def find_object(
     balls, balls_small = balls | beside, balls_small | beside_small
     small, warnings = _choose(contradiction, balls_small, ~beside_small)
     bright = bright_mean(stack)
-    border = cut_out(bright, _trim(bright.mean(-1), contradiction, small), balls_small)
+    bright_gray = bright.mean(-1)
+    cut = cut_out(bright, _trim(bright_gray, contradiction, small), balls_small)
+    # The cut takes what the blur of the object's edge brightens for the object.
+    border = _sharpen(bright_gray, cut, balls_small, reach=1)
     if factor > 1 and border.any():
         big = np.zeros(size, bool)
         blown = np.kron(border, np.ones((factor, factor), bool))

@@ -119,6 +119,8 @@ def _planes(sample: Array, size: float) -> Iterator[tuple[Array, float, float]]:
         cloud, tolerance = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(sample)), 0.005 * size
         normal, offset, near = np.zeros(3), 0.0, cloud.segment_plane(tolerance, 3, 1500)[1]
         for _ in range(3):
+            if not len(sample[near]):
+                return
             middle = sample[near].mean(0)
             normal = np.linalg.svd(sample[near] - middle, full_matrices=False)[2][2]
             normal *= np.sign((sample.mean(0) - middle) @ normal) or 1.0
