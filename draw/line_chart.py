@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from draw.svg import COLOURS, Axis, Drawing, Frame, axes, legend, line, svg
+from draw.svg import COLOURS, Axis, Drawing, Frame, axes, legend, legend_width, line, svg
 
 FRAME = Frame(64, 20, 550, 348)
 
@@ -46,5 +46,7 @@ def line_chart(
     for name, pair in lines.items():
         places = ((x.at(a), y.at(b)) for a, b in zip(*pair, strict=True))
         parts.append(line(places, colours[name], stroke_width=2.5))
-    parts += legend(colours, FRAME.right + 14, FRAME.top + 14)
-    return svg(720, 400, parts, label=f"{y_title} against {x_title}")
+    beside = FRAME.right + 14
+    parts += legend(colours, beside, FRAME.top + 14)
+    width = max(720, round(beside + legend_width(colours) + 6))
+    return svg(width, 400, parts, label=f"{y_title} against {x_title}")

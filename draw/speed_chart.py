@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from draw.readable import readable
-from draw.svg import Axis, Drawing, Frame, axes, circle, line, shape, svg, text
+from draw.svg import Axis, Drawing, Frame, axes, circle, line, shape, svg, text, text_width
 
 Array = NDArray[np.float64]
 Place = tuple[float, float]
@@ -76,7 +76,7 @@ def speed_chart(
     parts = axes(x, y, FRAME, x_title="processor seconds per megapixel-image", y_title="median angular error (°)")
     parts.append(line(_steps([at[p.method, p.kind] for p in front]), "#777", **FRONT))
     parts += [line(tie, "#aaa") for tie in ties]
-    sizes = np.array([(_text_width(name) + 4, FONT + 3) for name in named])
+    sizes = np.array([(text_width(name) + 4, FONT + 3) for name in named])
     room = (FRAME.left + 2, FRAME.top, FRAME.right + 8, FRAME.bottom - 2)
     middles = place_labels(np.array([*named.values()]), sizes, room, np.array([*at.values()]))
     for place, middle, size in zip(named.values(), middles, sizes, strict=True):
@@ -134,17 +134,11 @@ def _legend(points: Sequence[SpeedPoint], hollow: str) -> list[str]:
     items.append(("Pareto front: no other is both faster and more accurate", front))
     parts, x, y = [], FRAME.left + 8, FRAME.bottom + 64
     for words, mark in items:
-        if x + 18 + _text_width(words) > FRAME.right:
+        if x + 18 + text_width(words) > FRAME.right:
             x, y = FRAME.left + 8, y + 20
         parts += [f'<g transform="translate({x:.0f} {y - 4})">{mark}</g>', text(x + 24, y, words, "start")]
-        x += 24 + _text_width(words) + 22
+        x += 24 + text_width(words) + 22
     return parts
-
-
-def _text_width(words: str) -> float:
-    """Return the width of a text in pixels, rather too wide: the reader's font is not known."""
-    wide = sum(letter.isupper() or letter in "mwMW@%" for letter in words)
-    return FONT * (0.56 * len(words) + 0.2 * wide)
 
 
 def place_labels(points: Array, sizes: Array, room: tuple[float, float, float, float], marks: Array) -> Array:

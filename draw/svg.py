@@ -13,6 +13,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#0
 INK, GRID, EDGE = "#444", "#e3e7ea", "#9aa5b0"
 MOST_LETTERS = 12
 """Longer names of ticks are written small, and on two rows in turn."""
+GAP = 6  # pixels between a colour of a legend and its name
 ROOM = 0.12
 """Share of a logarithmic axis, and decades at least, that are left free at either end."""
 FEWEST_DECADES = 0.5
@@ -77,6 +78,12 @@ def text(x: float, y: float, words: str, anchor: str = "middle", size: float = 1
         f'<text x="{_number(x)}" y="{_number(y)}" text-anchor="{anchor}" font-size="{size:g}" fill="{fill}"{values}>'
         f"{escape(words)}</text>"
     )
+
+
+def text_width(words: str, size: float = 13) -> float:
+    """Return the width of a text in pixels, rather too wide: the reader's font is not known."""
+    wide = sum(letter.isupper() or letter in "mwMW@%" for letter in words)
+    return size * (0.56 * len(words) + 0.2 * wide)
 
 
 def _number(value: float) -> str:
@@ -156,5 +163,10 @@ def legend(colours: Mapping[str, str], x: float, y: float, *, step: float = 22, 
     for number, (name, colour) in enumerate(colours.items()):
         at = y + step * number
         parts.append(line([(x, at - 4), (x + wide, at - 4)], colour, stroke_width=3))
-        parts.append(text(x + wide + 6, at, name, "start", fill="#000"))
+        parts.append(text(x + wide + GAP, at, name, "start", fill="#000"))
     return parts
+
+
+def legend_width(names: Iterable[str], *, wide: float = 22) -> float:
+    """Return how far `legend` reaches to the right of its x, pixels."""
+    return wide + GAP + max((text_width(name) for name in names), default=0.0)

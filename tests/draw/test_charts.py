@@ -160,3 +160,13 @@ def test_text_stays_text_wherever_it_goes():
     drawing = svg(10, 10, [text(1, 1, evil, font_weight=evil)], label=evil)
     assert "<script>" not in drawing
     assert ElementTree.fromstring(drawing).attrib["aria-label"] == evil
+
+
+def test_a_long_name_stays_in_the_picture():
+    """`iterative, photographs` was cut off at the right border."""
+    name = "iterative, photographs"
+    for names in ([name], ["a", "W" * 40]):
+        root = ElementTree.fromstring(line_chart({one: ([1, 2], [1, 2]) for one in names}, x_title="x", y_title="y"))
+        width = float(root.attrib["viewBox"].split()[2])
+        for shown in (one for one in root.iter() if one.text in names):
+            assert float(shown.attrib["x"]) + 6.3 * len(shown.text) < width, "13 px of a usual font"
