@@ -6,10 +6,8 @@ from numpy.typing import NDArray
 SURE, REACH = 0.5, 0.1
 """Depth, in that of the piece's deepest pixel, from which a pixel is the object's; and how far beside the piece, in
 radii of a disc of its area, the object may reach."""
-COLOURFUL, BRIGHT = (
-    3.0,
-    0.5,
-)  # weights of a colour's hue and of its brightness: of a shadow's edge only the second tells
+COLOURFUL, BRIGHT = 3.0, 0.5
+"""Weights of a colour's hue and of its brightness: a shadow's edge differs in the second alone."""
 TURNS = 5  # of colours and border
 
 

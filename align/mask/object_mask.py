@@ -10,7 +10,7 @@ from align.mask.cut_out import cut_out
 from align.pose.photographed import FEWEST, box_of
 from scene.camera import Camera
 from scene.errors import AlignError
-from scene.frames import Frames
+from scene.frames import Frames, gray
 from scene.spheres import Sphere
 
 Box = tuple[float, ...]
@@ -55,8 +55,8 @@ def find_object(
 
     The backdrop is one smooth surface: in each frame its brightness is a smooth function of the pixel, or it
     lies in a cast shadow (`align.mask.backdrop`). The object contradicts it in many frames; its colours part it from
-    what only its shadows contradict. In a large picture the border is then put where each pixel's brightest quarter of
-    frames passes midway between its values just inside and just outside.
+    what only its shadows contradict. The border is then put where each pixel's brightest quarter of frames passes
+    midway between its values just inside and just outside.
 
     Raises
     ------
@@ -82,11 +82,11 @@ def find_object(
     balls_small = _blocks(balls, factor, height, width)
     beside = np.zeros(size, bool) if box is None else _beside(box, size)
     beside_small = _blocks(beside, factor, height, width)
-    contradiction = contradict_backdrop(stack.mean(-1), balls_small)
+    contradiction = contradict_backdrop(gray(stack), balls_small)
     balls, balls_small = balls | beside, balls_small | beside_small
     small, warnings = _choose(contradiction, balls_small, ~beside_small)
     bright = bright_mean(stack)
-    bright_gray = bright.mean(-1)
+    bright_gray = gray(bright)
     cut = cut_out(bright, _trim(bright_gray, contradiction, small), balls_small)
     # The cut takes what the blur of the object's edge brightens for the object.
     border = _sharpen(bright_gray, cut, balls_small, reach=1)

@@ -94,8 +94,8 @@ def fit_outline(
     """Fit the ball's outline at full size, in about `READ` of the frames together.
 
     The outline may lie `search_px` from the start. `shown`: the table that the ball mirrors, where that is known
-    already; `plane`: what other balls show of it; `laws`: those that its metal may have. None if less than a quarter of
-    the outline shows an edge.
+    already; `plane`: what other balls show of it; `laws`: those that its metal may have, none where no table is to be
+    looked for. None if less than a quarter of the outline shows an edge.
     """
     read = _reader(frames)
     best: list[OutlineFit] = []
