@@ -129,14 +129,14 @@ class Notes:
     measured: dict[str, float] = field(default_factory=dict)
 
 
-def unknown_lights(frames: Frames, found: str, *, has_scan: bool) -> Calibration:
+def unknown_lights(frames: Frames, found: str, *, is_registered: bool) -> Calibration:
     """Return a calibration that knows no light; `found` is what the search for balls says.
 
-    Where there is a scan, `align` finds pose and lights together: nothing is lost, and nothing said.
+    Where a scan is registered, `align` finds pose and lights together: nothing is lost, and nothing said.
     """
     shown = np.full((0, len(frames), 2), np.nan)
-    if has_scan:
-        waiting = "no ball, no light file, no known normals: the lights are found with the scan's pose, by `align`"
+    if is_registered:
+        waiting = "no ball, no light file: the lights are found with the scan's pose, by `align`"
         return Calibration([], Lights.unknown(frames.names), shown, (), (waiting,))
     found = found.removeprefix("spheres: ").replace(" (asked for: any)", "")
     said = (
@@ -144,7 +144,7 @@ def unknown_lights(frames: Frames, found: str, *, has_scan: bool) -> Calibration
         "entropy and tv can run; they are taken where --method names none. Their relief may be inverted, or too high "
         "or too flat by any factor: read their own doubts. A ball or two in the next capture tell the lights."
     )
-    evidence = "no ball, no light file, no known normals: the lights are unknown"
+    evidence = "no ball, no light file: the lights are unknown"
     return Calibration([], Lights.unknown(frames.names), shown, (), (evidence,), (said,))
 
 

@@ -11,7 +11,6 @@ from lab.registration import frame_files, median_or_none, register_scan
 from scene.camera import Camera
 from scene.errors import AlignError, CalibrationError, SceneError, SessionError
 from scene.files import move, write_json, write_npy
-from scene.frames import Frames
 from scene.lights import Lights, check_count
 from scene.spheres import Sphere
 from scene.store import Store
@@ -80,13 +79,10 @@ def calibrate(job: Job) -> Outcome:
             is_unknown = camera.source == "assumed" and not camera.is_orthographic
             found = with_unknown_focal(run, camera) if is_unknown else run(camera)
     except CalibrationError as error:
-        # The next best probe is an object whose normals are given; balls that were asked for must be there.
-        if not (requests or known) and session.normals:
-            found = _lights_from_normals(job, frames, camera, str(error))
-        elif not (requests or known) and isinstance(error, NoProbeError):
-            found = unknown_lights(frames, str(error), has_scan=session.scan is not None)
-        else:
+        # Balls that were asked for must be there.
+        if requests or known or not isinstance(error, NoProbeError):
             raise
+        found = unknown_lights(frames, str(error), is_registered=bool(session.scan and not session.normals))
     camera = found.camera or camera
     _check_scale(job, camera)
     store.save_camera(camera)
@@ -113,22 +109,6 @@ def calibrate(job: Job) -> Outcome:
         "white_ball_deg": found.white_ball_deg,
     }
     return Outcome(result, [*ball_warnings, *found.warnings])
-
-
-def _lights_from_normals(job: Job, frames: Frames, camera: Camera, without: str) -> Any:
-    from align.truth import read_normals
-    from calibrate.calibration import Calibration
-    from calibrate.without_balls.from_normals import lights_from_normals
-    from capture.session.requests import read_mask
-
-    session = job.session
-    normals = read_normals(session.normals, frames.height, frames.width)
-    mask = np.isfinite(normals[..., 0])
-    if session.mask:
-        mask = mask & read_mask(session.mask, frames.height, frames.width)
-    lights, evidence, warnings = lights_from_normals(frames, camera, normals, mask)
-    shown = np.full((0, len(frames), 2), np.nan)
-    return Calibration([], lights, shown, (), evidence, (f"lights from object.normals: {without}", *warnings))
 
 
 def align(job: Job) -> Outcome:

@@ -1,1 +1,1 @@
-"""Lights without balls: from given normals, from the object, intensities alone."""
+"""Strengths without a white ball: from the object itself."""
