@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report.facts import method_names, read_optional, sphere_rows, stored_lights
+from compare.report.facts import method_names, read_optional, sphere_rows, there
 from compare.report.pictures import colour_scale_end, error_picture, with_colour_scale
 from compare.statistics.counterparts import difference, level_methods, thinned
 from compare.statistics.frames_alike import frames_alike
@@ -96,7 +96,7 @@ def compare(
         "histogram_edges_deg": None,
         "error_scale_deg": None,
         "between_methods": between,
-        "lights": stored_lights(store),
+        "lights": there(lambda: store.load_lights().facts()),
         "spheres": sphere_rows(store),
         "pose": read_optional(store, "pose.json"),
         "frames_alike": _frames_alike(store, mask),

@@ -3,8 +3,7 @@
 import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +12,13 @@ from compare.report import pictures
 from compare.report.pictures import Exposure, PixelBox
 from draw.readable import is_number
 from draw.speed_chart import SpeedPoint
-from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.method_names import METHODS, UNCALIBRATED
 from scene.store import Store
 
 Summary = dict[str, Any]
+Found = TypeVar("Found")
 
 
 def method_names(store: Store) -> list[str]:
@@ -75,18 +74,16 @@ def stated_of_lights(summary: Summary) -> Summary:
     return told | {key: told[key] if is_number(told.get(key)) else given.get(key) for key in keys}
 
 
+def there(load: Callable[..., Found], *what: Any) -> Found | None:
+    """Return what is loaded; None where it is missing or a killed run left it unreadable."""
+    with suppress(SceneError):
+        return load(*what)
+    return None
+
+
 def read_optional(store: Store, name: str) -> Any:
     """Return a JSON file of the folder, None where there is none or it holds no JSON."""
-    with suppress(SceneError):
-        return store.read_json(name)
-    return None
-
-
-def stored_lights(store: Store) -> dict[str, Any] | None:
-    """Return `scene.lights.Lights.facts` of the folder's lights; None where there are none."""
-    with suppress(SceneError):
-        return store.load_lights().facts()
-    return None
+    return there(store.read_json, name)
 
 
 def sphere_rows(store: Store) -> list[dict[str, Any]]:
@@ -192,46 +189,24 @@ def speed_points(summary: Summary) -> list[SpeedPoint]:
     return points
 
 
-@dataclass(frozen=True)
 class Material:
-    """What the folder holds to be shown; None where it is not there."""
+    """What the folder holds to be shown; None where it is not there. `summary` may lack any part.
 
-    store: Store
-    frames: Frames | None
-    exposure: Exposure | None
-    camera: Camera | None
-    lights: Summary | None
-    directions: NDArray[np.float64] | None
-    spheres: list[Summary]
-    methods: list[str]
-    mask: NDArray[np.bool_] | None
+    lights: `scene.lights.Lights.facts`; raking: the frame that shows shape best.
+    """
 
-    @classmethod
-    def load(cls, store: Store, summary: Summary) -> "Material":
-        """Read what the report shows; `summary` may lack any part."""
-
-        def there(load: Callable[[], Any]) -> Any:
-            # A part that is missing or that a killed run left unreadable is reported absent, not as a failure.
-            with suppress(SceneError):
-                return load()
-            return None
-
-        compared, exposure = summary.get("compare") or {}, None
-        frames, camera, lights = there(store.load_frames), there(store.load_camera), there(store.load_lights)
-        mask = there(store.load_mask) if store.path("mask.png").exists() else None
-        if frames is not None:
-            exposure = Exposure.for_frames(frames, white_value=None if lights is None else lights.white_value)
-        return cls(
-            store,
-            frames,
-            exposure,
-            camera,
-            compared.get("lights") or stored_lights(store),
-            None if lights is None else lights.directions,
-            compared.get("spheres") or sphere_rows(store),
-            by_error(compared) if "methods" in compared else method_names(store),
-            mask,
-        )
+    def __init__(self, store: Store, summary: Summary) -> None:
+        compared, lights, self.store = summary.get("compare") or {}, there(store.load_lights), store
+        self.frames, self.camera = there(store.load_frames), there(store.load_camera)
+        self.twin_frames = there(Store(store.path("twin")).load_frames)
+        self.mask = there(store.load_mask) if store.path("mask.png").exists() else None
+        white_value = None if lights is None else lights.white_value
+        self.exposure = None if self.frames is None else Exposure.for_frames(self.frames, white_value=white_value)
+        directions = () if lights is None else lights.directions[: None if self.frames is None else len(self.frames)]
+        self.raking = pictures.raking_frame(directions) if len(directions) else 0
+        self.lights: Summary | None = compared.get("lights") or there(lambda: store.load_lights().facts())
+        self.spheres: list[Summary] = compared.get("spheres") or sphere_rows(store)
+        self.methods = by_error(compared) if "methods" in compared else method_names(store)
 
     def photograph(self, index: int, box: PixelBox, width: int) -> pictures.Image:
         assert self.frames is not None

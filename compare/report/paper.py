@@ -11,7 +11,6 @@ from typing import Any
 from compare.report import page, pictures
 from compare.report.facts import Material, Summary
 from compare.report.pictures import PixelBox
-from compare.report.registration_pictures import raking_frame
 from draw import light_charts
 from draw.readable import is_number
 from scene.files import write_whole
@@ -166,10 +165,9 @@ class _Paper:
         if frames is None:
             self.say("The decoded frames are not in this folder any more.", w=wide)
         else:
-            index = 0 if material.directions is None else raking_frame(material.directions[: len(frames)])
             whole = PixelBox(0, 0, frames.width, frames.height)
-            shown = material.photograph(index, whole, PICTURE_PX)
-            self.picture(shown, MARGIN_MM, wide, frames.names[index], photograph=True)
+            shown = material.photograph(material.raking, whole, PICTURE_PX)
+            self.picture(shown, MARGIN_MM, wide, frames.names[material.raking], photograph=True)
         if lit:
             chart = light_charts.directions(lights).replace("system-ui, 'DejaVu Sans', sans-serif", "text")
             self.pdf.image(BytesIO(chart.encode()), MARGIN_MM + wide + GAP_MM, top, HIGHEST_MM, alt_text="the lights")

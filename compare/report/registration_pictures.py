@@ -1,7 +1,6 @@
 """Pictures that show whether balls and scan lie where they are in the photographs: outlines, wipe, sigma."""
 
 from collections.abc import Callable
-from contextlib import suppress
 from itertools import zip_longest
 from typing import Any
 
@@ -10,9 +9,8 @@ from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
 from compare.report import page, pictures
-from compare.report.facts import Material, Summary, is_seen, read_optional
+from compare.report.facts import Material, Summary, is_seen, read_optional, there
 from compare.report.pictures import Exposure, Image, PixelBox
-from scene.errors import SceneError
 from scene.files import write_png
 from scene.frames import Frames
 from scene.image_files import read_pixels
@@ -38,12 +36,6 @@ SIDES = {"left": (-1.0, 0.0), "top": (0.0, -1.0), "right": (1.0, 0.0), "bottom":
 def growth(width: int) -> int:
     """Return by how much a small picture is enlarged."""
     return max(1, WIDTH // width)
-
-
-def raking_frame(directions: NDArray) -> int:
-    """Return the frame whose light stands nearest to 40 degrees from the axis: shape shows, shadows stay short."""
-    zenith = np.degrees(np.arccos(np.clip(directions[:, 2], -1, 1)))
-    return int(np.argmin(np.abs(zenith - 40)))
 
 
 def shown_pixels(box: PixelBox, shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -96,7 +88,7 @@ def write_pictures(
     """
     exposure = Exposure.for_frames(frames, white_value=lights.white_value)
     box = PixelBox.of_mask(mask, margin=0.12)
-    index = raking_frame(lights.directions)
+    index = pictures.raking_frame(lights.directions)
     photograph, shaded = views(frames, exposure, lights, index, box, lambda pixels: shading(index, pixels))
     images = {
         "photograph": photograph,
@@ -131,7 +123,7 @@ def zoom_picture(frames: Frames, exposure: Exposure, directions: NDArray, stroke
         side_px = min(WINDOW_PX, frames.width, frames.height)
         left, top = np.clip(np.round(place - side_px / 2), 0, [frames.width - side_px, frames.height - side_px])
         box = PixelBox(int(left), int(top), int(left) + side_px, int(top) + side_px)
-        crop = frames.read(box.rows, [index], columns=box.columns)[0]
+        crop = box.frame(frames, index)
         white = max(float(np.quantile(crop / exposure.balance, 0.995)), 1e-6)
         tile = pictures.enlarged(Exposure(white, exposure.balance).develop(crop), ZOOM)
         drawn = draw_strokes(tile.copy(), strokes, [box.left, box.top], ZOOM)
@@ -170,9 +162,8 @@ def sigma_picture(sigma_deg: NDArray, mask: NDArray[np.bool_], box: PixelBox) ->
 
 def ball_figures(material: Material) -> Summary:
     """Return each ball's crop with its fitted outline and highlights, and the candidates that were refused."""
-    calibration, spheres = read_optional(material.store, "calibration.json") or {}, []
-    with suppress(SceneError):
-        spheres = material.store.load_spheres()
+    calibration = read_optional(material.store, "calibration.json") or {}
+    spheres = there(material.store.load_spheres) or []
     rows = zip_longest(range(len(material.spheres)), spheres, calibration.get("highlights_px") or [])
     found = [_ball(material, *row) for row in rows if row[0] is not None]
     return {"ball_figures": found, "refused": calibration.get("rejected")}
@@ -229,7 +220,6 @@ def placed(material: Material) -> Summary:
     if shape is None:
         return found | {"missing": page.words("registration")["sizes"]}
     box = PixelBox.of_mask(shape, margin=0.12)
-    index = 0 if material.directions is None else raking_frame(material.directions[: len(frames)])
     drawn, zoom, sigma = (
         read_picture(material.store, name) if registered else None for name in ("outline", "outline_zoom", "sigma")
     )
@@ -239,7 +229,7 @@ def placed(material: Material) -> Summary:
         # line last: where the two agree, the other shows between the dashes.
         what = "the registered scan's ground truth" if registered else "the given ground truth"
         regions.insert(0, (known, "scan", what))
-        drawn = material.photograph(index, box, box.shown_width(PHOTOGRAPH_WIDTH))
+        drawn = material.photograph(material.raking, box, box.shown_width(PHOTOGRAPH_WIDTH))
     else:
         legend = ['<span class="key scan"></span> the registered scan']
     shapes = ""
@@ -248,7 +238,7 @@ def placed(material: Material) -> Summary:
             shapes += "".join(page.polyline(line, kind) for line in pictures.contours(region, box))
             legend.append(f'<span class="key {kind}"></span> {shown}')
     overlay = page.drawing(box.width, box.height, shapes, label="outline of the object")
-    caption = f"{escape(frames.names[index])} with the outline of {'; '.join(legend)}."
+    caption = f"{escape(frames.names[material.raking])} with the outline of {'; '.join(legend)}."
     alt = "photograph with the object's outline"
     found["outline"] = Markup(page.picture(drawn, alt, caption, photograph=True, overlay=overlay))
     images = {"zoom": (zoom, "four stretches of the outline"), "sigma": (sigma, "map of the ground truth’s sigma")}

@@ -62,7 +62,7 @@ def write_report(store: Store, summary: dict[str, Any], digests: Mapping[str, st
     Path
         The page. Its policy forbids the browser to load anything from outside it.
     """
-    material = Material.load(store, summary)
+    material = Material(store, summary)
     layers = ViewerLayers.of(material, summary)
     compared = summary.get("compare") or {}
     best = best_method(summary) or next(iter(material.methods), None)
