@@ -122,13 +122,14 @@ def by_runs(names: Sequence[str]) -> str:
 
 
 def all_warnings(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """Return every warning in the summary as (step, text), wherever it was put.
+    """Return every warning of the summary's `warnings`, of all steps, as (step, text).
 
     Those that say the same of several frames, methods or places, but for their numbers, are one: NAMES: text, its
     numbers from the least to the most.
     """
     causes: dict[tuple[str, str], list[tuple[str, str]]] = {}
-    for step, text in _each_warning(summary):
+    listed = ((row["step"], row["text"].removeprefix(f"{row['step']}: ")) for row in summary.get("warnings") or ())
+    for step, text in dict.fromkeys(listed):
         name, colon, said = text.partition(": ")
         name, said = (name, said) if colon and len(name) < len(said) else ("", text)
         causes.setdefault((step, NUMBER.sub("#", said)), []).append((name, said))
@@ -146,34 +147,6 @@ def all_warnings(summary: dict[str, Any]) -> list[tuple[str, str]]:
     return found
 
 
-def _each_warning(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    found: dict[tuple[str, str], None] = {}
-
-    def add(step: str, texts: Any) -> None:
-        for item in texts or ():
-            named, text = (item.get("step", step), item.get("text", "")) if isinstance(item, dict) else (step, item)
-            found.setdefault((str(named), str(text).removeprefix(f"{named}: ")))
-
-    add("", summary.get("warnings"))
-    for step, part in (("check", "capture"), *((step, step) for step in ("calibrate", "align", "twin", "compare"))):
-        add(step, (summary.get(part) or {}).get("warnings"))
-    for name, row in ((summary.get("solve") or {}).get("methods") or {}).items():
-        texts = (row or {}).get("warnings") or ()
-        add("solve", [text if text.startswith(name) else f"{name}: {text}" for text in texts])
-    return list(found)
-
-
-def _seconds_per_megapixel_image(row: Summary, kind: str) -> float | None:
-    """Return a method's processor seconds for a million pixels of one frame; `row` of summary's solve.methods."""
-    if kind == "real":
-        seconds = row.get("processor_seconds_per_megapixel_image")
-        return seconds if is_number(seconds) else None
-    seconds, megapixels, frames = row.get("twin_processor_seconds"), row.get("megapixels"), row.get("frames")
-    if is_number(seconds) and is_number(megapixels) and is_number(frames) and megapixels * frames > 0:
-        return seconds / (megapixels * frames)
-    return None
-
-
 def speed_points(summary: Summary) -> list[SpeedPoint]:
     """Return what logarithmic axes can show: methods whose time and error are known and not zero.
 
@@ -181,11 +154,13 @@ def speed_points(summary: Summary) -> list[SpeedPoint]:
     """
     errors, points = (summary.get("compare") or {}).get("methods") or {}, []
     for method, row in ((summary.get("solve") or {}).get("methods") or {}).items():
-        for kind in ("real", "twin"):
+        spent, pixels = row.get("twin_processor_seconds"), (row.get("megapixels") or 0) * (row.get("frames") or 0)
+        seconds = {"real": row.get("processor_seconds_per_megapixel_image")}
+        seconds["twin"] = spent / pixels if spent and pixels else None
+        for kind, each in seconds.items():
             median = ((errors.get(method) or {}).get(kind) or {}).get("median_deg")
-            seconds = _seconds_per_megapixel_image(row or {}, kind)
-            if is_number(median) and is_number(seconds) and min(median, seconds) > 0:
-                points.append(SpeedPoint(method, family(method), kind, seconds, median))
+            if is_number(median) and is_number(each) and min(median, each) > 0:
+                points.append(SpeedPoint(method, family(method), kind, each, median))
     return points
 
 

@@ -43,7 +43,7 @@ def write_paper(store: Store, name: str, subtitle: str, facts: Summary, digests:
     facts: What the templates of report.html are filled in with; digests: as `report.write_report` has them.
     """
     for size in (*SIZES_PT, SIZES_PT[0]):
-        paper = _Paper(name, facts["created"] or "", size)
+        paper = _Paper(name, facts.get("created") or "", size)
         paper.fill(subtitle, facts, digests, store.folder.resolve())
         printed = paper.pdf.output()
         if paper.pdf.pages_count <= MOST_PAGES:
@@ -151,7 +151,7 @@ class _Paper:
             self.say(text)
             self.pdf.ln(0.4)
         self.head("Versions and folder")
-        self.say(escape(page.as_text(facts["versions"])))
+        self.say(escape(page.as_text(facts.get("versions") or {})))
         self.say(escape(str(folder)), link=folder.as_uri())
         rows = [[escape(name), found or "is not there"] for name, found in digests.items()]
         self.table("Files", ("file", "SHA-256 of its content"), rows, (1, 2))

@@ -34,11 +34,6 @@ CHAPTERS = {
 """The sections of report.html, and their names in the row of links."""
 SCRIPTS = ("report_page.js", "viewer_values.js", "viewer_pixel.js", "viewer_scene.js", "viewer.js")
 """The page's program in parts, each reading none that follows it."""
-PARTS = (
-    "capture", "calibrate", "align", "solve", "twin", "compare", "trust", "results", "truth_check", "versions",
-    "created",
-)  # fmt: skip
-"""Of the summary, that the templates read."""
 ELSEWHERE = ("warnings", "material", "held_out")
 """Parts of the summary that other sections tell."""
 
@@ -66,17 +61,16 @@ def write_report(store: Store, summary: dict[str, Any], digests: Mapping[str, st
     layers = ViewerLayers.of(material, summary)
     compared = summary.get("compare") or {}
     best = best_method(summary) or next(iter(material.methods), None)
-    statements, warnings = verdict(summary), all_warnings(summary)
-    facts = {name: summary.get(name) or {} for name in PARTS} | _rows(summary, material)
-    facts |= {"statements": statements, "warnings": warnings, "limits": limits(summary, statements)}
-    facts |= {"advice": advice(summary, statements), "ranking": ranking(summary)}
+    statements, ranked = verdict(summary), ranking(summary)
     of_errors = "ranking by tolerance" if compared.get("tolerance") else "ranking"
-    has_errors = any(row.get("real") for row in facts["ranking"])
-    facts |= {"ranking_table": of_errors if has_errors else "without truth"}
-    facts |= {"topics": {one.topic: one for one in statements}}
-    facts |= viewer_facts(material, layers, best) | ball_figures(material) | DRAWN
-    facts |= {"material": material, "layers": layers, "placed": placed(material), "best": best}
-    facts |= {"terms": _terms(by_error(compared))}
+    facts = {
+        **summary, **_rows(summary, material), **viewer_facts(material, layers, best), **ball_figures(material),
+        "compare": compared, "material": material, "layers": layers, "placed": placed(material), "best": best,
+        "statements": statements, "topics": {one.topic: one for one in statements}, "warnings": all_warnings(summary),
+        "limits": limits(summary, statements), "advice": advice(summary, statements), "ranking": ranked,
+        "ranking_table": of_errors if any(row.get("real") for row in ranked) else "without truth",
+        "terms": _terms(by_error(compared)), **DRAWN,
+    }  # fmt: skip
     module = page.template("report.html").make_module(facts)
     sections = re.finditer(r'<section id="([\w-]+)">.*?</section>', str(module), re.DOTALL)
     chapters = {CHAPTERS[found[1]]: found[0] for found in sections}
