@@ -177,8 +177,8 @@ class Material:
         self.mask = there(store.load_mask) if store.path("mask.png").exists() else None
         white_value = None if lights is None else lights.white_value
         self.exposure = None if self.frames is None else Exposure.for_frames(self.frames, white_value=white_value)
-        directions = () if lights is None else lights.directions[: None if self.frames is None else len(self.frames)]
-        self.raking = pictures.raking_frame(directions) if len(directions) else 0
+        count = None if self.frames is None else len(self.frames)
+        self.raking = 0 if lights is None else pictures.raking_frame(lights.directions[:count])
         self.lights: Summary | None = compared.get("lights") or there(lambda: store.load_lights().facts())
         self.spheres: list[Summary] = compared.get("spheres") or sphere_rows(store)
         self.methods = by_error(compared) if "methods" in compared else method_names(store)

@@ -183,7 +183,7 @@ def with_colour_scale(picture: Image, end_deg: float, caption: str) -> Image:
     return np.concatenate([np.concatenate([picture, pad], 1), bar])
 
 
-def ball_picture(frames: Frames, box: PixelBox, *, brightest: bool) -> NDArray[np.float32]:
+def ball_picture(frames: Frames, box: PixelBox, *, brightest: bool) -> NDArray:
     """Return a crop over all frames, linear: each pixel's brightest value (collects the highlights), or its mean."""
     total = np.zeros((box.height, box.width, 3), np.float32)
     for index in range(len(frames)):
