@@ -56,10 +56,10 @@ class ViewerLayers:
 
     def glance(self, frame: int, best: str | None, end: float | None) -> list[tuple[str, str]]:
         """Return a photograph, normals and error of the best method, as far as they are there, with words for each."""
-        told = {"photograph": "photograph", "normals": f"normals, {best}", "error": f"its error, 0° to {end or 0:g}°"}
-        wanted = [("photograph", "real", str(frame)), ("normals", "real", best), ("error", "real", best)]
-        found = {(layer.kind, layer.side, layer.name): layer.uri for layer in self.layers}
-        return [(found[key], told[key[0]]) for key in wanted if key in found]
+        found = {(layer.kind, layer.name): layer.uri for layer in self.layers if layer.side == "real"}
+        told = {("photograph", str(frame)): "photograph", ("normals", best): f"normals, {best}"}
+        told["error", best] = f"its error, 0° to {end or 0:g}°"
+        return [(found[key], words) for key, words in told.items() if key in found]
 
     @classmethod
     def of(cls, material: Material, summary: Summary) -> "ViewerLayers | None":

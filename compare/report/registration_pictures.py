@@ -205,7 +205,7 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
 def placed(material: Material) -> Summary:
     """Return the pictures that show whether the scan lies where the object is, or under `missing` why there are none.
 
-    registered: there is a pose. As HTML, where they are there: outline, and zoom and sigma, as `align` drew them.
+    registered: there is a pose; outline, as HTML; zoom and sigma, as `align` drew them, or None.
     """
     frames, mask, truth = material.frames, material.mask, material.map_of("normals", "truth")
     registered = material.store.path("pose.json").exists()
@@ -241,8 +241,4 @@ def placed(material: Material) -> Summary:
     caption = f"{escape(frames.names[material.raking])} with the outline of {'; '.join(legend)}."
     alt = "photograph with the object's outline"
     found["outline"] = Markup(page.picture(drawn, alt, caption, photograph=True, overlay=overlay))
-    images = {"zoom": (zoom, "four stretches of the outline"), "sigma": (sigma, "map of the ground truth’s sigma")}
-    for name, (image, alt) in images.items():
-        if image is not None:
-            found[name] = Markup(page.picture(image, alt, page.say("registration", name), photograph=name == "sigma"))
-    return found
+    return found | {"zoom": zoom, "sigma": sigma}
