@@ -27,6 +27,8 @@ MOST_PIXELS = 400_000
 MOST_BYTES = 5_500_000
 """Of all pictures, before base64 makes four thirds of them."""
 ALBEDO_QUANTILE = 0.999
+SURFACE_POINTS = 60_000
+"""Of the scene in 3-D, about."""
 GROUPS = {
     "photograph": "photographs of one light", "relit": "relit by a lamp", "normals": "normals",
     "error": "angular error", "sigma": "standard deviation (sigma)", "albedo": "albedo",
@@ -159,22 +161,20 @@ def angle_uri(angle_deg: NDArray, end_deg: float) -> str:
     return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"
 
 
-def _surface_uri(material: Material, grid: PixelBox) -> tuple[str, float, float] | None:
-    """Return the scan's depth z as a picture (red and green: 16 bits, blue: known), its least value and range, mm."""
-    path = material.store.path("twin", "truth_z_mm.npy")
-    if not path.exists():
+def _surface(material: Material, grid: PixelBox) -> Summary | None:
+    """Return the scan's depth z, mm, at every `step`-th pixel: 16 bits from `low` on over `span`, 0 where unknown."""
+    z, mask, (width, height) = material.map_of("twin", "truth_z_mm"), material.mask, grid.size
+    if z is None or z.ndim != 2 or (mask is not None and z.shape != mask.shape):
         return None
-    z = np.load(path, mmap_mode="r")
-    if z.ndim != 2 or (material.mask is not None and z.shape != material.mask.shape):
-        return None
+    grid = replace(grid, step=grid.step * max(1, round((width * height / SURFACE_POINTS) ** 0.5)))
     z = grid.of(z).astype(np.float64)
-    known = np.isfinite(z) & (z < 0) & (True if material.mask is None else grid.of(material.mask))
+    known = (z < 0) & (True if mask is None else grid.of(mask))
     if not known.any():
         return None
     low, span = float(z[known].min()), max(float(np.ptp(z[known])), 1e-6)
-    code = np.where(known, np.round((np.nan_to_num(z) - low) / span * 65535), 0).clip(0, 65535).astype(np.uint16)
-    image = np.stack([code >> 8, code & 255, known * 255], -1).astype(np.uint8)
-    return data_uri(image, photograph=False), low, span
+    codes = np.where(known, 1 + np.round((z - low) / span * 65534), 0).astype("<u2")
+    shown = {"codes": base64.b64encode(codes.tobytes()).decode(), "low": low, "span": span}
+    return {**shown, "width": z.shape[1], "step": grid.step}
 
 
 def _shape(material: Material) -> NDArray[np.bool_] | None:
@@ -225,7 +225,7 @@ def viewer_facts(material: Material, layers: ViewerLayers | None, best: str | No
         "width": width, "height": height, "left": grid.left, "top": grid.top, "step": grid.step,
         "frames": [] if material.frames is None else list(material.frames.names), "scales": layers.scales,
         "frame": material.raking,
-        "palette": palette().tolist(), "surface": _surface_uri(material, grid), "best": best, **parts,
+        "palette": palette().tolist(), "surface": _surface(material, grid), "best": best, **parts,
     }  # fmt: skip
     return {
         "options": {GROUPS[group]: [*rows.items()] for group, rows in found.items() if rows},
