@@ -56,13 +56,6 @@ class ViewerLayers:
     layers: list[Layer]
     scales: Summary
 
-    def glance(self, frame: int, best: str | None, end: float | None) -> list[tuple[str, str]]:
-        """Return a photograph, normals and error of the best method, as far as they are there, with words for each."""
-        found = {(layer.kind, layer.name): layer.uri for layer in self.layers if layer.side == "real"}
-        told = {("photograph", str(frame)): "photograph", ("normals", best): f"normals, {best}"}
-        told["error", best] = f"its error, 0° to {end or 0:g}°"
-        return [(found[key], words) for key, words in told.items() if key in found]
-
     @classmethod
     def of(cls, material: Material, summary: Summary) -> "ViewerLayers | None":
         """Return the folder's pictures; None where there are neither photographs nor normals."""

@@ -67,7 +67,7 @@ function startViewer() {
   // Each side's method's values; of photographs the best method's.
   const sourcesShown = () => [...new Set(sides.map((side) => {
     const [kind, of, name] = side.value.split(":");
-    return kind === "photograph" ? `${of}:${info.best}` : `${of === "truth" ? "truth" : of}:${name}`;
+    return kind === "photograph" ? `${of}:${info.best}` : `${of}:${name}`;
   }))];
   const readout = () => {
     if (!pointer) return;
@@ -87,13 +87,9 @@ function startViewer() {
     Object.assign(values.dataset, { pixel: `${u},${v}`, values: JSON.stringify(told), ms: (performance.now() - began).toFixed(2) });
   };
   const load = async () => {
-    const keys = [`photograph:real:${frame.value}`];
-    for (const source of sourcesShown()) {
-      const [, name] = source.split(":");
-      keys.push(`normals:${source}`, `error:${source}`, `sigma:${source}`, `albedo:real:${name}`);
-    }
-    await Promise.all(keys.map(decode));
-    await Promise.all(sides.map((side) => images.get(side.value)?.decode()));
+    const keys = sourcesShown().flatMap((source) => [
+      `normals:${source}`, `error:${source}`, `sigma:${source}`, `albedo:real:${source.split(":")[1]}`]);
+    await Promise.all([`photograph:real:${frame.value}`, ...sides.map((side) => side.value), ...keys].map(decode));
     readout();
     draw();
   };
