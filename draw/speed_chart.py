@@ -78,8 +78,7 @@ def speed_chart(
     parts.append(line(_steps([at[p.method, p.kind] for p in front]), "#777", **FRONT))
     parts += [line(tie, "#aaa") for tie in ties]
     sizes = np.array([(text_width(name) + 4, FONT + 3) for name in named])
-    room = (LEFT + 2, TOP, RIGHT + 8, BOTTOM - 2)
-    middles = place_labels(np.array([*named.values()]), sizes, room, np.array([*at.values()]))
+    middles = place_labels(np.array([*named.values()]), sizes, np.array([*at.values()]))
     for place, middle, size in zip(named.values(), middles, sizes, strict=True):
         # A line from the name to its point where the two are apart.
         edge = np.clip(place, middle - size / 2, middle + size / 2)
@@ -142,13 +141,13 @@ def _legend(points: Sequence[SpeedPoint], hollow: str) -> list[str]:
     return parts
 
 
-def place_labels(points: Array, sizes: Array, room: tuple[float, float, float, float], marks: Array) -> Array:
+def place_labels(points: Array, sizes: Array, marks: Array) -> Array:
     """Return the middles (N, 2) of the names, (N, 2) wide and high, of points (N, 2): beside them, none on another.
 
     Each in turn, from top to bottom, takes the free place nearest to its point, right or left of it, higher or lower,
-    off names and marks (M, 2); all lie in `room` (left, top, right, bottom).
+    off names and marks (M, 2); all lie in the chart.
     """
-    left, top, right, bottom = room
+    left, top, right, bottom = LEFT + 2, TOP, RIGHT + 8, BOTTOM - 2
     middles, taken = np.empty_like(points, float), [np.array([*mark, 2 * RADIUS, 2 * RADIUS]) for mark in marks]
     for i in np.argsort(points[:, 1], kind="stable"):
         (u, v), (wide, high) = points[i], sizes[i]

@@ -11,7 +11,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from compare.report.pictures import error_scale_colours
+from compare.report.pictures import PixelBox, error_scale_colours
 from draw.readable import GAP, Readable, is_number
 from scene.map_pictures import Image, data_uri
 
@@ -125,16 +125,12 @@ def picture(
     return pieces().picture(uri, alt, Markup(caption), Markup(overlay), kind)
 
 
-def drawing(width: int, height: int, shapes: str, *, label: str) -> str:
-    """Return an SVG that lies over an image and counts in that image's full pixels from its corner."""
-    box = f'viewBox="0 0 {width} {height}" preserveAspectRatio="none" role="img"'
-    return f'<svg {box} aria-label="{escape(label)}">{shapes}</svg>'
-
-
-def polyline(points: Iterable[Sequence[float]], kind: str) -> str:
-    """Return a closed line through pixels (K, 2)."""
-    path = " ".join(f"{u:.1f},{v:.1f}" for u, v in points)
-    return f'<polygon class="{kind}" points="{path}"/>'
+def overlay(box: PixelBox, lines: Iterable[tuple[str, Any]], label: str, shapes: str = "") -> Markup:
+    """Return an SVG that lies over a picture of the box: closed lines (class, pixels (K, 2) of it), shapes."""
+    paths = ((kind, " ".join(f"{u:.1f},{v:.1f}" for u, v in points)) for kind, points in lines)
+    drawn = "".join(f'<polygon class="{kind}" points="{path}"/>' for kind, path in paths)
+    size = f'viewBox="0 0 {box.width} {box.height}" preserveAspectRatio="none" role="img"'
+    return Markup(f'<svg {size} aria-label="{escape(label)}">{drawn}{shapes}</svg>')
 
 
 def badge(level: str, words: str = "") -> Markup:

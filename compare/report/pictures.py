@@ -158,8 +158,7 @@ def error_picture(error_deg: NDArray, end_deg: float) -> Image:
 
 def error_scale_colours(count: int) -> list[tuple[int, int, int]]:
     """Return `count` colours of `error_picture`, from 0 to the end of the scale."""
-    row = error_picture(np.linspace(0, 1, count)[None], 1.0)[0]
-    return [(int(r), int(g), int(b)) for r, g, b in row]
+    return [tuple(colour) for colour in error_picture(np.linspace(0, 1, count)[None], 1.0)[0].tolist()]
 
 
 def with_colour_scale(picture: Image, end_deg: float, caption: str) -> Image:

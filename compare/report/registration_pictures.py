@@ -33,11 +33,6 @@ SIDES = {"left": (-1.0, 0.0), "top": (0.0, -1.0), "right": (1.0, 0.0), "bottom":
 """Image axes (u, v)."""
 
 
-def growth(width: int) -> int:
-    """Return by how much a small picture is enlarged."""
-    return max(1, WIDTH // width)
-
-
 def shown_pixels(box: PixelBox, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Return (h, w, 2), the pixels (u, v) of the photographs at the middles of a picture (h, w) of the box."""
     height, width = shape[:2]
@@ -60,7 +55,7 @@ def views(
     import cv2
 
     linear = pictures.thumbnail(frames, index, box.shown_width(WIDTH), box)
-    grow = growth(linear.shape[1])
+    grow = max(1, WIDTH // linear.shape[1])
     size = (grow * linear.shape[1], grow * linear.shape[0])
     linear = np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_CUBIC))
     factor = shading(shown_pixels(box, linear.shape))[..., None] * lights.intensities[index]
@@ -156,7 +151,7 @@ def sigma_picture(sigma_deg: NDArray, mask: NDArray[np.bool_], box: PixelBox) ->
     image = pictures.error_picture(small, end)
     share = cv2.resize(box.of(mask).astype(np.float32), small.shape[::-1], interpolation=cv2.INTER_AREA)
     image[(np.asarray(share) > 0.5) & ~np.isfinite(small)] = DOUBT_COLOUR
-    image = pictures.enlarged(image, growth(image.shape[1]))
+    image = pictures.enlarged(image, max(1, WIDTH // image.shape[1]))
     return pictures.with_colour_scale(image, end, "sigma of the ground truth; rose: no normal")
 
 
@@ -178,8 +173,7 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
     outline = sphere.outline(camera)
     box = pictures.ball_box(sphere, outline, width=camera.width, height=camera.height)
     corner = np.array([box.left - 0.5, box.top - 0.5])
-    shapes = page.polyline(outline - corner, "outline-halo") + page.polyline(outline - corner, "outline")
-    arm = max(box.width / 60, 1.0)
+    shapes, arm = "", max(box.width / 60, 1.0)
     for frame, pixel in enumerate(seen or []):
         if not is_seen(pixel):
             continue
@@ -188,10 +182,8 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
         cross = f"M{u - arm:.2f},{v:.2f}H{u + arm:.2f}M{u:.2f},{v - arm:.2f}V{v + arm:.2f}"
         title = f"<title>{escape(f'{frame + 1}: {name}')}</title>"
         shapes += f'<g>{title}<path class="highlight-halo" d="{cross}"/><path class="highlight" d="{cross}"/></g>'
-    found = {
-        "row": row,
-        "overlay": Markup(page.drawing(box.width, box.height, shapes, label="fitted outline and highlights")),
-    }
+    lines = [(kind, outline - corner) for kind in ("outline-halo", "outline")]
+    found = {"row": row, "overlay": page.overlay(box, lines, "fitted outline and highlights", shapes)}
     if frames is None or exposure is None or (frames.width, frames.height) != (camera.width, camera.height):
         return found
     mean = pictures.shrink(pictures.ball_picture(frames, box, brightest=False), BALL_WIDTH)
@@ -213,8 +205,7 @@ def placed(material: Material) -> Summary:
     if frames is None or (mask is None and truth is None):
         return found | {"missing": "No scan and no mask: nothing to lay over the photographs."}
     size = (frames.height, frames.width)
-    truth = truth if truth is not None and truth.shape[:2] == size else None
-    known = None if truth is None else known_pixels(truth)
+    known = None if truth is None or truth.shape[:2] != size else known_pixels(truth)
     mask = mask if mask is not None and mask.shape == size else None
     shape = mask if mask is not None else known
     if shape is None:
@@ -232,12 +223,12 @@ def placed(material: Material) -> Summary:
         drawn = material.photograph(material.raking, box, box.shown_width(PHOTOGRAPH_WIDTH))
     else:
         legend = ['<span class="key scan"></span> the registered scan']
-    shapes = ""
+    lines = []
     for region, kind, shown in regions:
         if region is not None and region.any():
-            shapes += "".join(page.polyline(line, kind) for line in pictures.contours(region, box))
+            lines += [(kind, line) for line in pictures.contours(region, box)]
             legend.append(f'<span class="key {kind}"></span> {shown}')
-    overlay = page.drawing(box.width, box.height, shapes, label="outline of the object")
+    overlay = page.overlay(box, lines, "outline of the object")
     caption = f"{escape(frames.names[material.raking])} with the outline of {'; '.join(legend)}."
     alt = "photograph with the object's outline"
     found["outline"] = Markup(page.picture(drawn, alt, caption, photograph=True, overlay=overlay))
