@@ -57,9 +57,9 @@ class Sentence(Readable):
         return f'<span class="n" data-value="{value!r}">{shown.replace("-", chr(0x2212))}{gap}{escape(unit)}</span>'
 
 
-def number(value: Any, decimals: int | str = 2, unit: str = "") -> str:
+def number(value: Any, decimals: int | str = 2, unit: str = "") -> Markup:
     """Return a number as HTML; with the unit % a share (0 to 1), with g for decimals one that people chose."""
-    return Sentence().format_field(value, f"{decimals}{unit}")
+    return Markup(Sentence().format_field(value, f"{decimals}{unit}"))
 
 
 def as_text(value: Any) -> str:
@@ -112,9 +112,9 @@ def cells_of(name: str, rows: Rows) -> tuple[list[str], list[list[str]]]:
     return [head for head, _ in columns], [[sentence.vformat(cell, (), row) for _, cell in columns] for row in counted]
 
 
-def folded(title: str, body: str) -> str:
+def folded(title: str, body: str) -> Markup:
     """Return what is shown when the reader asks for it; both are HTML already."""
-    return f"<details><summary>{title}</summary>{body}</details>"
+    return Markup(f"<details><summary>{title}</summary>{body}</details>")
 
 
 def picture(
@@ -166,13 +166,8 @@ def _environment() -> Any:
     how = {"autoescape": True, "undefined": ChainableUndefined, "trim_blocks": True, "lstrip_blocks": True}
     made = Environment(loader=FileSystemLoader(HERE), **how)
     made.policies["json.dumps_kwargs"] = {"allow_nan": False}
-
-    def marked(function: Any) -> Any:
-        return lambda *values, **more: Markup(function(*values, **more))
-
-    html = (badge, colour_scale, folded, number, picture, say, table, table_of)
-    made.globals |= {function.__name__: marked(function) for function in html}
-    made.globals |= {"as_text": as_text, "first_sentence": first_sentence, "is_number": is_number, "words": words}
+    shown = (badge, colour_scale, first_sentence, folded, is_number, number, picture, say, table, table_of, words)
+    made.globals |= {function.__name__: function for function in shown}
     return made
 
 
