@@ -64,7 +64,7 @@ def write_report(store: Store, summary: dict[str, Any], digests: Mapping[str, st
     statements, ranked = verdict(summary), ranking(summary)
     of_errors = "ranking by tolerance" if compared.get("tolerance") else "ranking"
     facts = {
-        **summary, **_rows(summary, material), **viewer_facts(material, layers, best), **ball_figures(material),
+        **summary, **_rows(summary), **viewer_facts(material, layers, best), **ball_figures(material),
         "compare": compared, "material": material, "layers": layers, "placed": placed(material), "best": best,
         "statements": statements, "topics": {one.topic: one for one in statements}, "warnings": all_warnings(summary),
         "limits": limits(summary, statements), "advice": advice(summary, statements), "ranking": ranked,
@@ -85,23 +85,22 @@ def write_report(store: Store, summary: dict[str, Any], digests: Mapping[str, st
     return store.path("report.html")
 
 
-def _rows(summary: Summary, material: Material) -> Summary:
+def _rows(summary: Summary) -> Summary:
     """Return the rows of the tables, and what the chart of speed could not show."""
     compared, solved = summary.get("compare") or {}, (summary.get("solve") or {}).get("methods") or {}
     methods = {name: compared["methods"][name] for name in by_error(compared)}
     points = speed_points(summary)
     charted = {point.method for point in points if point.kind == "real"}
     lost = [name for name in dict.fromkeys([*solved, *methods]) if name not in charted]
-    reasons = {name: _why_uncharted(compared, name) for name in lost}
+    # Keys of the words of `statistics`.
+    reasons = {name: "no time" if (methods.get(name) or {}).get("real") else "no normals" for name in lost}
+    reasons = reasons if compared.get("has_truth") else dict.fromkeys(lost, "no error")
     align = summary.get("align") or compared.get("pose") or {}
     align = {**(align.get("fit") or {}), **align}
-    listed = {row.get("name"): row for row in (summary.get("capture") or {}).get("frames_table") or []}
-    names = material.frames.names if material.frames is not None else ()
     spent = summary.get("processor_seconds") or {}
     return {
         "methods": methods, "points": points, "statistics_rows": statistics_rows({"methods": methods}),
         "uncharted": {why: [name for name in lost if reasons[name] == why] for why in dict.fromkeys(reasons.values())},
-        "frame_rows": [{"name": name, **(listed.get(name) or {})} for name in names],
         "both_rows": {name: row for name, row in methods.items() if row.get("real") and row.get("twin")},
         "four_ways": [
             {"name": name, "kind": kind, **ways, "sign": "inside out" if ways.get("mirrored") else "right"}
@@ -129,12 +128,6 @@ def _rows(summary: Summary, material: Material) -> Summary:
         },
         **_square(compared.get("between_methods") or [], list(methods)),
     }  # fmt: skip
-
-
-def _why_uncharted(compared: Summary, method: str) -> str:
-    """Return why a method is not in the chart of speed, a key of the words of `statistics`."""
-    real = (compared["methods"].get(method) or {}).get("real") if compared.get("has_truth") else None
-    return "no time" if real else "no normals" if compared.get("has_truth") else "no error"
 
 
 def _square(pairs: list[Summary], names: list[str]) -> Summary:
