@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from itertools import chain, repeat
 from typing import Any, TypeVar
 
 import numpy as np
@@ -88,11 +89,9 @@ def read_optional(store: Store, name: str) -> Any:
 
 def sphere_rows(store: Store) -> list[dict[str, Any]]:
     """Return spheres.json with what calibration.json adds: in how many frames each ball's highlight was found."""
-    rows = read_optional(store, "spheres.json") or []
     highlights = (read_optional(store, "calibration.json") or {}).get("highlights_px") or []
     out = []
-    for index, row in enumerate(rows):
-        seen = highlights[index] if index < len(highlights) else None
+    for row, seen in zip(read_optional(store, "spheres.json") or [], chain(highlights, repeat(None)), strict=False):
         counts = (None, None) if seen is None else (sum(map(is_seen, seen)), len(seen))
         distance = None if row.get("center_mm") is None else float(np.linalg.norm(row["center_mm"]))
         out.append({**row, "distance_mm": distance, "highlights_seen": counts[0], "highlights_frames": counts[1]})

@@ -64,15 +64,12 @@ def number(value: Any, decimals: int | str = 2, unit: str = "") -> Markup:
 
 def as_text(value: Any) -> str:
     """Return a setting as a short text."""
-    match value:
-        case str():
-            return value
-        case float():
-            return f"{value:.6g}"
-        case list() | tuple():
-            return ", ".join(as_text(item) for item in value)
-        case dict():
-            return "; ".join(f"{key} {as_text(item)}" for key, item in value.items())
+    if isinstance(value, dict):
+        return "; ".join(f"{key} {as_text(item)}" for key, item in value.items())
+    if isinstance(value, list | tuple):
+        return ", ".join(map(as_text, value))
+    if isinstance(value, str | float):
+        return value if isinstance(value, str) else f"{value:.6g}"
     return json.dumps(value, default=str)
 
 

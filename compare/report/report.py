@@ -69,7 +69,9 @@ def write_report(store: Store, summary: dict[str, Any], digests: Mapping[str, st
         "statements": statements, "topics": {one.topic: one for one in statements}, "warnings": all_warnings(summary),
         "limits": limits(summary, statements), "advice": advice(summary, statements), "ranking": ranked,
         "ranking_table": of_errors if any(row.get("real") for row in ranked) else "without truth",
-        "terms": _terms(by_error(compared)), **DRAWN,
+        "terms": _terms(by_error(compared)), "charts": light_charts, "error_histograms": error_histograms,
+        "speed_chart": speed_chart, "misfit_chart": _misfit_chart, "legend_ball": legend_ball,
+        "trust_sentence": trust_sentence,
     }  # fmt: skip
     module = page.template("report.html").make_module(facts)
     sections = re.finditer(r'<section id="([\w-]+)">.*?</section>', str(module), re.DOTALL)
@@ -151,10 +153,3 @@ def _terms(names: list[str]) -> list[tuple[str, str]]:
         *((f"{word.capitalize()} method", families[word]) for word in sorted({family(name) for name in names})),
         *((name, known[name].replace("`", "")) for name in names if name in known),
     ]
-
-
-DRAWN = {
-    "charts": light_charts, "error_histograms": error_histograms, "speed_chart": speed_chart,
-    "misfit_chart": _misfit_chart, "legend_ball": legend_ball, "trust_sentence": trust_sentence,
-}  # fmt: skip
-"""What the templates call."""

@@ -128,13 +128,12 @@ function startViewer() {
     pointer = gridOf(place);
     readout();
   });
-  const lift = (event) => touches.delete(event.pointerId);
-  canvas.addEventListener("pointerup", (event) => {
-    if (touches.size === 1 && moved <= 4 && (pointer = gridOf(placeOf(event)))) showSamples(byId("viewer-samples"), ...pointer);
-    lift(event);
+  for (const kind of ["pointerup", "pointercancel"]) canvas.addEventListener(kind, (event) => {
+    const isClick = kind === "pointerup" && touches.size === 1 && moved <= 4;
+    if (isClick && (pointer = gridOf(placeOf(event)))) showSamples(byId("viewer-samples"), ...pointer);
+    touches.delete(event.pointerId);
     redraw();
   });
-  canvas.addEventListener("pointercancel", lift);
   canvas.addEventListener("keydown", (event) => {
     const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
     if (way) {
