@@ -155,7 +155,7 @@ function startViewer() {
   const far = placed.map((light) => Math.hypot(...minus(light.position_mm, reference))).sort((a, b) => a - b)[placed.length >> 1];
   const setLamp = (direction, light) => {
     lamp = light ?? { direction, intensity: [1, 1, 1], position_mm: far && direction.map((part, i) => reference[i] + far * part) };
-    azimuth.value = (Math.atan2(direction[1], direction[0]) * 180 / Math.PI + 360) % 360;
+    if (Math.hypot(direction[0], direction[1])) azimuth.value = (Math.atan2(direction[1], direction[0]) * 180 / Math.PI + 360) % 360;
     zenith.value = Math.acos(direction[2]) * 180 / Math.PI;
     dome.style.setProperty("--x", direction[0]);
     dome.style.setProperty("--y", direction[1]);
