@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report.facts import method_names, read_optional, sphere_rows, stored_lights
+from compare.report.facts import method_names, read_optional, sphere_rows, there
 from compare.report.pictures import colour_scale_end, error_picture, with_colour_scale
 from compare.statistics.counterparts import difference, level_methods, thinned
 from compare.statistics.frames_alike import frames_alike
@@ -96,7 +96,7 @@ def compare(
         "histogram_edges_deg": None,
         "error_scale_deg": None,
         "between_methods": between,
-        "lights": stored_lights(store),
+        "lights": there(lambda: store.load_lights().facts()),
         "spheres": sphere_rows(store),
         "pose": read_optional(store, "pose.json"),
         "frames_alike": _frames_alike(store, mask),
@@ -119,11 +119,17 @@ def compare(
             result["warnings"].append(
                 "ground truth: not one pixel of it lies on the object's mask; no error can be given"
             )
-        spread = [end for name in names for end in _errors(store, name, truth, mask, result, tolerance_deg)]
-        if spread:
+        maps: dict[tuple[str, str], NDArray[np.float32]] = {}
+        for name in names:
+            maps |= _errors(store, name, truth, mask, result, tolerance_deg)
+        if maps:
             # The median over maps: one method that fails everywhere must not darken all the others.
-            written = _histograms(store, result, colour_scale_end(float(np.median(spread))))
-            _level(store, result)
+            spread = [float(np.nanquantile(error, 0.95)) for error in maps.values()]
+            written = _histograms(store, result, maps, colour_scale_end(float(np.median(spread))))
+            real = {name: thinned(error) for (name, kind), error in maps.items() if kind == "real"}
+            result["level"] = level_methods(real, result["truth"]["sigma_deg_median"])
+            for name, sigma in result["level"].pop("median_sigma_deg").items():
+                result["methods"][name]["median_sigma_deg"] = sigma
             result["tolerance"] = None if tolerance_deg is None else _tolerance(result["methods"], tolerance_deg)
     # A map that a former run left would speak of normals that are gone.
     for stale in store.path("compare").glob("error_*"):
@@ -142,9 +148,9 @@ def _frames_alike(store: Store, mask: Mask | None) -> dict[str, Any] | None:
 
 def _errors(
     store: Store, name: str, truth: Normals, mask: Mask | None, result: dict[str, Any], tolerance_deg: float | None
-) -> list[float]:
-    """Write a method's error maps and fill in its row; return the error that 95 % of each map's pixels stay under."""
-    row, maps, spread, pixels = result["methods"][name], {}, [], result["truth"]["pixels"]
+) -> dict[tuple[str, str], NDArray[np.float32]]:
+    """Write a method's error maps and fill in its row; return the maps, as they are on the disk, by (method, kind)."""
+    row, maps, written, pixels = result["methods"][name], {}, {}, result["truth"]["pixels"]
     for kind, place in PLACES.items():
         estimate = _open(store, place, name)
         if estimate is None:
@@ -162,12 +168,12 @@ def _errors(
             row[f"{kind}_four_ways"] = asdict(four_ways(estimate, truth, mask))
         if tolerance_deg is not None:
             row[f"{kind}_within_tolerance"] = 1000 * np.count_nonzero(error <= tolerance_deg) // pixels / 1000
-        spread.append(float(np.nanquantile(error, 0.95)))
         write_npy(store.path("compare", f"error_{kind}_{name}.npy"), error)
+        written[name, kind] = store.read_array("compare", f"error_{kind}_{name}.npy")
     if len(maps) == 2:
         shared = difference(maps["real"], maps["twin"])
         row |= {"correlation_pixels": shared.pop("pixels"), **shared}
-    return spread
+    return written
 
 
 def _albedo_statistics(store: Store, kind: str, name: str, mask: Mask | None) -> dict[str, float]:
@@ -179,42 +185,29 @@ def _albedo_statistics(store: Store, kind: str, name: str, mask: Mask | None) ->
     return albedo_statistics(*(one.reshape(-1, 3) if mask is None else one[mask] for one in maps))
 
 
-def _histograms(store: Store, result: dict[str, Any], end: float) -> set[str]:
+def _histograms(
+    store: Store, result: dict[str, Any], maps: dict[tuple[str, str], NDArray[np.float32]], end: float
+) -> set[str]:
     """Fill in the histograms and write the pictures, all on one scale; return the names of all files of errors."""
     edges, written = np.linspace(0, end, HISTOGRAM_BINS + 1), set()
     result["error_scale_deg"], result["histogram_edges_deg"] = end, edges.tolist()
-    for name, row in result["methods"].items():
+    for row in result["methods"].values():
         row["histogram"] = {}
-        for kind in PLACES:
-            if not row[kind]:
-                continue
-            stem = f"error_{kind}_{name}"
-            error = np.load(store.path("compare", f"{stem}.npy"))
-            counts = np.histogram(error[np.isfinite(error)], np.append(edges, np.inf))[0]
-            row["histogram"][kind] = counts.tolist()
-            caption = f"angular error, {name}, {kind}; pale grey: unknown"
-            picture = with_colour_scale(error_picture(error, end), end, caption)
-            write_png(store.path("compare", f"{stem}.png"), picture)
-            written |= {f"{stem}.npy", f"{stem}.png"}
+    for (name, kind), error in maps.items():
+        counts = np.histogram(error[np.isfinite(error)], np.append(edges, np.inf))[0]
+        result["methods"][name]["histogram"][kind] = counts.tolist()
+        caption, stem = f"angular error, {name}, {kind}; pale grey: unknown", f"error_{kind}_{name}"
+        write_png(store.path("compare", f"{stem}.png"), with_colour_scale(error_picture(error, end), end, caption))
+        written |= {f"{stem}.npy", f"{stem}.png"}
     return written
-
-
-def _level(store: Store, result: dict[str, Any]) -> None:
-    """Fill in how uncertain the medians on the photographs are, and which methods are level with the best."""
-    judged = [name for name, row in result["methods"].items() if row["real"]]
-    places = {name: store.path("compare", f"error_real_{name}.npy") for name in judged}
-    errors = {name: thinned(np.load(place, mmap_mode="r")) for name, place in places.items()}
-    result["level"] = level_methods(errors, result["truth"]["sigma_deg_median"])
-    for name, sigma in result["level"].pop("median_sigma_deg").items():
-        result["methods"][name]["median_sigma_deg"] = sigma
 
 
 def _tolerance(rows: dict[str, dict[str, Any]], tolerance_deg: float) -> dict[str, Any] | None:
     """Return how much of the object is within a tolerance, by the method that has most of it there; None of none."""
     shares = {name: row["real_within_tolerance"] for name, row in rows.items() if row["real"]}
-    method = max(shares, key=lambda name: shares[name], default=None)
-    if method is None:
+    if not shares:
         return None
+    method = max(shares, key=lambda name: shares[name])
     return {
         "deg": tolerance_deg, "method": method, "share": shares[method], "least_share": LEAST_SHARE,
         "passes": shares[method] >= LEAST_SHARE,

@@ -1,11 +1,10 @@
 """Lights: where they stand, how bright they are, how well that is known. Each takes `scene.lights.Lights.facts`."""
 
-from collections.abc import Iterable
-from math import ceil, cos, radians, sin
+from math import ceil, cos, radians, sin, sqrt
 from typing import Any
 
 from draw.readable import Readable, readable
-from draw.svg import COLOURS, Axis, Drawing, Frame, axes, circle, line, svg, text
+from draw.svg import COLOURS, Axes, Axis, Drawing, circle, svg, text
 
 CHANNELS = {"red": "#D55E00", "green": "#009E73", "blue": "#0072B2"}
 LIGHT = "#E69F00"
@@ -16,20 +15,15 @@ SIZE, RIM = 360, 150.0
 RING = "#c3cad1"
 
 
-def rings(middle: float, radii: Iterable[tuple[float, float]], angle_deg: float = 45.0) -> list[str]:
-    """Return circles about the camera's axis, (degrees, radius in pixels), each with its degrees."""
-    parts, across, up = [], cos(radians(angle_deg)), sin(radians(angle_deg))
-    for degrees, radius in radii:
-        parts.append(circle(middle, middle, radius, "none", stroke=RING))
-        parts.append(text(middle + across * radius + 3, middle - up * radius - 3, f"{degrees:g}°", "start", 11))
-    return parts
-
-
 def directions(lights: dict[str, Any]) -> Drawing:
     """Return the lights on the hemisphere, as the camera sees it: centre = camera's axis, rim = 90 degrees or more."""
     rows, middle = lights["frames"], SIZE / 2
     rim_deg = max(90.0, 10.0 * ceil((lights.get("zenith_max_deg") or 0) / 10))
-    parts = rings(middle, [(angle, RIM * angle / rim_deg) for angle in (30.0, 60.0, rim_deg)], -45)
+    parts, aside = [], sqrt(0.5)
+    for angle in (30.0, 60.0, rim_deg):
+        radius = RIM * angle / rim_deg
+        parts.append(circle(middle, middle, radius, "none", stroke=RING))
+        parts.append(text(middle + aside * radius + 3, middle + aside * radius - 3, f"{angle:g}°", "start", 11))
     parts += [text(SIZE - 12, middle, "+x", size=11), text(middle, 14, "up (+y)", size=11)]
     for number, row in enumerate(rows, 1):
         azimuth, radius = radians(row["azimuth_deg"]), RIM * row["zenith_deg"] / rim_deg
@@ -62,13 +56,13 @@ def sigmas(lights: dict[str, Any]) -> Drawing:
 
 def _over_lights(marks: list[tuple[float, float, float, str, str]], count: int, label: str, y_title: str) -> Drawing:
     """Return a dot a mark (light, value, sigma, colour, words), and the sigma as a bar."""
-    frame = Frame(62, 12, 440, 190)
     ticks = [(float(k), str(k)) for k in range(1, count + 1, ceil(count / 16) or 1)]
-    x = Axis(0.4, count + 0.6, frame.left, frame.right, False, ticks)
-    y = Axis.over([[0.0, *(value + sigma for _, value, sigma, *_ in marks)]], frame.bottom, frame.top, log=False)
-    parts = axes(x, y, frame, x_title="light", y_title=y_title)
+    x = Axis(0.4, count + 0.6, 62, 440, False, ticks)
+    y = Axis.over([[0.0, *(value + sigma for _, value, sigma, *_ in marks)]], 190, 12, log=False)
+    on = Axes(x, y)
+    parts = on.drawn("light", y_title)
     for at, value, sigma, colour, told in marks:
         if sigma:
-            parts.append(line([(x.at(at), y.at(value - sigma)), (x.at(at), y.at(value + sigma))], colour, told))
+            parts.append(on.line([(at, value - sigma), (at, value + sigma)], colour, told))
         parts.append(circle(x.at(at), y.at(value), 3.5, colour, told))
     return svg(450, 240, parts, label=label)

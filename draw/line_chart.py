@@ -2,9 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from draw.svg import COLOURS, Axis, Drawing, Frame, axes, legend, legend_width, line, svg
-
-FRAME = Frame(64, 20, 550, 348)
+from draw.svg import COLOURS, Axes, Axis, Drawing, legend, svg
 
 
 def line_chart(
@@ -31,22 +29,18 @@ def line_chart(
         Ticks of x = 0, 1, 2 ... by name, instead of numbers.
     """
     spreads = spreads or {}
-    x = Axis.over([x for x, _ in lines.values()], FRAME.left, FRAME.right, log=log_x)
+    x = Axis.over([x for x, _ in lines.values()], 64, 550, log=log_x)
     heights = [*(y for _, y in lines.values()), *(edge for spread in spreads.values() for edge in spread)]
-    y = Axis.over(heights, FRAME.bottom, FRAME.top, log=log_y)
+    y = Axis.over(heights, 348, 20, log=log_y)
     if x_names:
         x.ticks[:] = [(float(place), name) for place, name in enumerate(x_names)]
     colours = {name: COLOURS[number % len(COLOURS)] for number, name in enumerate(lines)}
-    parts = axes(x, y, FRAME, x_title=x_title, y_title=y_title)
+    on = Axes(x, y)
+    parts = on.drawn(x_title, y_title)
     for name, (low, high) in spreads.items():
         at = lines[name][0]
         outline = [*zip(at, high, strict=True), *reversed([*zip(at, low, strict=True)])]
-        places = ((x.at(a), y.at(b)) for a, b in outline)
-        parts.append(line(places, "none", fill=colours[name], fill_opacity="0.13"))
-    for name, pair in lines.items():
-        places = ((x.at(a), y.at(b)) for a, b in zip(*pair, strict=True))
-        parts.append(line(places, colours[name], stroke_width=2.5))
-    beside = FRAME.right + 14
-    parts += legend(colours, beside, FRAME.top + 14)
-    width = max(720, round(beside + legend_width(colours) + 6))
-    return svg(width, 400, parts, label=f"{y_title} against {x_title}")
+        parts.append(on.line(outline, "none", fill=colours[name], fill_opacity="0.13"))
+    parts += [on.line(zip(*pair, strict=True), colours[name], stroke_width=2.5) for name, pair in lines.items()]
+    named, end = legend(colours, x.end + 14, y.end + 14)
+    return svg(max(720, round(end + 6)), 400, [*parts, *named], label=f"{y_title} against {x_title}")

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 
 from draw.readable import readable
-from draw.svg import COLOURS, Axis, Drawing, Frame, axes, legend, line, shape, svg, text
+from draw.svg import COLOURS, Axes, Axis, Drawing, legend, shape, svg, text
 
-PANEL = Frame(0, 0, 208, 150)
+PANEL = (208, 150)
+"""Width and height, pixels."""
 STEP = (230, 200)
 """From one panel's corner to the next one's, right and down, pixels."""
 PANELS_ABREAST = 4
@@ -39,17 +40,16 @@ def error_histograms(compared: dict[str, Any], names: Sequence[str]) -> Drawing 
     for index, (name, kinds) in enumerate(shares.items()):
         right, down = index % PANELS_ABREAST, index // PANELS_ABREAST
         left, upper = 52 + right * STEP[0], 30 + down * STEP[1]
-        frame = Frame(left, upper, left + PANEL.right, upper + PANEL.bottom)
-        x = Axis(0, edges[-1], frame.left, frame.right, False, [(end, f"{end:g}°") for end in (0, edges[-1])])
-        y = Axis(0, 1.05 * top, frame.bottom, frame.top, False, [(top, f"{readable(top, 1)} %")] if not right else [])
-        parts += [*axes(x, y, frame), text(left + PANEL.right / 2, upper - 8, name, fill="#000")]
+        x = Axis(0, edges[-1], left, left + PANEL[0], False, [(end, f"{end:g}°") for end in (0, edges[-1])])
+        ticks = [(top, f"{readable(top, 1)} %")] if not right else []
+        on = Axes(x, Axis(0, 1.05 * top, upper + PANEL[1], upper, False, ticks))
+        parts += [*on.drawn(), text(left + PANEL[0] / 2, upper - 8, name, fill="#000")]
         for row, (kind, share) in enumerate(kinds.items()):
             steps = zip(np.repeat(edges, 2)[1:-1], np.repeat(share[:-1], 2), strict=True)
-            outline = [(x.at(a), y.at(b)) for a, b in ((0, 0), *steps, (edges[-1], 0))]
             paint = {"fill": COLOURS[4]} if kind == "real" else {}
-            parts.append(line(outline, "none" if paint else "#000", **paint))
+            parts.append(on.line([(0, 0), *steps, (edges[-1], 0)], "none" if paint else "#000", **paint))
             beyond = f"{kind} beyond: {readable(float(share[-1]), 1)} %"
-            parts.append(text(frame.right - 4, upper + 16 * (row + 1), beyond, "end", 11))
+            parts.append(text(x.end - 4, upper + 16 * (row + 1), beyond, "end", 11))
     columns, rows = min(len(shares), PANELS_ABREAST), -(-len(shares) // PANELS_ABREAST)
     label = "Histogram of the angular error of each method; filled: photographs, line: twin"
     return svg(52 + columns * STEP[0], 30 + rows * STEP[1], parts, label=label)
@@ -71,17 +71,19 @@ def map_chart(
     outlines : mapping
         By name, points (column, row).
     """
-    frame = Frame(64, 12, 64 + MAP_WIDTH, 12 + MAP_WIDTH * height / width)
     # The middle of the first pixel is at 0: the picture begins half a pixel before it.
+    high = MAP_WIDTH * height / width
     x, y = (
-        Axis(-0.5, size - 0.5, start, end, False, Axis.over([[0.0, size - 1.0]], 0, 1, log=False).ticks)
-        for size, start, end in ((width, frame.left, frame.right), (height, frame.top, frame.bottom))
-    )
-    parts = axes(x, y, frame, x_title="column (px)", y_title="row (px)")
-    place = {"x": frame.left, "y": frame.top, "width": MAP_WIDTH, "height": frame.bottom - frame.top}
+        Axis(first, last, start, end, False, Axis.over([[0.0, size - 1.0]], 0, 1, log=False).ticks)
+        for size, first, last, start, end in (
+            (width, -0.5, width - 0.5, 64, 64 + MAP_WIDTH), (height, height - 0.5, -0.5, 12 + high, 12)
+        )
+    )  # fmt: skip
+    on = Axes(x, y)
+    parts = on.drawn("column (px)", "row (px)")
+    place = {"x": 64, "y": 12, "width": MAP_WIDTH, "height": high}
     parts.append(shape("image", **place, preserveAspectRatio="none", href=picture))
     colours = {name: COLOURS[number % len(COLOURS)] for number, name in enumerate(outlines)}
-    for name, points in outlines.items():
-        parts.append(line(((x.at(u), y.at(v)) for u, v in points), colours[name], name, stroke_width=2))
-    parts += legend(colours, frame.right + 14, frame.top + 14)
-    return svg(frame.right + (170 if outlines else 14), round(frame.bottom + 52), parts, label=label)
+    parts += [on.line(points, colours[name], name, stroke_width=2) for name, points in outlines.items()]
+    parts += legend(colours, x.end + 14, 26)[0]
+    return svg(x.end + (170 if outlines else 14), round(high + 64), parts, label=label)

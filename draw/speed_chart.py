@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from draw.readable import readable
-from draw.svg import Axis, Drawing, Frame, axes, circle, line, shape, svg, text, text_width
+from draw.svg import Axes, Axis, Drawing, circle, line, shape, svg, text, text_width
 
 Array = NDArray[np.float64]
 Place = tuple[float, float]
 
-FRAME = Frame(62.0, 14.0, 746.0, 372.0)
+LEFT, TOP, RIGHT, BOTTOM = 62.0, 14.0, 746.0, 372.0
+"""Of the axes, pixels."""
 RADIUS = 6.0
 FONT = 13
 COLOURS = {"calibrated": "#0072B2", "uncalibrated": "#D55E00", "external": "#00795a"}
@@ -67,18 +68,17 @@ def speed_chart(
     The dotted steps are the Pareto front of the real points (of all, if there is none): what no other method beats in
     both.
     """
-    x = Axis.over([[p.seconds for p in points]], FRAME.left, FRAME.right, log=True)
-    y = Axis.over([[p.median_deg for p in points]], FRAME.bottom, FRAME.top, log=True, unit="°")
+    x = Axis.over([[p.seconds for p in points]], LEFT, RIGHT, log=True)
+    y = Axis.over([[p.median_deg for p in points]], BOTTOM, TOP, log=True, unit="°")
     at = {(p.method, p.kind): (x.at(p.seconds), y.at(p.median_deg)) for p in points}
     named = {p.method: at[p.method, p.kind] for p in sorted(points, key=lambda p: p.kind != "twin")}
     ties = [(at[name, "real"], at[name, "twin"]) for name in named if (name, "real") in at and (name, "twin") in at]
     front = pareto_front([p for p in points if p.kind == "real" or is_twin_in_front] or points)
-    parts = axes(x, y, FRAME, x_title="processor seconds per megapixel-image", y_title="median angular error (°)")
+    parts = Axes(x, y).drawn("processor seconds per megapixel-image", "median angular error (°)")
     parts.append(line(_steps([at[p.method, p.kind] for p in front]), "#777", **FRONT))
     parts += [line(tie, "#aaa") for tie in ties]
     sizes = np.array([(text_width(name) + 4, FONT + 3) for name in named])
-    room = (FRAME.left + 2, FRAME.top, FRAME.right + 8, FRAME.bottom - 2)
-    middles = place_labels(np.array([*named.values()]), sizes, room, np.array([*at.values()]))
+    middles = place_labels(np.array([*named.values()]), sizes, np.array([*at.values()]))
     for place, middle, size in zip(named.values(), middles, sizes, strict=True):
         # A line from the name to its point where the two are apart.
         edge = np.clip(place, middle - size / 2, middle + size / 2)
@@ -106,10 +106,10 @@ def pareto_front(points: Sequence[SpeedPoint]) -> list[SpeedPoint]:
 
 def _steps(front: list[Place]) -> list[Place]:
     """Return the corners of the front's steps: what a given time buys at best, up to the frame on both sides."""
-    corners = [(front[0][0], FRAME.top)]
+    corners = [(front[0][0], TOP)]
     for x, y in front:
         corners += [(x, corners[-1][1]), (x, y)]
-    return [*corners[1:], (FRAME.right, front[-1][1])]
+    return [*corners[1:], (RIGHT, front[-1][1])]
 
 
 def _mark(x: float, y: float, family: str, words: str = "", *, hollow: bool) -> str:
@@ -132,22 +132,22 @@ def _legend(points: Sequence[SpeedPoint], hollow: str) -> list[str]:
         items.append((f"hollow: {hollow}", _mark(0, 0, families[0], hollow=True)))
     front = line([(-10, 0), (20, 0)], "#777", **FRONT)
     items.append(("Pareto front: no other is both faster and more accurate", front))
-    parts, x, y = [], FRAME.left + 8, FRAME.bottom + 64
+    parts, x, y = [], LEFT + 8, BOTTOM + 64
     for words, mark in items:
-        if x + 18 + text_width(words) > FRAME.right:
-            x, y = FRAME.left + 8, y + 20
+        if x + 18 + text_width(words) > RIGHT:
+            x, y = LEFT + 8, y + 20
         parts += [f'<g transform="translate({x:.0f} {y - 4})">{mark}</g>', text(x + 24, y, words, "start")]
         x += 24 + text_width(words) + 22
     return parts
 
 
-def place_labels(points: Array, sizes: Array, room: tuple[float, float, float, float], marks: Array) -> Array:
+def place_labels(points: Array, sizes: Array, marks: Array) -> Array:
     """Return the middles (N, 2) of the names, (N, 2) wide and high, of points (N, 2): beside them, none on another.
 
     Each in turn, from top to bottom, takes the free place nearest to its point, right or left of it, higher or lower,
-    off names and marks (M, 2); all lie in `room` (left, top, right, bottom).
+    off names and marks (M, 2); all lie in the chart.
     """
-    left, top, right, bottom = room
+    left, top, right, bottom = LEFT + 2, TOP, RIGHT + 8, BOTTOM - 2
     middles, taken = np.empty_like(points, float), [np.array([*mark, 2 * RADIUS, 2 * RADIUS]) for mark in marks]
     for i in np.argsort(points[:, 1], kind="stable"):
         (u, v), (wide, high) = points[i], sizes[i]

@@ -13,7 +13,6 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#0
 INK, GRID, EDGE = "#444", "#e3e7ea", "#9aa5b0"
 MOST_LETTERS = 12
 """Longer names of ticks are written small, and on two rows in turn."""
-GAP = 6  # pixels between a colour of a legend and its name
 ROOM = 0.12
 """Share of a logarithmic axis, and decades at least, that are left free at either end."""
 FEWEST_DECADES = 0.5
@@ -49,12 +48,12 @@ def svg(width: float, height: float, parts: Iterable[str], *, label: str = "char
     return Drawing("\n".join([head, paper, *filter(None, parts), "</svg>"]) + "\n")
 
 
-def shape(name: str, words: str = "", **values: float | str) -> str:
-    """Return an element with its attributes; `words` is what is told when one points at it.
+def shape(name: str, words: str = "", content: str = "", /, **values: float | str) -> str:
+    """Return an element with its attributes; `words` is what is told when one points at it, `content` what it shows.
 
     Numbers have one decimal; of an attribute's name, _ stands for -.
     """
-    told = f"<title>{escape(words)}</title>" if words else ""
+    told = f"<title>{escape(words)}</title>" if words else escape(content)
     pairs = ((key.rstrip("_").replace("_", "-"), value) for key, value in values.items())
     listed = " ".join(f'{key}="{escape(value) if isinstance(value, str) else _number(value)}"' for key, value in pairs)
     return f"<{name} {listed}>{told}</{name}>" if told else f"<{name} {listed}/>"
@@ -73,11 +72,7 @@ def line(points: Iterable[tuple[float, float]], stroke: str = "none", words: str
 
 def text(x: float, y: float, words: str, anchor: str = "middle", size: float = 13, fill: str = INK, **more: str) -> str:
     """Return words on a base line; `anchor`: start, middle or end."""
-    values = "".join(f' {key.replace("_", "-")}="{escape(value)}"' for key, value in more.items())
-    return (
-        f'<text x="{_number(x)}" y="{_number(y)}" text-anchor="{anchor}" font-size="{size:g}" fill="{fill}"{values}>'
-        f"{escape(words)}</text>"
-    )
+    return shape("text", "", words, x=x, y=y, text_anchor=anchor, font_size=size, fill=fill, **more)
 
 
 def text_width(words: str, size: float = 13) -> float:
@@ -88,15 +83,6 @@ def text_width(words: str, size: float = 13) -> float:
 
 def _number(value: float) -> str:
     return f"{value:.1f}".removesuffix(".0")
-
-
-class Frame(NamedTuple):
-    """Where a chart's axes cross the page, pixels; y runs down."""
-
-    left: float
-    top: float
-    right: float
-    bottom: float
 
 
 @dataclass(frozen=True)
@@ -140,33 +126,38 @@ class Axis:
         return float(self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start))
 
 
-def axes(x: Axis, y: Axis, frame: Frame, *, x_title: str = "", y_title: str = "") -> list[str]:
-    """Return the grid, its numbers or names, and what the axes show."""
-    left, top, right, bottom = frame
-    long = max((len(name) for _, name in x.ticks), default=0) > MOST_LETTERS
-    parts = []
-    for number, (tick, name) in enumerate(x.ticks):
-        at, below = x.at(tick), bottom + 18 + (13 * (number % 2) - 2 if long else 0)
-        parts += [line([(at, top), (at, bottom)], GRID), text(at, below, name, size=9 if long else 13)]
-    for tick, name in y.ticks:
-        parts += [line([(left, y.at(tick)), (right, y.at(tick))], GRID), text(left - 7, y.at(tick) + 4, name, "end")]
-    parts.append(line([(left, top), (left, bottom), (right, bottom)], EDGE))
-    parts.append(text((left + right) / 2, bottom + (44 if long else 38), x_title, fill="#000") if x_title else "")
-    turn = f"translate({left - 49:g} {(top + bottom) / 2:g}) rotate(-90)"
-    parts.append(text(0, 0, y_title, fill="#000", transform=turn) if y_title else "")
-    return parts
+class Axes(NamedTuple):
+    """A chart's axes, which frame it; pixels' y runs down."""
+
+    x: Axis
+    y: Axis
+
+    def line(self, points: Iterable[tuple[float, float]], stroke: str, words: str = "", **more: float | str) -> str:
+        """Return a line through values."""
+        return line(((self.x.at(u), self.y.at(v)) for u, v in points), stroke, words, **more)
+
+    def drawn(self, x_title: str = "", y_title: str = "") -> list[str]:
+        """Return the grid, its numbers or names, and what the axes show."""
+        (left, right), (bottom, top) = ((axis.start, axis.end) for axis in self)
+        long = max((len(name) for _, name in self.x.ticks), default=0) > MOST_LETTERS
+        parts = []
+        for number, (tick, name) in enumerate(self.x.ticks):
+            at, below = self.x.at(tick), bottom + 18 + (13 * (number % 2) - 2 if long else 0)
+            parts += [line([(at, top), (at, bottom)], GRID), text(at, below, name, size=9 if long else 13)]
+        for tick, name in self.y.ticks:
+            at = self.y.at(tick)
+            parts += [line([(left, at), (right, at)], GRID), text(left - 7, at + 4, name, "end")]
+        parts.append(line([(left, top), (left, bottom), (right, bottom)], EDGE))
+        parts.append(text((left + right) / 2, bottom + (44 if long else 38), x_title, fill="#000") if x_title else "")
+        turn = f"translate({left - 49:g} {(top + bottom) / 2:g}) rotate(-90)"
+        return [*parts, text(0, 0, y_title, fill="#000", transform=turn) if y_title else ""]
 
 
-def legend(colours: Mapping[str, str], x: float, y: float, *, step: float = 22, wide: float = 22) -> list[str]:
-    """Return names beside their colours, one below the other, the first at (x, y)."""
+def legend(colours: Mapping[str, str], x: float, y: float) -> tuple[list[str], float]:
+    """Return names beside their colours, one below the other, the first at (x, y), and where they end on the right."""
     parts = []
     for number, (name, colour) in enumerate(colours.items()):
-        at = y + step * number
-        parts.append(line([(x, at - 4), (x + wide, at - 4)], colour, stroke_width=3))
-        parts.append(text(x + wide + GAP, at, name, "start", fill="#000"))
-    return parts
-
-
-def legend_width(names: Iterable[str], *, wide: float = 22) -> float:
-    """Return how far `legend` reaches to the right of its x, pixels."""
-    return wide + GAP + max((text_width(name) for name in names), default=0.0)
+        at = y + 22 * number
+        parts.append(line([(x, at - 4), (x + 22, at - 4)], colour, stroke_width=3))
+        parts.append(text(x + 28, at, name, "start", fill="#000"))
+    return parts, x + 28 + max(map(text_width, colours), default=0.0)

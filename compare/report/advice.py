@@ -11,7 +11,6 @@ from compare.report.verdict import Statement, is_truths_own
 def limits(summary: Summary, statements: list[Statement]) -> Markup:
     """Return what makes the error, as far as twin, ground truth and lights tell, or why that is not known."""
     compared, level = summary.get("compare") or {}, {one.topic: one.level for one in statements}
-    truth = compared.get("truth") or {}
     if not compared.get("has_truth"):
         return say("limits", "without truth")
     # What is doubtful besides bears on what a twin proves: it is rendered under the lights as they were measured.
@@ -19,8 +18,6 @@ def limits(summary: Summary, statements: list[Statement]) -> Markup:
     alike = level.get("Twin") == "good"
     poor = level.get("Ground truth") == "bad" and explains("Ground truth", summary)
     is_its_own = is_its_own_doing(summary) and not alike
-    measured = [row["real"]["median_deg"] for row in (compared.get("methods") or {}).values() if row.get("real")]
-    measured += [compared["tolerance"]["deg"]] if compared.get("tolerance") else []
     cases = {
         "Common tilt": tilted,
         "Twin good": alike and not doubtful and not tilted,
@@ -31,11 +28,11 @@ def limits(summary: Summary, statements: list[Statement]) -> Markup:
         "Twin bad": level.get("Twin") == "bad" and not is_its_own,
         "Lights": doubtful and explains("Lights", summary) and (tilted or not alike),
         "Ground truth bad": poor,
-        "Ground truth own": not poor and is_truths_own(truth.get("sigma_deg_median"), measured),
+        "Ground truth own": not poor and is_truths_own(compared),
     }
     named = [name for name, is_so in cases.items() if is_so] or ["not told"]
     material = (summary.get("twin") or {}).get("material") or {}
-    return Markup(" ").join(say("limits", name, **truth, **material) for name in named)
+    return Markup(" ").join(say("limits", name, **(compared.get("truth") or {}), **material) for name in named)
 
 
 def advice(summary: Summary, statements: list[Statement]) -> Markup:

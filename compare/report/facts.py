@@ -3,8 +3,8 @@
 import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import Any
+from itertools import chain, repeat
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +13,13 @@ from compare.report import pictures
 from compare.report.pictures import Exposure, PixelBox
 from draw.readable import is_number
 from draw.speed_chart import SpeedPoint
-from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.method_names import METHODS, UNCALIBRATED
 from scene.store import Store
 
 Summary = dict[str, Any]
+Found = TypeVar("Found")
 
 
 def method_names(store: Store) -> list[str]:
@@ -75,27 +75,23 @@ def stated_of_lights(summary: Summary) -> Summary:
     return told | {key: told[key] if is_number(told.get(key)) else given.get(key) for key in keys}
 
 
+def there(load: Callable[..., Found], *what: Any) -> Found | None:
+    """Return what is loaded; None where it is missing or a killed run left it unreadable."""
+    with suppress(SceneError):
+        return load(*what)
+    return None
+
+
 def read_optional(store: Store, name: str) -> Any:
     """Return a JSON file of the folder, None where there is none or it holds no JSON."""
-    with suppress(SceneError):
-        return store.read_json(name)
-    return None
-
-
-def stored_lights(store: Store) -> dict[str, Any] | None:
-    """Return `scene.lights.Lights.facts` of the folder's lights; None where there are none."""
-    with suppress(SceneError):
-        return store.load_lights().facts()
-    return None
+    return there(store.read_json, name)
 
 
 def sphere_rows(store: Store) -> list[dict[str, Any]]:
     """Return spheres.json with what calibration.json adds: in how many frames each ball's highlight was found."""
-    rows = read_optional(store, "spheres.json") or []
     highlights = (read_optional(store, "calibration.json") or {}).get("highlights_px") or []
     out = []
-    for index, row in enumerate(rows):
-        seen = highlights[index] if index < len(highlights) else None
+    for row, seen in zip(read_optional(store, "spheres.json") or [], chain(highlights, repeat(None)), strict=False):
         counts = (None, None) if seen is None else (sum(map(is_seen, seen)), len(seen))
         distance = None if row.get("center_mm") is None else float(np.linalg.norm(row["center_mm"]))
         out.append({**row, "distance_mm": distance, "highlights_seen": counts[0], "highlights_frames": counts[1]})
@@ -125,13 +121,14 @@ def by_runs(names: Sequence[str]) -> str:
 
 
 def all_warnings(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """Return every warning in the summary as (step, text), wherever it was put.
+    """Return every warning of the summary's `warnings`, of all steps, as (step, text).
 
     Those that say the same of several frames, methods or places, but for their numbers, are one: NAMES: text, its
     numbers from the least to the most.
     """
     causes: dict[tuple[str, str], list[tuple[str, str]]] = {}
-    for step, text in _each_warning(summary):
+    listed = ((row["step"], row["text"].removeprefix(f"{row['step']}: ")) for row in summary.get("warnings") or ())
+    for step, text in dict.fromkeys(listed):
         name, colon, said = text.partition(": ")
         name, said = (name, said) if colon and len(name) < len(said) else ("", text)
         causes.setdefault((step, NUMBER.sub("#", said)), []).append((name, said))
@@ -149,34 +146,6 @@ def all_warnings(summary: dict[str, Any]) -> list[tuple[str, str]]:
     return found
 
 
-def _each_warning(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    found: dict[tuple[str, str], None] = {}
-
-    def add(step: str, texts: Any) -> None:
-        for item in texts or ():
-            named, text = (item.get("step", step), item.get("text", "")) if isinstance(item, dict) else (step, item)
-            found.setdefault((str(named), str(text).removeprefix(f"{named}: ")))
-
-    add("", summary.get("warnings"))
-    for step, part in (("check", "capture"), *((step, step) for step in ("calibrate", "align", "twin", "compare"))):
-        add(step, (summary.get(part) or {}).get("warnings"))
-    for name, row in ((summary.get("solve") or {}).get("methods") or {}).items():
-        texts = (row or {}).get("warnings") or ()
-        add("solve", [text if text.startswith(name) else f"{name}: {text}" for text in texts])
-    return list(found)
-
-
-def _seconds_per_megapixel_image(row: Summary, kind: str) -> float | None:
-    """Return a method's processor seconds for a million pixels of one frame; `row` of summary's solve.methods."""
-    if kind == "real":
-        seconds = row.get("processor_seconds_per_megapixel_image")
-        return seconds if is_number(seconds) else None
-    seconds, megapixels, frames = row.get("twin_processor_seconds"), row.get("megapixels"), row.get("frames")
-    if is_number(seconds) and is_number(megapixels) and is_number(frames) and megapixels * frames > 0:
-        return seconds / (megapixels * frames)
-    return None
-
-
 def speed_points(summary: Summary) -> list[SpeedPoint]:
     """Return what logarithmic axes can show: methods whose time and error are known and not zero.
 
@@ -184,54 +153,34 @@ def speed_points(summary: Summary) -> list[SpeedPoint]:
     """
     errors, points = (summary.get("compare") or {}).get("methods") or {}, []
     for method, row in ((summary.get("solve") or {}).get("methods") or {}).items():
-        for kind in ("real", "twin"):
+        spent, pixels = row.get("twin_processor_seconds"), (row.get("megapixels") or 0) * (row.get("frames") or 0)
+        seconds = {"real": row.get("processor_seconds_per_megapixel_image")}
+        seconds["twin"] = spent / pixels if spent and pixels else None
+        for kind, each in seconds.items():
             median = ((errors.get(method) or {}).get(kind) or {}).get("median_deg")
-            seconds = _seconds_per_megapixel_image(row or {}, kind)
-            if is_number(median) and is_number(seconds) and min(median, seconds) > 0:
-                points.append(SpeedPoint(method, family(method), kind, seconds, median))
+            if is_number(median) and is_number(each) and min(median, each) > 0:
+                points.append(SpeedPoint(method, family(method), kind, each, median))
     return points
 
 
-@dataclass(frozen=True)
 class Material:
-    """What the folder holds to be shown; None where it is not there."""
+    """What the folder holds to be shown; None where it is not there. `summary` may lack any part.
 
-    store: Store
-    frames: Frames | None
-    exposure: Exposure | None
-    camera: Camera | None
-    lights: Summary | None
-    directions: NDArray[np.float64] | None
-    spheres: list[Summary]
-    methods: list[str]
-    mask: NDArray[np.bool_] | None
+    lights: `scene.lights.Lights.facts`; raking: the frame that shows shape best.
+    """
 
-    @classmethod
-    def load(cls, store: Store, summary: Summary) -> "Material":
-        """Read what the report shows; `summary` may lack any part."""
-
-        def there(load: Callable[[], Any]) -> Any:
-            # A part that is missing or that a killed run left unreadable is reported absent, not as a failure.
-            with suppress(SceneError):
-                return load()
-            return None
-
-        compared, exposure = summary.get("compare") or {}, None
-        frames, camera, lights = there(store.load_frames), there(store.load_camera), there(store.load_lights)
-        mask = there(store.load_mask) if store.path("mask.png").exists() else None
-        if frames is not None:
-            exposure = Exposure.for_frames(frames, white_value=None if lights is None else lights.white_value)
-        return cls(
-            store,
-            frames,
-            exposure,
-            camera,
-            compared.get("lights") or stored_lights(store),
-            None if lights is None else lights.directions,
-            compared.get("spheres") or sphere_rows(store),
-            by_error(compared) if "methods" in compared else method_names(store),
-            mask,
-        )
+    def __init__(self, store: Store, summary: Summary) -> None:
+        compared, lights, self.store = summary.get("compare") or {}, there(store.load_lights), store
+        self.frames, self.camera = there(store.load_frames), there(store.load_camera)
+        self.twin_frames = there(Store(store.path("twin")).load_frames)
+        self.mask = there(store.load_mask) if store.path("mask.png").exists() else None
+        white_value = None if lights is None else lights.white_value
+        self.exposure = None if self.frames is None else Exposure.for_frames(self.frames, white_value=white_value)
+        count = None if self.frames is None else len(self.frames)
+        self.raking = 0 if lights is None else pictures.raking_frame(lights.directions[:count])
+        self.lights: Summary | None = compared.get("lights") or there(lambda: store.load_lights().facts())
+        self.spheres: list[Summary] = compared.get("spheres") or sphere_rows(store)
+        self.methods = by_error(compared) if "methods" in compared else method_names(store)
 
     def photograph(self, index: int, box: PixelBox, width: int) -> pictures.Image:
         assert self.frames is not None

@@ -7,23 +7,19 @@ place in a palette.
 import base64
 import io
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from markupsafe import Markup
 from numpy.typing import NDArray
 
 from compare.report import pictures
 from compare.report.facts import Material, Summary, read_optional
 from compare.report.pictures import Exposure, PixelBox
-from compare.report.registration_pictures import raking_frame
 from draw.readable import is_number
 from formats.picture_files import linear_from_srgb
-from scene.errors import SceneError
 from scene.frames import Frames
 from scene.map_pictures import PAPER, data_uri, known_pixels, normal_picture
-from scene.store import Store
 
 LEVELS = 255
 """Of an angle's palette; one more stands for unknown."""
@@ -31,39 +27,13 @@ MOST_PIXELS = 400_000
 MOST_BYTES = 5_500_000
 """Of all pictures, before base64 makes four thirds of them."""
 ALBEDO_QUANTILE = 0.999
+SURFACE_POINTS = 60_000
+"""Of the scene in 3-D, about."""
 GROUPS = {
     "photograph": "photographs of one light", "relit": "relit by a lamp", "normals": "normals",
     "error": "angular error", "sigma": "standard deviation (sigma)", "albedo": "albedo",
 }  # fmt: skip
 """What a side of the viewer may show."""
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Every `step`-th pixel of a box: a value shown is that of one pixel, not a mean."""
-
-    box: PixelBox
-    step: int
-
-    @property
-    def window(self) -> tuple[slice, slice]:
-        """Rows and columns of the photographs."""
-        box = self.box
-        return slice(box.top, box.bottom, self.step), slice(box.left, box.right, self.step)
-
-    def of(self, image: NDArray) -> NDArray:
-        """Return the grid's pixels of a map (H, W, ...)."""
-        return np.ascontiguousarray(image[self.window])
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height of the pictures."""
-        return -(-self.box.width // self.step), -(-self.box.height // self.step)
-
-    def frame(self, frames: Frames, index: int) -> NDArray[np.float32]:
-        """Return the grid's pixels of one photograph, linear (h, w, 3)."""
-        rows, columns = self.window
-        return frames.read(rows, [index], columns=columns)[0]
 
 
 @dataclass(frozen=True)
@@ -76,35 +46,15 @@ class Layer:
     label: str
     uri: str
 
-    @property
-    def html(self) -> Markup:
-        """The still picture; the viewer finds it by its data."""
-        return Markup(
-            '<figure class="map"><img data-kind="{0.kind}" data-side="{0.side}" data-name="{0.name}" src="{0.uri}" '
-            'alt="{0.label}"><figcaption>{0.label}</figcaption></figure>'
-        ).format(self)
-
 
 @dataclass(frozen=True)
 class ViewerLayers:
     """All pictures of a folder on one grid, and what turns their colours into values again."""
 
-    grid: Grid
+    grid: PixelBox
+    """Of every `step`-th pixel: a value shown is that of one pixel, not a mean."""
     layers: list[Layer]
     scales: Summary
-
-    def html(self, kind: str, *sides: str) -> Markup:
-        """Return the pictures of a kind."""
-        return Markup("").join(
-            layer.html for layer in self.layers if layer.kind == kind and layer.side in (sides or (layer.side,))
-        )
-
-    def glance(self, frame: int, best: str | None, end: float | None) -> list[tuple[str, str]]:
-        """Return a photograph, normals and error of the best method, as far as they are there, with words for each."""
-        told = {"photograph": "photograph", "normals": f"normals, {best}", "error": f"its error, 0° to {end or 0:g}°"}
-        wanted = [("photograph", "real", str(frame)), ("normals", "real", best), ("error", "real", best)]
-        found = {(layer.kind, layer.side, layer.name): layer.uri for layer in self.layers}
-        return [(found[key], told[key[0]]) for key in wanted if key in found]
 
     @classmethod
     def of(cls, material: Material, summary: Summary) -> "ViewerLayers | None":
@@ -112,17 +62,17 @@ class ViewerLayers:
         shape = _shape(material)
         if shape is None:
             return None
-        sides = {"real": material.frames, "twin": _twin_frames(material, shape.shape)}
+        sides = {"real": material.frames, "twin": material.twin_frames}
         there = {side: frames for side, frames in sides.items() if frames is not None and len(frames)}
-        box = PixelBox.of_mask(shape, margin=0.04)
-        grid, scales = Grid(box, _step(material, box, sum(map(len, there.values())))), {}
+        there = {side: frames for side, frames in there.items() if (frames.height, frames.width) == shape.shape}
+        grid, scales = _grid(material, PixelBox.of_mask(shape, margin=0.04), sum(map(len, there.values()))), {}
         layers = [one for side, frames in there.items() for one in _photographs(material, frames, side, grid, scales)]
         end = (summary.get("compare") or {}).get("error_scale_deg")
         layers += _maps(material, grid, end if is_number(end) else None, shape.shape, scales)
         return cls(grid, layers, scales)
 
 
-def _photographs(material: Material, frames: Frames, side: str, grid: Grid, scales: Summary) -> Iterator[Layer]:
+def _photographs(material: Material, frames: Frames, side: str, grid: PixelBox, scales: Summary) -> Iterator[Layer]:
     """Yield a side's photographs; its scale has what JPEG costs 95 % of samples at most, as a share of white."""
     exposure, words = material.exposure, "photograph"
     if side == "twin" or exposure is None:
@@ -148,7 +98,7 @@ def _jpeg_error(uri: str, share: NDArray) -> float:
 
 
 def _maps(
-    material: Material, grid: Grid, error_end: float | None, shape: tuple[int, ...], scales: Summary
+    material: Material, grid: PixelBox, error_end: float | None, shape: tuple[int, ...], scales: Summary
 ) -> Iterator[Layer]:
     """Yield normals, and the errors, albedo and sigma that belong to them, of the truth and of every method."""
 
@@ -156,27 +106,23 @@ def _maps(
         found = material.map_of(place, name)
         return grid.of(found) if found is not None and found.shape[:2] == shape[:2] else None
 
+    balance = np.ones(3) if material.exposure is None else material.exposure.balance
     sigmas: list[tuple[str, str, str, NDArray]] = []
-    for name, side in [("truth", "real"), *product(material.methods, ("real", "twin"))]:
-        normals = there("normals" if side == "real" else "twin/normals", name)
+    for name, side in [("truth", "truth"), *product(material.methods, ("real", "twin"))]:
+        normals = there("twin/normals" if side == "twin" else "normals", name)
         if normals is None:
             continue
-        told, of = side, f"{name}, {'photographs' if side == 'real' else 'twin'}"
-        if name == "truth":
-            told, of = "truth", "ground truth"
+        of = {"truth": "ground truth", "real": f"{name}, photographs", "twin": f"{name}, twin"}[side]
         image = normal_picture(normals, grid.size[0])
-        yield Layer("normals", told, name, f"normals, {of}", data_uri(image, photograph=False))
+        yield Layer("normals", side, name, f"normals, {of}", data_uri(image, photograph=False))
         error = there("compare", f"error_{side}_{name}")
         if error is not None and error_end is not None:
-            yield Layer("error", told, name, f"error, {of}", angle_uri(error, error_end))
-        if side == "twin":
-            continue
-        sigma = there("normals", "truth_sigma") if name == "truth" else there("sigma", name)
-        if sigma is not None:
-            sigmas.append((told, name, f"sigma, {of}", sigma))
-        albedo = there("albedo", name)
+            yield Layer("error", side, name, f"error, {of}", angle_uri(error, error_end))
+        sigma = {"truth": ("normals", "truth_sigma"), "real": ("sigma", name)}.get(side)
+        if sigma and (found := there(*sigma)) is not None:
+            sigmas.append((side, name, f"sigma, {of}", found))
+        albedo = there("albedo", name) if side == "real" else None
         if albedo is not None and albedo.ndim == 3:
-            balance = np.ones(3) if material.exposure is None else material.exposure.balance
             known = (albedo / balance)[np.isfinite(albedo).all(-1)]
             white = max(float(np.quantile(known, ALBEDO_QUANTILE)) if known.size else 1.0, 1e-6)
             image = Exposure(white, balance).develop(np.maximum(albedo, 0))
@@ -208,50 +154,38 @@ def angle_uri(angle_deg: NDArray, end_deg: float) -> str:
     return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"
 
 
-def _surface_uri(material: Material, grid: Grid) -> tuple[str, float, float] | None:
-    """Return the scan's depth z as a picture (red and green: 16 bits, blue: known), its least value and range, mm."""
-    path = material.store.path("twin", "truth_z_mm.npy")
-    if not path.exists():
+def _surface(material: Material, grid: PixelBox) -> Summary | None:
+    """Return the scan's depth z, mm, at every `step`-th pixel: 16 bits from `low` on over `span`, 0 where unknown."""
+    z, mask, (width, height) = material.map_of("twin", "truth_z_mm"), material.mask, grid.size
+    if z is None or z.ndim != 2 or (mask is not None and z.shape != mask.shape):
         return None
-    z = np.load(path, mmap_mode="r")
-    if z.ndim != 2 or (material.mask is not None and z.shape != material.mask.shape):
-        return None
+    grid = replace(grid, step=grid.step * max(1, round((width * height / SURFACE_POINTS) ** 0.5)))
     z = grid.of(z).astype(np.float64)
-    known = np.isfinite(z) & (z < 0) & (True if material.mask is None else grid.of(material.mask))
+    known = (z < 0) & (True if mask is None else grid.of(mask))
     if not known.any():
         return None
     low, span = float(z[known].min()), max(float(np.ptp(z[known])), 1e-6)
-    code = np.where(known, np.round((np.nan_to_num(z) - low) / span * 65535), 0).clip(0, 65535).astype(np.uint16)
-    image = np.stack([code >> 8, code & 255, known * 255], -1).astype(np.uint8)
-    return data_uri(image, photograph=False), low, span
+    codes = np.where(known, 1 + np.round((z - low) / span * 65534), 0).astype("<u2")
+    shown = {"codes": base64.b64encode(codes.tobytes()).decode(), "low": low, "span": span}
+    return {**shown, "width": z.shape[1], "step": grid.step}
 
 
 def _shape(material: Material) -> NDArray[np.bool_] | None:
     """Return the mask (H, W) of the object: given, or where normals are known, or all of the photographs."""
     frames, mask = material.frames, material.mask
-    normals = [
-        found for name in ("truth", *material.methods) if (found := material.map_of("normals", name)) is not None
-    ]
-    size = (frames.height, frames.width) if frames is not None else None
-    if mask is not None and (size is None or mask.shape == size):
-        return mask if normals or frames is not None else None
-    if size is not None:
-        return np.ones(size, bool)
-    return known_pixels(normals[0]) if normals else None
+    maps = (material.map_of("normals", name) for name in ("truth", *material.methods))
+    normals = next((found for found in maps if found is not None), None)
+    if mask is not None and (normals is not None if frames is None else mask.shape == (frames.height, frames.width)):
+        return mask
+    if frames is not None:
+        return np.ones((frames.height, frames.width), bool)
+    return None if normals is None or mask is not None else known_pixels(normals)
 
 
-def _twin_frames(material: Material, shape: tuple[int, ...]) -> Frames | None:
-    try:
-        frames = Store(material.store.path("twin")).load_frames()
-    except SceneError:
-        return None
-    return frames if (frames.height, frames.width) == shape[:2] else None
-
-
-def _step(material: Material, box: PixelBox, frames: int) -> int:
-    """Return the least step by which all pictures fit, by the size of one of each."""
+def _grid(material: Material, box: PixelBox, frames: int) -> PixelBox:
+    """Return every n-th pixel of the box, n the least by which all pictures fit, by the size of one of each."""
     step = int(np.ceil(np.sqrt(max(1.0, box.width * box.height / MOST_PIXELS))))
-    grid, size = Grid(box, step), 0
+    grid, size = replace(box, step=step), 0
     if material.frames is not None and len(material.frames) and material.exposure is not None:
         image = material.exposure.develop(grid.frame(material.frames, 0))
         size += frames * len(data_uri(image, photograph=True))
@@ -260,7 +194,7 @@ def _step(material: Material, box: PixelBox, frames: int) -> int:
         image = normal_picture(grid.of(normals), grid.size[0])
         # Two of normals, one of albedo, and angles, a byte a pixel, count as a third.
         size += 4 * len(material.methods) * len(data_uri(image, photograph=False))
-    return max(step, int(np.ceil(step * np.sqrt(size * 0.75 / MOST_BYTES))))
+    return replace(box, step=max(step, int(np.ceil(step * np.sqrt(size * 0.75 / MOST_BYTES)))))
 
 
 def viewer_facts(material: Material, layers: ViewerLayers | None, best: str | None) -> Summary:
@@ -281,10 +215,10 @@ def viewer_facts(material: Material, layers: ViewerLayers | None, best: str | No
     (width, height), grid = layers.grid.size, layers.grid
     parts = {name: read_optional(material.store, f"{name}.json") for name in ("camera", "lights", "spheres")}
     data = {
-        "width": width, "height": height, "left": grid.box.left, "top": grid.box.top, "step": grid.step,
+        "width": width, "height": height, "left": grid.left, "top": grid.top, "step": grid.step,
         "frames": [] if material.frames is None else list(material.frames.names), "scales": layers.scales,
-        "frame": 0 if material.directions is None else raking_frame(material.directions),
-        "palette": palette().tolist(), "surface": _surface_uri(material, grid), "best": best, **parts,
+        "frame": material.raking,
+        "palette": palette().tolist(), "surface": _surface(material, grid), "best": best, **parts,
     }  # fmt: skip
     return {
         "options": {GROUPS[group]: [*rows.items()] for group, rows in found.items() if rows},

@@ -11,7 +11,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from compare.report.pictures import error_scale_colours
+from compare.report.pictures import PixelBox, error_scale_colours
 from draw.readable import GAP, Readable, is_number
 from scene.map_pictures import Image, data_uri
 
@@ -57,22 +57,19 @@ class Sentence(Readable):
         return f'<span class="n" data-value="{value!r}">{shown.replace("-", chr(0x2212))}{gap}{escape(unit)}</span>'
 
 
-def number(value: Any, decimals: int | str = 2, unit: str = "") -> str:
+def number(value: Any, decimals: int | str = 2, unit: str = "") -> Markup:
     """Return a number as HTML; with the unit % a share (0 to 1), with g for decimals one that people chose."""
-    return Sentence().format_field(value, f"{decimals}{unit}")
+    return Markup(Sentence().format_field(value, f"{decimals}{unit}"))
 
 
 def as_text(value: Any) -> str:
     """Return a setting as a short text."""
-    match value:
-        case str():
-            return value
-        case float():
-            return f"{value:.6g}"
-        case list() | tuple():
-            return ", ".join(as_text(item) for item in value)
-        case dict():
-            return "; ".join(f"{key} {as_text(item)}" for key, item in value.items())
+    if isinstance(value, dict):
+        return "; ".join(f"{key} {as_text(item)}" for key, item in value.items())
+    if isinstance(value, list | tuple):
+        return ", ".join(map(as_text, value))
+    if isinstance(value, str | float):
+        return value if isinstance(value, str) else f"{value:.6g}"
     return json.dumps(value, default=str)
 
 
@@ -112,9 +109,9 @@ def cells_of(name: str, rows: Rows) -> tuple[list[str], list[list[str]]]:
     return [head for head, _ in columns], [[sentence.vformat(cell, (), row) for _, cell in columns] for row in counted]
 
 
-def folded(title: str, body: str) -> str:
+def folded(title: str, body: str) -> Markup:
     """Return what is shown when the reader asks for it; both are HTML already."""
-    return f"<details><summary>{title}</summary>{body}</details>"
+    return Markup(f"<details><summary>{title}</summary>{body}</details>")
 
 
 def picture(
@@ -125,16 +122,12 @@ def picture(
     return pieces().picture(uri, alt, Markup(caption), Markup(overlay), kind)
 
 
-def drawing(width: int, height: int, shapes: str, *, label: str) -> str:
-    """Return an SVG that lies over an image and counts in that image's full pixels from its corner."""
-    box = f'viewBox="0 0 {width} {height}" preserveAspectRatio="none" role="img"'
-    return f'<svg {box} aria-label="{escape(label)}">{shapes}</svg>'
-
-
-def polyline(points: Iterable[Sequence[float]], kind: str) -> str:
-    """Return a closed line through pixels (K, 2)."""
-    path = " ".join(f"{u:.1f},{v:.1f}" for u, v in points)
-    return f'<polygon class="{kind}" points="{path}"/>'
+def overlay(box: PixelBox, lines: Iterable[tuple[str, Any]], label: str, shapes: str = "") -> Markup:
+    """Return an SVG that lies over a picture of the box: closed lines (class, pixels (K, 2) of it), shapes."""
+    paths = ((kind, " ".join(f"{u:.1f},{v:.1f}" for u, v in points)) for kind, points in lines)
+    drawn = "".join(f'<polygon class="{kind}" points="{path}"/>' for kind, path in paths)
+    size = f'viewBox="0 0 {box.width} {box.height}" preserveAspectRatio="none" role="img"'
+    return Markup(f'<svg {size} aria-label="{escape(label)}">{drawn}{shapes}</svg>')
 
 
 def badge(level: str, words: str = "") -> Markup:
@@ -170,13 +163,8 @@ def _environment() -> Any:
     how = {"autoescape": True, "undefined": ChainableUndefined, "trim_blocks": True, "lstrip_blocks": True}
     made = Environment(loader=FileSystemLoader(HERE), **how)
     made.policies["json.dumps_kwargs"] = {"allow_nan": False}
-
-    def marked(function: Any) -> Any:
-        return lambda *values, **more: Markup(function(*values, **more))
-
-    html = (badge, colour_scale, folded, number, picture, say, table, table_of)
-    made.globals |= {function.__name__: marked(function) for function in html}
-    made.globals |= {"as_text": as_text, "first_sentence": first_sentence, "is_number": is_number, "words": words}
+    shown = (badge, colour_scale, first_sentence, folded, is_number, number, picture, say, table, table_of, words)
+    made.globals |= {function.__name__: function for function in shown}
     return made
 
 

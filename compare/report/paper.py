@@ -11,7 +11,6 @@ from typing import Any
 from compare.report import page, pictures
 from compare.report.facts import Material, Summary
 from compare.report.pictures import PixelBox
-from compare.report.registration_pictures import raking_frame
 from draw import light_charts
 from draw.readable import is_number
 from scene.files import write_whole
@@ -44,7 +43,7 @@ def write_paper(store: Store, name: str, subtitle: str, facts: Summary, digests:
     facts: What the templates of report.html are filled in with; digests: as `report.write_report` has them.
     """
     for size in (*SIZES_PT, SIZES_PT[0]):
-        paper = _Paper(name, facts["created"] or "", size)
+        paper = _Paper(name, facts.get("created") or "", size)
         paper.fill(subtitle, facts, digests, store.folder.resolve())
         printed = paper.pdf.output()
         if paper.pdf.pages_count <= MOST_PAGES:
@@ -152,7 +151,7 @@ class _Paper:
             self.say(text)
             self.pdf.ln(0.4)
         self.head("Versions and folder")
-        self.say(escape(page.as_text(facts["versions"])))
+        self.say(escape(page.as_text(facts.get("versions") or {})))
         self.say(escape(str(folder)), link=folder.as_uri())
         rows = [[escape(name), found or "is not there"] for name, found in digests.items()]
         self.table("Files", ("file", "SHA-256 of its content"), rows, (1, 2))
@@ -166,10 +165,9 @@ class _Paper:
         if frames is None:
             self.say("The decoded frames are not in this folder any more.", w=wide)
         else:
-            index = 0 if material.directions is None else raking_frame(material.directions[: len(frames)])
             whole = PixelBox(0, 0, frames.width, frames.height)
-            shown = material.photograph(index, whole, PICTURE_PX)
-            self.picture(shown, MARGIN_MM, wide, frames.names[index], photograph=True)
+            shown = material.photograph(material.raking, whole, PICTURE_PX)
+            self.picture(shown, MARGIN_MM, wide, frames.names[material.raking], photograph=True)
         if lit:
             chart = light_charts.directions(lights).replace("system-ui, 'DejaVu Sans', sans-serif", "text")
             self.pdf.image(BytesIO(chart.encode()), MARGIN_MM + wide + GAP_MM, top, HIGHEST_MM, alt_text="the lights")

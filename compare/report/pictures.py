@@ -1,6 +1,6 @@
 """Pictures for people: photographs with gamma, normals as colours, errors on a stated scale, outlines."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,12 +16,13 @@ SCALE_ENDS_DEG = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60
 
 @dataclass(frozen=True)
 class PixelBox:
-    """A rectangle of pixels: columns left to right - 1, rows top to bottom - 1."""
+    """A rectangle of pixels: columns left to right - 1, rows top to bottom - 1; of both only every `step`-th."""
 
     left: int
     top: int
     right: int
     bottom: int
+    step: int = 1
 
     @property
     def width(self) -> int:
@@ -33,15 +34,24 @@ class PixelBox:
 
     @property
     def rows(self) -> slice:
-        return slice(self.top, self.bottom)
+        return slice(self.top, self.bottom, self.step)
 
     @property
     def columns(self) -> slice:
-        return slice(self.left, self.right)
+        return slice(self.left, self.right, self.step)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of a picture of these pixels."""
+        return -(-self.width // self.step), -(-self.height // self.step)
 
     def of(self, image: NDArray) -> NDArray:
-        """Return the part of an image (H, W, ...) in the box."""
-        return image[self.rows, self.columns]
+        """Return the box's pixels of an image (H, W, ...)."""
+        return np.ascontiguousarray(image[self.rows, self.columns])
+
+    def frame(self, frames: Frames, index: int) -> NDArray[np.float32]:
+        """Return the box's pixels of one photograph, linear (h, w, 3)."""
+        return frames.read(self.rows, [index], columns=self.columns)[0]
 
     def shown_width(self, largest: int) -> int:
         """Return the width at which a picture of this box has at most as many pixels as a square of side `largest`."""
@@ -105,9 +115,13 @@ def thumbnail(frames: Frames, index: int, width: int, box: PixelBox | None = Non
     never held whole as float32.
     """
     box = box or PixelBox(0, 0, frames.width, frames.height)
-    step = max(1, box.width // (4 * width))
-    rows, columns = slice(box.top, box.bottom, step), slice(box.left, box.right, step)
-    return shrink(frames.read(rows, [index], columns=columns)[0], width)
+    return shrink(replace(box, step=max(1, box.width // (4 * width))).frame(frames, index), width)
+
+
+def raking_frame(directions: NDArray) -> int:
+    """Return the frame whose light stands nearest to 40 degrees from the axis: shape shows, shadows stay short."""
+    zenith = np.degrees(np.arccos(np.clip(directions[:, 2], -1, 1)))
+    return int(np.argmin(np.abs(zenith - 40)))
 
 
 def enlarged(image: Image, times: int) -> Image:
@@ -144,8 +158,7 @@ def error_picture(error_deg: NDArray, end_deg: float) -> Image:
 
 def error_scale_colours(count: int) -> list[tuple[int, int, int]]:
     """Return `count` colours of `error_picture`, from 0 to the end of the scale."""
-    row = error_picture(np.linspace(0, 1, count)[None], 1.0)[0]
-    return [(int(r), int(g), int(b)) for r, g, b in row]
+    return [tuple(colour) for colour in error_picture(np.linspace(0, 1, count)[None], 1.0)[0].tolist()]
 
 
 def with_colour_scale(picture: Image, end_deg: float, caption: str) -> Image:
@@ -169,11 +182,11 @@ def with_colour_scale(picture: Image, end_deg: float, caption: str) -> Image:
     return np.concatenate([np.concatenate([picture, pad], 1), bar])
 
 
-def ball_picture(frames: Frames, box: PixelBox, *, brightest: bool) -> NDArray[np.float32]:
+def ball_picture(frames: Frames, box: PixelBox, *, brightest: bool) -> NDArray:
     """Return a crop over all frames, linear: each pixel's brightest value (collects the highlights), or its mean."""
     total = np.zeros((box.height, box.width, 3), np.float32)
     for index in range(len(frames)):
-        crop = frames.read(box.rows, [index], columns=box.columns)[0]
+        crop = box.frame(frames, index)
         total = np.maximum(total, crop) if brightest else total + crop / len(frames)
     return total
 
@@ -210,8 +223,7 @@ def contours(mask: NDArray[np.bool_], box: PixelBox) -> list[NDArray[np.float64]
     """
     import cv2
 
-    crop = np.ascontiguousarray(box.of(mask)).astype(np.uint8)
-    found, _ = cv2.findContours(crop, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    found, _ = cv2.findContours(box.of(mask).astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     # A tenth of a percent of the crop is less than one pixel on the page.
     tolerance = max(0.4, box.width / 1500)
     lines = [cv2.approxPolyDP(line, tolerance, True)[:, 0].astype(np.float64) + 0.5 for line in found]

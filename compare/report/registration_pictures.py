@@ -1,7 +1,6 @@
 """Pictures that show whether balls and scan lie where they are in the photographs: outlines, wipe, sigma."""
 
 from collections.abc import Callable
-from contextlib import suppress
 from itertools import zip_longest
 from typing import Any
 
@@ -10,9 +9,8 @@ from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
 from compare.report import page, pictures
-from compare.report.facts import Material, Summary, is_seen, read_optional
+from compare.report.facts import Material, Summary, is_seen, read_optional, there
 from compare.report.pictures import Exposure, Image, PixelBox
-from scene.errors import SceneError
 from scene.files import write_png
 from scene.frames import Frames
 from scene.image_files import read_pixels
@@ -33,17 +31,6 @@ WINDOW_PX = 46
 ZOOM = 6
 SIDES = {"left": (-1.0, 0.0), "top": (0.0, -1.0), "right": (1.0, 0.0), "bottom": (0.0, 1.0)}
 """Image axes (u, v)."""
-
-
-def growth(width: int) -> int:
-    """Return by how much a small picture is enlarged."""
-    return max(1, WIDTH // width)
-
-
-def raking_frame(directions: NDArray) -> int:
-    """Return the frame whose light stands nearest to 40 degrees from the axis: shape shows, shadows stay short."""
-    zenith = np.degrees(np.arccos(np.clip(directions[:, 2], -1, 1)))
-    return int(np.argmin(np.abs(zenith - 40)))
 
 
 def shown_pixels(box: PixelBox, shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -68,7 +55,7 @@ def views(
     import cv2
 
     linear = pictures.thumbnail(frames, index, box.shown_width(WIDTH), box)
-    grow = growth(linear.shape[1])
+    grow = max(1, WIDTH // linear.shape[1])
     size = (grow * linear.shape[1], grow * linear.shape[0])
     linear = np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_CUBIC))
     factor = shading(shown_pixels(box, linear.shape))[..., None] * lights.intensities[index]
@@ -96,7 +83,7 @@ def write_pictures(
     """
     exposure = Exposure.for_frames(frames, white_value=lights.white_value)
     box = PixelBox.of_mask(mask, margin=0.12)
-    index = raking_frame(lights.directions)
+    index = pictures.raking_frame(lights.directions)
     photograph, shaded = views(frames, exposure, lights, index, box, lambda pixels: shading(index, pixels))
     images = {
         "photograph": photograph,
@@ -131,7 +118,7 @@ def zoom_picture(frames: Frames, exposure: Exposure, directions: NDArray, stroke
         side_px = min(WINDOW_PX, frames.width, frames.height)
         left, top = np.clip(np.round(place - side_px / 2), 0, [frames.width - side_px, frames.height - side_px])
         box = PixelBox(int(left), int(top), int(left) + side_px, int(top) + side_px)
-        crop = frames.read(box.rows, [index], columns=box.columns)[0]
+        crop = box.frame(frames, index)
         white = max(float(np.quantile(crop / exposure.balance, 0.995)), 1e-6)
         tile = pictures.enlarged(Exposure(white, exposure.balance).develop(crop), ZOOM)
         drawn = draw_strokes(tile.copy(), strokes, [box.left, box.top], ZOOM)
@@ -164,15 +151,14 @@ def sigma_picture(sigma_deg: NDArray, mask: NDArray[np.bool_], box: PixelBox) ->
     image = pictures.error_picture(small, end)
     share = cv2.resize(box.of(mask).astype(np.float32), small.shape[::-1], interpolation=cv2.INTER_AREA)
     image[(np.asarray(share) > 0.5) & ~np.isfinite(small)] = DOUBT_COLOUR
-    image = pictures.enlarged(image, growth(image.shape[1]))
+    image = pictures.enlarged(image, max(1, WIDTH // image.shape[1]))
     return pictures.with_colour_scale(image, end, "sigma of the ground truth; rose: no normal")
 
 
 def ball_figures(material: Material) -> Summary:
     """Return each ball's crop with its fitted outline and highlights, and the candidates that were refused."""
-    calibration, spheres = read_optional(material.store, "calibration.json") or {}, []
-    with suppress(SceneError):
-        spheres = material.store.load_spheres()
+    calibration = read_optional(material.store, "calibration.json") or {}
+    spheres = there(material.store.load_spheres) or []
     rows = zip_longest(range(len(material.spheres)), spheres, calibration.get("highlights_px") or [])
     found = [_ball(material, *row) for row in rows if row[0] is not None]
     return {"ball_figures": found, "refused": calibration.get("rejected")}
@@ -187,8 +173,7 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
     outline = sphere.outline(camera)
     box = pictures.ball_box(sphere, outline, width=camera.width, height=camera.height)
     corner = np.array([box.left - 0.5, box.top - 0.5])
-    shapes = page.polyline(outline - corner, "outline-halo") + page.polyline(outline - corner, "outline")
-    arm = max(box.width / 60, 1.0)
+    shapes, arm = "", max(box.width / 60, 1.0)
     for frame, pixel in enumerate(seen or []):
         if not is_seen(pixel):
             continue
@@ -197,10 +182,8 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
         cross = f"M{u - arm:.2f},{v:.2f}H{u + arm:.2f}M{u:.2f},{v - arm:.2f}V{v + arm:.2f}"
         title = f"<title>{escape(f'{frame + 1}: {name}')}</title>"
         shapes += f'<g>{title}<path class="highlight-halo" d="{cross}"/><path class="highlight" d="{cross}"/></g>'
-    found = {
-        "row": row,
-        "overlay": Markup(page.drawing(box.width, box.height, shapes, label="fitted outline and highlights")),
-    }
+    lines = [(kind, outline - corner) for kind in ("outline-halo", "outline")]
+    found = {"row": row, "overlay": page.overlay(box, lines, "fitted outline and highlights", shapes)}
     if frames is None or exposure is None or (frames.width, frames.height) != (camera.width, camera.height):
         return found
     mean = pictures.shrink(pictures.ball_picture(frames, box, brightest=False), BALL_WIDTH)
@@ -214,7 +197,7 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
 def placed(material: Material) -> Summary:
     """Return the pictures that show whether the scan lies where the object is, or under `missing` why there are none.
 
-    registered: there is a pose. As HTML, where they are there: outline, and zoom and sigma, as `align` drew them.
+    registered: there is a pose; outline, as HTML; zoom and sigma, as `align` drew them, or None.
     """
     frames, mask, truth = material.frames, material.mask, material.map_of("normals", "truth")
     registered = material.store.path("pose.json").exists()
@@ -222,14 +205,12 @@ def placed(material: Material) -> Summary:
     if frames is None or (mask is None and truth is None):
         return found | {"missing": "No scan and no mask: nothing to lay over the photographs."}
     size = (frames.height, frames.width)
-    truth = truth if truth is not None and truth.shape[:2] == size else None
-    known = None if truth is None else known_pixels(truth)
+    known = None if truth is None or truth.shape[:2] != size else known_pixels(truth)
     mask = mask if mask is not None and mask.shape == size else None
     shape = mask if mask is not None else known
     if shape is None:
         return found | {"missing": page.words("registration")["sizes"]}
     box = PixelBox.of_mask(shape, margin=0.12)
-    index = 0 if material.directions is None else raking_frame(material.directions[: len(frames)])
     drawn, zoom, sigma = (
         read_picture(material.store, name) if registered else None for name in ("outline", "outline_zoom", "sigma")
     )
@@ -239,20 +220,16 @@ def placed(material: Material) -> Summary:
         # line last: where the two agree, the other shows between the dashes.
         what = "the registered scan's ground truth" if registered else "the given ground truth"
         regions.insert(0, (known, "scan", what))
-        drawn = material.photograph(index, box, box.shown_width(PHOTOGRAPH_WIDTH))
+        drawn = material.photograph(material.raking, box, box.shown_width(PHOTOGRAPH_WIDTH))
     else:
         legend = ['<span class="key scan"></span> the registered scan']
-    shapes = ""
+    lines = []
     for region, kind, shown in regions:
         if region is not None and region.any():
-            shapes += "".join(page.polyline(line, kind) for line in pictures.contours(region, box))
+            lines += [(kind, line) for line in pictures.contours(region, box)]
             legend.append(f'<span class="key {kind}"></span> {shown}')
-    overlay = page.drawing(box.width, box.height, shapes, label="outline of the object")
-    caption = f"{escape(frames.names[index])} with the outline of {'; '.join(legend)}."
+    overlay = page.overlay(box, lines, "outline of the object")
+    caption = f"{escape(frames.names[material.raking])} with the outline of {'; '.join(legend)}."
     alt = "photograph with the object's outline"
     found["outline"] = Markup(page.picture(drawn, alt, caption, photograph=True, overlay=overlay))
-    images = {"zoom": (zoom, "four stretches of the outline"), "sigma": (sigma, "map of the ground truth’s sigma")}
-    for name, (image, alt) in images.items():
-        if image is not None:
-            found[name] = Markup(page.picture(image, alt, page.say("registration", name), photograph=name == "sigma"))
-    return found
+    return found | {"zoom": zoom, "sigma": sigma}

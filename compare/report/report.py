@@ -34,11 +34,6 @@ CHAPTERS = {
 """The sections of report.html, and their names in the row of links."""
 SCRIPTS = ("report_page.js", "viewer_values.js", "viewer_pixel.js", "viewer_scene.js", "viewer.js")
 """The page's program in parts, each reading none that follows it."""
-PARTS = (
-    "capture", "calibrate", "align", "solve", "twin", "compare", "trust", "results", "truth_check", "versions",
-    "created",
-)  # fmt: skip
-"""Of the summary, that the templates read."""
 ELSEWHERE = ("warnings", "material", "held_out")
 """Parts of the summary that other sections tell."""
 
@@ -62,21 +57,22 @@ def write_report(store: Store, summary: dict[str, Any], digests: Mapping[str, st
     Path
         The page. Its policy forbids the browser to load anything from outside it.
     """
-    material = Material.load(store, summary)
+    material = Material(store, summary)
     layers = ViewerLayers.of(material, summary)
     compared = summary.get("compare") or {}
     best = best_method(summary) or next(iter(material.methods), None)
-    statements, warnings = verdict(summary), all_warnings(summary)
-    facts = {name: summary.get(name) or {} for name in PARTS} | _rows(summary, material)
-    facts |= {"statements": statements, "warnings": warnings, "limits": limits(summary, statements)}
-    facts |= {"advice": advice(summary, statements), "ranking": ranking(summary)}
+    statements, ranked = verdict(summary), ranking(summary)
     of_errors = "ranking by tolerance" if compared.get("tolerance") else "ranking"
-    has_errors = any(row.get("real") for row in facts["ranking"])
-    facts |= {"ranking_table": of_errors if has_errors else "without truth"}
-    facts |= {"topics": {one.topic: one for one in statements}}
-    facts |= viewer_facts(material, layers, best) | ball_figures(material) | DRAWN
-    facts |= {"material": material, "layers": layers, "placed": placed(material), "best": best}
-    facts |= {"terms": _terms(by_error(compared))}
+    facts = {
+        **summary, **_rows(summary), **viewer_facts(material, layers, best), **ball_figures(material),
+        "compare": compared, "material": material, "layers": layers, "placed": placed(material), "best": best,
+        "statements": statements, "topics": {one.topic: one for one in statements}, "warnings": all_warnings(summary),
+        "limits": limits(summary, statements), "advice": advice(summary, statements), "ranking": ranked,
+        "ranking_table": of_errors if any(row.get("real") for row in ranked) else "without truth",
+        "terms": _terms(by_error(compared)), "charts": light_charts, "error_histograms": error_histograms,
+        "speed_chart": speed_chart, "misfit_chart": _misfit_chart, "legend_ball": legend_ball,
+        "trust_sentence": trust_sentence,
+    }  # fmt: skip
     module = page.template("report.html").make_module(facts)
     sections = re.finditer(r'<section id="([\w-]+)">.*?</section>', str(module), re.DOTALL)
     chapters = {CHAPTERS[found[1]]: found[0] for found in sections}
@@ -91,23 +87,22 @@ def write_report(store: Store, summary: dict[str, Any], digests: Mapping[str, st
     return store.path("report.html")
 
 
-def _rows(summary: Summary, material: Material) -> Summary:
+def _rows(summary: Summary) -> Summary:
     """Return the rows of the tables, and what the chart of speed could not show."""
     compared, solved = summary.get("compare") or {}, (summary.get("solve") or {}).get("methods") or {}
     methods = {name: compared["methods"][name] for name in by_error(compared)}
     points = speed_points(summary)
     charted = {point.method for point in points if point.kind == "real"}
     lost = [name for name in dict.fromkeys([*solved, *methods]) if name not in charted]
-    reasons = {name: _why_uncharted(compared, name) for name in lost}
+    # Keys of the words of `statistics`.
+    reasons = {name: "no time" if (methods.get(name) or {}).get("real") else "no normals" for name in lost}
+    reasons = reasons if compared.get("has_truth") else dict.fromkeys(lost, "no error")
     align = summary.get("align") or compared.get("pose") or {}
     align = {**(align.get("fit") or {}), **align}
-    listed = {row.get("name"): row for row in (summary.get("capture") or {}).get("frames_table") or []}
-    names = material.frames.names if material.frames is not None else ()
     spent = summary.get("processor_seconds") or {}
     return {
         "methods": methods, "points": points, "statistics_rows": statistics_rows({"methods": methods}),
         "uncharted": {why: [name for name in lost if reasons[name] == why] for why in dict.fromkeys(reasons.values())},
-        "frame_rows": [{"name": name, **(listed.get(name) or {})} for name in names],
         "both_rows": {name: row for name, row in methods.items() if row.get("real") and row.get("twin")},
         "four_ways": [
             {"name": name, "kind": kind, **ways, "sign": "inside out" if ways.get("mirrored") else "right"}
@@ -137,12 +132,6 @@ def _rows(summary: Summary, material: Material) -> Summary:
     }  # fmt: skip
 
 
-def _why_uncharted(compared: Summary, method: str) -> str:
-    """Return why a method is not in the chart of speed, a key of the words of `statistics`."""
-    real = (compared["methods"].get(method) or {}).get("real") if compared.get("has_truth") else None
-    return "no time" if real else "no normals" if compared.get("has_truth") else "no error"
-
-
 def _square(pairs: list[Summary], names: list[str]) -> Summary:
     """Return how far each two methods are apart: medians by both names, the largest, and the methods that have one."""
     medians = {key: pair["median_deg"] for pair in pairs for key in ((pair["a"], pair["b"]), (pair["b"], pair["a"]))}
@@ -164,10 +153,3 @@ def _terms(names: list[str]) -> list[tuple[str, str]]:
         *((f"{word.capitalize()} method", families[word]) for word in sorted({family(name) for name in names})),
         *((name, known[name].replace("`", "")) for name in names if name in known),
     ]
-
-
-DRAWN = {
-    "charts": light_charts, "error_histograms": error_histograms, "speed_chart": speed_chart,
-    "misfit_chart": _misfit_chart, "legend_ball": legend_ball, "trust_sentence": trust_sentence,
-}  # fmt: skip
-"""What the templates call."""

@@ -75,10 +75,7 @@ def verdict(summary: Summary) -> list[Statement]:
     compared = summary.get("compare") or {}
     methods = {name: compared["methods"][name] for name in by_error(compared)}
     judged = [name for name, row in methods.items() if row.get("real")]
-    least = min((methods[name]["real"]["median_deg"] for name in judged), default=None)
-    camera, capture = summary.get("camera") or {}, summary.get("capture") or {}
-    tolerance = (compared.get("tolerance") or {}).get("deg")
-    truth = _truth(summary, compared, [one for one in (least, tolerance) if one is not None])
+    camera, capture, truth = summary.get("camera") or {}, summary.get("capture") or {}, _truth(summary, compared)
     statements = [
         _tolerance(summary, compared),
         _normals(summary, compared, truth),
@@ -145,7 +142,7 @@ def _explains_best(trust: Summary) -> Markup:
     return say("trust", "best" if is_number(trust["sigma_deg"]["median"]) else "best without sigma", **trust)
 
 
-def _truth(summary: Summary, compared: Summary, measured_deg: list[float]) -> Statement | None:
+def _truth(summary: Summary, compared: Summary) -> Statement | None:
     if not compared.get("has_truth"):
         return None
     align = summary.get("align") or compared.get("pose") or {}
@@ -157,14 +154,17 @@ def _truth(summary: Summary, compared: Summary, measured_deg: list[float]) -> St
     text = Markup(f"{told[0].upper()}{told[1:]}.")
     levels = {level_of(residual, RESIDUAL_BARS_PX), level_of(sigma, TRUTH_SIGMA_BARS_DEG)}
     level = next(name for name in ("bad", "care", "good", "unknown") if name in levels)
-    if is_truths_own(sigma, measured_deg):
+    if is_truths_own(compared):
         text += say("truth", "its own")
     return _statement("Ground truth", level, text, _warned(summary, "align"))
 
 
-def is_truths_own(sigma_deg: Any, measured_deg: list[float]) -> bool:
+def is_truths_own(compared: Summary) -> bool:
     """Tell whether the truth is so uncertain that much of what is measured by it, or its tolerance, may be its own."""
-    return is_number(sigma_deg) and sigma_deg > 0.5 * min(measured_deg, default=sigma_deg * 2)
+    sigma_deg, tolerance = (compared.get("truth") or {}).get("sigma_deg_median"), compared.get("tolerance")
+    measured = [row["real"]["median_deg"] for row in (compared.get("methods") or {}).values() if row.get("real")]
+    measured += [tolerance["deg"]] if tolerance else []
+    return is_number(sigma_deg) and sigma_deg > 0.5 * min(measured, default=sigma_deg * 2)
 
 
 def _tilt(name: str, row: Summary) -> Statement | None:
@@ -177,13 +177,11 @@ def _tilt(name: str, row: Summary) -> Statement | None:
 
 def _twin(twin: Summary, methods: Summary) -> Statement | None:
     """Say whether real and twin err alike; `methods`: the rows, the best first."""
-    both = [name for name, row in methods.items() if row.get("real") and row.get("twin")]
-    both = [name for name in both if is_number(methods[name].get("pearson"))]
-    if not both:
-        return None
+    both = {name: row for name, row in methods.items() if row.get("real") and row.get("twin")}
     # The best method leaves the least for calibration and scan to hide behind.
-    name = both[0]
-    row = methods[name]
+    name, row = next(((name, row) for name, row in both.items() if is_number(row.get("pearson"))), (None, {}))
+    if name is None:
+        return None
     real, twins = row["real"]["median_deg"], row["twin"]["median_deg"]
     level, reasons = LIKENESS[likeness(row["pearson"])], []
     # What a twin does not have of the photographs it is of.

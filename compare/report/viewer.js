@@ -67,7 +67,7 @@ function startViewer() {
   // Each side's method's values; of photographs the best method's.
   const sourcesShown = () => [...new Set(sides.map((side) => {
     const [kind, of, name] = side.value.split(":");
-    return kind === "photograph" ? `${of}:${info.best}` : `${of === "truth" ? "truth" : of}:${name}`;
+    return kind === "photograph" ? `${of}:${info.best}` : `${of}:${name}`;
   }))];
   const readout = () => {
     if (!pointer) return;
@@ -87,13 +87,9 @@ function startViewer() {
     Object.assign(values.dataset, { pixel: `${u},${v}`, values: JSON.stringify(told), ms: (performance.now() - began).toFixed(2) });
   };
   const load = async () => {
-    const keys = [`photograph:real:${frame.value}`];
-    for (const source of sourcesShown()) {
-      const [, name] = source.split(":");
-      keys.push(`normals:${source}`, `error:${source}`, `sigma:${source}`, `albedo:real:${name}`);
-    }
-    await Promise.all(keys.map(decode));
-    await Promise.all(sides.map((side) => images.get(side.value)?.decode()));
+    const keys = sourcesShown().flatMap((source) => [
+      `normals:${source}`, `error:${source}`, `sigma:${source}`, `albedo:real:${source.split(":")[1]}`]);
+    await Promise.all([`photograph:real:${frame.value}`, ...sides.map((side) => side.value), ...keys].map(decode));
     readout();
     draw();
   };
@@ -132,13 +128,12 @@ function startViewer() {
     pointer = gridOf(place);
     readout();
   });
-  const lift = (event) => touches.delete(event.pointerId);
-  canvas.addEventListener("pointerup", (event) => {
-    if (touches.size === 1 && moved <= 4 && (pointer = gridOf(placeOf(event)))) showSamples(byId("viewer-samples"), ...pointer);
-    lift(event);
+  for (const kind of ["pointerup", "pointercancel"]) canvas.addEventListener(kind, (event) => {
+    const isClick = kind === "pointerup" && touches.size === 1 && moved <= 4;
+    if (isClick && (pointer = gridOf(placeOf(event)))) showSamples(byId("viewer-samples"), ...pointer);
+    touches.delete(event.pointerId);
     redraw();
   });
-  canvas.addEventListener("pointercancel", lift);
   canvas.addEventListener("keydown", (event) => {
     const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
     if (way) {
@@ -156,41 +151,36 @@ function startViewer() {
   for (const control of [...sides, frame]) control.addEventListener("input", load);
 
   // The lamp stands as far away as the lights do, in the median.
-  const farOff = () => {
-    const reference = info.lights?.reference_point_mm, far = (info.lights?.frames ?? []).filter((light) => light.position_mm)
-      .map((light) => Math.hypot(...light.position_mm.map((value, i) => value - reference[i]))).sort((a, b) => a - b);
-    return far.length ? far[far.length >> 1] : null;
-  };
-  const placeLamp = (light) => {
-    const a = azimuth.value * Math.PI / 180, z = zenith.value * Math.PI / 180, far = farOff();
-    const direction = [Math.sin(z) * Math.cos(a), Math.sin(z) * Math.sin(a), Math.cos(z)];
-    lamp = light ?? { direction, intensity: [1, 1, 1],
-      position_mm: far && direction.map((part, i) => info.lights.reference_point_mm[i] + far * part) };
-    dome.style.setProperty("--x", lamp.direction[0]);
-    dome.style.setProperty("--y", lamp.direction[1]);
+  const reference = info.lights?.reference_point_mm, placed = (info.lights?.frames ?? []).filter((light) => light.position_mm);
+  const far = placed.map((light) => Math.hypot(...minus(light.position_mm, reference))).sort((a, b) => a - b)[placed.length >> 1];
+  const setLamp = (direction, light) => {
+    lamp = light ?? { direction, intensity: [1, 1, 1], position_mm: far && direction.map((part, i) => reference[i] + far * part) };
+    if (Math.hypot(direction[0], direction[1])) azimuth.value = (Math.atan2(direction[1], direction[0]) * 180 / Math.PI + 360) % 360;
+    zenith.value = Math.acos(direction[2]) * 180 / Math.PI;
+    dome.style.setProperty("--x", direction[0]);
+    dome.style.setProperty("--y", direction[1]);
     redraw();
   };
-  const turnTo = (x, y, angle) => {
-    azimuth.value = (Math.atan2(y, x) * 180 / Math.PI + 360) % 360;
-    zenith.value = angle * 180 / Math.PI;
+  const slide = () => {
+    const a = azimuth.value * Math.PI / 180, z = zenith.value * Math.PI / 180;
+    setLamp([Math.sin(z) * Math.cos(a), Math.sin(z) * Math.sin(a), Math.cos(z)]);
   };
   const drag = (event) => {
     if (!event.buttons) return;
     const box = dome.getBoundingClientRect(), x = (event.clientX - box.left) / box.width * 2 - 1, y = 1 - (event.clientY - box.top) / box.height * 2;
-    turnTo(x, y, Math.asin(Math.min(1, Math.hypot(x, y) / 0.92)));
-    placeLamp();
+    // To 85 degrees from the axis at most, as the slider.
+    const long = Math.max(0.92, 1.004 * Math.hypot(x, y)), [i, j] = [x / long, y / long];
+    setLamp([i, j, Math.sqrt(1 - i * i - j * j)]);
   };
   for (const kind of ["pointerdown", "pointermove"]) dome.addEventListener(kind, drag);
   dome.addEventListener("pointerdown", (event) => dome.setPointerCapture(event.pointerId));
-  for (const slider of [azimuth, zenith]) slider.addEventListener("input", () => placeLamp());
+  for (const slider of [azimuth, zenith]) slider.addEventListener("input", slide);
   byId("viewer-as-light").addEventListener("click", () => {
     const light = info.lights?.frames?.[frame.value];
-    if (!light?.direction) return;
-    turnTo(light.direction[0], light.direction[1], Math.acos(light.direction[2]));
-    placeLamp(light);
+    if (light?.direction) setLamp(light.direction, light);
   });
   byId("viewer-3d").addEventListener("toggle", () => startScene(byId("viewer-scene")), { once: true });
-  placeLamp();
+  slide();
   new ResizeObserver(size).observe(canvas);
   // What a click needs is decoded before the first one, while nothing else is to be done.
   load().then(() => (window.requestIdleCallback ?? setTimeout)(async () => {

@@ -40,7 +40,12 @@ async function showSamples(place, x, y) {
   const each = Math.ceil(rows.length / 16);
   rows.forEach((row, k) => { if (k % each === 0) chart.append(element("text", { x: across(k), y: 236, "text-anchor": "middle" }, k + 1)); });
   chart.append(element("text", { x: 368, y: 256, "text-anchor": "middle" }, "light"));
+  const title = document.createElement("p");
+  title.append(`Pixel column ${u}, row ${v}: samples (dots; hollow: at the top of the picture's scale) and albedo max(0, n · l) of `);
   methods.forEach((method, m) => {
+    const name = Object.assign(document.createElement("b"), { textContent: `${m ? ", " : ""}${["—", "– –", "···"][m % 3]} ${method}` });
+    name.style.borderBottom = `3px solid ${COLOURS[m % COLOURS.length]}`;
+    title.append(name);
     const d = rows.map((row, k) => (method in row.fits ? `${across(k).toFixed(1)} ${up(row.fits[method]).toFixed(1)}` : null)).filter(Boolean).join("L");
     chart.append(element("path", { d: `M${d}`, fill: "none", stroke: COLOURS[m % COLOURS.length], "stroke-width": 2, "stroke-dasharray": ["", "6 3", "2 3"][m % 3] }));
   });
@@ -49,14 +54,6 @@ async function showSamples(place, x, y) {
     const dotted = element("circle", { cx: across(k), cy: up(row.sample), r: 4.5, class: row.clipped ? "clipped" : "sample" });
     dotted.append(element("title", {}, `${row.name}: ${row.sample.toPrecision(4)}${row.clipped ? " or more" : ""}`));
     chart.append(dotted);
-  });
-  const title = document.createElement("p");
-  title.append(`Pixel column ${u}, row ${v}: samples (dots; hollow: at the top of the picture's scale) and albedo max(0, n · l) of `);
-  methods.forEach((method, m) => {
-    const name = document.createElement("b");
-    name.textContent = `${m ? ", " : ""}${["—", "– –", "···"][m % 3]} ${method}`;
-    name.style.borderBottom = `3px solid ${COLOURS[m % COLOURS.length]}`;
-    title.append(name);
   });
   place.replaceChildren(title, chart);
   Object.assign(place.dataset, { pixel: `${u},${v}`, values: JSON.stringify(rows), ms: (performance.now() - began).toFixed(1) });

@@ -22,34 +22,30 @@ function addEllipsoid(points, centre, axes, colour) {
 const addBall = (points, centre, radius, colour) =>
   addEllipsoid(points, centre, [[radius, 0, 0], [0, radius, 0], [0, 0, radius]], colour);
 
-async function addSurface(points) {
-  const { camera } = info;
-  if (!info.surface || !camera || camera.projection === "orthographic") return;
-  const [uri, low, span] = info.surface;
-  images.set("surface", Object.assign(new Image(), { src: uri }));
-  const data = await decode("surface"), step = Math.max(1, Math.round(Math.sqrt(info.width * info.height / 60000)));
+function addSurface(points) {
+  const { camera, surface } = info;
+  if (!surface || !camera || camera.projection === "orthographic") return;
+  const { low, span, width, step } = surface, codes = new Uint16Array(Uint8Array.from(atob(surface.codes), (byte) => byte.charCodeAt(0)).buffer);
   const point = (x, y) => {
-    const at = 4 * (y * info.width + x);
-    if (x >= info.width || y >= info.height || !data[at + 2]) return null;
-    const z = low + (data[at] * 256 + data[at + 1]) / 65535 * span, [u, v] = pixelOf(x, y);
-    return [(u - camera.cx) / camera.fx * -z, -(v - camera.cy) / camera.fy * -z, z];
+    const code = x < width && codes[y * width + x], z = low + (code - 1) / 65534 * span;
+    return code ? [(info.left + x * step - camera.cx) / camera.fx * -z, -(info.top + y * step - camera.cy) / camera.fy * -z, z] : null;
   };
-  for (let y = 0; y < info.height; y += step) for (let x = 0; x < info.width; x += step) {
-    const here = point(x, y), down = point(x, y + step), right = point(x + step, y);
+  for (let y = 0; y < codes.length / width; y++) for (let x = 0; x < width; x++) {
+    const here = point(x, y), down = point(x, y + 1), right = point(x + 1, y);
     // Across an edge of the object nothing is known of the normal.
     if (!here || !down || !right || Math.max(Math.abs(down[2] - here[2]), Math.abs(right[2] - here[2])) > span / 8) continue;
-    const ways = [minus(down, here), minus(right, here)], normal = unitOf(cross(...ways)), flat = step * info.step * -here[2] / camera.fx;
+    const ways = [minus(down, here), minus(right, here)], normal = unitOf(cross(...ways)), flat = step * -here[2] / camera.fx;
     // Down a steep place more points, not larger ones.
     const [far, way] = ways.map((each) => [Math.hypot(...each), each]).sort((a, b) => b[0] - a[0])[0], count = Math.max(1, Math.round(far / flat));
     for (let k = 0; k < count; k++) addPoint(points, here.map((value, i) => value + way[i] * k / count), normal, far / count, [0.8, 0.78, 0.74]);
   }
 }
 
-async function startScene(canvas) {
+function startScene(canvas) {
   canvas.width = canvas.clientWidth * devicePixelRatio;
   canvas.height = canvas.clientHeight * devicePixelRatio;
   const { lights, spheres } = info, points = [], middle = lights?.reference_point_mm ?? [0, 0, -1000];
-  await addSurface(points);
+  addSurface(points);
   const far = Math.hypot(...middle);
   let reach = far;
   for (const light of lights?.frames ?? []) {

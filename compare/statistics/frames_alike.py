@@ -34,6 +34,7 @@ def frames_alike(photographs: Frames, twin: Frames, mask: NDArray[np.bool_]) -> 
     frames: a lamp's strength has no unit. PSNR is 10 log10(1 / mean square of the difference). SSIM [Wang2004] is the
     mean over the object of that of the three channels.
     """
+    import cv2
     from skimage.metrics import structural_similarity
 
     names = [name for name in photographs.names if name in twin.names]
@@ -45,7 +46,8 @@ def frames_alike(photographs: Frames, twin: Frames, mask: NDArray[np.bool_]) -> 
         real, made = (thumbnail(one, one.names.index(name), WIDTH_PX, box) for one in (photographs, twin))
         return real, made
 
-    inside = _seen_at(mask, box, *pair(names[0])[0].shape[:2])
+    size = pair(names[0])[0].shape[1::-1]
+    inside = np.asarray(cv2.resize(box.of(mask).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT)) > 0
     if min(inside.shape) < WINDOW_PX or not inside.any():
         return None
     products, squares, white = np.zeros(3), np.full(3, 1e-12), 1e-6
@@ -68,10 +70,3 @@ def frames_alike(photographs: Frames, twin: Frames, mask: NDArray[np.bool_]) -> 
         found.append({"name": name, "psnr_db": float(-10 * np.log10(max(square, 1e-12))), "ssim": ssim})
     medians = {key: float(np.median([row[key] for row in found])) for key in ("psnr_db", "ssim")}
     return {**medians, "frames": found}
-
-
-def _seen_at(mask: NDArray[np.bool_], box: PixelBox, height: int, width: int) -> NDArray[np.bool_]:
-    """Return (height, width), which pixels of a shrunken box lie on the object."""
-    v = box.top + ((np.arange(height) + 0.5) * box.height / height).astype(np.intp)
-    u = box.left + ((np.arange(width) + 0.5) * box.width / width).astype(np.intp)
-    return mask[np.ix_(v, u)]

@@ -20,7 +20,6 @@ from scene.store import Store
 BARS = {"direction_median_deg": 1.0, "intensity_rms_percent": 3.0, "registration_rms_px": 1.0, "truth_median_deg": 1.0}
 """What a session with two chrome balls, a white one and a laser scan must reach."""
 
-
 Truth = dict[str, NDArray]
 """The files' values by their names; `balls` (K, 3): centre and radius, pixels, of each kind that is in `kinds` (K,)."""
 SHAPES = {
@@ -79,9 +78,7 @@ def known_truth(
     rows: dict[str, dict[str, Any]] = {}
 
     def row(key: str, value: float, unit: str, text: str) -> None:
-        rows[key] = {"value": float(value), "unit": unit, "text": text}
-        if key in BARS:
-            rows[key]["bar"] = BARS[key]
+        rows[key] = {"value": float(value), "unit": unit, "text": text} | ({"bar": BARS[key]} if key in BARS else {})
 
     lights = store.load_lights().seen_from(center)
     direction = angular_error_deg(lights.directions, truth["directions_at_object"])

@@ -213,10 +213,11 @@ def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_] | None) 
     raw, other = _mean(n, t), _mean(n * MIRROR, t)
     start = np.diag(MIRROR) if other < raw else np.eye(3)
     some = slice(None, None, max(1, len(n) // MOST_PIXELS))
-    reliefs = [(_mean(n @ g, t), g) for g in _reliefs(n[some], t[some])]
-    best, relief = min([(min(raw, other), start), *reliefs], key=lambda each: each[0])
+    # One of convex and one of concave.
+    reliefs = [_fit(n[some], t[some], _relief, np.array([0.0, 0.0, depth])) for depth in (1.0, -1.0)]
+    best, relief = min([(_mean(n @ matrix, t), matrix) for matrix in (start, *reliefs)], key=lambda each: each[0])
     linear = [relief, np.asarray(np.linalg.lstsq(n[some], t[some], rcond=None)[0], np.float64)]
-    linear = [_square(_fit(n[some], t[some], _square, start.ravel())) for start in linear]
+    linear = [_fit(n[some], t[some], lambda numbers: numbers.reshape(3, 3), each.ravel()) for each in linear]
     least = min([best, *(_mean(n @ matrix, t) for matrix in linear)])
     return FourWays(raw, min(raw, other), best, least, other < raw)
 
@@ -225,23 +226,14 @@ def _mean(n: Array, truth: Array) -> float:
     return float(np.mean(angular_error_deg(unit(n), truth)))
 
 
-def _reliefs(n: Array, truth: Array) -> list[Array]:
-    """Return the bas-relief transforms that suit best, one of convex and one of concave."""
-    return [_relief(_fit(n, truth, _relief, np.array([0.0, 0.0, depth]))) for depth in (1.0, -1.0)]
-
-
 def _relief(numbers: Array) -> Array:
     """Return G, with the sign that keeps normals facing the camera."""
     mu, nu, depth = numbers
     return np.sign(depth or 1.0) * np.array([[1, 0, 0], [0, 1, 0], [mu, nu, depth]])
 
 
-def _square(numbers: Array) -> Array:
-    return numbers.reshape(3, 3)
-
-
 def _fit(n: Array, truth: Array, matrix, start: Array) -> Array:
-    """Return the numbers for which unit(n matrix(numbers)) is nearest to the truth."""
+    """Return the matrix(numbers) for which unit(n matrix) is nearest to the truth."""
     from scipy.optimize import least_squares
 
     def off(numbers: Array) -> Array:
@@ -251,4 +243,4 @@ def _fit(n: Array, truth: Array, matrix, start: Array) -> Array:
         return np.linalg.norm(chord, axis=1)
 
     # lsmr: decomposing tall matrices wakes all the linear algebra's threads, which then wait for each other.
-    return np.asarray(least_squares(off, start, loss="soft_l1", f_scale=0.02, max_nfev=60, tr_solver="lsmr").x)
+    return matrix(least_squares(off, start, loss="soft_l1", f_scale=0.02, max_nfev=60, tr_solver="lsmr").x)

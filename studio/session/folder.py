@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -63,13 +63,11 @@ class Review:
         self._record, self.steps = record, {} if record is None else record.done
         self.done = frozenset(self.steps)
         self.session, self.session_path, self.why_no_session = _session(store, session_path)
-        material = Material.load(store, {})
+        self.material = material = Material(store, {})
         if material.frames is not None and material.lights is None:
             # As long as no light tells what is white, it is what the photograph itself takes for it.
             look = Exposure.for_picture(thumbnail(material.frames, 0, SMALL_PX))
-            exposure = Exposure.for_frames(material.frames, white_value=look.balance)
-            material = replace(material, exposure=exposure)
-        self.material = material
+            material.exposure = Exposure.for_frames(material.frames, white_value=look.balance)
         self._balls: tuple[Sphere, ...] = tuple(_readable(store.load_spheres) or ())
         self.spheres: tuple[Sphere, ...] = tuple(sphere for sphere in self._balls if not sphere.apart)
         lights: Lights | None = _readable(store.load_lights)

@@ -149,6 +149,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
         "warnings": [
             {"step": "check", "text": "flash_012: 2.1 % of the object is clipped"},
             {"step": "calibrate", "text": "ball 2: <b>no highlight</b> in flash_012"},
+            {"step": "solve", "text": "iterative: 3 pixels see fewer than four lit samples"},
         ],
         "capture": {
             "frames": count, "width": width, "height": height, "ambient": True,

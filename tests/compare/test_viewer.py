@@ -35,7 +35,7 @@ expect = pytest.importorskip("playwright.sync_api").expect
 @pytest.fixture(scope="module")
 def shown(session):
     path = write_report(session.store, session.summary)
-    return path, ViewerLayers.of(Material.load(session.store, session.summary), session.summary)
+    return path, ViewerLayers.of(Material(session.store, session.summary), session.summary)
 
 
 @pytest.fixture
@@ -62,8 +62,8 @@ def place_of(page, grid, u, v):
     box = page.locator("#viewer-canvas").bounding_box()
     width, height = grid.size
     scale = min(box["width"] / width, box["height"] / height)
-    x = box["x"] + (box["width"] - width * scale) / 2 + ((u - grid.box.left) // grid.step + 0.5) * scale
-    return x, box["y"] + (box["height"] - height * scale) / 2 + ((v - grid.box.top) // grid.step + 0.5) * scale
+    x = box["x"] + (box["width"] - width * scale) / 2 + ((u - grid.left) // grid.step + 0.5) * scale
+    return x, box["y"] + (box["height"] - height * scale) / 2 + ((v - grid.top) // grid.step + 0.5) * scale
 
 
 def pixels_inside(session, count):

@@ -75,7 +75,7 @@ def test_what_is_written_says_unknown_and_holds_no_invented_direction(processed)
     assert not (out / "lights.lp").exists()
     assert (out / "lights.csv").read_text().splitlines()[1].startswith("photo_00,,,,")
     assert "Nothing tells where" in (out / "report.html").read_text()
-    lights = Material.load(Store(out), summary).lights
+    lights = Material(Store(out), summary).lights
     assert lights
     assert lights["model"] == "unknown"
 
