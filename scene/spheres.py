@@ -42,7 +42,7 @@ class Sphere:
     radius_px : float
         fx R / -z of the centre: the three numbers (center_px, radius_px) fix the cone of the silhouette.
     sigma_px : float
-        Standard deviation of the centre, one axis.
+        Standard deviation of the circle's three numbers (u, v, radius), root mean square.
     score : float
         0 to 1, how much of the outline was seen where the fit says it is.
     apart : bool

@@ -184,7 +184,9 @@ def _mirror(coarse: Coarse, change: list[Change], circle: Sphere, shown: Mirrore
         return []
     table = [0, 0, circle.score] if shown is None else [1, max(circle.score - LEAST_MIRRORED, 0), 0]
     area = np.log(max(points.area, LEAST_AREA))
-    features = [1, *table, area, float(np.clip(seen.share, 0, 1)), points.inside, _size(circle)]
+    # What shows the table beside it is a mirror, whatever chance makes of its shading.
+    shading = float(np.clip(seen.share, 0, 1)) if shown is None else 0.0
+    features = [1, *table, area, shading, points.inside, _size(circle)]
     sphere = replace(circle, kind="chrome")
     rays = mirror_rays(coarse, change, sphere)
     return [Suspect(sphere, "chrome", np.array(features, np.float64), rays, glossy=True, table=shown)]

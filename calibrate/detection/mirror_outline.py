@@ -48,7 +48,6 @@ HORIZON, HORIZON_SIGMA = 0.7, 0.08
 """Radius of the table's edge as a ball shows it, in its own: sin 45 degrees for a table seen from above; its spread."""
 TRIED = 4  # circles about a mirror on which its law is tried, the likeliest by their edges; and as many by the share
 FARTHEST_MOVED = 0.3  # radii by which the law may move a circle
-LOCATES_PX = 0.15  # standard deviation of the radius to which the law locates a mirror's outline
 FRAMES, FEW_FRAMES = 6, 2  # in which it is tried; and in which the share is read of a plane as it is
 
 
@@ -183,7 +182,7 @@ def by_mirrored_table(
         tables += _rough(fit, sorted(circles[TRIED:], key=lambda one: -share(one))[:TRIED])
     rough = max(tables, key=lambda one: one.explained, default=None)
     best = fit(rough.sphere) if rough else None
-    if best is None or not (best.explained > SURE and _located(best)):
+    if best is None or not best.is_seen(plane):
         return None
     seen = share_in_picture(camera, best.sphere)
     return best._replace(sphere=replace(best.sphere, score=seen * best.explained))
@@ -195,7 +194,3 @@ def _rough(fit: Callable[..., MirroredTable | None], circles: list[Sphere]) -> l
     return [
         one for one, circle in tables if one and circles_apart(one.sphere, circle) < FARTHEST_MOVED * circle.radius_px
     ]
-
-
-def _located(table: MirroredTable) -> bool:
-    return bool(table.covariance[2, 2] < LOCATES_PX**2)

@@ -171,8 +171,7 @@ def _conclude(problem: Adjustment, x: Array) -> LightFit:
     return LightFit(
         camera=replace(camera, focal_sigma=float(sigmas[0]), center_sigma_px=center),
         spheres=[
-            replace(sphere, sigma_px=float(np.sqrt((v[0] + v[1]) / 2)))
-            for sphere, v in zip(spheres, of_balls, strict=True)
+            replace(sphere, sigma_px=float(np.sqrt(v.mean()))) for sphere, v in zip(spheres, of_balls, strict=True)
         ],
         reference=problem.reference_at(camera),
         directions=directions,

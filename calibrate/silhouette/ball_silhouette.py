@@ -20,7 +20,7 @@ from calibrate.silhouette.cone_fit import (
 )
 from calibrate.silhouette.explained_profiles import LAWS, Law
 from calibrate.silhouette.mirrored_surroundings import TablePlane
-from calibrate.silhouette.mirrored_table import SURE, MirroredTable, fit_mirrored_table
+from calibrate.silhouette.mirrored_table import MirroredTable, fit_mirrored_table
 from calibrate.silhouette.outline import (
     KERNEL_REACH,
     agree,
@@ -45,12 +45,11 @@ WELL_SEEN = 0.6  # and from which no softer edge is looked for
 SOFTER_BETTER = 0.15  # by which a softer edge must be seen along more of the outline
 SEARCH = 0.05  # radii by which a chrome ball's outline is searched around its coarse circle, at least
 SEARCH_MASK = 0.06  # the same around a given mask's circle, 3 px at least
-TABLE_FROM_PX, TABLE_LOCATES_PX = 12.0, 0.15  # least radius for the mirrored table; and the radius's sigma by it
-TABLE_FLOOR_PX, TABLE_BLURS, TABLE_DOUBT_PX = 0.07, 26.0, 6.0
+TABLE_FROM_PX = 12.0  # least radius for the mirrored table
+TABLE_FLOOR_PX, TABLE_BLURS = 0.07, 26.0
 """What bends the mirrored table's outline beyond its residuals' scatter, sigma: on a large ball; radius, in blurs, of a
-ball so small that the blur mixes what it mirrors, and as much comes to it; and times the share of the variance that is
-left: the table is no plane, things stand on it, or a wall throws light. The first grows as a table seen aslant, by 1 /
-cos^2 of the angle: it shines, and the ball sees it from where the camera does not."""
+ball so small that the blur mixes what it mirrors, and as much comes to it. The first grows as a table seen aslant, by
+1 / cos^2 of the angle: it shines, and the ball sees it from where the camera does not."""
 FLOOR_PX = 0.01  # what shifts an outline that is fitted by its profiles, beyond their residuals' scatter;
 EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35  # the same by the steepest places alone: for softness 1, of their spread
 SAME_PX = 0.3  # under which two places to start from are the same one
@@ -258,12 +257,11 @@ def _fit_chrome(
         tries = [(shown.sphere, shown.plane.values, shown.blur_px), *tries]
     for near, begin, blur_px in tries if laws and sphere.radius_px > TABLE_FROM_PX else ():
         table = fit_mirrored_table(frames, camera, near, blur_px=blur_px, plane=plane, start=begin, laws=laws)
-        if table and table.explained > SURE and _apart(table.sphere, near) < farthest:
+        if table and table.is_seen(plane) and _apart(table.sphere, near) < farthest:
             floor = table_floor_px(table.sphere.radius_px, table.blur_px, table.plane.steepness)
-            doubt = np.hypot(floor, TABLE_DOUBT_PX * (1 - table.explained))
+            doubt = np.hypot(floor, table.left_px)
             covariance = table.covariance + doubt**2 * np.eye(3)
-            if table.covariance[2, 2] < TABLE_LOCATES_PX**2:
-                return replace(_finished(edge, table.sphere, covariance, table.blur_px), by_table=True)
+            return replace(_finished(edge, table.sphere, covariance, table.blur_px), by_table=True)
     model = EdgeModel(MIRROR, sphere.radius_px, softness, MIRROR_START)
     first = fit_cone(read, camera, sphere, model, free_blur=True)
     if first is None:
@@ -292,7 +290,7 @@ def _by_edges(edge: OutlineFit, softness: float) -> OutlineFit:
 
 def _finished(edge: OutlineFit, sphere: Sphere, covariance: Array, blur_px: float) -> OutlineFit:
     covariance = covariance + FLOOR_PX**2 * np.eye(3)
-    sigma = float(np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2))
+    sigma = float(np.sqrt(np.trace(covariance) / 3))
     return OutlineFit(replace(sphere, sigma_px=sigma, score=edge.sphere.score), covariance, edge.residual_px, blur_px)
 
 

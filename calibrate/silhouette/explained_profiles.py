@@ -41,9 +41,9 @@ class ExplainedProfiles(NamedTuple):
     noise: Values  # (F, 1, 1)
 
     def cost(self, noise: Values) -> float:
-        """Return the mean of Cauchy's function of the residuals, in noises."""
+        """Return the mean of Cauchy's function of the residuals: twice a sample's negative log-likelihood."""
         ratio = (self.noise / noise / CAUCHY) ** 2
-        return float(np.log1p(ratio * self.residual**2)[self.weight > 0].mean())
+        return CAUCHY**2 * float(np.log1p(ratio * self.residual**2)[self.weight > 0].mean())
 
     @property
     def hopeful(self) -> bool:

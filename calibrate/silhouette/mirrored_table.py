@@ -48,7 +48,11 @@ Array = NDArray[np.float64]
 Values = NDArray[np.floating]
 FRAMES = 12  # frames that are looked at: the table is the same in all, only its shadows move
 TILTS, AZIMUTHS = np.tan(np.deg2rad([30, 55])), np.deg2rad(np.arange(0, 360, 60))
-SURE = 0.985  # share of the profiles' variance that a table explains which is seen
+SURE = 0.985  # share of the profiles' variance that a table explains which is seen: of a plain one chance explains less
+LOCATES_PX = 0.15  # doubt of the radius up to which a table locates an outline
+UNEXPLAINED_PX = 6.0
+"""Doubt of the outline, times the share of the variance that is left: the table is no plane, things stand on it, or a
+wall throws light."""
 NEAREST_PLANE, FARTHEST_PLANE = 0.85, 2.0
 """Radii from the ball's centre to its table: nearer it would cut the ball (a ring lets it in a little), and no foot on
 which a ball stands is higher."""
@@ -75,6 +79,19 @@ class MirroredTable(NamedTuple):
     mirror: float  # reflectance where it faces the camera
     explained: float  # share of the profiles' variance that the model explains; d and e alone explain none of it
     is_fresnels: float = 0.0  # log ratio of what Schlick's law and Fresnel's leave; 0 where only one was tried
+
+    @property
+    def left_px(self) -> float:
+        """The outline's doubt by what is not explained."""
+        return UNEXPLAINED_PX * (1 - self.explained)
+
+    def is_seen(self, plane: TablePlane | None) -> bool:
+        """Whether the ball shows the table, and this its outline; `plane`: what other balls show of it."""
+        located = float(self.covariance[2, 2])
+        if plane is not None:
+            # It has a texture.
+            return located + self.left_px**2 < LOCATES_PX**2
+        return self.explained > SURE and located < LOCATES_PX**2
 
 
 def fit_mirrored_table(
@@ -140,38 +157,34 @@ def _settle(
     """
     (sphere, plane, blur_px), found = start, None
     blur, mirror, damping, at = blur_px, USUAL, 0.0, samples(sphere.radius_px, blur_px)
-    prior = np.zeros(8)
+    prior, middle = np.zeros(8), np.zeros(8)
     prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / known.sigma**2
+    middle[BLUR], middle[PLANE] = blur_px, known.values
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
     normal, gradient, sigma, least, is_last = np.eye(8), np.zeros(8), np.ones(8), np.inf, False
-    kept: ExplainedProfiles | None = None
+    told: _Told | None = None
     for turn in range(ROUGH_TURNS if rough else TURNS):
         if abs(np.log(blur / at.blur_px)) > ANEW:
             at = samples(sphere.radius_px, blur)
         profiles, jacobian = table.profiles(sphere, at)
         shown = table.mirrored_by(sphere, plane, at)
         explained = explain(profiles, shown, law(at.middle, mirror), at.offsets, blur)
-        if explained and explained.hopeful and (is_last or kept is None or explained.cost(kept.noise) < least):
+        beside = np.concatenate([np.zeros(3), plane, [blur, 0.0]]) - middle
+        pulled = float(prior @ beside**2)
+        if explained and explained.hopeful and (is_last or told is None or told.cost(explained) + pulled < least):
             looked = _Seen(profiles, at, jacobian, shown, table.slopes(sphere, plane, at))
-            slopes, steeper = _slopes(looked, blur, law, explained)
-            pull = explained.weight * explained.residual
-            scores = np.einsum("pfnm,fnm->pn", slopes, pull).astype(np.float64)
-            if not is_last:
-                # Downhill in what the photographs show. At last by the model's own slopes, which have no noise: the sum
-                # is least where interpolation smooths the noise most.
-                scores[OUTLINE] -= jacobian.T * np.sum(pull * steeper, (0, 2))
-            rows = slopes.reshape(8, -1).astype(np.float64)
-            normal = (rows * explained.weight.reshape(-1)) @ rows.T + np.diag(prior)
+            told = _told(looked, blur, law, explained, is_last=is_last)
+            normal = told.information + np.diag(prior)
             size = np.sqrt(np.diag(normal))
             if not (size > 0).all() or np.linalg.cond(normal / np.outer(size, size)) > SINGULAR:
                 return None
-            sums, inverse = cluster_sums(scores.T, SECTOR), np.linalg.inv(normal)
-            covariance = inverse @ (sums.T @ sums + np.diag(prior)) @ inverse
+            inverse = np.linalg.inv(normal)
+            covariance = inverse @ (told.scatter + np.diag(prior)) @ inverse
             sigma = np.sqrt(np.diag(covariance))
             seen = TablePlane(plane, sigma[PLANE])
             found = MirroredTable(sphere, covariance[OUTLINE, OUTLINE], seen, blur, explained.mirror, explained.share)
-            gradient = scores.sum(1) - prior * np.concatenate([np.zeros(3), plane - known.values, [blur - blur_px, 0]])
-            damping, kept, least = damping / 10, explained, explained.cost(explained.noise)
+            gradient, damping = told.gradient - prior * beside, damping / 10
+            least = told.cost(explained) + pulled
         elif found is None or is_last:
             break
         else:
@@ -201,6 +214,42 @@ class _Seen(NamedTuple):
     jacobian: Array  # (BINS, 3)
     shown: MirroredView
     moves: Values  # (6, F, BINS, K)
+
+
+class _Told(NamedTuple):
+    """What the profiles say of the unknowns."""
+
+    information: Array  # (8, 8), inverse covariance
+    gradient: Array  # (8,)
+    scatter: Array  # (8, 8), the gradient's covariance
+    samples: float  # that err independently
+    noise: Values  # (F, 1, 1)
+
+    def cost(self, explained: ExplainedProfiles) -> float:
+        """Return twice the negative log-likelihood of profiles, in this noise and as many samples."""
+        return self.samples * explained.cost(self.noise)
+
+
+def _told(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles, *, is_last: bool) -> _Told:
+    """Return what the profiles say: neighbours err alike, so that many of them say what one does.
+
+    How many is told by the scatter of their scores between sectors. Without that, what is known of the plane beforehand
+    would count for nothing beside thousands of samples.
+    """
+    slopes, steeper = _slopes(seen, blur, law, explained)
+    pull = explained.weight * explained.residual
+    scores = np.einsum("pfnm,fnm->pn", slopes, pull).astype(np.float64)
+    if not is_last:
+        # Downhill in what the photographs show. At last by the model's own slopes, which have no noise: the sum
+        # is least where interpolation smooths the noise most.
+        scores[OUTLINE] -= seen.jacobian.T * np.sum(pull * steeper, (0, 2))
+    rows = slopes.reshape(8, -1).astype(np.float64)
+    information = (rows * explained.weight.reshape(-1)) @ rows.T
+    sums = cluster_sums(scores.T, SECTOR)
+    scatter = sums.T @ sums
+    alike = max(float(np.trace(np.linalg.pinv(information) @ scatter)) / len(scatter), 1.0)
+    count = np.count_nonzero(explained.weight)
+    return _Told(information / alike, scores.sum(1) / alike, scatter / alike**2, count / alike, explained.noise)
 
 
 def _slopes(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles) -> tuple[Values, Values]:

@@ -44,7 +44,7 @@ def _facts(window: SessionWindow) -> str:
     lines = ["as found" if window.is_found(balls[index]) else "corrected by hand, not calibrated with yet"]
     if index < len(review.spheres) and len(balls) == len(review.spheres):
         sphere = review.spheres[index]
-        lines[0] += f"; fitted: centre ± {readable(sphere.sigma_px)} px, outline seen {share(sphere.score)} %"
+        lines[0] += f"; fitted: circle ± {readable(sphere.sigma_px)} px, outline seen {share(sphere.score)} %"
         if sphere.kind == "chrome" and (seen := review.highlights_px) is not None:
             count = int(np.isfinite(seen[index, :, 0]).sum())
             lines.append(f"highlight (yellow; of this frame: blue) in {count} of {seen.shape[1]} frames")

@@ -10,6 +10,7 @@ from calibrate.detection.detect import _mirrors
 from calibrate.detection.evidence import bright_points, changes
 from calibrate.detection.mirror_outline import by_mirrored_table
 from calibrate.silhouette.ball_silhouette import fit_outline
+from calibrate.silhouette.mirrored_surroundings import TablePlane
 from calibrate.silhouette.mirrored_table import fit_mirrored_table
 from fixtures.ball_scene import World, flashes, photograph
 from scene.camera import Camera
@@ -79,6 +80,21 @@ def test_the_circle_that_mirrors_the_table_is_found_beside_one_of_twice_its_size
     (found,) = (one.table.sphere for one in suspects if one.table)
     assert np.abs(found.center_px - true.center_px).max() < 0.1
     assert found.radius_px == pytest.approx(true.radius_px, abs=0.1)
+
+
+def test_what_other_balls_show_of_the_table_counts_beside_thousands_of_samples() -> None:
+    """Domes beside the ball are no table: they drew the plane to ten sigmas off the known one, the radius 4.6 px."""
+    world = table_world(20001)
+    world.balls.clear()
+    world.stand("chrome", -60.0, 30.0, 30.0).stand("object", -10.0, 52.0, 24.0).stand("object", -112.0, 10.0, 20.0)
+    true, frames, n = world.spheres()[0], seen(world, 20001), world.table_normal
+    known = TablePlane(np.array([n[0] / n[2], n[1] / n[2], 1.0]), np.array([0.1, 0.1, 0.05]))
+    start = replace(true, center_px=true.center_px + 0.5, radius_px=true.radius_px - 1.0)
+    found = fit_mirrored_table(frames, CAMERA, start, blur_px=1.0, plane=known)
+    assert found is not None
+    assert (np.abs(found.plane.values - known.values) < 2 * known.sigma).all()
+    off = np.array([*(found.sphere.center_px - true.center_px), found.sphere.radius_px - true.radius_px])
+    assert np.abs(off).max() < np.hypot(0.1, 2 * found.left_px)
 
 
 @pytest.mark.full
