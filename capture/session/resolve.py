@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from capture.session.globs import expand, frame_names, kind_of, meant, near_name
-from capture.session.session_types import Board, CaptureSession, Encoding, Lens, SphereSpec
+from capture.session.session_types import CaptureSession, Encoding, SphereSpec
 from formats.light_files.light_formats import SUFFIXES as LIGHTS_SUFFIXES
 from formats.meshes.scan_files import SUFFIXES as SCAN_SUFFIXES
 from formats.normal_maps import SUFFIXES as NORMALS_SUFFIXES
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 SENSOR = ("sensor_mm", "pixel_um", "crop_factor", "model")
 MILLIMETRES = ("focal_mm", *SENSOR)
+BOARD = ("charuco", "chessboard", "board")
 LENSES = 0.2, 1000.0
 """Focal lengths of lenses, in the picture's side."""
 FEWEST_SQUARES = 4
@@ -69,6 +70,7 @@ class Resolver:
             half=frames.half,
             skip=tuple(frames.skip),
             camera=self._camera(manifest.camera) if manifest.camera else None,
+            board_shots=self._board(manifest.camera) if manifest.camera else (),
             spheres=tuple(self._ball(f"spheres[{i}]", ball, flash, kept) for i, ball in enumerate(manifest.spheres)),
             no_spheres="spheres" in manifest.model_fields_set and not manifest.spheres,
             lights_file=lights or None,
@@ -185,11 +187,11 @@ class Resolver:
             self._fault(f"{key}.{absent[0]}", f"missing. {first} and {second} go together: give both, or none.")
         return not absent
 
-    def _camera(self, table: "SessionCameraTable") -> Camera | Lens | Board | None:
-        """Return what [camera] says: all of it, a part, or a board's shots; None where it contradicts itself."""
-        given = [name for name in type(table).model_fields if getattr(table, name) is not None]
-        if {"charuco", "chessboard", "board"} & set(given):
-            return self._board(table, [key for key in given if key not in ("charuco", "chessboard", "board")])
+    def _camera(self, table: "SessionCameraTable") -> "Camera | SessionCameraTable | None":
+        """Return what [camera] says: all of it, or a part; None where it says nothing, or contradicts itself."""
+        given = _given(table)
+        if set(BOARD) & set(given):
+            return table
         sized, centred = (self._check_together("camera", table, *pair) for pair in (("width", "height"), ("cx", "cy")))
         self._check_focal(table, given)
         if not given:
@@ -203,8 +205,7 @@ class Resolver:
             )
         distortion = tuple(table.distortion or [0.0] * 5)
         if not (sized and centred and table.fx):
-            stated = {name: getattr(table, name) for name in ("fx", "fy", "cx", "cy", *MILLIMETRES)}
-            return Lens((width, height) if sized else None, distortion=distortion, **stated)
+            return table
         for key, focal, side in (("fx", table.fx, width), ("fy", table.fy or table.fx, height)):
             if not LENSES[0] <= focal / side <= LENSES[1]:
                 self._fault(
@@ -235,7 +236,11 @@ class Resolver:
         if len(sensors) > 1:
             self._fault("camera", f"found {', '.join(sensors)}. Each tells the size of the sensor: keep one of them.")
 
-    def _board(self, table: "SessionCameraTable", others: list[str]) -> Board | None:
+    def _board(self, table: "SessionCameraTable") -> tuple[Path, ...]:
+        """Return the shots of the board that is to tell the camera, if one is."""
+        others = [name for name in _given(table) if name not in BOARD]
+        if len(others) == len(_given(table)):
+            return ()
         if others:
             text = f"found {', '.join(others)} beside a board. Its shots give the whole camera: keep one of them."
             self._fault("camera.board", text)
@@ -250,11 +255,10 @@ class Resolver:
                 'marker_mm = 11, dictionary = "DICT_4X4_100" }, or chessboard = "board/*.dng" and board = '
                 "{ squares = [11, 8] }.",
             )
-            return None
+            return ()
         files = tuple(self._photographs(key, shots))
-        squares = (board.squares[0], board.squares[1])
-        if plain and min(squares) < FEWEST_SQUARES:
-            self._fault("camera.board.squares", f"found {list(squares)}; a chessboard needs 4 or more each way.")
+        if plain and min(board.squares) < FEWEST_SQUARES:
+            self._fault("camera.board.squares", f"found {board.squares}; a chessboard needs 4 or more each way.")
         text = "missing. A ChArUco board has it; a plain one is given as chessboard."
         for name in ("marker_mm", "dictionary"):
             if (getattr(board, name) is not None) == plain:
@@ -262,7 +266,11 @@ class Resolver:
                 self._fault(f"camera.board.{name}", text)
         if board.marker_mm is not None and board.marker_mm >= board.square_mm:
             self._fault("camera.board", f"marker_mm {board.marker_mm} must be less than square_mm {board.square_mm}.")
-        return Board(files, squares, board.square_mm, board.marker_mm, board.dictionary)
+        return files
+
+
+def _given(table: "SessionCameraTable") -> list[str]:
+    return [name for name in type(table).model_fields if getattr(table, name) is not None]
 
 
 def _scan_unit(known: "SessionObjectTable") -> str:

@@ -114,7 +114,8 @@ def _look(files: FolderFiles, linear: bool | None, by_path: dict[Path, Small], u
     if layout is None:
         return draft
     shots_key = "charuco" if layout.dictionary else "chessboard"
-    return draft.saying("camera", board=layout.table, **{shots_key: pattern_of([o.path for o in shown], files.folder)})
+    pattern = pattern_of([one.path for one in shown], files.folder)
+    return draft.saying("camera", board=layout.model_dump(exclude_none=True), **{shots_key: pattern})
 
 
 def _with_chart(draft: Draft, charts: list[Small]) -> Draft:

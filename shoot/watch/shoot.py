@@ -24,8 +24,8 @@ from capture.camera.session_camera import usual_camera
 from capture.photographs.kept import KeptStack
 from capture.photographs.photograph import SATURATION
 from capture.session.globs import frame_names
-from capture.session.manifest import SphereTable
-from capture.session.session_types import CaptureSession, Lens
+from capture.session.manifest import SessionCameraTable, SphereTable
+from capture.session.session_types import CaptureSession
 from capture.survey.small_pictures import frames_of
 from scene.camera import Camera
 from scene.errors import CalibrationError, CaptureError, SceneError
@@ -171,7 +171,7 @@ class Shoot:
     def _camera(self, small: Frames, flash: Sequence[Shot]) -> Camera:
         """Return the camera of the small frames as it is known; one as most are where it is not."""
         width, height = self._step * small.width, self._step * small.height
-        lens = Lens(**self._asking.answers.camera)
+        lens = SessionCameraTable(**self._asking.answers.camera)
         camera, _ = camera_from_lens(lens, [shot.exif for shot in flash], width, height)
         camera = usual_camera(width, height) if camera.is_orthographic else camera
         return camera.scaled(small.width, small.height, 1 / self._step, 1 / self._step)

@@ -210,9 +210,9 @@ def test_a_charuco_board_is_read_off(tmp_path, squares, dictionary, share):
     )
     blank = picture("blank", np.full((600, 800), 0.2), tmp_path)
     layout, shots = find_board([blank, *(shown(art, seed, tmp_path, f"{seed}") for seed in range(3))])
-    assert layout.squares == squares
+    assert layout.squares == list(squares)
     assert layout.dictionary[:8] == dictionary[:8]
-    assert layout.marker_share == pytest.approx(share, abs=0.02)
+    assert layout.marker_mm / layout.square_mm == pytest.approx(share, abs=0.02)
     assert [one.path.name for one in shots] == ["0", "1", "2"]
 
 
@@ -226,7 +226,7 @@ def test_a_chessboard_is_read_off(tmp_path):
         return [shown(art, seed, tmp_path, f"{seed}") for seed in range(3)]
 
     layout, seen = find_board(shots(9, 6))
-    assert (layout.table["squares"], layout.dictionary, layout.marker_share) == ([9, 6], None, None)
+    assert (layout.squares, layout.dictionary, layout.marker_mm) == ([9, 6], None, None)
     assert len(seen) == 3
     for none in (shots(9, 6)[:1], shots(4, 4), [picture("blank", np.full((300, 400), 0.2), tmp_path)]):
         assert find_board(none) == (None, [])
