@@ -18,7 +18,7 @@ from capture.audit.audit import blown_warnings, movement_warnings
 from capture.audit.camera_settings import exposure_by_room, exposure_gains, gaps_in_numbering, mixed_settings
 from capture.audit.focus import focus_warnings
 from capture.audit.missing_flashes import doubles, misfires
-from capture.audit.part_movement import part_warnings, parts_of
+from capture.audit.part_movement import part_warnings
 from capture.camera.focal_length import camera_from_lens
 from capture.camera.session_camera import usual_camera
 from capture.photographs.kept import KeptStack
@@ -138,7 +138,7 @@ class Shoot:
         small = frames_of([shot.small for shot in flash], [shot.small for shot in ambient])
         small, found = replace(small, names=frames.names, gain=frames.gain), self._found
         self._step = flash[0].small.step
-        parts = parts_of(found.spheres, found.camera, self._step) if found and found.camera else []
+        balls = found.spheres if found else []
         told = self._renew_lights(small, self._camera(small, flash))
         if len(flash) < FEWEST:
             # Of so few, what is no frame's own is noise as often as not.
@@ -147,7 +147,7 @@ class Shoot:
         recent, facts = frames.only(last), [shot.facts for shot in flash[last]]
         moved = movement_warnings(recent, facts) if len(facts) >= FEWEST else []
         self._look_at_normals(small)
-        return [*told, *focus_warnings(recent, facts), *(moved or part_warnings(recent, parts))]
+        return [*told, *focus_warnings(recent, facts), *(moved or part_warnings(recent, balls, self._step))]
 
     def role_of(self, shot: Shot) -> str:
         """Return a photograph's role: flash, ambient, dark, flat, board, chrome, white, or left out."""
