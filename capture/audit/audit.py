@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from capture.audit.camera_settings import gaps_in_numbering, mixed_settings
+from capture.audit.camera_settings import mixed_settings
 from capture.audit.encoding_check import encoding_warnings
 from capture.audit.frame_facts import FrameFacts, facts_of, reduced
 from capture.audit.missing_flashes import doubles, misfires
@@ -45,7 +45,6 @@ def audit(
         light = light - ambient
     return (
         *mixed_settings(session, exif, ambient_exif),
-        *gaps_in_numbering(session),
         *misfires(frames.names, light, ambient),
         *doubles(frames.names, facts, light),
         *blown_warnings(frames.names, facts),

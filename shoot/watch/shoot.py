@@ -15,7 +15,7 @@ from calibrate.calibration import Calibration
 from calibrate.detection.balls import Ball, find_balls
 from calibrate.unknown_focal import with_unknown_focal
 from capture.audit.audit import blown_warnings, movement_warnings
-from capture.audit.camera_settings import exposure_by_room, exposure_gains, gaps_in_numbering, mixed_settings
+from capture.audit.camera_settings import exposure_by_room, exposure_gains, mixed_settings
 from capture.audit.focus import focus_warnings
 from capture.audit.missing_flashes import doubles, misfires
 from capture.audit.part_movement import part_warnings
@@ -120,7 +120,7 @@ class Shoot:
         self.frames = self._full_size(names, gain * by_room)
         light = pictures * by_room[:, None, None] - (0 if dim is None else dim)
         session = CaptureSession(self.folder.name, self.folder, paths, names, tuple(range(len(names))), ambient=dims)
-        said += [*told, *mixed_settings(session, exif, ambient_exif), *gaps_in_numbering(session)]
+        said += [*told, *mixed_settings(session, exif, ambient_exif)]
         if len(names) > 2:
             try:
                 said += misfires(names, light, dim)

@@ -21,9 +21,8 @@ def lay(folder, *names):
 
 
 def listed(found):
-    return {
-        role: [path.relative_to(found.folder).as_posix() for path in files] for role, files in found.photographs.items()
-    }
+    by_role = found.by_role.items()
+    return {role: [path.relative_to(found.folder).as_posix() for path in files] for role, files in by_role}
 
 
 def test_names_tell_roles(tmp_path):
@@ -47,10 +46,11 @@ def test_names_tell_roles(tmp_path):
         "dark": ["dark/1.dng"],
         "flat": ["FlatField.dng"],
         "board": ["charuco/a.dng"],
+        "scan": ["scan/penguin.ply"],
+        "mask": ["mask.png"],
+        "lights": ["lights.lp"],
+        "normals": ["Normal_gt.mat"],
     }
-    assert [path.name for path in (*found.scans, *found.masks, *found.lights, *found.normals)] == [
-        "penguin.ply", "mask.png", "lights.lp", "Normal_gt.mat"
-    ]  # fmt: skip
     (told,) = found.left_out
     assert told.startswith("result/normals.npy: its name does not say whether these normals are the truth")
 
@@ -58,8 +58,7 @@ def test_names_tell_roles(tmp_path):
 def test_a_jpeg_beside_its_raw_file_is_left_out_and_named(tmp_path):
     lay(tmp_path, *(f"IMG_{n}.CR2" for n in range(4)), *(f"IMG_{n}.JPG" for n in range(4)), "table.jpg", "mask.png")
     (found,) = survey(tmp_path)
-    assert listed(found) == {"flash": [f"IMG_{n}.CR2" for n in range(4)]}
-    assert [path.name for path in found.masks] == ["mask.png"]
+    assert listed(found) == {"flash": [f"IMG_{n}.CR2" for n in range(4)], "mask": ["mask.png"]}
     assert found.left_out[0].startswith("4 .jpg (IMG_0.JPG, ...): beside a file of the same name")
     assert found.left_out[1].startswith("1 .jpg (table.jpg): no RAW files")
 
@@ -70,13 +69,11 @@ def test_each_object_has_its_own_session_and_the_balls_are_shared(tmp_path):
     lay(tmp_path, *(f"hen/raw/{n}.png" for n in range(4)), "cat/scan.ply", "owl/mask.png", "hen/hen.ply", "board/1.png")
     cat, hen, owl = found = survey(tmp_path)
     assert [one.folder.name for one in found] == ["cat", "hen", "owl"]
-    assert [len(one.scans) for one in found] == [1, 1, 0]
-    assert (len(cat.masks), len(owl.masks), hen.scans[0].name) == (0, 1, "hen.ply")
-    for found in (cat, hen, owl):
-        assert {role: len(files) for role, files in found.photographs.items()} == {
-            "flash": 4, "chrome": 4, "white": 4, "board": 1
-        }  # fmt: skip
-        assert all(path.is_relative_to(found.folder) for path in found.photographs["flash"])
+    assert hen.by_role["scan"][0].name == "hen.ply"
+    shared = {"flash": 4, "chrome": 4, "white": 4, "board": 1}
+    for found, own in ((cat, "scan"), (hen, "scan"), (owl, "mask")):
+        assert {role: len(files) for role, files in found.by_role.items()} == shared | {own: 1}
+        assert all(path.is_relative_to(found.folder) for path in found.by_role["flash"])
 
 
 @pytest.mark.parametrize(
