@@ -13,7 +13,8 @@ from scene.frames import Frames, gray
 FEWEST_FRAMES = 5
 FEWEST_TILES, MOST_TILES = 8, 32
 TILE_PX = 96
-REACH_PX = 20
+REACH_PX, FARTHEST_PX = 20, 10
+"""Of a shift; of what a turn or a growth moves the farthest tile by."""
 PARTS, FAINT, MOST = 8, 0.1, 0.75
 """Parts across the picture that a jolt is asked of; of the edges of the part with most, those that a part must have;
 and the share of the parts that must have moved."""
@@ -194,8 +195,9 @@ def find_step(planes: NDArray, middles: NDArray[np.float64], gain: float) -> Cam
     the least that counts, see `GAIN`.
     """
     still = planes[:, :, REACH_PX, REACH_PX].mean(0)
+    planes = np.pad(planes, [(0, 0)] * 2 + [(FARTHEST_PX, FARTHEST_PX)] * 2)
     farthest = max(float(np.linalg.norm(middles, axis=1).max()), 1.0)
-    rates = np.arange(-REACH_PX // 2, REACH_PX // 2 + 1) / farthest
+    rates = np.arange(-FARTHEST_PX, FARTHEST_PX + 1) / farthest
     best = (gain, -1, 0j, np.zeros((1, 1)))
     # A camera turns, or a focus moves: not both.
     for rate in (*(1j * rates), *rates[rates != 0]):
@@ -217,15 +219,13 @@ def find_step(planes: NDArray, middles: NDArray[np.float64], gain: float) -> Cam
 def _taken_back(planes: NDArray, middles: NDArray, rate: complex) -> NDArray:
     """Return the mean over tiles of planes (T, K, h, w), each moved by what a growth and a turn move its tile.
 
-    `rate`: the growth, and the turn (radians) as its imaginary part.
+    `planes` have a margin of `FARTHEST_PX`; `rate`: the growth, and the turn (radians) as its imaginary part.
     """
-    total = np.zeros(planes.shape[1:])
-    height, width = planes.shape[2:]
+    height, width = (side - 2 * FARTHEST_PX for side in planes.shape[2:])
+    total = np.zeros((planes.shape[1], height, width))
     for plane, (u, v) in zip(planes, middles, strict=True):
         # The tile's vote for the shift lies so far from its peak.
         moved = rate * complex(u, v)
-        right, down = round(moved.real), round(moved.imag)
-        rows = slice(max(down, 0), min(height + down, height)), slice(max(-down, 0), min(height - down, height))
-        columns = slice(max(right, 0), min(width + right, width)), slice(max(-right, 0), min(width - right, width))
-        total[:, rows[1], columns[1]] += plane[:, rows[0], columns[0]]
+        down, right = FARTHEST_PX + round(moved.imag), FARTHEST_PX + round(moved.real)
+        total += plane[:, down : down + height, right : right + width]
     return total / len(planes)

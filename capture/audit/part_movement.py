@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from capture.audit.movement import MOST_TILES, CameraStep, find_step, static_tiles, votes
 from capture.audit.static_edges import orientation
 from scene.frames import Frames, gray
-from scene.reading import listed
 from scene.spheres import Sphere
 
 FEWEST_FRAMES = 8
@@ -27,38 +26,28 @@ ALIKE_PX = 2.0
 
 
 def part_warnings(frames: Frames, spheres: Sequence[Sphere], step: int = 1) -> list[str]:
-    """Name the chrome balls that lie elsewhere from some frame on; those that moved together in one warning.
+    """Name the chrome balls that lie elsewhere from some frame on.
 
     A pixel in which `spheres` are given is `step` of the frames' wide. All balls together moved with the picture: that
     is `capture.audit.movement`'s to say. Those shot apart are in no frame.
     """
     balls = [ball for ball in spheres if ball.kind == "chrome" and not ball.apart]
-    groups: list[tuple[CameraStep, list[str]]] = []
-    for ball in balls if len(frames) >= FEWEST_FRAMES else ():
-        u, v = step * np.asarray(ball.center_px)
-        found = part_step(frames, np.array([u, v]), step * ball.radius_px)
-        if found is None:
-            continue
-        alike = [
-            names
-            for other, names in groups
-            if other.first == found.first and np.linalg.norm(other.shift_px - found.shift_px) < ALIKE_PX
-        ]
-        names = alike[0] if alike else []
-        names.append(f"the chrome ball at ({u:.0f}, {v:.0f}) px")
-        if not alike:
-            groups.append((found, names))
-    return [_told(frames.names, found, names) for found, names in groups if not 1 < len(names) == len(balls)]
-
-
-def _told(names: tuple[str, ...], step: CameraStep, parts: list[str]) -> str:
-    right, down = step.shift_px
-    them, lie = ("it", "lies") if len(parts) == 1 else ("they", "lie")
-    return (
-        f"{names[step.first]}: from here on {listed(parts)} {lie} "
-        f"{np.hypot(right, down):.1f} px off where {them} lay before (right {right:+.1f}, down {down:+.1f}): {them} "
-        f"moved after {names[step.first - 1]}. Reshoot, or list the frames before or after under frames.skip."
-    )
+    places = [step * np.asarray(ball.center_px) for ball in balls if len(frames) >= FEWEST_FRAMES]
+    found = [part_step(frames, place, step * ball.radius_px) for place, ball in zip(places, balls, strict=False)]
+    steps = [one for one in found if one is not None]
+    is_picture = len({one.first for one in steps}) == 1 and len(steps) == len(balls) > 1
+    if is_picture and np.ptp([one.shift_px for one in steps], axis=0).max() < ALIKE_PX:
+        return []
+    names, warnings = frames.names, []
+    for (u, v), one in zip(places, found, strict=True):
+        if one is not None:
+            right, down = one.shift_px
+            warnings.append(
+                f"{names[one.first]}: from here on the chrome ball at ({u:.0f}, {v:.0f}) px lies "
+                f"{np.hypot(right, down):.1f} px off where it lay before (right {right:+.1f}, down {down:+.1f}): it "
+                f"moved after {names[one.first - 1]}. Reshoot, or list the frames before or after under frames.skip."
+            )
+    return warnings
 
 
 def part_step(frames: Frames, center_px: NDArray[np.float64], radius_px: float) -> CameraStep | None:

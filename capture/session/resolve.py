@@ -2,20 +2,17 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from capture.session.globs import expand, frame_names, kind_of, meant, near_name
+from capture.session.manifest import FramesTable, Manifest, SessionCameraTable, SessionObjectTable, SphereTable
 from capture.session.session_types import CaptureSession, Encoding, SphereSpec
 from formats.light_files.light_formats import SUFFIXES as LIGHTS_SUFFIXES
 from formats.meshes.scan_files import SUFFIXES as SCAN_SUFFIXES
 from formats.normal_maps import SUFFIXES as NORMALS_SUFFIXES
 from scene.camera import Camera
 from scene.reading import shortened
-
-if TYPE_CHECKING:
-    from capture.session.manifest import FramesTable, Manifest, SessionCameraTable, SessionObjectTable, SphereTable
 
 SENSOR = ("sensor_mm", "pixel_um", "crop_factor", "model")
 MILLIMETRES = ("focal_mm", *SENSOR)
@@ -33,7 +30,7 @@ class Resolver:
         self.folder = folder
         self.faults = faults
 
-    def session(self, manifest: "Manifest") -> CaptureSession | None:
+    def session(self, manifest: Manifest) -> CaptureSession | None:
         """Return the session that is meant; None where there are faults."""
         frames, known = manifest.frames, manifest.object
         self._check_name(manifest.name)
@@ -146,7 +143,7 @@ class Resolver:
             self._fault("frames.skip", f"leaves none of the {len(flash)} flash frames.")
         return [i for i in range(len(flash)) if i not in dropped]
 
-    def _encoding(self, frames: "FramesTable", flash: list[Path]) -> Encoding:
+    def _encoding(self, frames: FramesTable, flash: list[Path]) -> Encoding:
         if frames.linear is True and frames.gamma not in (None, 1.0):
             self._fault("frames.gamma", f"found {frames.gamma} beside linear = true. Keep one of them.")
         coded = frames.linear is False or frames.gamma not in (None, 1.0)
@@ -164,7 +161,7 @@ class Resolver:
             return "linear" if frames.gamma == 1.0 else frames.gamma
         return "srgb" if frames.linear is False else "linear"
 
-    def _ball(self, key: str, table: "SphereTable", flash: list[Path], kept: list[int]) -> SphereSpec:
+    def _ball(self, key: str, table: SphereTable, flash: list[Path], kept: list[int]) -> SphereSpec:
         self._check_together(key, table, "center_px", "radius_px")
         files = [] if table.frames is None else self._photographs(f"{key}.frames", table.frames, like=flash)
         if files and len(files) != len(flash):
@@ -180,14 +177,14 @@ class Resolver:
             self._fault(f"{key}.reflectance", "found with a mirror. It is of white balls: drop it.")
         return SphereSpec(table.kind, table.diameter_mm, center, table.radius_px, mask, own, table.reflectance)
 
-    def _check_together(self, key: str, table: "SessionCameraTable | SphereTable", first: str, second: str) -> bool:
+    def _check_together(self, key: str, table: SessionCameraTable | SphereTable, first: str, second: str) -> bool:
         """Return whether both of two keys are given; one alone is a fault."""
         absent = [name for name in (first, second) if getattr(table, name) is None]
         if len(absent) == 1:
             self._fault(f"{key}.{absent[0]}", f"missing. {first} and {second} go together: give both, or none.")
         return not absent
 
-    def _camera(self, table: "SessionCameraTable") -> "Camera | SessionCameraTable | None":
+    def _camera(self, table: SessionCameraTable) -> Camera | SessionCameraTable | None:
         """Return what [camera] says: all of it, or a part; None where it says nothing, or contradicts itself."""
         given = _given(table)
         if set(BOARD) & set(given):
@@ -225,7 +222,7 @@ class Resolver:
             )
         return camera
 
-    def _check_focal(self, table: "SessionCameraTable", given: list[str]) -> None:
+    def _check_focal(self, table: SessionCameraTable, given: list[str]) -> None:
         """The focal length is said once, and a part of it is said wholly."""
         millimetres, sensors = ([name for name in some if name in given] for some in (MILLIMETRES, SENSOR))
         if table.fx is not None and millimetres:
@@ -236,7 +233,7 @@ class Resolver:
         if len(sensors) > 1:
             self._fault("camera", f"found {', '.join(sensors)}. Each tells the size of the sensor: keep one of them.")
 
-    def _board(self, table: "SessionCameraTable") -> tuple[Path, ...]:
+    def _board(self, table: SessionCameraTable) -> tuple[Path, ...]:
         """Return the shots of the board that is to tell the camera, if one is."""
         others = [name for name in _given(table) if name not in BOARD]
         if len(others) == len(_given(table)):
@@ -269,11 +266,11 @@ class Resolver:
         return files
 
 
-def _given(table: "SessionCameraTable") -> list[str]:
+def _given(table: SessionCameraTable) -> list[str]:
     return [name for name in type(table).model_fields if getattr(table, name) is not None]
 
 
-def _scan_unit(known: "SessionObjectTable") -> str:
+def _scan_unit(known: SessionObjectTable) -> str:
     """Return the unit that is written; else the metres that GLB's standard asks for, else millimetres."""
     is_said = "scan_unit" in known.model_fields_set
     return "m" if not is_said and (known.scan or "").lower().endswith(".glb") else known.scan_unit
