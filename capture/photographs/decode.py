@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.audit.audit import audit
-from capture.audit.camera_settings import exposure_by_room, exposure_gains
+from capture.audit.audit import at_a_glance, movement_warnings
+from capture.audit.camera_settings import exposure_gains
+from capture.audit.encoding_check import encoding_warnings
 from capture.audit.frame_facts import FrameFacts, one_clip_level, reduced, sensor_ceiling
 from capture.camera.exif import Exif, read_exif
 from capture.camera.session_camera import fitted
@@ -29,6 +30,7 @@ from capture.photographs.kept import Kept, kept_folder
 from capture.photographs.photograph import FLOAT16_MAX, SATURATION
 from capture.session.session_types import CaptureSession
 from scene.camera import Camera
+from scene.errors import CaptureError
 from scene.fan_out import fan_out
 from scene.files import create_array, remove, write_npy
 from scene.frames import Frames
@@ -88,7 +90,7 @@ def decode(
         [camera] is of another size than the first photograph; told before the others are decoded.
     """
     exif, ambient_exif = ([read_exif(path) for path in files] for files in (session.flash, session.ambient))
-    gain, ambient_gain = exposure_gains(exif, ambient_exif)
+    _, ambient_gain = exposure_gains(exif, ambient_exif)
     count, total = itertools.count(1), sum(map(len, (session.flash, session.ambient, session.dark, session.flat)))
 
     def done() -> None:
@@ -130,13 +132,12 @@ def decode(
                 jobs = [replace(job, recipe=replace(recipe, saturation=saturation)) for job in jobs]
                 facts = fan_out(develop, jobs, executor=executor, done=done, threads=threads)
             is_mosaic = any(fact.is_mosaic for fact in facts)
-            pictures = np.stack([fact.small * factor for fact, factor in zip(facts, gain, strict=True)])
             small = None if ambient is None else reduced(ambient)
-            by_room, of_room = exposure_by_room(session.names, pictures, small)
-            gain = gain * by_room
+            gain, missing, found = at_a_glance(session, exif, ambient_exif, facts, small)
+            if missing:
+                raise CaptureError("\n".join(missing))
             frames = Frames(session.names, codes, gain, ambient, saturation, is_mosaic)
-            found = audit(session, frames, exif, facts=facts, ambient_exif=ambient_exif)
-            warnings = (*told, *of_room, *found)
+            warnings = (*told, *found, *movement_warnings(frames, facts), *encoding_warnings(session, frames))
             del frames, codes
         saved = np.load(store.path("frames", "codes.npy"), mmap_mode="r")
         store.save_frames_header(Frames(session.names, saved, gain, ambient, saturation, is_mosaic))
