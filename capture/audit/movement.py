@@ -1,6 +1,5 @@
 """Did the camera or its focus stand still? A frame's static edges against the others', those before against after."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,16 +81,15 @@ def movement(frames: Frames, facts: list[FrameFacts]) -> Movement:
     units = _orientations(small, floor)
     middle = np.array(units.shape[:0:-1]) / 2
 
-    def reduced_units(place: NDArray[np.int_]) -> NDArray[np.complex64]:
-        return units[:, place[1] : place[1] + TILE_PX, place[0] : place[0] + TILE_PX]
-
     def units_at(place: NDArray[np.int_]) -> NDArray[np.complex64]:
         columns, rows = (slice(int(start), int(start) + TILE_PX) for start in place)
         pixels = gray(frames.read(rows, columns=columns, subtract_ambient=False))
         return _orientations(pixels / frames.gain.astype(np.float32)[:, None, None], floor)
 
     found = found.and_by(_jolts(small, floor), scale)
-    found = found.and_by(_by_tiles(reduced_units, static_tiles(units, TILE_PX, MOST_TILES), middle, count), scale)
+    places = static_tiles(units, TILE_PX, MOST_TILES)
+    planes = [votes(units[:, v : v + TILE_PX, u : u + TILE_PX]) for u, v in places]
+    found = found.and_by(_by_tiles(planes, places, middle, count), scale)
     if found.step is not None or scale <= 1.5:
         return found
     places = np.rint(static_tiles(units, round(TILE_PX / scale), 3 * MOST_TILES) * scale).astype(int)
@@ -100,7 +98,7 @@ def movement(frames: Frames, facts: list[FrameFacts]) -> Movement:
     # rather than kept: all frames' would be half a gigabyte.
     clear = [-_of_either_half(units_at(place)).sum() for place in places]
     places = places[np.argsort(clear, kind="stable")[:MOST_TILES]]
-    return found.and_by(_by_tiles(units_at, places, middle * scale, count), 1.0)
+    return found.and_by(_by_tiles([votes(units_at(place)) for place in places], places, middle * scale, count), 1.0)
 
 
 def _orientations(pictures, floor: NDArray) -> NDArray[np.complex64]:
@@ -138,14 +136,12 @@ def _jolts(small: list[NDArray], floor: NDArray) -> Movement:
     return Movement(shift, jolted & (jolted.mean() < 0.4))
 
 
-def _by_tiles(
-    units_at: Callable[[NDArray], NDArray], places: NDArray[np.int_], middle: NDArray[np.float64], count: int
-) -> Movement:
-    """Return what tiles say of `count` frames; a step must have more votes than any single frame."""
+def _by_tiles(tiles: list[NDArray], places: NDArray[np.int_], middle: NDArray[np.float64], count: int) -> Movement:
+    """Return what tiles' votes say of `count` frames; a step must have more than any single frame."""
     still = Movement(np.zeros((count, 2)), np.zeros(count, bool))
     if len(places) < FEWEST_TILES:
         return still
-    planes = np.stack([votes(units_at(place)) for place in places])
+    planes = np.stack(tiles)
     frames = planes[:, :count].mean(0)
     gains = frames.max((1, 2)) - frames[:, REACH_PX, REACH_PX]
     step = find_step(planes[:, count:], places + TILE_PX / 2 - middle, max(GAIN, gains.max()))

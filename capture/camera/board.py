@@ -33,7 +33,8 @@ def calibrate_board(board: BoardTable, session: CaptureSession) -> tuple[Camera,
     corners_of = _chessboard(board) if board.dictionary is None else _charuco(board, board.dictionary)
     matched, size, missed = [], None, []
     for file in session.board_shots:
-        picture = _board_picture(file, session)
+        photograph = read_photograph(file, DevelopRecipe(session.encoding, False, file))
+        picture = detector_gray(gray(decode(photograph.codes)))
         size = size or picture.shape
         if picture.shape != size:
             raise SessionError(
@@ -123,11 +124,6 @@ def _camera_of_corners(
     if rms > 1:
         note += " An error above 1 px is too much: is the board flat, are the shots sharp, and at the same focus?"
     return camera, note
-
-
-def _board_picture(file: Any, session: CaptureSession) -> NDArray[np.uint8]:
-    """Return a photograph for a detector, full size."""
-    return detector_gray(gray(decode(read_photograph(file, DevelopRecipe(session.encoding, False, file)).codes)))
 
 
 def detector_gray(linear: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -84,7 +84,7 @@ def _exif_of_tags(tags: Mapping[str, Any]) -> Exif:
         width_px=int(width) if width else None,
         # All bits set: infinity.
         subject_mm=1000 * distance if distance and distance < 4e6 else None,
-        camera=" ".join(word for word in (_text(tags, "Make"), _text(tags, "Model")) if word) or None,
+        camera=" ".join(str(tags.get(name, "")).strip(" \0") for name in ("Make", "Model")).strip() or None,
     )
 
 
@@ -101,10 +101,6 @@ def _number(tags: Mapping[str, Any], *names: str) -> float | None:
         if 0 < number < float("inf"):
             return number
     return None
-
-
-def _text(tags: Mapping[str, Any], name: str) -> str:
-    return str(tags.get(name, "")).strip(" \0")
 
 
 def tags_in(path: Path) -> dict[str, Any]:

@@ -48,17 +48,12 @@ def camera_of(session: CaptureSession, exif: Sequence[Exif], width: int, height:
     if session.layout == "diligent":
         return Camera.orthographic(width, height, source="DiLiGenT layout"), ()
     camera, warnings = camera_from_lens(stated or SessionCameraTable(), exif, width, height, half=session.half)
-    if camera.is_orthographic and _balls_may_tell(session):
-        # `calibrate` finds its focal length, and says so.
+    known = [ball.kind for ball in session.spheres if ball.diameter_mm is not None]
+    if camera.is_orthographic and len(known) > 1 and "chrome" in known and session.lights_file is None:
+        # So many balls, a mirror among them, tell a focal length: `calibrate` finds it, and says so.
         return usual_camera(width, height), ()
     camera = fitted(camera, session, width, height)
     return camera, (*warnings, *_off_middle(camera))
-
-
-def _balls_may_tell(session: CaptureSession) -> bool:
-    """Whether there are balls enough, a mirror among them, to tell a focal length."""
-    known = [ball for ball in session.spheres if ball.diameter_mm is not None]
-    return len(known) > 1 and any(ball.kind == "chrome" for ball in known) and session.lights_file is None
 
 
 def usual_camera(width: int, height: int) -> Camera:

@@ -69,9 +69,7 @@ class Small:
     @cached_property
     def boxes(self) -> NDArray[np.float32]:
         """`light` in boxes: single pixels are noise in the dark."""
-        light = self.light
-        height, width = light.shape[0] // BOX, light.shape[1] // BOX
-        return light[: height * BOX, : width * BOX].reshape(height, BOX, width, BOX).mean((1, 3))
+        return _reduced(self.light, BOX)
 
 
 def read_small(
@@ -108,7 +106,7 @@ def small_of(path: Path, photograph: Photograph, *, full: int = 1) -> Small:
 
 
 def _reduced(codes: NDArray, step: int) -> NDArray:
-    """Return means of whole boxes, in codes."""
+    """Return means of whole boxes, in codes or light."""
     import cv2
 
     height, width = codes.shape[0] // step, codes.shape[1] // step
