@@ -14,7 +14,7 @@ def _frame_inputs(job: Job) -> list[Any]:
     files = (session.flash, session.ambient, session.dark, session.flat, session.chart)
     coding = (session.encoding, session.encoding_stated, session.half, session.skip, session.layout)
     # A scan wants a camera: whether there is one decides what `check` accepts.
-    return [*files, *coding, session.camera, session.scan is None]
+    return [*files, *coding, session.camera, session.board_shots, session.scan is None]
 
 
 def _light_inputs(job: Job) -> list[Any]:

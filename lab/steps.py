@@ -115,7 +115,7 @@ def align(job: Job) -> Outcome:
     """Find the object; register the scan; write the ground truth."""
     from align.mask.object_mask import find_object
     from align.truth import read_normals
-    from capture.audit.part_movement import part_warnings, parts_of
+    from capture.audit.part_movement import part_warnings
     from capture.session.requests import object_box, read_mask
     from solve.axes import lights_in_other_axes
 
@@ -125,7 +125,7 @@ def align(job: Job) -> Outcome:
     given = read_mask(session.mask, frames.height, frames.width) if session.mask else None
     found = find_object(frames, camera, spheres, mask_given=given, box=object_box(session, frames.width))
     lights = lights.seen_from(_object_point(camera, spheres, lights, found.mask))
-    warnings, result = [*found.warnings, *part_warnings(frames, parts_of(spheres, camera))], None
+    warnings, result = [*found.warnings, *part_warnings(frames, spheres)], None
     if session.lights_file and not spheres:
         told = lights_in_other_axes(frames, lights, camera, found.mask)
         warnings += [told] if told else []

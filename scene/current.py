@@ -10,7 +10,7 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 from platform import python_version
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -97,17 +97,28 @@ def file_digest(path: Path) -> str | None:
         return None
 
 
-def look_of(path: Path) -> list[int]:
-    """Return a file's size, times of change and number."""
-    status = path.stat()
-    return [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
+class FileLook(NamedTuple):
+    """What a listing says of a file; two looks that differ are two contents."""
+
+    size: int
+    mtime_ns: int
+    ctime_ns: int
+    inode: int
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether a later change of the file would show in its times."""
+        tick = TICK_NS if self.mtime_ns % 1_000_000_000 or self.ctime_ns % 1_000_000_000 else COARSE_NS
+        return max(self.mtime_ns, self.ctime_ns) + tick < time.time_ns()
 
 
-def is_settled(look: list[int]) -> bool:
-    """Whether a later change of a file would show in its times."""
-    _, modified, changed, _ = look
-    tick = TICK_NS if modified % 1_000_000_000 or changed % 1_000_000_000 else COARSE_NS
-    return max(modified, changed) + tick < time.time_ns()
+def look_of(path: Path) -> FileLook | None:
+    """Return how a file looks now; None where there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return FileLook(status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino)
 
 
 @cache

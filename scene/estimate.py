@@ -59,12 +59,8 @@ class Estimate:
         text = f"{self.method}: normals of {known:,} of {width} x {height} pixels"
         if self.sigma_deg is not None and np.isfinite(self.sigma_deg).any():
             text += f", sigma {np.nanmedian(self.sigma_deg):.2g} degrees (median)"
-        doubts = len(self.warnings)
-        return (
-            text
-            + f", {self.processor_seconds:.1f} processor s"
-            + (f", {doubts} warning{'s' * (doubts > 1)}" if doubts else "")
-        )
+        text, doubts = f"{text}, {self.processor_seconds:.1f} processor s", len(self.warnings)
+        return text + (f", {doubts} warning{'s' * (doubts > 1)}" if doubts else "")
 
     def _repr_html_(self) -> str:
         from scene.map_pictures import data_uri, normal_picture

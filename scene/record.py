@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from scene.current import TICK_NS, file_digest, fingerprint, is_settled, libraries, look_of
+from scene.current import TICK_NS, FileLook, file_digest, fingerprint, libraries, look_of
 from scene.errors import SceneError
 from scene.reading import reading
 
@@ -48,7 +48,7 @@ class Record:
     _files: dict[str, tuple[str, list[str]]] = field(default_factory=dict)
     """Of each file that rgbn wrote the work that made it, empty: none that is ever forgotten; and the contents that it
     may have: two, while nobody knows whether a killed run had put the second in place."""
-    _seen: dict[str, tuple[list[int], str]] = field(default_factory=dict)
+    _seen: dict[str, tuple[FileLook, str]] = field(default_factory=dict)
     """How a file looked when it had this digest: inputs, and files that rgbn wrote."""
     has_learnt: bool = False
     """Files were read since it was saved: what they look like spares the next run reading them."""
@@ -181,7 +181,8 @@ class Record:
             self.save()
             os.replace(source, path)
             for place, digest in places.items():
-                self._seen[self.name_of(place)] = look_of(place), str(digest)
+                if look := look_of(place):
+                    self._seen[self.name_of(place)] = look, str(digest)
 
     def check_free(self, path: Path) -> str:
         """Return the digest of the file that may be written over, empty where there is none.
@@ -225,16 +226,12 @@ class Record:
 
     def digest(self, path: Path) -> str | None:
         """Return `file_digest`; from memory where the file looks as it did, to the tick of its clock."""
-        name = self.name_of(path)
-        try:
-            look = look_of(path)
-        except OSError:
-            return None
+        name, look = self.name_of(path), look_of(path)
         known = self._seen.get(name)
         if known and known[0] == look:
             return known[1]
-        digest = file_digest(path)
-        if digest is not None and is_settled(look):
+        digest = file_digest(path) if look else None
+        if look and digest is not None and look.is_settled:
             self._seen[name], self.has_learnt = (look, digest), True
         return digest
 
@@ -272,14 +269,15 @@ class Record:
                 raise ValueError(f"format {data['format']}, expected {FORMAT}")
             if data.pop("digest") != fingerprint(data):
                 raise ValueError("its content is not what rgbn wrote")
-            self.notes, self.done, self._files, self._seen = (data[name] for name in ("notes", "done", "files", "seen"))
+            self.notes, self.done, self._files, seen = (data[name] for name in ("notes", "done", "files", "seen"))
+            self._seen = {name: (FileLook(*look), digest) for name, (look, digest) in seen.items()}
 
     def save(self) -> None:
         """Replace the record on disk; raise SceneError where the disk is full, or the file cannot be written."""
         path = self.folder / PLACE / NAME
         with self._guard:
             # Other threads may see files meanwhile.
-            seen = {name: known for name, known in self._seen.copy().items() if is_settled(known[0])}
+            seen = {name: known for name, known in self._seen.copy().items() if known[0].is_settled}
             data = {"format": FORMAT, "made_by": libraries()["rgbn"], "notes": self.notes, "done": self.done}
             data |= {"files": self._files, "seen": seen}
             try:

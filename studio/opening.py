@@ -68,7 +68,7 @@ def open_path(state: StudioState, workspace: Workspace, source: Path, out: Path 
         folders = survey(source)
         if out is not None and len(folders) > 1:
             raise SceneError(f"--out {out}: there are {len(folders)} objects, each with a folder of its own: out/NAME.")
-        origin = Origin("session", folders[0].folder, tuple(folders[0].photographs["flash"]))
+        origin = Origin("session", folders[0].folder, tuple(folders[0].by_role["flash"]))
         place = out or default_out(origin, folders[0].folder.name, workspace.root / "out")
         state.show_session(workspace.path(place.resolve()), source.resolve())
     elif source.is_dir() or source.name == MANIFEST:

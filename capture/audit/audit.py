@@ -6,10 +6,10 @@ A flash that did not fire is an error: its light does not exist. All else is usa
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from capture.audit.camera_settings import gaps_in_numbering, mixed_settings
-from capture.audit.encoding_check import encoding_warnings
-from capture.audit.frame_facts import FrameFacts, facts_of, reduced
+from capture.audit.camera_settings import exposure_by_room, exposure_gains, mixed_settings
+from capture.audit.frame_facts import FrameFacts
 from capture.audit.missing_flashes import doubles, misfires
 from capture.audit.movement import movement
 from capture.camera.exif import Exif
@@ -21,40 +21,27 @@ BLOWN = 0.002
 """Share of the picture in large clipped spots that is worth a warning."""
 
 
-def audit(
+def at_a_glance(
     session: CaptureSession,
-    frames: Frames,
     exif: Sequence[Exif],
-    *,
-    facts: list[FrameFacts] | None = None,
-    ambient_exif: Sequence[Exif] = (),
-) -> tuple[str, ...]:
-    """Return warnings, "frame: what. What to do.", of a session's decoded frames and of its files.
+    ambient_exif: Sequence[Exif],
+    facts: list[FrameFacts],
+    ambient: NDArray | None,
+) -> tuple[NDArray[np.float64], list[str], list[str]]:
+    """Return the flash frames' gains (F,), lines that name frames without their flash, and warnings.
 
-    `exif` is the flash frames', in order; `facts` (F,) were gathered while decoding, else they are gathered now.
-
-    Raises
-    ------
-    CaptureError
-        A flash did not fire, or it fired in the ambient frame; every such frame is named.
+    `exif` and `facts` are the flash frames', in order; `ambient` (h, w) is reduced as `FrameFacts.small`.
     """
-    facts = facts or [facts_of(frames.codes[i]) for i in range(len(frames))]
-    light = np.stack([fact.small * gain for fact, gain in zip(facts, frames.gain, strict=True)])
-    ambient = None if frames.ambient is None else reduced(frames.ambient)
-    if ambient is not None:
-        light = light - ambient
-    return (
-        *mixed_settings(session, exif, ambient_exif),
-        *gaps_in_numbering(session),
-        *misfires(frames.names, light, ambient),
-        *doubles(frames.names, facts, light),
-        *blown_warnings(frames.names, facts),
-        *movement_warnings(frames, facts),
-        *encoding_warnings(session, frames),
-    )
+    names, gain = session.names, exposure_gains(exif, ambient_exif)[0]
+    pictures = np.stack([fact.small * factor for fact, factor in zip(facts, gain, strict=True)])
+    by_room, told = exposure_by_room(names, pictures, ambient)
+    light = pictures * by_room[:, None, None] - (0 if ambient is None else ambient)
+    missing, dark = misfires(names, light, ambient)
+    told = [*told, *mixed_settings(session, exif, ambient_exif), *dark, *doubles(names, facts, light)]
+    return gain * by_room, missing, [*told, *_blown(names, facts)]
 
 
-def blown_warnings(names: tuple[str, ...], facts: list[FrameFacts]) -> list[str]:
+def _blown(names: tuple[str, ...], facts: list[FrameFacts]) -> list[str]:
     """Name frames of which a large part is clipped."""
     share = np.array([fact.blown_share for fact in facts])
     blown = [names[i] for i in np.flatnonzero(share > BLOWN)]

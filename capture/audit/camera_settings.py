@@ -1,7 +1,5 @@
-"""Exposure and settings: what EXIF says, what the room's light says where EXIF is silent, and the files' numbering."""
+"""Exposure and settings: what EXIF says, and what the room's light says where EXIF is silent."""
 
-import itertools
-import re
 from collections import Counter
 from collections.abc import Sequence
 
@@ -117,30 +115,4 @@ def mixed_settings(session: CaptureSession, exif: Sequence[Exif], ambient_exif: 
             f"{listed(silent)}: no exposure in EXIF, unlike the other {len(everyone) - len(silent)} frames; "
             "taken as the same exposure."
         )
-    return warnings
-
-
-def gaps_in_numbering(session: CaptureSession) -> list[str]:
-    """Name files that a regular numbering lacks. Skipped ones are known to exist."""
-    series: dict[tuple[str, str], dict[int, int]] = {}
-    for name in (*session.names, *(re.sub(r"\.[A-Za-z]\w*$", "", entry) for entry in session.skip)):
-        found = re.fullmatch(r"(.*?)(\d+)(\D*)", name)
-        if found and len(found[2]) < 9:
-            series.setdefault((found[1], found[3]), {})[int(found[2])] = len(found[2])
-    warnings = []
-    for (before, after), numbers in series.items():
-        ordered = sorted(numbers)
-        pairs = list(itertools.pairwise(ordered))
-        steps = Counter(b - a for a, b in pairs)
-        step, times = steps.most_common(1)[0] if steps else (1, 0)
-        missing = [n for a, b in pairs for n in range(a + step, b, step)]
-        # Numbers that are no count (times of day, a random choice) leave far more out.
-        is_count = times >= 2 and not any(difference % step for difference in steps)
-        if missing and is_count and len(missing) <= len(ordered) / 2:
-            digits = numbers[ordered[0]] if str(ordered[0]).zfill(numbers[ordered[0]])[0] == "0" else 1
-            warnings.append(
-                f"{listed([f'{before}{n:0{digits}d}{after}' for n in missing])}: missing from the numbering. If a "
-                "photograph was lost, copy it from the camera; a lights file that goes by order would be off by one "
-                "from there."
-            )
     return warnings

@@ -54,16 +54,15 @@ def blur_px(frames: Frames, facts: list[FrameFacts]) -> NDArray[np.float64]:
 
 def _squares(pictures: NDArray[np.float32]) -> NDArray[np.float64]:
     """Return sigma^2 (F,) of each picture (F, n, n) beside the others, NaN where noise hides it."""
+    from scipy import ndimage
+
     size = pictures.shape[1]
     taper = np.outer(np.hanning(size), np.hanning(size)).astype(np.float32)
     centred = (pictures - pictures.mean((1, 2), keepdims=True)) * taper
     power = np.abs(np.fft.rfft2(centred)) ** 2
     f = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None])
-    rings = np.digitize(f, np.arange(1.5, size // 2) / size)
-    rings_count = size // 2 - 1
-    sums = np.bincount(rings.ravel(), minlength=rings_count + 1)
-    spectrum = np.stack([np.bincount(rings.ravel(), one.ravel(), rings_count + 1) / sums for one in power])
-    spectrum, at = spectrum[:, 1:rings_count], np.arange(2, rings_count + 1)[: rings_count - 1] / size
+    rings, ring = np.rint(f * size), np.arange(2, size // 2)
+    spectrum, at = np.stack([np.asarray(ndimage.mean(one, rings, ring)) for one in power]), ring / size
     noise = spectrum[:, at > 0.4].mean(1, keepdims=True)
     clear = spectrum > ABOVE_NOISE * noise
     logarithm = np.log(np.maximum(spectrum - noise, 1e-12))

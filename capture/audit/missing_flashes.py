@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.audit.frame_facts import FrameFacts
-from scene.errors import CaptureError
 
 MISFIRE = 0.04
 """Share of the other frames' light below which the flash did not fire."""
@@ -14,8 +13,8 @@ SAME_LIGHT = 0.003
 """Relative difference of two pictures, after scaling, below which their lights cannot be told apart: about a degree."""
 
 
-def misfires(names: tuple[str, ...], light: NDArray, ambient: NDArray | None) -> list[str]:
-    """Raise CaptureError for frames without light of their own; name those that are dark everywhere.
+def misfires(names: tuple[str, ...], light: NDArray, ambient: NDArray | None) -> tuple[list[str], list[str]]:
+    """Return lines that name frames without light of their own, and warnings that name those that are dark everywhere.
 
     `light` (F, h, w): reduced pictures at the reference exposure, `ambient` (h, w) taken off.
     """
@@ -23,8 +22,8 @@ def misfires(names: tuple[str, ...], light: NDArray, ambient: NDArray | None) ->
     lit = brightest > 0.1 * np.quantile(brightest, 0.99)
     level = light[:, lit].mean(axis=1)
     usual = float(np.median(level))
-    if ambient is not None:
-        _check_ambient(light, ambient, usual, lit)
+    if ambient is not None and (lines := _ambient_faults(light, ambient, usual, lit)):
+        return lines, []
     share = level / max(usual, 1e-9)
     dead = np.flatnonzero(share < MISFIRE)
     if len(dead):
@@ -33,7 +32,7 @@ def misfires(names: tuple[str, ...], light: NDArray, ambient: NDArray | None) ->
             for i in dead
         ]
         do = "Reshoot, or list it under frames.skip; one that was shot without flash belongs under frames.ambient."
-        raise CaptureError(f"{lines[0]} {do}" if len(lines) == 1 else "\n".join([*lines, do]))
+        return ([f"{lines[0]} {do}"] if len(lines) == 1 else [*lines, do]), []
     warnings = []
     least = light.min(axis=0)
     for i in np.flatnonzero(share < 0.5):
@@ -49,23 +48,24 @@ def misfires(names: tuple[str, ...], light: NDArray, ambient: NDArray | None) ->
             f"frames: underexposed, the brightest parts reach {np.quantile(brightest, 0.995):.2%} of white. Noise will "
             "rule: open the aperture or move the flash closer."
         )
-    return warnings
+    return [], warnings
 
 
-def _check_ambient(light: NDArray, ambient: NDArray, usual: float, lit: NDArray[np.bool_]) -> None:
+def _ambient_faults(light: NDArray, ambient: NDArray, usual: float, lit: NDArray[np.bool_]) -> list[str]:
     if usual <= 0.02 * float(ambient[lit].mean()):
-        raise CaptureError(
+        return [
             f"frames.ambient: is as bright as the flash frames (mean {ambient.mean():.4f} of white, flash adds "
             f"{usual:.4f}). The flash fired there, or nowhere: shoot the ambient frame again without flash."
-        )
+        ]
     # Light only adds: where the frame without flash is brighter, it had a light that the others had not.
     over = np.median([np.mean(one < -OUTSHINES * ambient - 0.02 * usual) for one in light])
-    if over > LARGE:
-        raise CaptureError(
-            f"frames.ambient: is brighter than the frames with flash in {over:.1%} of the picture (median frame; "
-            "expected 0 %): the flash fired there, or the room was lit otherwise. Shoot the ambient frame again "
-            "without flash, or leave it out."
-        )
+    if over <= LARGE:
+        return []
+    return [
+        f"frames.ambient: is brighter than the frames with flash in {over:.1%} of the picture (median frame; "
+        "expected 0 %): the flash fired there, or the room was lit otherwise. Shoot the ambient frame again "
+        "without flash, or leave it out."
+    ]
 
 
 def doubles(names: tuple[str, ...], facts: list[FrameFacts], light: NDArray) -> list[str]:

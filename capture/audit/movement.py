@@ -1,6 +1,5 @@
 """Did the camera or its focus stand still? A frame's static edges against the others', those before against after."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +12,8 @@ from scene.frames import Frames, gray
 FEWEST_FRAMES = 5
 FEWEST_TILES, MOST_TILES = 8, 32
 TILE_PX = 96
-REACH_PX = 20
+REACH_PX, FARTHEST_PX = 20, 10
+"""Of a shift; of what a turn or a growth moves the farthest tile by."""
 PARTS, FAINT, MOST = 8, 0.1, 0.75
 """Parts across the picture that a jolt is asked of; of the edges of the part with most, those that a part must have;
 and the share of the parts that must have moved."""
@@ -81,16 +81,15 @@ def movement(frames: Frames, facts: list[FrameFacts]) -> Movement:
     units = _orientations(small, floor)
     middle = np.array(units.shape[:0:-1]) / 2
 
-    def reduced_units(place: NDArray[np.int_]) -> NDArray[np.complex64]:
-        return units[:, place[1] : place[1] + TILE_PX, place[0] : place[0] + TILE_PX]
-
     def units_at(place: NDArray[np.int_]) -> NDArray[np.complex64]:
         columns, rows = (slice(int(start), int(start) + TILE_PX) for start in place)
         pixels = gray(frames.read(rows, columns=columns, subtract_ambient=False))
         return _orientations(pixels / frames.gain.astype(np.float32)[:, None, None], floor)
 
     found = found.and_by(_jolts(small, floor), scale)
-    found = found.and_by(_by_tiles(reduced_units, static_tiles(units, TILE_PX, MOST_TILES), middle, count), scale)
+    places = static_tiles(units, TILE_PX, MOST_TILES)
+    planes = [votes(units[:, v : v + TILE_PX, u : u + TILE_PX]) for u, v in places]
+    found = found.and_by(_by_tiles(planes, places, middle, count), scale)
     if found.step is not None or scale <= 1.5:
         return found
     places = np.rint(static_tiles(units, round(TILE_PX / scale), 3 * MOST_TILES) * scale).astype(int)
@@ -99,7 +98,7 @@ def movement(frames: Frames, facts: list[FrameFacts]) -> Movement:
     # rather than kept: all frames' would be half a gigabyte.
     clear = [-_of_either_half(units_at(place)).sum() for place in places]
     places = places[np.argsort(clear, kind="stable")[:MOST_TILES]]
-    return found.and_by(_by_tiles(units_at, places, middle * scale, count), 1.0)
+    return found.and_by(_by_tiles([votes(units_at(place)) for place in places], places, middle * scale, count), 1.0)
 
 
 def _orientations(pictures, floor: NDArray) -> NDArray[np.complex64]:
@@ -137,14 +136,12 @@ def _jolts(small: list[NDArray], floor: NDArray) -> Movement:
     return Movement(shift, jolted & (jolted.mean() < 0.4))
 
 
-def _by_tiles(
-    units_at: Callable[[NDArray], NDArray], places: NDArray[np.int_], middle: NDArray[np.float64], count: int
-) -> Movement:
-    """Return what tiles say of `count` frames; a step must have more votes than any single frame."""
+def _by_tiles(tiles: list[NDArray], places: NDArray[np.int_], middle: NDArray[np.float64], count: int) -> Movement:
+    """Return what tiles' votes say of `count` frames; a step must have more than any single frame."""
     still = Movement(np.zeros((count, 2)), np.zeros(count, bool))
     if len(places) < FEWEST_TILES:
         return still
-    planes = np.stack([votes(units_at(place)) for place in places])
+    planes = np.stack(tiles)
     frames = planes[:, :count].mean(0)
     gains = frames.max((1, 2)) - frames[:, REACH_PX, REACH_PX]
     step = find_step(planes[:, count:], places + TILE_PX / 2 - middle, max(GAIN, gains.max()))
@@ -194,8 +191,9 @@ def find_step(planes: NDArray, middles: NDArray[np.float64], gain: float) -> Cam
     the least that counts, see `GAIN`.
     """
     still = planes[:, :, REACH_PX, REACH_PX].mean(0)
+    planes = np.pad(planes, [(0, 0)] * 2 + [(FARTHEST_PX, FARTHEST_PX)] * 2)
     farthest = max(float(np.linalg.norm(middles, axis=1).max()), 1.0)
-    rates = np.arange(-REACH_PX // 2, REACH_PX // 2 + 1) / farthest
+    rates = np.arange(-FARTHEST_PX, FARTHEST_PX + 1) / farthest
     best = (gain, -1, 0j, np.zeros((1, 1)))
     # A camera turns, or a focus moves: not both.
     for rate in (*(1j * rates), *rates[rates != 0]):
@@ -217,15 +215,13 @@ def find_step(planes: NDArray, middles: NDArray[np.float64], gain: float) -> Cam
 def _taken_back(planes: NDArray, middles: NDArray, rate: complex) -> NDArray:
     """Return the mean over tiles of planes (T, K, h, w), each moved by what a growth and a turn move its tile.
 
-    `rate`: the growth, and the turn (radians) as its imaginary part.
+    `planes` have a margin of `FARTHEST_PX`; `rate`: the growth, and the turn (radians) as its imaginary part.
     """
-    total = np.zeros(planes.shape[1:])
-    height, width = planes.shape[2:]
+    height, width = (side - 2 * FARTHEST_PX for side in planes.shape[2:])
+    total = np.zeros((planes.shape[1], height, width))
     for plane, (u, v) in zip(planes, middles, strict=True):
         # The tile's vote for the shift lies so far from its peak.
         moved = rate * complex(u, v)
-        right, down = round(moved.real), round(moved.imag)
-        rows = slice(max(down, 0), min(height + down, height)), slice(max(-down, 0), min(height - down, height))
-        columns = slice(max(right, 0), min(width + right, width)), slice(max(-right, 0), min(width - right, width))
-        total[:, rows[1], columns[1]] += plane[:, rows[0], columns[0]]
+        down, right = FARTHEST_PX + round(moved.imag), FARTHEST_PX + round(moved.real)
+        total += plane[:, down : down + height, right : right + width]
     return total / len(planes)

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.photographs.develop import DevelopRecipe, read_photograph
-from capture.session.session_types import Board, CaptureSession
+from capture.session.manifest import BoardTable
+from capture.session.session_types import CaptureSession
 from scene.camera import Camera
 from scene.errors import SessionError
 from scene.frames import decode, gray
@@ -20,21 +21,24 @@ SQUARE_PIXELS = 0.05
 """How far fx and fy may differ, relative, beyond three sigmas: cameras' pixels are square."""
 
 
-def calibrate_board(board: Board, session: CaptureSession) -> tuple[Camera, str]:
-    """Return the camera, full size, with distortion, by photographs of a board; and a note on its errors.
+def calibrate_board(board: BoardTable, session: CaptureSession) -> tuple[Camera, str]:
+    """Return the camera, full size, with distortion, by a session's photographs of a board; and a note on its errors.
 
     Zhang's method [Zhang2000] on the corners of a ChArUco board [GarridoJurado2014] or of a chessboard [Duda2018]. The
     sigmas are those of the least squares: what the corners' scatter about the fit leaves open. A board that is not
     flat is not in them. SessionError for an unknown dictionary, or fewer than 3 shots in which the board was found.
     """
+    source = "chessboard" if board.dictionary is None else "ChArUco"
+    key = f"camera.{source.lower()}"
     corners_of = _chessboard(board) if board.dictionary is None else _charuco(board, board.dictionary)
     matched, size, missed = [], None, []
-    for file in board.files:
-        picture = _board_picture(file, session)
+    for file in session.board_shots:
+        photograph = read_photograph(file, DevelopRecipe(session.encoding, False, file))
+        picture = detector_gray(gray(decode(photograph.codes)))
         size = size or picture.shape
         if picture.shape != size:
             raise SessionError(
-                f"{board.key}: {file.name} is {picture.shape[1]} x {picture.shape[0]} px, the first shot {size[1]} "
+                f"{key}: {file.name} is {picture.shape[1]} x {picture.shape[0]} px, the first shot {size[1]} "
                 f"x {size[0]}. All must be of the frames' size."
             )
         corners = corners_of(picture)
@@ -45,19 +49,17 @@ def calibrate_board(board: Board, session: CaptureSession) -> tuple[Camera, str]
     checked = "squares" if board.dictionary is None else "squares and dictionary"
     if len(matched) < 3 or size is None:
         raise SessionError(
-            f"{board.key}: the board was found in {len(matched)} of {len(board.files)} shots, at least 3 are "
+            f"{key}: the board was found in {len(matched)} of {len(session.board_shots)} shots, at least 3 are "
             f"needed (too few corners in {', '.join(missed[:6])}). Check {checked}, "
             "light it evenly, fill the picture with it, tilt it differently in each shot."
         )
     do = "Tilt the board differently in each shot, and fill the picture with it."
-    with reading(board.key, "gives no camera", SessionError, do=do):
+    with reading(key, "gives no camera", SessionError, do=do):
         objects, images = map(list, zip(*matched, strict=True))
-        return _camera_of_corners(
-            objects, images, size, missed, board.key, "chessboard" if board.dictionary is None else "ChArUco"
-        )
+        return _camera_of_corners(objects, images, size, missed, key, source)
 
 
-def _charuco(board: Board, name: str) -> Callable[[NDArray[np.uint8]], Corners | None]:
+def _charuco(board: BoardTable, name: str) -> Callable[[NDArray[np.uint8]], Corners | None]:
     """Return what finds a ChArUco board's corners in a picture."""
     import cv2
 
@@ -65,7 +67,7 @@ def _charuco(board: Board, name: str) -> Callable[[NDArray[np.uint8]], Corners |
     if name not in known:
         raise SessionError(f'camera.board.dictionary: found "{name}"; known are {", ".join(known)}.')
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
-    pattern = cv2.aruco.CharucoBoard(board.squares, board.square_mm, board.marker_mm or 0.0, dictionary)
+    pattern = cv2.aruco.CharucoBoard(tuple(board.squares), board.square_mm, board.marker_mm or 0.0, dictionary)
     detector = cv2.aruco.CharucoDetector(pattern)
     match: Any = pattern.matchImagePoints
 
@@ -76,7 +78,7 @@ def _charuco(board: Board, name: str) -> Callable[[NDArray[np.uint8]], Corners |
     return find
 
 
-def _chessboard(board: Board) -> Callable[[NDArray[np.uint8]], Corners | None]:
+def _chessboard(board: BoardTable) -> Callable[[NDArray[np.uint8]], Corners | None]:
     """Return what finds a chessboard's inner corners in a picture; it must be seen whole."""
     import cv2
 
@@ -122,11 +124,6 @@ def _camera_of_corners(
     if rms > 1:
         note += " An error above 1 px is too much: is the board flat, are the shots sharp, and at the same focus?"
     return camera, note
-
-
-def _board_picture(file: Any, session: CaptureSession) -> NDArray[np.uint8]:
-    """Return a photograph for a detector, full size."""
-    return detector_gray(gray(decode(read_photograph(file, DevelopRecipe(session.encoding, False, file)).codes)))
 
 
 def detector_gray(linear: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""What the camera wrote beside the picture: exposure, lens, clock. Absent EXIF is normal.
+"""What the camera wrote beside the picture: exposure, lens. Absent EXIF is normal.
 
 Tags are read by EXIF's names, whatever the file, by tifffile. Most RAW files are TIFF. Others hold blocks of TIFF: JPEG
 and .raf behind "Exif", .cr3 in the boxes CMT1 and CMT2, .mrw in TTW, PNG in the chunk eXIf.
@@ -41,12 +41,8 @@ class Exif:
         Focal-plane resolution, of a picture `width_px` wide.
     subject_mm : float or None
         What the lens is focused at.
-    taken : str or None
-        "2026-11-21 09:30:12.34", with the fraction when the camera gives one.
     camera : str or None
         Maker and model.
-    orientation : int or None
-        1 to 8; never applied to the pixels.
     """
 
     exposure_s: float | None = None
@@ -57,9 +53,7 @@ class Exif:
     pixels_per_mm: tuple[float, float] | None = None
     width_px: int | None = None
     subject_mm: float | None = None
-    taken: str | None = None
     camera: str | None = None
-    orientation: int | None = None
 
 
 def read_exif(path: Path) -> Exif:
@@ -77,7 +71,7 @@ def _exif_of_tags(tags: Mapping[str, Any]) -> Exif:
     distance = _number(tags, "SubjectDistance")
     # The first picture of a RAW file may be a small one.
     width = _number(tags, "PixelXDimension", "ImageWidth" if not tags.get("NewSubfileType") else "")
-    iso, orientation = _number(tags, "ISOSpeedRatings"), _number(tags, "Orientation")
+    iso = _number(tags, "ISOSpeedRatings")
     if iso in (None, MOST_ISO):
         iso = _number(tags, "RecommendedExposureIndex", "StandardOutputSensitivity", "ISOSpeed")
     return Exif(
@@ -90,9 +84,7 @@ def _exif_of_tags(tags: Mapping[str, Any]) -> Exif:
         width_px=int(width) if width else None,
         # All bits set: infinity.
         subject_mm=1000 * distance if distance and distance < 4e6 else None,
-        taken=_time(tags),
-        camera=" ".join(word for word in (_text(tags, "Make"), _text(tags, "Model")) if word) or None,
-        orientation=int(orientation) if orientation else None,
+        camera=" ".join(str(tags.get(name, "")).strip(" \0") for name in ("Make", "Model")).strip() or None,
     )
 
 
@@ -108,23 +100,6 @@ def _number(tags: Mapping[str, Any], *names: str) -> float | None:
             continue
         if 0 < number < float("inf"):
             return number
-    return None
-
-
-def _text(tags: Mapping[str, Any], name: str) -> str:
-    return str(tags.get(name, "")).strip(" \0")
-
-
-def _time(tags: Mapping[str, Any]) -> str | None:
-    for name, fraction in (
-        ("DateTimeOriginal", "SubsecTimeOriginal"),
-        ("DateTimeDigitized", "SubsecTimeDigitized"),
-        ("DateTime", "SubsecTime"),
-    ):
-        stamp = _text(tags, name)
-        if len(stamp) >= 19 and stamp[:4] != "0000":
-            digits = _text(tags, fraction)
-            return stamp[:10].replace(":", "-") + stamp[10:19] + (f".{digits}" if digits.isdigit() else "")
     return None
 
 

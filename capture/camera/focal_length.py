@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from capture.camera.exif import Exif
-from capture.session.session_types import Lens
+from capture.session.manifest import SessionCameraTable
 from draw.readable import share
 from scene.camera import Camera
 from scene.errors import SessionError
@@ -42,13 +42,13 @@ class _Focal(NamedTuple):
 
 
 def camera_from_lens(
-    lens: Lens, exif: Sequence[Exif], width: int, height: int, *, half: bool = False
+    lens: SessionCameraTable, exif: Sequence[Exif], width: int, height: int, *, half: bool = False
 ) -> tuple[Camera, tuple[str, ...]]:
-    """Return the camera of a lens that is known in part, or not at all (`Lens()`): EXIF tells the rest.
+    """Return the camera of a lens that is known in part, or not at all: EXIF tells the rest.
 
     Parameters
     ----------
-    lens : Lens
+    lens : SessionCameraTable
     exif : sequence of Exif
         The flash frames'.
     width, height : int
@@ -57,8 +57,8 @@ def camera_from_lens(
     Returns
     -------
     camera : Camera
-        Of the full-size picture, or that of `lens.size`; with `focal_sigma` and `center_sigma_px`. Orthographic where
-        nothing tells the focal length.
+        Of the full-size picture, or of the size that `lens` states; with `focal_sigma` and `center_sigma_px`.
+        Orthographic where nothing tells the focal length.
     warnings : tuple of str
 
     Raises
@@ -67,10 +67,12 @@ def camera_from_lens(
         A focal length in millimetres without the sensor's size, or one that no lens has.
     """
     decoded = width, height
-    width, height = lens.size or ((2 * width, 2 * height) if half else decoded)
+    if half:
+        width, height = 2 * width, 2 * height
+    width, height = lens.width or width, lens.height or height
     source = "EXIF" if lens.fx is None and lens.focal_mm is None else "session.toml"
     focal = _focal_of(lens, exif, width, height)
-    if focal is None and lens != Lens():
+    if focal is None and lens != SessionCameraTable():
         raise SessionError(
             "camera: no focal length: neither [camera] in session.toml nor EXIF tells one. Add fx (pixels), or "
             "focal_mm with sensor_mm, the width of the sensor."
@@ -92,7 +94,7 @@ def camera_from_lens(
         *(width, height, focal.fx, focal.fy),
         (width - 1) / 2 if lens.cx is None else lens.cx,
         (height - 1) / 2 if lens.cy is None else lens.cy,
-        lens.distortion,
+        tuple(lens.distortion or (0.0,) * 5),
         source=source,
         focal_sigma=focal.sigma,
         center_sigma_px=0.0 if known else CENTER_SIGMA * width,
@@ -109,7 +111,7 @@ def camera_from_lens(
     )
 
 
-def _focal_of(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> _Focal | None:
+def _focal_of(lens: SessionCameraTable, exif: Sequence[Exif], width: int, height: int) -> _Focal | None:
     """Return the focal length by the first that tells it; None where nothing does."""
     if lens.fx is not None:
         # A calibration gives the principal point too: without it this is a figure that somebody worked out.
@@ -147,7 +149,7 @@ def _focal_of(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> _Foc
     return _Focal(stated_mm * x * longer, stated_mm * y * longer, sigma, what)
 
 
-def _doubts(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> list[str]:
+def _doubts(lens: SessionCameraTable, exif: Sequence[Exif], width: int, height: int) -> list[str]:
     """Say where millimetres contradict the photographs' EXIF by more than an adapted lens or a crop: another unit."""
     doubts = []
     focal = next((e.focal_mm for e in exif if e.focal_mm), None)
@@ -156,7 +158,7 @@ def _doubts(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> list[s
             f"camera.focal_mm: found {lens.focal_mm:g}, but the photographs' EXIF says {focal:g} mm. Give millimetres, "
             "as engraved on the lens (1 cm = 10 mm); or leave focal_mm out."
         )
-    known = _sensor_of(Lens(model=lens.model), exif, width, height) if lens.sensor_mm else None
+    known = _sensor_of(SessionCameraTable(model=lens.model), exif, width, height) if lens.sensor_mm else None
     sensor = max(width, height) / known[0][0] if known else None
     if lens.sensor_mm and sensor and not 1 / UNIT <= lens.sensor_mm / sensor <= UNIT:
         doubts.append(
@@ -166,7 +168,9 @@ def _doubts(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> list[s
     return doubts
 
 
-def _sensor_of(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> tuple[tuple[float, float], str] | None:
+def _sensor_of(
+    lens: SessionCameraTable, exif: Sequence[Exif], width: int, height: int
+) -> tuple[tuple[float, float], str] | None:
     """Return the picture's pixels per mm, along rows and columns, and by what they are known."""
     longer, diagonal = max(width, height), float(np.hypot(width, height))
     if lens.pixel_um:

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from capture.camera.board import calibrate_board
 from capture.camera.exif import Exif
 from capture.camera.focal_length import CENTER_SIGMA, camera_from_lens
-from capture.session.session_types import Board, CaptureSession, Lens
+from capture.session.manifest import SessionCameraTable
+from capture.session.session_types import CaptureSession
 from scene.camera import Camera
 from scene.errors import SessionError
 
@@ -37,26 +38,22 @@ def camera_of(session: CaptureSession, exif: Sequence[Exif], width: int, height:
     SessionError
         [camera] is of another size than the frames, or the board was not found.
     """
-    if isinstance(session.camera, Camera):
-        camera = fitted(session.camera, session, width, height)
+    stated = session.camera
+    if isinstance(stated, Camera):
+        camera = fitted(stated, session, width, height)
         return camera, _off_middle(camera)
-    if isinstance(session.camera, Board):
-        camera, note = calibrate_board(session.camera, session)
+    if stated and stated.board:
+        camera, note = calibrate_board(stated.board, session)
         return fitted(camera, session, width, height), (note,)
     if session.layout == "diligent":
         return Camera.orthographic(width, height, source="DiLiGenT layout"), ()
-    camera, warnings = camera_from_lens(session.camera or Lens(), exif, width, height, half=session.half)
-    if camera.is_orthographic and _balls_may_tell(session):
-        # `calibrate` finds its focal length, and says so.
+    camera, warnings = camera_from_lens(stated or SessionCameraTable(), exif, width, height, half=session.half)
+    known = [ball.kind for ball in session.spheres if ball.diameter_mm is not None]
+    if camera.is_orthographic and len(known) > 1 and "chrome" in known and session.lights_file is None:
+        # So many balls, a mirror among them, tell a focal length: `calibrate` finds it, and says so.
         return usual_camera(width, height), ()
     camera = fitted(camera, session, width, height)
     return camera, (*warnings, *_off_middle(camera))
-
-
-def _balls_may_tell(session: CaptureSession) -> bool:
-    """Whether there are balls enough, a mirror among them, to tell a focal length."""
-    known = [ball for ball in session.spheres if ball.diameter_mm is not None]
-    return len(known) > 1 and any(ball.kind == "chrome" for ball in known) and session.lights_file is None
 
 
 def usual_camera(width: int, height: int) -> Camera:

@@ -1,7 +1,8 @@
 """A session's photographs to `Frames`: decoded once, in parallel, into a memory-mapped store."""
 
+import itertools
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -10,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.audit.audit import audit
-from capture.audit.camera_settings import exposure_by_room, exposure_gains
+from capture.audit.audit import at_a_glance, movement_warnings
+from capture.audit.camera_settings import exposure_gains
+from capture.audit.encoding_check import encoding_warnings
 from capture.audit.frame_facts import FrameFacts, one_clip_level, reduced, sensor_ceiling
 from capture.camera.exif import Exif, read_exif
 from capture.camera.session_camera import fitted
@@ -28,6 +30,7 @@ from capture.photographs.kept import Kept, kept_folder
 from capture.photographs.photograph import FLOAT16_MAX, SATURATION
 from capture.session.session_types import CaptureSession
 from scene.camera import Camera
+from scene.errors import CaptureError
 from scene.fan_out import fan_out
 from scene.files import create_array, remove, write_npy
 from scene.frames import Frames
@@ -87,8 +90,13 @@ def decode(
         [camera] is of another size than the first photograph; told before the others are decoded.
     """
     exif, ambient_exif = ([read_exif(path) for path in files] for files in (session.flash, session.ambient))
-    gain, ambient_gain = exposure_gains(exif, ambient_exif)
-    steps = _Steps(progress, len(session.flash) + len(session.ambient) + len(session.dark) + len(session.flat))
+    _, ambient_gain = exposure_gains(exif, ambient_exif)
+    count, total = itertools.count(1), sum(map(len, (session.flash, session.ambient, session.dark, session.flat)))
+
+    def done() -> None:
+        if progress:
+            progress(next(count), total)
+
     scratch = {key: store.path("frames", f".{key}.npy.{os.getpid()}.tmp") for key in ("dark", "flat")}
     try:
         kept = Kept(kept_folder(store.folder), session.encoding, session.half)
@@ -101,8 +109,8 @@ def decode(
             # Now, and not after minutes of decoding.
             fitted(session.camera, session, width, height)
         recipe = replace(recipe, shape=(height, width), dtype=str(first.codes.dtype), sensor_range=first.sensor_range)
-        recipe = _with_corrections(session, recipe, scratch, steps)
-        ambient = _ambient(session, recipe, ambient_gain, steps)
+        recipe = _with_corrections(session, recipe, scratch, done)
+        ambient = _ambient(session, recipe, ambient_gain, done)
         # From here on an older header would speak of frames that are gone.
         remove(store.path("frames", "frames.json"))
         shape = (len(session.flash), height, width, 3)
@@ -116,21 +124,20 @@ def decode(
             ]
             # A unit holds its file, its codes, and the decoder's own copies.
             threads = max(1, DECODING_BYTES // (2 * frame_bytes))
-            facts = fan_out(develop, jobs, executor=executor, done=steps.done, threads=threads)
+            facts = fan_out(develop, jobs, executor=executor, done=done, threads=threads)
             facts, saturation, told = _saturation(facts, first.codes.dtype)
             if told and recipe.is_corrected:
                 # Divided by the flat field, what clips at that ceiling is not to be found any more: once more.
-                steps.total += len(jobs)
+                total += len(jobs)
                 jobs = [replace(job, recipe=replace(recipe, saturation=saturation)) for job in jobs]
-                facts = fan_out(develop, jobs, executor=executor, done=steps.done, threads=threads)
+                facts = fan_out(develop, jobs, executor=executor, done=done, threads=threads)
             is_mosaic = any(fact.is_mosaic for fact in facts)
-            pictures = np.stack([fact.small * factor for fact, factor in zip(facts, gain, strict=True)])
             small = None if ambient is None else reduced(ambient)
-            by_room, of_room = exposure_by_room(session.names, pictures, small)
-            gain = gain * by_room
+            gain, missing, found = at_a_glance(session, exif, ambient_exif, facts, small)
+            if missing:
+                raise CaptureError("\n".join(missing))
             frames = Frames(session.names, codes, gain, ambient, saturation, is_mosaic)
-            found = audit(session, frames, exif, facts=facts, ambient_exif=ambient_exif)
-            warnings = (*told, *of_room, *found)
+            warnings = (*told, *found, *movement_warnings(frames, facts), *encoding_warnings(session, frames))
             del frames, codes
         saved = np.load(store.path("frames", "codes.npy"), mmap_mode="r")
         store.save_frames_header(Frames(session.names, saved, gain, ambient, saturation, is_mosaic))
@@ -145,45 +152,27 @@ def decode(
     return store.load_frames(), CaptureReport(tuple(exif), table, warnings)
 
 
-class _Steps:
-    """Counts files done, for the progress bar."""
-
-    def __init__(self, progress: Progress | None, total: int) -> None:
-        self.progress, self.total, self.count = progress, total, 0
-
-    def done(self) -> None:
-        self.count += 1
-        if self.progress:
-            self.progress(self.count, self.total)
-
-
 def _with_corrections(
-    session: CaptureSession, recipe: DevelopRecipe, scratch: dict[str, Path], steps: _Steps
+    session: CaptureSession, recipe: DevelopRecipe, scratch: dict[str, Path], done: Callable[[], None]
 ) -> DevelopRecipe:
     """Return the recipe with the dark frame and the flat field, if there are any, as files for every worker."""
     dark = None
     if session.dark:
-        dark = _mean(session.dark, None, recipe, steps)
+        dark = mean_photograph(session.dark, recipe, done)
         write_npy(scratch["dark"], dark)
     if session.flat:
-        write_npy(scratch["flat"], flat_field(_mean(session.flat, None, recipe, steps), dark, session.flat[0].name))
+        flat = mean_photograph(session.flat, recipe, done)
+        write_npy(scratch["flat"], flat_field(flat, dark, session.flat[0].name))
     return replace(recipe, **{key: path for key, path in scratch.items() if getattr(session, key)})
 
 
-def _mean(
-    files: Sequence[Path], gain: Sequence[float] | None, recipe: DevelopRecipe, steps: _Steps
-) -> NDArray[np.float32]:
-    mean = mean_photograph(files, gain or [1.0] * len(files), recipe)
-    for _ in files:
-        steps.done()
-    return mean
-
-
-def _ambient(session: CaptureSession, recipe: DevelopRecipe, gain: list[float], steps: _Steps) -> NDArray | None:
+def _ambient(
+    session: CaptureSession, recipe: DevelopRecipe, gain: list[float], done: Callable[[], None]
+) -> NDArray | None:
     """Return the mean ambient frame as codes at the reference exposure, corrected as the flash frames are."""
     if not session.ambient:
         return None
-    mean = _mean(session.ambient, gain, recipe, steps)
+    mean = mean_photograph(session.ambient, recipe, done, gain)
     if recipe.dark:
         # Each ambient frame holds the dark frame once, before its gain.
         mean -= np.load(recipe.dark, mmap_mode="r") * np.float32(np.mean(gain))

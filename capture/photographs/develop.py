@@ -1,6 +1,6 @@
 """One photograph to one frame of the store: read, check, take off the dark frame, divide by the flat field."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -144,13 +144,16 @@ def recoded(linear: NDArray, dtype: np.dtype) -> NDArray:
     return encode(linear) if dtype == np.uint16 else half_floats(linear)
 
 
-def mean_photograph(files: Sequence[Path], gain: Sequence[float], recipe: DevelopRecipe) -> NDArray[np.float32]:
-    """Return the mean (H, W, 3) of photographs, linear float32, each times its gain, uncorrected."""
+def mean_photograph(
+    files: Sequence[Path], recipe: DevelopRecipe, done: Callable[[], None], gain: Sequence[float] | None = None
+) -> NDArray[np.float32]:
+    """Return the mean (H, W, 3) of photographs, linear float32, each times its gain, uncorrected; `done` after each."""
     total = np.zeros(0, np.float32)
-    for file, factor in zip(files, gain, strict=True):
+    for file, factor in zip(files, gain or [1.0] * len(files), strict=True):
         linear = linear_of(read_photograph(file, recipe).codes)
         linear *= np.float32(factor / len(files))
         total = np.add(total, linear, out=total) if total.size else linear
+        done()
     return total
 
 

@@ -35,33 +35,26 @@ class Kept:
     encoding: Encoding
     half: bool
 
-    @property
-    def _mark(self) -> str:
-        return fingerprint(self.encoding, self.half, code=code_fingerprint("capture"))
+    def _place(self, digest: str | None) -> Path:
+        """Return where a photograph's files are, but for their endings: elsewhere where it would be read otherwise."""
+        return self.folder / fingerprint(digest, self.encoding, self.half, code=code_fingerprint("capture"))
 
     def keep(self, digest: str, photograph: Photograph) -> None:
         """Write a photograph, as it was read; `digest` is that of its file."""
-        write_npy(self._codes(digest), photograph.codes)
+        write_npy(self._place(digest).with_suffix(".npy"), photograph.codes)
         about = {"white": photograph.white, "sensor_range": photograph.sensor_range, "is_mosaic": photograph.is_mosaic}
         # Last: its presence says that the codes are whole.
-        write_json(self._about(digest), {"mark": self._mark, **about})
+        write_json(self._place(digest).with_suffix(".json"), about)
 
     def load(self, digest: str | None, *, sensor_range: float | None = None) -> Photograph | None:
         """Return a photograph, its codes memory-mapped; None where it was not kept, or not as it would be read now."""
-        if digest is None or not self._about(digest).is_file():
+        place = self._place(digest)
+        about = json_of(place.with_suffix(".json")) if place.with_suffix(".json").is_file() else None
+        if about is None or sensor_range not in (None, about["sensor_range"]):
             return None
-        about = json_of(self._about(digest))
-        if about["mark"] != self._mark or sensor_range not in (None, about["sensor_range"]):
-            return None
-        codes = np.load(self._codes(digest), mmap_mode="r")
         white = np.inf if about["white"] is None else float(about["white"])
+        codes = np.load(place.with_suffix(".npy"), mmap_mode="r")
         return Photograph(codes, white, about["sensor_range"], bool(about["is_mosaic"]))
-
-    def _codes(self, digest: str) -> Path:
-        return self.folder / f"{digest}.npy"
-
-    def _about(self, digest: str) -> Path:
-        return self.folder / f"{digest}.json"
 
 
 class KeptStack:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from capture.photographs.decode import decode
 from capture.photographs.images import read_image
 from capture.session.session_types import CaptureSession, SphereSpec
-from capture.survey.hot_folder import look_of
 from scene.camera import Camera
+from scene.current import look_of
 from scene.errors import SceneError, SessionError
 from scene.files import write_json
 from scene.frames import PEDESTAL, Frames

@@ -2,23 +2,21 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from capture.session.globs import expand, frame_names, kind_of, meant, near_name
-from capture.session.session_types import Board, CaptureSession, Encoding, Lens, SphereSpec
+from capture.session.manifest import FramesTable, Manifest, SessionCameraTable, SessionObjectTable, SphereTable
+from capture.session.session_types import CaptureSession, Encoding, SphereSpec
 from formats.light_files.light_formats import SUFFIXES as LIGHTS_SUFFIXES
 from formats.meshes.scan_files import SUFFIXES as SCAN_SUFFIXES
 from formats.normal_maps import SUFFIXES as NORMALS_SUFFIXES
 from scene.camera import Camera
 from scene.reading import shortened
 
-if TYPE_CHECKING:
-    from capture.session.manifest import FramesTable, Manifest, SessionCameraTable, SessionObjectTable, SphereTable
-
 SENSOR = ("sensor_mm", "pixel_um", "crop_factor", "model")
 MILLIMETRES = ("focal_mm", *SENSOR)
+BOARD = ("charuco", "chessboard", "board")
 LENSES = 0.2, 1000.0
 """Focal lengths of lenses, in the picture's side."""
 FEWEST_SQUARES = 4
@@ -32,7 +30,7 @@ class Resolver:
         self.folder = folder
         self.faults = faults
 
-    def session(self, manifest: "Manifest") -> CaptureSession | None:
+    def session(self, manifest: Manifest) -> CaptureSession | None:
         """Return the session that is meant; None where there are faults."""
         frames, known = manifest.frames, manifest.object
         self._check_name(manifest.name)
@@ -69,6 +67,7 @@ class Resolver:
             half=frames.half,
             skip=tuple(frames.skip),
             camera=self._camera(manifest.camera) if manifest.camera else None,
+            board_shots=self._board(manifest.camera) if manifest.camera else (),
             spheres=tuple(self._ball(f"spheres[{i}]", ball, flash, kept) for i, ball in enumerate(manifest.spheres)),
             no_spheres="spheres" in manifest.model_fields_set and not manifest.spheres,
             lights_file=lights or None,
@@ -144,7 +143,7 @@ class Resolver:
             self._fault("frames.skip", f"leaves none of the {len(flash)} flash frames.")
         return [i for i in range(len(flash)) if i not in dropped]
 
-    def _encoding(self, frames: "FramesTable", flash: list[Path]) -> Encoding:
+    def _encoding(self, frames: FramesTable, flash: list[Path]) -> Encoding:
         if frames.linear is True and frames.gamma not in (None, 1.0):
             self._fault("frames.gamma", f"found {frames.gamma} beside linear = true. Keep one of them.")
         coded = frames.linear is False or frames.gamma not in (None, 1.0)
@@ -162,7 +161,7 @@ class Resolver:
             return "linear" if frames.gamma == 1.0 else frames.gamma
         return "srgb" if frames.linear is False else "linear"
 
-    def _ball(self, key: str, table: "SphereTable", flash: list[Path], kept: list[int]) -> SphereSpec:
+    def _ball(self, key: str, table: SphereTable, flash: list[Path], kept: list[int]) -> SphereSpec:
         self._check_together(key, table, "center_px", "radius_px")
         files = [] if table.frames is None else self._photographs(f"{key}.frames", table.frames, like=flash)
         if files and len(files) != len(flash):
@@ -178,18 +177,18 @@ class Resolver:
             self._fault(f"{key}.reflectance", "found with a mirror. It is of white balls: drop it.")
         return SphereSpec(table.kind, table.diameter_mm, center, table.radius_px, mask, own, table.reflectance)
 
-    def _check_together(self, key: str, table: "SessionCameraTable | SphereTable", first: str, second: str) -> bool:
+    def _check_together(self, key: str, table: SessionCameraTable | SphereTable, first: str, second: str) -> bool:
         """Return whether both of two keys are given; one alone is a fault."""
         absent = [name for name in (first, second) if getattr(table, name) is None]
         if len(absent) == 1:
             self._fault(f"{key}.{absent[0]}", f"missing. {first} and {second} go together: give both, or none.")
         return not absent
 
-    def _camera(self, table: "SessionCameraTable") -> Camera | Lens | Board | None:
-        """Return what [camera] says: all of it, a part, or a board's shots; None where it contradicts itself."""
-        given = [name for name in type(table).model_fields if getattr(table, name) is not None]
-        if {"charuco", "chessboard", "board"} & set(given):
-            return self._board(table, [key for key in given if key not in ("charuco", "chessboard", "board")])
+    def _camera(self, table: SessionCameraTable) -> Camera | SessionCameraTable | None:
+        """Return what [camera] says: all of it, or a part; None where it says nothing, or contradicts itself."""
+        given = _given(table)
+        if set(BOARD) & set(given):
+            return table
         sized, centred = (self._check_together("camera", table, *pair) for pair in (("width", "height"), ("cx", "cy")))
         self._check_focal(table, given)
         if not given:
@@ -203,8 +202,7 @@ class Resolver:
             )
         distortion = tuple(table.distortion or [0.0] * 5)
         if not (sized and centred and table.fx):
-            stated = {name: getattr(table, name) for name in ("fx", "fy", "cx", "cy", *MILLIMETRES)}
-            return Lens((width, height) if sized else None, distortion=distortion, **stated)
+            return table
         for key, focal, side in (("fx", table.fx, width), ("fy", table.fy or table.fx, height)):
             if not LENSES[0] <= focal / side <= LENSES[1]:
                 self._fault(
@@ -224,7 +222,7 @@ class Resolver:
             )
         return camera
 
-    def _check_focal(self, table: "SessionCameraTable", given: list[str]) -> None:
+    def _check_focal(self, table: SessionCameraTable, given: list[str]) -> None:
         """The focal length is said once, and a part of it is said wholly."""
         millimetres, sensors = ([name for name in some if name in given] for some in (MILLIMETRES, SENSOR))
         if table.fx is not None and millimetres:
@@ -235,7 +233,11 @@ class Resolver:
         if len(sensors) > 1:
             self._fault("camera", f"found {', '.join(sensors)}. Each tells the size of the sensor: keep one of them.")
 
-    def _board(self, table: "SessionCameraTable", others: list[str]) -> Board | None:
+    def _board(self, table: SessionCameraTable) -> tuple[Path, ...]:
+        """Return the shots of the board that is to tell the camera, if one is."""
+        others = [name for name in _given(table) if name not in BOARD]
+        if len(others) == len(_given(table)):
+            return ()
         if others:
             text = f"found {', '.join(others)} beside a board. Its shots give the whole camera: keep one of them."
             self._fault("camera.board", text)
@@ -250,11 +252,10 @@ class Resolver:
                 'marker_mm = 11, dictionary = "DICT_4X4_100" }, or chessboard = "board/*.dng" and board = '
                 "{ squares = [11, 8] }.",
             )
-            return None
+            return ()
         files = tuple(self._photographs(key, shots))
-        squares = (board.squares[0], board.squares[1])
-        if plain and min(squares) < FEWEST_SQUARES:
-            self._fault("camera.board.squares", f"found {list(squares)}; a chessboard needs 4 or more each way.")
+        if plain and min(board.squares) < FEWEST_SQUARES:
+            self._fault("camera.board.squares", f"found {board.squares}; a chessboard needs 4 or more each way.")
         text = "missing. A ChArUco board has it; a plain one is given as chessboard."
         for name in ("marker_mm", "dictionary"):
             if (getattr(board, name) is not None) == plain:
@@ -262,10 +263,14 @@ class Resolver:
                 self._fault(f"camera.board.{name}", text)
         if board.marker_mm is not None and board.marker_mm >= board.square_mm:
             self._fault("camera.board", f"marker_mm {board.marker_mm} must be less than square_mm {board.square_mm}.")
-        return Board(files, squares, board.square_mm, board.marker_mm, board.dictionary)
+        return files
 
 
-def _scan_unit(known: "SessionObjectTable") -> str:
+def _given(table: SessionCameraTable) -> list[str]:
+    return [name for name in type(table).model_fields if getattr(table, name) is not None]
+
+
+def _scan_unit(known: SessionObjectTable) -> str:
     """Return the unit that is written; else the metres that GLB's standard asks for, else millimetres."""
     is_said = "scan_unit" in known.model_fields_set
     return "m" if not is_said and (known.scan or "").lower().endswith(".glb") else known.scan_unit

@@ -1,9 +1,13 @@
 """A session folder, `session.toml` or the DiLiGenT layout, read with all its faults; nothing is decoded."""
 
 import difflib
+from dataclasses import replace
+from glob import escape
 from pathlib import Path
 
-from capture.session.globs import frame_names, kind_of
+from capture.session.manifest import Manifest
+from capture.session.manifest_file import parse, toml_tables
+from capture.session.resolve import Resolver
 from capture.session.session_types import CaptureSession
 from formats.diligent_layout import DIRECTIONS, FILENAMES, MASK, read_tables
 from scene.errors import SessionError
@@ -62,36 +66,24 @@ def _names(folder: Path) -> list[str]:
 
 
 def _load_toml(path: Path) -> CaptureSession:
-    from capture.session.manifest_file import parse, toml_tables
-    from capture.session.resolve import Resolver
-
     data = toml_tables(path)
     with reading(path, "cannot be followed", SessionError, do="Correct it, or the files that it names."):
-        manifest, faults = parse(data)
-        session = Resolver(path.parent, faults).session(manifest) if manifest else None
-    if faults or session is None:
-        raise SessionError(told(path, faults))
-    return session
+        return _resolved(path, path.parent, *parse(data))
 
 
 def _load_diligent(folder: Path) -> CaptureSession:
     """Return the session of a folder in the DiLiGenT layout: 16-bit linear pictures, lights given."""
-    found = read_tables(folder)
-    flash = [folder / name for name in found.files]
-    faults = found.faults + [
-        f"{FILENAMES}: {path.name} is no photograph that can be read." for path in flash if kind_of(path) is None
-    ]
-    if faults:
-        raise SessionError(told(folder, faults))
-    return CaptureSession(
-        name=folder.name,
-        folder=folder,
-        flash=tuple(flash),
-        names=tuple(frame_names(flash)),
-        kept=tuple(range(len(flash))),
-        lights_file=folder / DIRECTIONS,
-        mask=folder / MASK if (folder / MASK).is_file() else None,
-        normals=folder / found.normals_name if found.normals_name else None,
-        layout="diligent",
-        photographed=len(flash),
-    )
+    found, manifest = read_tables(folder), None
+    if not found.faults:
+        frames = {"flash": [escape(name) for name in found.files], "linear": True}
+        known = {"mask": MASK if (folder / MASK).is_file() else None, "normals": found.normals_name or None}
+        manifest = Manifest.model_validate({"frames": frames, "lights": {"file": DIRECTIONS}, "object": known})
+    return replace(_resolved(folder, folder, manifest, found.faults), layout="diligent")
+
+
+def _resolved(place: Path, folder: Path, manifest: Manifest | None, faults: list[str]) -> CaptureSession:
+    """Return the session that a manifest in a folder describes; SessionError for all that is wrong with it."""
+    session = Resolver(folder, faults).session(manifest) if manifest else None
+    if faults or session is None:
+        raise SessionError(told(place, faults))
+    return session

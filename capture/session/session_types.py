@@ -4,49 +4,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from capture.session.manifest import SessionCameraTable
 from scene.camera import Camera
 
 Encoding = Literal["linear", "srgb"] | float
 """How 8 and 16-bit values are coded. A number is a gamma: linear = value ** gamma."""
-
-
-@dataclass(frozen=True)
-class Board:
-    """Photographs of a board, to calibrate the camera from.
-
-    marker_mm, dictionary : of a ChArUco board; None: a plain chessboard.
-    """
-
-    files: tuple[Path, ...]
-    squares: tuple[int, int]
-    square_mm: float = 20.0
-    marker_mm: float | None = None
-    dictionary: str | None = None
-
-    @property
-    def key(self) -> str:
-        """Its key in session.toml."""
-        return "camera.chessboard" if self.dictionary is None else "camera.charuco"
-
-
-@dataclass(frozen=True)
-class Lens:
-    """A camera that is known in part, by the keys of [camera]; EXIF and the picture's middle tell the rest.
-
-    `size`: (width, height) of the picture that fx, fy, cx and cy refer to; None: the photographs' full size.
-    """
-
-    size: tuple[int, int] | None = None
-    fx: float | None = None
-    fy: float | None = None
-    cx: float | None = None
-    cy: float | None = None
-    distortion: tuple[float, ...] = (0.0,) * 5
-    focal_mm: float | None = None
-    sensor_mm: float | None = None
-    pixel_um: float | None = None
-    crop_factor: float | None = None
-    model: str | None = None
 
 
 @dataclass(frozen=True)
@@ -81,6 +43,8 @@ class CaptureSession:
         False: nothing was said of the encoding, and linear is assumed.
     half : bool
         2 x 2 superpixels.
+    camera : Camera, SessionCameraTable or None
+        All that is stated of it; a part, which EXIF and the picture's middle complete, or the board in `board_shots`.
     no_spheres : bool
         `spheres = []`: no ball is in the picture, and none is looked for.
     lights_file : Path or None
@@ -114,7 +78,8 @@ class CaptureSession:
     encoding_stated: bool = True
     half: bool = False
     skip: tuple[str, ...] = ()
-    camera: Camera | Lens | Board | None = None
+    camera: Camera | SessionCameraTable | None = None
+    board_shots: tuple[Path, ...] = ()
     spheres: tuple[SphereSpec, ...] = ()
     no_spheres: bool = False
     lights_file: Path | None = None

@@ -1,13 +1,13 @@
 """Which board photographs show: its dictionary, squares and markers, or the squares of a plain chessboard."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.camera.board import detector_gray
+from capture.session.manifest import BoardTable
 from capture.survey.small_pictures import Small
 
 DICTIONARIES = ("DICT_4X4_1000", "DICT_5X5_1000", "DICT_6X6_1000", "DICT_7X7_1000", "DICT_ARUCO_ORIGINAL")
@@ -18,28 +18,10 @@ FEWEST_CORNERS = 4, 4
 """Inner corners along and across of a chessboard whose size nobody says: three by three are found on balls, too."""
 LONGEST_SIDE = 3
 """Times its shorter one: no board is narrower."""
-SQUARE_MM = 20.0
-"""Side of a square: it does not change the camera."""
 
 
-@dataclass(frozen=True)
-class BoardLayout:
-    """A board. `marker_share`, of its square's side, and `dictionary`: of a ChArUco board; else None."""
-
-    squares: tuple[int, int]
-    dictionary: str | None = None
-    marker_share: float | None = None
-
-    @property
-    def table(self) -> dict[str, Any]:
-        """Its keys of camera.board; the size of its squares nobody needs to be asked for."""
-        marker = {} if self.marker_share is None else {"marker_mm": round(SQUARE_MM * self.marker_share, 2)}
-        name = {} if self.dictionary is None else {"dictionary": self.dictionary}
-        return {"squares": list(self.squares), "square_mm": SQUARE_MM, **marker, **name}
-
-
-def find_board(pictures: Sequence[Small]) -> tuple[BoardLayout | None, list[Small]]:
-    """Return the board's layout, and the pictures that show a board; None and none for too few of them."""
+def find_board(pictures: Sequence[Small]) -> tuple[BoardTable | None, list[Small]]:
+    """Return the board, and the pictures that show a board; None and none for too few of them."""
     grays = [detector_gray(one.light) for one in pictures]
     for name in DICTIONARIES:
         seen = [_markers(gray, name) for gray in grays]
@@ -52,7 +34,7 @@ def find_board(pictures: Sequence[Small]) -> tuple[BoardLayout | None, list[Smal
     shape = max(set(shapes), key=shapes.count, default=(0, 0))
     if shapes.count(shape) < FEWEST_SHOTS:
         return None, []
-    return BoardLayout((shape[0] + 1, shape[1] + 1)), [pictures[n] for n, one in found.items() if one == shape]
+    return BoardTable(squares=[shape[0] + 1, shape[1] + 1]), [pictures[n] for n, one in found.items() if one == shape]
 
 
 def _markers(gray: NDArray[np.uint8], name: str) -> dict[int, NDArray]:
@@ -64,13 +46,14 @@ def _markers(gray: NDArray[np.uint8], name: str) -> dict[int, NDArray]:
     return {} if ids is None else {int(n): c[0] for n, c in zip(np.ravel(ids), corners, strict=True)}
 
 
-def _charuco(name: str, seen: list[dict[int, NDArray]]) -> BoardLayout | None:
-    """Return the layout whose markers lie on a plane as they are seen to; the one of the least residual."""
+def _charuco(name: str, seen: list[dict[int, NDArray]]) -> BoardTable | None:
+    """Return the board whose markers lie on a plane as they are seen to; the one of the least residual."""
     import cv2
 
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
     count = 1 + max(max(markers) for markers in seen)
-    best: tuple[float, BoardLayout] | None = None
+    # A tenth of a square: the wrong layout misses by whole ones.
+    best, layout = 0.1, None
     for long in range(3, 2 * count + 2):
         for short in {(2 * count) // long, (2 * count + 1) // long}:
             if short < 2 or max(long, short) > LONGEST_SIDE * min(long, short) or long * short // 2 != count:
@@ -78,10 +61,10 @@ def _charuco(name: str, seen: list[dict[int, NDArray]]) -> BoardLayout | None:
             board: Any = cv2.aruco.CharucoBoard((long, short), 1.0, 0.5, dictionary)
             centers = {int(n): np.mean(p, 0)[:2] for n, p in zip(board.getIds(), board.getObjPoints(), strict=True)}
             residual, share = _fit(centers, seen)
-            if best is None or residual < best[0]:
-                best = residual, BoardLayout((long, short), name, share)
-    # A tenth of a square: the wrong layout misses by whole ones.
-    return best[1] if best and best[0] < 0.1 else None
+            if residual < best:
+                plain = BoardTable(squares=[long, short], dictionary=name)
+                best, layout = residual, plain.model_copy(update={"marker_mm": round(plain.square_mm * share, 2)})
+    return layout
 
 
 def _fit(centers: dict[int, NDArray], seen: list[dict[int, NDArray]]) -> tuple[float, float]:

@@ -45,19 +45,15 @@ class FolderFiles:
     ----------
     folder : Path
         Where session.toml is to lie; every path below is absolute.
-    photographs : dict of lists of Path
-        By the role that their names tell: flash, ambient, dark, flat, board, chart, chrome, white.
-    masks, scans, lights, normals : lists of Path
+    by_role : dict of lists of Path
+        Photographs by the role that their names tell: flash, ambient, dark, flat, board, chart, chrome, white; others
+        by what they are: mask, scan, lights, normals.
     left_out : list of str
         What is not used, and why: a sentence each.
     """
 
     folder: Path
-    photographs: dict[str, list[Path]] = field(default_factory=dict)
-    masks: list[Path] = field(default_factory=list)
-    scans: list[Path] = field(default_factory=list)
-    lights: list[Path] = field(default_factory=list)
-    normals: list[Path] = field(default_factory=list)
+    by_role: dict[str, list[Path]] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
 
 
@@ -75,7 +71,7 @@ def survey(folder: Path) -> list[FolderFiles]:
         raise SessionError(f"{folder}: {lacks}. Give the folder that holds the photographs.")
     files = list(files_below(folder))
     whole = sorted_files(files, folder)
-    flash = whole.photographs.get("flash", [])
+    flash = whole.by_role.get("flash", [])
     if len(flash) < FEWEST:
         raise SessionError(
             f"{folder}: holds {len(flash)} photographs that may be flash frames ({len(files)} files in all); "
@@ -185,17 +181,21 @@ def _told(path: Path, folder: Path, *roles: str) -> bool:
 def _sort(files: Iterable[Path], found: FolderFiles) -> None:
     """Give each file its role by its ending and its words."""
     folder = found.folder
+
+    def add(role: str) -> None:
+        found.by_role.setdefault(role, []).append(path)
+
     for path in files:
         suffix = path.suffix.lower()
         if suffix in SCAN_SUFFIXES:
-            found.scans.append(path)
+            add("scan")
         elif suffix in (".lp", ".dome") or (suffix in LIGHTS_SUFFIXES and _told(path, folder, "lights")):
             if "intensities" not in words_of(path, folder):
-                found.lights.append(path)
+                add("lights")
         elif suffix in NORMALS_SUFFIXES and _told(path, folder, "normals"):
             # Normals that a program solved have the same names, but for the word.
             if _told(path, folder, "truth"):
-                found.normals.append(path)
+                add("normals")
             else:
                 name = path.relative_to(folder)
                 found.left_out.append(
@@ -203,12 +203,12 @@ def _sort(files: Iterable[Path], found: FolderFiles) -> None:
                     f'result; they are not used. If they are the truth, add normals = "{name}" under [object].'
                 )
         elif kind_of(path) and _told(path, folder, "mask"):
-            found.masks.append(path)
+            add("mask")
         elif kind_of(path):
             roles = [role for role in ("board", "chart", "dark", "flat", "ambient") if _told(path, folder, role)]
             # A ball that was shot apart has a folder of its own; "white_vase_001" is no ball.
             roles += [role for role in KINDS if set(words_of(path.parent, folder)) & set(WORDS[role])]
-            found.photographs.setdefault(roles[0] if roles else "flash", []).append(path)
+            add(roles[0] if roles else "flash")
 
 
 def _by_object(whole: FolderFiles, flash: list[Path]) -> list[FolderFiles]:
@@ -221,20 +221,18 @@ def _by_object(whole: FolderFiles, flash: list[Path]) -> list[FolderFiles]:
     if few and enough:
         whole.left_out.append(f"{_counted(few, whole.folder)}: alone in a folder, not among the flash frames.")
     if len(enough) < 2:
-        return [replace(whole, photographs=whole.photographs | {"flash": next(iter(enough.values()), flash)})]
+        return [replace(whole, by_role=whole.by_role | {"flash": next(iter(enough.values()), flash)})]
     bases = {place: _session_folder(place, [p for p in enough if p != place], whole.folder) for place in enough}
     found = []
     for place in sorted(enough, key=natural_key):
         # What lies above all objects is shared; what lies in another object's folder is that one's.
         theirs = [base for base in bases.values() if base != bases[place]]
-
-        def own(paths: list[Path], theirs: list[Path] = theirs) -> list[Path]:
-            return [path for path in paths if not any(path.is_relative_to(other) for other in theirs)]
-
-        photographs = {role: own(paths) for role, paths in whole.photographs.items()}
-        photographs = {role: paths for role, paths in photographs.items() if paths} | {"flash": enough[place]}
-        kinds = (own(whole.masks), own(whole.scans), own(whole.lights), own(whole.normals))
-        found.append(FolderFiles(bases[place], photographs, *kinds, left_out=list(whole.left_out)))
+        own = {
+            role: [path for path in paths if not any(path.is_relative_to(other) for other in theirs)]
+            for role, paths in whole.by_role.items()
+        }
+        own = {role: paths for role, paths in own.items() if paths} | {"flash": enough[place]}
+        found.append(FolderFiles(bases[place], own, left_out=list(whole.left_out)))
     return found
 
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from capture.session.globs import kind_of, natural_key
 from capture.survey.folder_files import files_below, rank_of
+from scene.current import FileLook, look_of
 
 STILL_S = 0.5
 """Seconds that a file stands still before it is read. One that is read too early changes again, and is read again."""
@@ -18,28 +19,11 @@ ALONE_S = 3.0
 """The same of a JPEG, or another picture, whose RAW file may still come."""
 
 
-class FileLook(NamedTuple):
-    """What a listing says of a file; two looks that differ are two contents."""
-
-    size: int
-    mtime_ns: int
-    inode: int
-
-
 class WholeFile(NamedTuple):
     """A photograph that can be read: its file's name in the folder, and how it looked."""
 
     name: str
     look: FileLook
-
-
-def look_of(path: Path) -> FileLook | None:
-    """Return how a file looks now; None where there is none."""
-    try:
-        status = path.stat()
-    except OSError:
-        return None
-    return FileLook(status.st_size, status.st_mtime_ns, status.st_ino)
 
 
 def list_photographs(folder: Path) -> dict[str, FileLook] | None:

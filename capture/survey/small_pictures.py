@@ -3,6 +3,7 @@
 import itertools
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -51,8 +52,6 @@ class Small:
     step : int
         Pixels of the file in one of `codes`, along a side.
     is_mosaic : bool
-    unit : float
-        What 1.0 stands for in floating point; all pictures of a folder get the same.
     """
 
     path: Path
@@ -61,7 +60,6 @@ class Small:
     height: int
     step: int
     is_mosaic: bool
-    unit: float = 1.0
 
     @property
     def light(self) -> NDArray[np.float32]:
@@ -71,9 +69,7 @@ class Small:
     @cached_property
     def boxes(self) -> NDArray[np.float32]:
         """`light` in boxes: single pixels are noise in the dark."""
-        light = self.light
-        height, width = light.shape[0] // BOX, light.shape[1] // BOX
-        return light[: height * BOX, : width * BOX].reshape(height, BOX, width, BOX).mean((1, 3))
+        return _reduced(self.light, BOX)
 
 
 def read_small(
@@ -83,32 +79,23 @@ def read_small(
 
     tell: Called with how many are read, and of how many.
     """
-    count = itertools.count(1)
-    first = _read(files[0], encoding, half=False)
-    # Superpixels are faster, and enough where there are many.
-    half = isinstance(first, Small) and max(first.width, first.height) > 2 * LONGEST_PX
-    again = files if half else files[1:]
-    found = fan_out(
-        partial(_read, encoding=encoding, half=half), again, done=lambda: tell(next(count), len(files)), threads=4
-    )
-    if not half:
-        found = [first, *found]
-        tell(len(files), len(files))
-    small = [one for one in found if isinstance(one, Small)]
-    unit = max((one.unit for one in small), default=1.0)
-    codes = [(one.codes * np.float32(one.unit / unit)).astype(one.codes.dtype) for one in small]
-    scaled = [replace(one, codes=code, unit=unit) for one, code in zip(small, codes, strict=True)]
-    return scaled, [one for one in found if isinstance(one, str)]
+    count, recipe = itertools.count(1), DevelopRecipe(encoding, False, files[0], is_first=True)
+    with suppress(SceneError):
+        first = read_photograph(files[0], recipe)
+        # Superpixels are faster, and enough where there are many.
+        half = max(first.codes.shape) > 2 * LONGEST_PX
+        recipe = replace(recipe, half=half, sensor_range=first.sensor_range, is_first=False)
+    read = partial(_read, recipe=recipe)
+    found = fan_out(read, files, done=lambda: tell(next(count), len(files)), threads=4)
+    return [one for one in found if isinstance(one, Small)], [one for one in found if isinstance(one, str)]
 
 
-def _read(path: Path, encoding: Encoding, *, half: bool) -> "Small | str":
-    half = half and kind_of(path) == "raw"
+def _read(path: Path, recipe: DevelopRecipe) -> "Small | str":
+    half = recipe.half and kind_of(path) == "raw"
     try:
-        photograph = read_photograph(path, DevelopRecipe(encoding, half, path, is_first=True))
+        return small_of(path, read_photograph(path, replace(recipe, half=half)), full=2 if half else 1)
     except SceneError as error:
         return str(error)
-    small = small_of(path, photograph, full=2 if half else 1)
-    return small if small.codes.dtype == np.uint16 else replace(small, unit=photograph.sensor_range or 1.0)
 
 
 def small_of(path: Path, photograph: Photograph, *, full: int = 1) -> Small:
@@ -119,7 +106,7 @@ def small_of(path: Path, photograph: Photograph, *, full: int = 1) -> Small:
 
 
 def _reduced(codes: NDArray, step: int) -> NDArray:
-    """Return means of whole boxes, in codes."""
+    """Return means of whole boxes, in codes or light."""
     import cv2
 
     height, width = codes.shape[0] // step, codes.shape[1] // step

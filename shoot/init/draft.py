@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from capture.camera.exif import Exif
 from capture.camera.focal_length import camera_from_lens
 from capture.session.globs import expand
-from capture.session.manifest import Manifest, SphereTable
+from capture.session.manifest import Manifest, SessionCameraTable, SphereTable
 from capture.session.manifest_file import table_of
-from capture.session.session_types import Lens
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.length_units import UNITS_MM, Unit
@@ -114,8 +113,8 @@ class Draft:
             kind = "chessboard" if table.chessboard else "ChArUco board"
             across = " x ".join(map(str, table.board.squares))
             return None, f"{len(self.photographs['board'])} shots of a {kind} of {across} squares"
-        lens = Lens(**table.model_dump(include=set(FOCAL), exclude_none=True)) if table else Lens()
-        camera, told = camera_from_lens(lens, self.exif, self.width, self.height)
+        lens = table.model_dump(include=set(FOCAL), exclude_none=True) if table else {}
+        camera, told = camera_from_lens(SessionCameraTable(**lens), self.exif, self.width, self.height)
         if camera.is_orthographic:
             return None, "not known: no EXIF, no board. It is sought by the balls; or give focal_mm and sensor_mm."
         words = told[0].removeprefix("camera: ").partition(". ")[0] if told else f"focal length {camera.fx:.0f} px"

@@ -46,8 +46,8 @@ def prepare(
     Raises SessionError: too few photographs can be read or are of one size, or they show several objects; answers do
     not fit what was found.
     """
-    linear, encoding = encoding_of(files.photographs["flash"][0], asking)
-    every = [path for role in ("flash", "ambient", "board", "chart") for path in files.photographs.get(role, [])]
+    linear, encoding = encoding_of(files.by_role["flash"][0], asking)
+    every = [path for role in ("flash", "ambient", "board", "chart") for path in files.by_role.get(role, [])]
     unread: list[str] = []
     if not small:
         with progress_bar(f"look at {files.folder.name}") as tell:
@@ -60,8 +60,8 @@ def prepare(
 
 def _look(files: FolderFiles, linear: bool | None, by_path: dict[Path, Small], unread: list[str]) -> Draft:
     """Give the photographs whose names tell nothing their roles."""
-    flash, notes = files.photographs["flash"], list(files.left_out)
-    boards, dims = files.photographs.get("board", []), files.photographs.get("ambient", [])
+    flash, notes = files.by_role["flash"], list(files.left_out)
+    boards, dims = files.by_role.get("board", []), files.by_role.get("ambient", [])
     notes += [f"left out, cannot be read: {text}" for text in unread]
     shots = [by_path[path] for path in flash if path in by_path]
     if len(shots) < FEWEST:
@@ -100,8 +100,8 @@ def _look(files: FolderFiles, linear: bool | None, by_path: dict[Path, Small], u
     photographs = {
         "flash": [one.path for one in shots],
         "ambient": [one.path for one in ambient],
-        "dark": [*files.photographs.get("dark", []), *(one.path for one in roles.get("dark", []))],
-        "flat": files.photographs.get("flat", []),
+        "dark": [*files.by_role.get("dark", []), *(one.path for one in roles.get("dark", []))],
+        "flat": files.by_role.get("flat", []),
     }
     globs = {role: pattern_of(some, files.folder) for role, some in photographs.items() if some}
     frames = FramesTable.model_validate({**globs, "linear": linear})
@@ -110,11 +110,12 @@ def _look(files: FolderFiles, linear: bool | None, by_path: dict[Path, Small], u
         Manifest(frames=frames), files.folder, first.width, first.height, frames_of(shots, ambient), first.step,
         tuple(read_exif(one.path) for one in shots), notes=tuple(notes),
     )  # fmt: skip
-    draft = _with_chart(draft, [by_path[path] for path in files.photographs.get("chart", []) if path in by_path])
+    draft = _with_chart(draft, [by_path[path] for path in files.by_role.get("chart", []) if path in by_path])
     if layout is None:
         return draft
     shots_key = "charuco" if layout.dictionary else "chessboard"
-    return draft.saying("camera", board=layout.table, **{shots_key: pattern_of([o.path for o in shown], files.folder)})
+    pattern = pattern_of([one.path for one in shown], files.folder)
+    return draft.saying("camera", board=layout.model_dump(exclude_none=True), **{shots_key: pattern})
 
 
 def _with_chart(draft: Draft, charts: list[Small]) -> Draft:
@@ -161,12 +162,13 @@ def _check_one_object(folder: Path, shots: list[Small]) -> None:
 def _given(draft: Draft, files: FolderFiles, asking: Asking) -> Draft:
     """Take the mask, the normals and the scan, with its unit."""
     apart = {word for kind in KINDS for word in (kind, "gray", "grey")}
-    masks = [path for path in files.masks if not apart & set(path.stem.lower().replace(".", "_").split("_"))]
-    scans = sorted(files.scans, key=lambda path: -path.stat().st_size)
+    masks, scans, maps = (files.by_role.get(role, []) for role in ("mask", "scan", "normals"))
+    masks = [path for path in masks if not apart & set(path.stem.lower().replace(".", "_").split("_"))]
+    scans = sorted(scans, key=lambda path: -path.stat().st_size)
     keys: dict[str, Any] = {}
     for key, paths, what in (
         ("mask", masks, "files may be the mask: {} is taken."),
-        ("normals", files.normals, "files may be the normal map: {} is taken."),
+        ("normals", maps, "files may be the normal map: {} is taken."),
         ("scan", scans, "meshes: the largest, {}, is taken for the scan."),
     ):
         keys[key] = name_of(paths[0], draft.folder) if paths else None
@@ -197,14 +199,15 @@ def _with_balls(draft: Draft, files: FolderFiles, asking: Asking, found: Sequenc
     """
     apart, notes = _shot_apart(files, len(draft.photographs["flash"]))
     names = tuple(frame_names(draft.photographs["flash"]))
-    for path in files.lights if not apart else ():
+    lights = files.by_role.get("lights", [])
+    for path in lights if not apart else ():
         try:
             read_lights(path, names, camera=draft.camera[0])
             return draft.saying("lights", file=name_of(path, draft.folder))
         except SceneError as error:
             draft = draft.noting(f"{path.name} is not used: {str(error).splitlines()[0]}")
-    if apart and files.lights:
-        notes.append(f"{files.lights[0].name} is not used: the balls' own photographs tell the lights.")
+    if apart and lights:
+        notes.append(f"{lights[0].name} is not used: the balls' own photographs tell the lights.")
     if not apart and found is None:
         say("looking for balls ...")
         with suppress(CalibrationError):
@@ -253,10 +256,10 @@ def _shot_apart(files: FolderFiles, count: int) -> tuple[list[SphereTable], list
     notes: list[str] = []
     for kind in KINDS:
         groups: dict[tuple[Path, str], list[Path]] = {}
-        for path in files.photographs.get(kind, []):
+        for path in files.by_role.get(kind, []):
             groups.setdefault((path.parent, path.suffix.lower()), []).append(path)
         fitting = [paths for paths in groups.values() if len(paths) == count]
-        alike = [p for p in fitting if p[0].suffix == files.photographs["flash"][0].suffix] or fitting
+        alike = [p for p in fitting if p[0].suffix == files.by_role["flash"][0].suffix] or fitting
         for paths in alike[:1]:
             balls.append(SphereTable.model_validate({"kind": kind, "frames": pattern_of(paths, files.folder)}))
         notes += [f"{place.name}: {len(paths)} photographs, but {count} flash frames; not used."

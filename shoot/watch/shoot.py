@@ -14,21 +14,19 @@ from calibrate.calibrate import lights_of_balls
 from calibrate.calibration import Calibration
 from calibrate.detection.balls import Ball, find_balls
 from calibrate.unknown_focal import with_unknown_focal
-from capture.audit.audit import blown_warnings, movement_warnings
-from capture.audit.camera_settings import exposure_by_room, exposure_gains, gaps_in_numbering, mixed_settings
+from capture.audit.audit import at_a_glance, movement_warnings
 from capture.audit.focus import focus_warnings
-from capture.audit.missing_flashes import doubles, misfires
-from capture.audit.part_movement import part_warnings, parts_of
+from capture.audit.part_movement import part_warnings
 from capture.camera.focal_length import camera_from_lens
 from capture.camera.session_camera import usual_camera
 from capture.photographs.kept import KeptStack
 from capture.photographs.photograph import SATURATION
 from capture.session.globs import frame_names
-from capture.session.manifest import SphereTable
-from capture.session.session_types import CaptureSession, Lens
+from capture.session.manifest import SessionCameraTable, SphereTable
+from capture.session.session_types import CaptureSession
 from capture.survey.small_pictures import frames_of
 from scene.camera import Camera
-from scene.errors import CalibrationError, CaptureError, SceneError
+from scene.errors import CalibrationError, SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from shoot.init.answers import Asking
@@ -101,7 +99,7 @@ class Shoot:
     def judge(self, shots: Sequence[Shot]) -> list[str]:
         """Say of the photographs that stand there what is seen at a glance; return what was not said before.
 
-        Did the flash fire, exposure, clipping, the same light twice, the numbering. `follow` says the rest.
+        Did the flash fire, exposure, clipping, the same light twice. `follow` says the rest.
         """
         known, self._shots = {shot.digest for shot in self._shots}, list(shots)
         self.roles, self.left_out = sort_shots(shots, self.folder)
@@ -113,20 +111,12 @@ class Shoot:
         paths, ambient = tuple(shot.path for shot in self.flash), self.roles["ambient"]
         names, dims = tuple(frame_names(list(paths))), tuple(shot.path for shot in ambient)
         exif, ambient_exif = [shot.exif for shot in self.flash], [shot.exif for shot in ambient]
-        facts, gain = [shot.facts for shot in self.flash], exposure_gains(exif, ambient_exif)[0]
         dim = np.mean([shot.facts.small for shot in ambient], 0) if ambient else None
-        pictures = np.stack([fact.small * factor for fact, factor in zip(facts, gain, strict=True)])
-        by_room, told = exposure_by_room(names, pictures, dim)
-        self.frames = self._full_size(names, gain * by_room)
-        light = pictures * by_room[:, None, None] - (0 if dim is None else dim)
         session = CaptureSession(self.folder.name, self.folder, paths, names, tuple(range(len(names))), ambient=dims)
-        said += [*told, *mixed_settings(session, exif, ambient_exif), *gaps_in_numbering(session)]
-        if len(names) > 2:
-            try:
-                said += misfires(names, light, dim)
-            except CaptureError as error:
-                said += str(error).splitlines()
-        return self.new([*said, *doubles(names, facts, light), *blown_warnings(names, facts)])
+        facts = [shot.facts for shot in self.flash]
+        gain, missing, told = at_a_glance(session, exif, ambient_exif, facts, dim)
+        self.frames = self._full_size(names, gain)
+        return self.new([*said, *(missing if len(names) > 2 else ()), *told])
 
     def follow(self, frames: Frames, flash: Sequence[Shot], ambient: Sequence[Shot]) -> list[str]:
         """Bring lights and normals up to date, and say the rest of the photographs; see `judge`.
@@ -138,7 +128,7 @@ class Shoot:
         small = frames_of([shot.small for shot in flash], [shot.small for shot in ambient])
         small, found = replace(small, names=frames.names, gain=frames.gain), self._found
         self._step = flash[0].small.step
-        parts = parts_of(found.spheres, found.camera, self._step) if found and found.camera else []
+        balls = found.spheres if found else []
         told = self._renew_lights(small, self._camera(small, flash))
         if len(flash) < FEWEST:
             # Of so few, what is no frame's own is noise as often as not.
@@ -147,7 +137,7 @@ class Shoot:
         recent, facts = frames.only(last), [shot.facts for shot in flash[last]]
         moved = movement_warnings(recent, facts) if len(facts) >= FEWEST else []
         self._look_at_normals(small)
-        return [*told, *focus_warnings(recent, facts), *(moved or part_warnings(recent, parts))]
+        return [*told, *focus_warnings(recent, facts), *(moved or part_warnings(recent, balls, self._step))]
 
     def role_of(self, shot: Shot) -> str:
         """Return a photograph's role: flash, ambient, dark, flat, board, chrome, white, or left out."""
@@ -171,7 +161,7 @@ class Shoot:
     def _camera(self, small: Frames, flash: Sequence[Shot]) -> Camera:
         """Return the camera of the small frames as it is known; one as most are where it is not."""
         width, height = self._step * small.width, self._step * small.height
-        lens = Lens(**self._asking.answers.camera)
+        lens = SessionCameraTable(**self._asking.answers.camera)
         camera, _ = camera_from_lens(lens, [shot.exif for shot in flash], width, height)
         camera = usual_camera(width, height) if camera.is_orthographic else camera
         return camera.scaled(small.width, small.height, 1 / self._step, 1 / self._step)

@@ -15,9 +15,9 @@ from capture.photographs.kept import Kept
 from capture.photographs.photograph import Photograph
 from capture.session.globs import natural_key
 from capture.survey.folder_files import sorted_files
-from capture.survey.hot_folder import WholeFile, look_of
+from capture.survey.hot_folder import WholeFile
 from capture.survey.small_pictures import Small, by_light, of_one_size, small_of
-from scene.current import file_digest
+from scene.current import file_digest, look_of
 from scene.errors import CaptureError
 from shoot.init.answers import Asking
 from shoot.init.prepare import encoding_of
@@ -84,7 +84,7 @@ def sort_shots(shots: Sequence[Shot], folder: Path) -> tuple[dict[str, list[Shot
         By digest, what is to be said of a photograph that is no flash frame.
     """
     by_path = {shot.path: shot for shot in shots}
-    named = sorted_files(by_path, folder).photographs
+    named = sorted_files(by_path, folder).by_role
     roles = {role: [by_path[path] for path in paths] for role, paths in named.items()}
     told = {shot.digest: "no RAW file, as the others are; it is left out. Set the camera to RAW." for shot in shots}
     for shot in (shot for some in roles.values() for shot in some):

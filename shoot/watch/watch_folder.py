@@ -12,11 +12,12 @@ from pathlib import Path
 from capture.photographs.kept import kept_folder
 from capture.session.globs import kind_of
 from capture.survey.folder_files import FEWEST, FolderFiles, files_below, sorted_files
-from capture.survey.hot_folder import ALONE_S, HotFolder, list_photographs, look_of
+from capture.survey.hot_folder import ALONE_S, HotFolder, list_photographs
 from lab.progress import say
 from lab.run import run_session
 from lab.run_log import logged
 from lab.session_place import default_out, note_session
+from scene.current import look_of
 from scene.errors import SessionError
 from scene.origin import Origin
 from scene.output_folder import open_record
@@ -187,9 +188,8 @@ def _draft_of(folder: Path, shoot: Shoot, answers: Answers, taken: Taken) -> Dra
     counted = {shot.path for shot in taken.shots.values()}
     # Files that were never read must have no say in which of two kinds is kept.
     files = sorted_files([path for path in files_below(folder) if kind_of(path) is None or path in counted], folder)
-    counted -= left_out.keys()
-    named = {role: [path for path in some if path in counted] for role, some in files.photographs.items()}
-    files, small = replace(files, photographs=named), [shot.small for shot in taken.shots.values()]
+    named = {role: [path for path in some if path not in left_out] for role, some in files.by_role.items()}
+    files, small = replace(files, by_role=named), [shot.small for shot in taken.shots.values()]
 
     def prepared(answers: Answers) -> Draft:
         draft = prepare(files, Asking(answers, silent=True), small, shoot.balls)

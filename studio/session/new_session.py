@@ -64,15 +64,14 @@ def _found(window: NewWindow) -> str:
     """Return what the names of the folder's files tell, as Markdown."""
     lines = [code(str(window.place)), ""]
     for one in window.found:
-        kinds = one.photographs | {"scan": one.scans, "mask": one.masks, "lights": one.lights, "normals": one.normals}
-        counts = ", ".join(f"{len(files)} {kind}" for kind, files in kinds.items() if files)
+        counts = ", ".join(f"{len(files)} {kind}" for kind, files in one.by_role.items() if files)
         lines.append(f"- **{plain(one.folder.name)}**, by the names: {counts}")
     told = "What no file tells, in mm; 0: not known. Balls, camera and scan are then looked for."
     return "\n".join([*lines, "", told])
 
 
 def _first(window: NewWindow) -> list[Row]:
-    image = first_look(window.found[0].photographs["flash"][0]) if window.found else None
+    image = first_look(window.found[0].by_role["flash"][0]) if window.found else None
     return [] if image is None else [Row("image", start={"image": image, "format": "jpeg"})]
 
 

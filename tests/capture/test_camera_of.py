@@ -9,7 +9,8 @@ import pytest
 from capture.camera.board import _camera_of_corners
 from capture.camera.exif import Exif
 from capture.camera.session_camera import camera_of
-from capture.session.session_types import Board, CaptureSession, Lens
+from capture.session.manifest import BoardTable, SessionCameraTable
+from capture.session.session_types import CaptureSession
 from scene.camera import Camera
 from scene.errors import SessionError
 
@@ -93,7 +94,7 @@ def test_a_focal_length_in_millimetres(session, sensor, half, upright):
     """Each way to say how large the sensor is gives 50 mm on 6,000 pixels of 6 um: 8,333 px."""
     size = (4000, 6000) if upright else (6000, 4000)
     size = tuple(side // 2 for side in size) if half else size
-    lens = Lens(focal_mm=50.0, **sensor)
+    lens = SessionCameraTable(focal_mm=50.0, **sensor)
     camera, (told,) = camera_of(replace(session, camera=lens, half=half), [Exif(focal_mm=18.0)], *size)
     assert (camera.width, camera.height) == size
     assert camera.fx == camera.fy == pytest.approx(8333.33 / (2 if half else 1), rel=1e-4)
@@ -113,17 +114,17 @@ def test_the_focal_length_of_exif_on_a_known_sensor(session):
 
 
 def test_a_focal_length_in_pixels_alone(session):
-    camera, (told,) = camera_of(replace(session, camera=Lens(fx=700.0)), [Exif(focal_35mm=50)], 640, 480)
+    camera, (told,) = camera_of(replace(session, camera=SessionCameraTable(fx=700.0)), [Exif(focal_35mm=50)], 640, 480)
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (700, 700, 319.5, 239.5)
     assert (camera.focal_sigma, camera.source) == (0.02, "session.toml")
     assert "as session.toml says" in told
-    measured = Lens(fx=700.0, fy=701.0, cx=310.0, cy=250.0, distortion=(0.1, 0, 0, 0, 0))
+    measured = SessionCameraTable(fx=700.0, fy=701.0, cx=310.0, cy=250.0, distortion=[0.1, 0, 0, 0, 0])
     camera, warnings = camera_of(replace(session, camera=measured), [], 640, 480)
     assert camera == Camera(640, 480, 700.0, 701.0, 310.0, 250.0, (0.1, 0, 0, 0, 0))
     assert warnings == ()
     half, _ = camera_of(replace(session, camera=measured, half=True), [], 320, 240)
     assert half == camera.halved()
-    sized = replace(session, camera=Lens(size=(640, 480), fx=700.0))
+    sized = replace(session, camera=SessionCameraTable(width=640, height=480, fx=700.0))
     with pytest.raises(SessionError, match=r"640 x 480.*800 x 600"):
         camera_of(sized, [], 800, 600)
 
@@ -131,12 +132,16 @@ def test_a_focal_length_in_pixels_alone(session):
 @pytest.mark.parametrize(
     ("lens", "exif", "words"),
     [
-        (Lens(focal_mm=50.0), Exif(), "camera.focal_mm: found 50 without the size of the sensor.*sensor_mm"),
-        (Lens(focal_mm=50.0), Exif(camera="Held One"), '"Held One" is not known here.*sensor_mm'),
-        (Lens(model="Held One"), Exif(focal_mm=50.0), "camera.model.*Held One.*sensor_mm"),
-        (Lens(sensor_mm=36.0), Exif(), "no focal length.*focal_mm"),
-        (Lens(cx=300.0, cy=200.0), Exif(), "no focal length.*focal_mm"),
-        (Lens(fx=50.0), Exif(), "focal length is 50 px.*640 px.*focal_mm"),
+        (
+            SessionCameraTable(focal_mm=50.0),
+            Exif(),
+            "camera.focal_mm: found 50 without the size of the sensor.*sensor_mm",
+        ),
+        (SessionCameraTable(focal_mm=50.0), Exif(camera="Held One"), '"Held One" is not known here.*sensor_mm'),
+        (SessionCameraTable(model="Held One"), Exif(focal_mm=50.0), "camera.model.*Held One.*sensor_mm"),
+        (SessionCameraTable(sensor_mm=36.0), Exif(), "no focal length.*focal_mm"),
+        (SessionCameraTable(cx=300.0, cy=200.0), Exif(), "no focal length.*focal_mm"),
+        (SessionCameraTable(fx=50.0), Exif(), "focal length is 50 px.*640 px.*focal_mm"),
     ],
 )
 def test_half_a_camera(session, lens, exif, words):
@@ -185,6 +190,10 @@ def shoot(folder, art, count=8):
     return tuple(sorted(folder.glob("board_*.png")))
 
 
+def board_camera(**stated):
+    return SessionCameraTable(board=BoardTable(squares=[9, 6], square_mm=20.0, **stated))
+
+
 @pytest.fixture
 def shots(tmp_path):
     return shoot(tmp_path, CHARUCO)
@@ -193,8 +202,9 @@ def shots(tmp_path):
 @pytest.mark.parametrize("plain", [False, pytest.param(True, marks=pytest.mark.full)])
 def test_a_board_gives_the_camera(session, tmp_path, plain):
     shots = shoot(tmp_path, CHESS if plain else CHARUCO, 6)
-    board = Board(shots, (9, 6), 20.0) if plain else Board(shots, (9, 6), 20.0, 14.0, "DICT_4X4_100")
-    camera, (note,) = camera_of(replace(session, camera=board, encoding="srgb"), [], 960, 640)
+    stated = {} if plain else {"marker_mm": 14.0, "dictionary": "DICT_4X4_100"}
+    session = replace(session, camera=board_camera(**stated), board_shots=shots, encoding="srgb")
+    camera, (note,) = camera_of(session, [], 960, 640)
     assert camera.source == ("chessboard" if plain else "ChArUco")
     assert camera.fx == pytest.approx(TRUE.fx, rel=0.005)
     assert camera.fy == pytest.approx(TRUE.fy, rel=0.005)
@@ -235,11 +245,12 @@ def test_the_boards_sigma_is_honest():
 def test_a_board_that_is_not_there(session, shots, tmp_path):
     for path in shots[1:]:
         cv2.imwrite(str(path), np.full((640, 960), 90, np.uint8))
-    charuco = Board(shots, (9, 6), 20.0, 14.0, "DICT_4X4_100")
+    charuco = board_camera(marker_mm=14.0, dictionary="DICT_4X4_100")
+    session = replace(session, board_shots=shots)
     with pytest.raises(SessionError, match="found in 1 of 8 shots"):
         camera_of(replace(session, camera=charuco), [], 960, 640)
     with pytest.raises(SessionError, match="DICT_4X4_100"):
-        camera_of(replace(session, camera=replace(charuco, dictionary="DICT_4x4")), [], 960, 640)
+        camera_of(replace(session, camera=board_camera(marker_mm=14.0, dictionary="DICT_4x4")), [], 960, 640)
 
 
 def test_a_principal_point_off_the_middle_is_doubted(session):

@@ -9,7 +9,7 @@ import pytest
 
 from capture.camera.exif import Exif, read_exif
 
-SHOT = Exif(1 / 125, 200.0, 8.0, 50.0, 75.0, taken="2026-11-21 09:30:12", camera="Maker Model 1", orientation=6)
+SHOT = Exif(1 / 125, 200.0, 8.0, 50.0, 75.0, camera="Maker Model 1")
 
 
 def directory(entries, at, order):

@@ -6,11 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from capture.survey.hot_folder import FileLook, HotFolder, WholeFile, list_photographs, photograph_of
+from capture.survey.hot_folder import HotFolder, WholeFile, list_photographs, photograph_of
+from scene.current import FileLook
 
 
 def look(size, mtime=0, inode=1):
-    return FileLook(size, mtime, inode)
+    return FileLook(size, mtime, mtime, inode)
 
 
 def names(wholes):
@@ -80,7 +81,7 @@ def test_at_rest_the_best_file_of_every_photograph_is_whole_as_it_stands(actions
     for inode, (what, name, value) in enumerate(actions):
         now += 0.05
         if what == "write":
-            files[name] = FileLook(value, wall + inode, inode)
+            files[name] = look(value, wall + inode, inode)
         elif what == "delete":
             files.pop(name, None)
         elif what == "rename" and name in files and value != name:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from capture.session.session import load_session
-from capture.session.session_types import Board
 from scene.camera import Camera
 from scene.errors import SessionError
 from scene.files import write_png
@@ -121,9 +120,8 @@ def test_the_unit_of_a_scan_is_what_is_written_else_the_format_s(folder, scan, u
 def test_a_board(folder):
     board = '{ squares = [11, 8], square_mm = 15, marker_mm = 11, dictionary = "D" }'
     text = f'[camera]\ncharuco = "ball_*.png"\nboard = {board}'
-    camera = load(folder, FLASH + text).camera
-    assert isinstance(camera, Board)
-    assert (len(camera.files), camera.squares, camera.square_mm) == (3, (11, 8), 15)
+    session = load(folder, FLASH + text)
+    assert (len(session.board_shots), session.camera.board.squares, session.camera.board.square_mm) == (3, [11, 8], 15)
 
 
 def test_names_that_would_lead_elsewhere(folder):

@@ -1,11 +1,11 @@
-"""The audit of what is known beside the pixels: gaps in the numbering, settings that differ."""
+"""The audit of what is known beside the pixels: settings that differ."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from capture.audit.camera_settings import exposure_gains, gaps_in_numbering, mixed_settings
+from capture.audit.camera_settings import exposure_gains, mixed_settings
 from capture.camera.exif import Exif
 from capture.session.session import load_session
 
@@ -22,24 +22,6 @@ def numbered(picture_session):
         return load_session(folder)
 
     return session
-
-
-@pytest.mark.parametrize(
-    ("numbers", "missing"),
-    [
-        (list(range(12)), None),
-        ([14, 15, 17, 18], "flash_016"),
-        ([1, 2, 3, 6, 7, 8, 9, 10, 11], "flash_004, flash_005"),
-        ([0, 10, 20, 30, 50, 60, 70], "flash_040"),
-        ([3, 17, 42, 99], None),
-    ],
-)
-def test_a_missing_number(numbered, numbers, missing):
-    warnings = gaps_in_numbering(numbered(numbers))
-    if missing is None:
-        assert warnings == []
-    else:
-        assert warnings[0].startswith(f"{missing}: missing from the numbering")
 
 
 def test_mixed_settings_are_named(numbered):

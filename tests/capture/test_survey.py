@@ -21,9 +21,8 @@ def lay(folder, *names):
 
 
 def listed(found):
-    return {
-        role: [path.relative_to(found.folder).as_posix() for path in files] for role, files in found.photographs.items()
-    }
+    by_role = found.by_role.items()
+    return {role: [path.relative_to(found.folder).as_posix() for path in files] for role, files in by_role}
 
 
 def test_names_tell_roles(tmp_path):
@@ -47,10 +46,11 @@ def test_names_tell_roles(tmp_path):
         "dark": ["dark/1.dng"],
         "flat": ["FlatField.dng"],
         "board": ["charuco/a.dng"],
+        "scan": ["scan/penguin.ply"],
+        "mask": ["mask.png"],
+        "lights": ["lights.lp"],
+        "normals": ["Normal_gt.mat"],
     }
-    assert [path.name for path in (*found.scans, *found.masks, *found.lights, *found.normals)] == [
-        "penguin.ply", "mask.png", "lights.lp", "Normal_gt.mat"
-    ]  # fmt: skip
     (told,) = found.left_out
     assert told.startswith("result/normals.npy: its name does not say whether these normals are the truth")
 
@@ -58,8 +58,7 @@ def test_names_tell_roles(tmp_path):
 def test_a_jpeg_beside_its_raw_file_is_left_out_and_named(tmp_path):
     lay(tmp_path, *(f"IMG_{n}.CR2" for n in range(4)), *(f"IMG_{n}.JPG" for n in range(4)), "table.jpg", "mask.png")
     (found,) = survey(tmp_path)
-    assert listed(found) == {"flash": [f"IMG_{n}.CR2" for n in range(4)]}
-    assert [path.name for path in found.masks] == ["mask.png"]
+    assert listed(found) == {"flash": [f"IMG_{n}.CR2" for n in range(4)], "mask": ["mask.png"]}
     assert found.left_out[0].startswith("4 .jpg (IMG_0.JPG, ...): beside a file of the same name")
     assert found.left_out[1].startswith("1 .jpg (table.jpg): no RAW files")
 
@@ -70,13 +69,11 @@ def test_each_object_has_its_own_session_and_the_balls_are_shared(tmp_path):
     lay(tmp_path, *(f"hen/raw/{n}.png" for n in range(4)), "cat/scan.ply", "owl/mask.png", "hen/hen.ply", "board/1.png")
     cat, hen, owl = found = survey(tmp_path)
     assert [one.folder.name for one in found] == ["cat", "hen", "owl"]
-    assert [len(one.scans) for one in found] == [1, 1, 0]
-    assert (len(cat.masks), len(owl.masks), hen.scans[0].name) == (0, 1, "hen.ply")
-    for found in (cat, hen, owl):
-        assert {role: len(files) for role, files in found.photographs.items()} == {
-            "flash": 4, "chrome": 4, "white": 4, "board": 1
-        }  # fmt: skip
-        assert all(path.is_relative_to(found.folder) for path in found.photographs["flash"])
+    assert hen.by_role["scan"][0].name == "hen.ply"
+    shared = {"flash": 4, "chrome": 4, "white": 4, "board": 1}
+    for found, own in ((cat, "scan"), (hen, "scan"), (owl, "mask")):
+        assert {role: len(files) for role, files in found.by_role.items()} == shared | {own: 1}
+        assert all(path.is_relative_to(found.folder) for path in found.by_role["flash"])
 
 
 @pytest.mark.parametrize(
@@ -210,9 +207,9 @@ def test_a_charuco_board_is_read_off(tmp_path, squares, dictionary, share):
     )
     blank = picture("blank", np.full((600, 800), 0.2), tmp_path)
     layout, shots = find_board([blank, *(shown(art, seed, tmp_path, f"{seed}") for seed in range(3))])
-    assert layout.squares == squares
+    assert layout.squares == list(squares)
     assert layout.dictionary[:8] == dictionary[:8]
-    assert layout.marker_share == pytest.approx(share, abs=0.02)
+    assert layout.marker_mm / layout.square_mm == pytest.approx(share, abs=0.02)
     assert [one.path.name for one in shots] == ["0", "1", "2"]
 
 
@@ -226,7 +223,7 @@ def test_a_chessboard_is_read_off(tmp_path):
         return [shown(art, seed, tmp_path, f"{seed}") for seed in range(3)]
 
     layout, seen = find_board(shots(9, 6))
-    assert (layout.table["squares"], layout.dictionary, layout.marker_share) == ([9, 6], None, None)
+    assert (layout.squares, layout.dictionary, layout.marker_mm) == ([9, 6], None, None)
     assert len(seen) == 3
     for none in (shots(9, 6)[:1], shots(4, 4), [picture("blank", np.full((300, 400), 0.2), tmp_path)]):
         assert find_board(none) == (None, [])

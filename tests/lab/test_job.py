@@ -99,7 +99,7 @@ OTHER = {
     "flash": (), "camera": Camera(9, 9, 9.0, 9.0, 4.0, 4.0), "spheres": (SphereSpec("white"),), "lights_file": None,
     "mask": None, "box": (1.0, 2.0, 30.0, 40.0), "scan": None, "scan_unit": "m", "scan_ball_diameter_mm": 38.0,
     "normals": None, "picks": Path("picks.csv"), "chart": Path("chart.dng"), "layout": "diligent", "no_spheres": True,
-    "tolerance_deg": 3.0,
+    "tolerance_deg": 3.0, "board_shots": (Path("board.png"),),
 }  # fmt: skip
 NO_INPUT = {"name", "folder", "names", "kept", "photographed", "series"}
 """What follows from the others, or changes no pixel."""

@@ -19,9 +19,9 @@ from calibrate.silhouette.ball_silhouette import OutlineFit
 from capture.camera.exif import Exif
 from capture.camera.focal_length import camera_from_lens
 from capture.camera.session_camera import camera_of, fitted
+from capture.session.manifest import SessionCameraTable
 from capture.session.requests import read_mask
 from capture.session.session import load_session
-from capture.session.session_types import Lens
 from scene.camera import Camera
 from scene.current import ROOT
 from scene.errors import AlignError, SessionError
@@ -81,7 +81,7 @@ def test_what_the_photographs_tell_of_session_toml(run_rgbn, tmp_path, verb, cha
 
 
 def of_lens(**lens):
-    return ["\n".join(camera_from_lens(Lens(**lens), [EXIF] * 3, 3760, 2506)[1])]
+    return ["\n".join(camera_from_lens(SessionCameraTable(**lens), [EXIF] * 3, 3760, 2506)[1])]
 
 
 def of_principal_point():

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capture.session.manifest import FramesTable, Manifest, SphereTable
+from capture.session.manifest import FramesTable, Manifest, SessionCameraTable, SphereTable
 from capture.session.session import load_session
-from capture.session.session_types import Lens
 from capture.survey.folder_files import pattern_of
 from scene.errors import SessionError
 from scene.files import write_png
@@ -135,7 +134,7 @@ def test_what_is_missing_is_said_until_it_is_there(draft, lacking, said):
     "lens", [{"focal_mm": 50.0, "sensor_mm": 36.0}, {"fx": 700.5}, {"focal_mm": 35.0, "model": "Nikon D700"}]
 )
 def test_the_camera_that_was_told(draft, lens):
-    assert loaded(draft.saying("camera", **lens)).camera == Lens(**lens)
+    assert loaded(draft.saying("camera", **lens)).camera == SessionCameraTable(**lens)
     with pytest.raises(SessionError, match="without the size of the sensor"):
         session_text(draft.saying("camera", focal_mm=50.0))
     # In the words of session.toml's reader.

@@ -8,8 +8,8 @@ import sys
 import numpy as np
 import pytest
 
+from capture.session.manifest import SessionCameraTable
 from capture.session.session import load_session
-from capture.session.session_types import Lens
 from lab.run import run_session
 from scene.current import ROOT
 from scene.errors import SceneError, SessionError
@@ -105,7 +105,7 @@ def test_only_its_own_file_is_written_anew(mine, tmp_path, monkeypatch):
     said = Answers(focal_mm=50.0, sensor_mm=36.0)
     for answers in (said, Answers()):
         (made,) = init_sessions(mine, told=answers, yes=True)
-        assert load_session(mine).camera == Lens(focal_mm=50.0, sensor_mm=36.0), "as it was said before"
+        assert load_session(mine).camera == SessionCameraTable(focal_mm=50.0, sensor_mm=36.0), "as it was said before"
     assert made.sheet == tmp_path / "out" / mine.name / "contact-sheet.png"
     assert made.sheet.is_file()
     assert sorted(path.name for path in mine.iterdir()) == [*(f"{n}.png" for n in range(4)), "session.toml"]
