@@ -131,6 +131,11 @@ class Job:
         """Of each step that is done: fingerprint, seconds, result, warnings."""
         return self.record.done
 
+    @property
+    def frame_files(self) -> tuple[str, ...]:
+        """Names of the flash photographs' files."""
+        return tuple(path.name for path in self.session.flash)
+
     def load_scan(self) -> Mesh:
         """Return the session's scan; see `scan_of`."""
         return scan_of(self.session, self.store)

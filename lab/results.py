@@ -7,6 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compare.report.facts import best_method
+from compare.report.pictures import PixelBox
+from formats.meshes.glb_files import write_glb
+from formats.picture_files import srgb_from_linear
+from formats.tiff_files import write_map
 from lab.colours import Colours, albedo_colours
 from lab.job import Job, Outcome
 from lab.options import GreenAxis
@@ -29,8 +34,6 @@ UNITS = {"sigma": "degrees, one standard deviation of the normal", "depth": "mm,
 
 def results(job: Job) -> Outcome:
     """Write each method's maps, and one method's surface."""
-    from formats.tiff_files import write_map
-
     store, axes = job.store, job.settings.normals or "opengl"
     camera, lights, colours = store.load_camera(), store.load_lights(), albedo_colours(job)
     pixel_mm = pixel_size_mm(camera, lights)
@@ -63,8 +66,6 @@ def results(job: Job) -> Outcome:
 
 def recommended(job: Job) -> str | None:
     """Return the method that the report recommends; None where neither a truth nor the photographs tell of one."""
-    from compare.report.facts import best_method
-
     told = {step: job.done.get(step, {}).get("result", {}) for step in ("compare", "trust")}
     is_told = (told["compare"].get("level") or {}).get("best") or told["trust"].get("recommended")
     return best_method(told) if is_told else None
@@ -106,10 +107,6 @@ def _write_surface(
     job: Job, methods: list[str], pixel_mm: float | None, written: list[Path], colours: Colours
 ) -> dict[str, Any]:
     """Write the surface of one of the methods as PLY and GLB, its depth as a map; return what is to be said of it."""
-    from compare.report.pictures import PixelBox
-    from formats.meshes.glb_files import write_glb
-    from formats.picture_files import srgb_from_linear
-    from formats.tiff_files import write_map
     from solve.surface.solved_surface import solved_surface
 
     store = job.store

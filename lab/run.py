@@ -4,13 +4,20 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from capture.photographs.kept import kept_folder
+from capture.session.session import load_session
+from lab.cluster import executor_of
+from lab.job import Job
 from lab.options import AS_BEFORE, Settings, Solving
+from lab.plan import REPORTED, STEPS
+from lab.progress import say
+from lab.run_log import logged
 from lab.session_place import MANIFEST, is_output, note_session, origin_of, session_and_out, session_of
-
-if TYPE_CHECKING:
-    from lab.job import Job
+from lab.summary import write_summary
+from scene.current import fingerprint
+from scene.output_folder import open_record
 
 __all__ = ["is_description", "open_job", "run_session", "session_and_out"]
 
@@ -46,14 +53,6 @@ def open_job(
     SceneError
         Unknown solver or profile, an unreadable session, an output folder that is another's, or in use.
     """
-    from capture.session.session import load_session
-    from lab.cluster import executor_of
-    from lab.job import Job
-    from lab.progress import say
-    from lab.run_log import logged
-    from scene.current import fingerprint
-    from scene.output_folder import open_record
-
     # Before anything is written.
     _ = said.methods(), said.programs()
     place, folder = session_and_out(session_path, out)
@@ -93,9 +92,6 @@ def run_session(
     session_path, **how
         As in `open_job`.
     """
-    from capture.photographs.kept import kept_folder
-    from lab.plan import STEPS
-
     with open_job(session_path, **how) as job:
         for step in job.wanted(wanted):
             job.run(STEPS, step)
@@ -109,9 +105,6 @@ def run_session(
 
 def summed_up(job: "Job", last: str) -> dict[str, Any]:
     """Write summary.json of what is done, after the verb `last`, and the report with it; return the summary."""
-    from lab.plan import REPORTED
-    from lab.summary import write_summary
-
     summary = write_summary(job, last)
     # A report that is still right is filed with the checksum of summary.json.
     if last == "compare" or job.record.is_intact(job.store.path("report.pdf")):

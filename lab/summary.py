@@ -4,6 +4,7 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Any
 
+from compare.statistics.statistics import statistics_rows
 from lab.job import Job
 from lab.plan import STEPS
 from scene.current import libraries
@@ -63,8 +64,6 @@ def write_summary(job: Job, up_to: str) -> dict[str, Any]:
 
 def write_tables(store: Store, compared: dict[str, Any]) -> None:
     """Write lights.csv and statistics.csv; a table of what is not there, or no longer, is removed."""
-    from compare.statistics.statistics import statistics_rows
-
     lights = store.load_lights().rows() if store.path("lights.json").exists() else []
     for name, rows in (("lights.csv", lights), ("statistics.csv", statistics_rows(compared))):
         if rows:

@@ -6,6 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compare.report.pictures import Exposure
+from formats.picture_files import srgb_from_linear
+from formats.relight_files import tell, terms, write_relight
+from lab.results import pixel_size_mm
 from scene.errors import SceneError
 
 Array = NDArray[np.float64]
@@ -34,8 +38,6 @@ def choose_terms(directions: Array, values: NDArray[np.float32]) -> tuple[str, f
     The residual of a sample by a fit to all the others is r / (1 - h), h its element of the hat matrix' diagonal
     [Allen1974].
     """
-    from formats.relight_files import terms
-
     missed = {}
     for kind in ("ptm", "hsh"):
         matrix = terms(kind, directions)
@@ -59,11 +61,6 @@ def export_relight(store: Any, name: str) -> tuple[list[Path], list[str]]:
     fall-off at the depth of the lights' reference point. Directions are those at the reference point, as a viewer has
     one light for all pixels.
     """
-    from compare.report.pictures import Exposure
-    from formats.picture_files import srgb_from_linear
-    from formats.relight_files import tell, terms, write_relight
-    from lab.results import pixel_size_mm
-
     frames, lights, camera = store.load_frames(), store.load_lights(), store.load_camera()
     lights.check()
     step = int(np.ceil(np.sqrt(max(1.0, frames.width * frames.height / MOST_PIXELS))))

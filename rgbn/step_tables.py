@@ -14,10 +14,12 @@ from compare.report.advice import advice
 from compare.report.facts import all_warnings
 from compare.report.page import plain
 from compare.report.verdict import trust_sentence, verdict
+from compare.statistics.statistics import statistics_rows
 from draw.readable import Readable, readable, share
 from lab.job import Job
 from lab.progress import say
 from lab.terminal_tables import fact_table, number_table, show
+from rgbn.result_tables import ball_rows
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.store import Store
@@ -120,8 +122,6 @@ def calibrate_tables(job: Job, summary: Values) -> Iterator[Any]:
     seen = "the object" if "align" in job.done else "amid the balls"
     yield light_table(f"calibrate: {len(lights)} {lights.model} lights, seen from {seen}", lights)
     if store.path("spheres.json").exists() and (spheres := store.load_spheres()):
-        from rgbn.result_tables import ball_rows
-
         yield number_table("calibrate: balls", BALLS, ball_rows(spheres, store.load_camera()))
 
 
@@ -173,8 +173,6 @@ def twin_tables(job: Job, summary: Values) -> Iterator[Any]:
 
 def compare_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield the errors, and against a known truth what each step is off."""
-    from compare.statistics.statistics import statistics_rows
-
     if rows := statistics_rows(summary["compare"]):
         yield number_table("compare: angular error, degrees", ERRORS, rows)
     else:

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jinja2 import Environment, StrictUndefined
 
 from draw.light_charts import directions
 from lab.terminal_tables import cells_of
@@ -131,8 +132,6 @@ def lights_of(facts: dict[str, Any]) -> str:
 
 def plan_page(facts: dict[str, Any]) -> str:
     """Return the page of a plan's facts."""
-    from jinja2 import Environment, StrictUndefined
-
     template = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
     rows = [row for row in facts["flashes"] if not row["there"] or len(facts["flashes"]) <= MOST_ROWS]
     tables = {"flashes": cells_of(FLASHES, rows[:MOST_ROWS]), "balls": cells_of(BALLS, facts["balls"])}

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from lab import run_log, steps
+from lab import run_log
+from lab.job import Job
 from lab.run_log import HEAD, log, logged
 from scene.output_folder import open_record
 from tests.lab.test_foreign_files import make_session, rgbn
@@ -57,7 +58,7 @@ def test_how_a_run_ended_is_logged(lab, monkeypatch, capsys):
     def broken(*_):
         raise ZeroDivisionError("of the test")
 
-    monkeypatch.setattr(steps, "frame_files", broken)
+    monkeypatch.setattr(Job, "frame_files", property(broken))
     make_session(lab / "plum")
     assert rgbn(monkeypatch, "solve", "plum") == 1
     text = (lab / "out" / "plum" / "rgbn.log").read_text()
