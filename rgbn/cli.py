@@ -30,8 +30,11 @@ app = App(
     suppress_keyboard_interrupt=False,
     exit_on_error=False,
     print_error=False,
-    # That a flag is off by default needs no words.
-    default_parameter=Parameter(show_default=lambda value: str(value) if value else None),  # type: ignore[arg-type]
+    # That a flag is off by default needs no words; no list has an option that empties it.
+    default_parameter=Parameter(
+        show_default=lambda value: str(value) if value else None,  # type: ignore[arg-type]
+        negative_iterable=(),
+    ),
 )
 app.register_install_completion_command(
     help="Let the shell complete verbs and options. Writes a script and a line of the shell's startup file."
