@@ -1,13 +1,19 @@
-"""A verb on a session: its output folder opened and locked, the steps run, the summary written."""
+"""A verb on a session: its output folder opened and locked, the steps run, the summary written.
+
+summary.json has every number of the report, with units in the key names; its tables are for spreadsheets.
+"""
 
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from capture.photographs.kept import kept_folder
 from capture.session.session import load_session
+from compare.statistics.statistics import statistics_rows
 from lab.cluster import executor_of
 from lab.job import Job
 from lab.options import AS_BEFORE, Settings, Solving
@@ -15,11 +21,11 @@ from lab.plan import REPORTED, STEPS
 from lab.progress import say
 from lab.run_log import logged
 from lab.session_place import MANIFEST, is_output, note_session, origin_of, session_and_out, session_of
-from lab.summary import write_summary
-from scene.current import fingerprint
+from scene.current import fingerprint, libraries
+from scene.files import remove, write_json, write_text
+from scene.notebook import csv_text
 from scene.output_folder import open_record
-
-__all__ = ["is_description", "open_job", "run_session", "session_and_out"]
+from scene.store import Store
 
 
 def is_description(source: Path) -> bool:
@@ -34,7 +40,7 @@ def open_job(
     out: Path | None = None,
     said: Solving = AS_BEFORE,
     scheduler: str | None = None,
-) -> Iterator["Job"]:
+) -> Iterator[Job]:
     """Hold a session's output folder for a block. What is not said stays as the folder was made before.
 
     Parameters
@@ -78,7 +84,7 @@ def run_session(
     session_path: Path,
     wanted: str,
     *,
-    shown: Callable[["Job", dict[str, Any]], None] | None = None,
+    shown: Callable[[Job, dict[str, Any]], None] | None = None,
     **how: Any,
 ) -> dict[str, Any]:
     """Run one verb with all that it needs, and return the summary (summary.json).
@@ -103,9 +109,51 @@ def run_session(
     return summary
 
 
-def summed_up(job: "Job", last: str) -> dict[str, Any]:
-    """Write summary.json of what is done, after the verb `last`, and the report with it; return the summary."""
-    summary = write_summary(job, last)
+def summed_up(job: Job, last: str) -> dict[str, Any]:
+    """Write summary.json of what is done, after the verb `last`, its tables and its report; return the summary."""
+    arguments = {
+        "up_to": last,
+        "session": str(job.session.folder),
+        "methods": list(job.methods),
+        "profile": job.profile,
+        "external": {name: program.command for name, program in job.externals.items()},
+        "twin": asdict(job.twin),
+        "refine_lights": bool(job.settings.refine_lights),
+        "trust": job.settings.trust,
+        "truth": job.settings.truth,
+        "tolerance_deg": job.tolerance_deg,
+        "tolerances_deg": job.tolerances_deg,
+    }
+    done = job.done
+    result = {step: done.get(step, {}).get("result", {}) for step in STEPS}
+    twin, compared = dict(result["twin"]), dict(result["compare"])
+    of_twin = twin.pop("twin_processor_seconds", {})
+    solved = result["solve"].get("methods", {})
+    methods = {name: {**row, "twin_processor_seconds": of_twin.get(name)} for name, row in solved.items()}
+    truth_check = compared.pop("truth_check", None)
+    summary = {
+        "name": job.session.name,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "versions": libraries(),
+        "arguments": arguments,
+        "seconds": {step: entry["seconds"] for step, entry in done.items()},
+        "processor_seconds": {step: entry.get("processor_seconds") for step, entry in done.items()},
+        "warnings": [{"step": step, "text": text} for step, entry in done.items() for text in entry["warnings"]],
+        "capture": result["check"],
+        "camera": job.store.read_json("camera.json") if job.store.path("camera.json").exists() else None,
+        "calibrate": result["calibrate"],
+        "align": result["align"].get("truth"),
+        "solve": {"methods": methods},
+        "trust": result["trust"] or None,
+        "results": result["results"] or None,
+        "twin": twin if twin.get("rendered") else None,
+        "compare": compared,
+    }
+    if truth_check:
+        summary["truth_check"] = truth_check
+    write_json(job.store.path("summary.json"), summary)
+    write_tables(job.store, compared)
+    summary = job.store.read_json("summary.json")
     # A report that is still right is filed with the checksum of summary.json.
     if last == "compare" or job.record.is_intact(job.store.path("report.pdf")):
         from compare.report.report import write_report
@@ -115,7 +163,17 @@ def summed_up(job: "Job", last: str) -> dict[str, Any]:
     return summary
 
 
-def _digests(job: "Job") -> dict[str, str | None]:
+def write_tables(store: Store, compared: dict[str, Any]) -> None:
+    """Write lights.csv and statistics.csv; a table of what is not there, or no longer, is removed."""
+    lights = store.load_lights().rows() if store.path("lights.json").exists() else []
+    for name, rows in (("lights.csv", lights), ("statistics.csv", statistics_rows(compared))):
+        if rows:
+            write_text(store.path(name), csv_text(rows))
+        else:
+            remove(store.path(name))
+
+
+def _digests(job: Job) -> dict[str, str | None]:
     """Return the SHA-256 of what a report is filed with, by name."""
     record, place = job.record, session_of(job.record.folder)
     toml = place if place.is_file() else place / MANIFEST

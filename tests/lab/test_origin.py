@@ -40,7 +40,7 @@ def quick(monkeypatch, tmp_path):
         monkeypatch.setitem(STEPS, name, replace(STEPS[name], work=work(name)))
     monkeypatch.setitem(STEPS, "results", replace(STEPS["results"], work=lambda job: Outcome({})))
     monkeypatch.setattr("compare.report.report.write_report", lambda *_: None)
-    monkeypatch.setattr("lab.summary.write_tables", lambda *_: [])
+    monkeypatch.setattr("lab.run.write_tables", lambda *_: [])
     (tmp_path / "desk").mkdir()
     monkeypatch.chdir(tmp_path / "desk")
     return tmp_path
