@@ -10,8 +10,7 @@ from draw.light_charts import directions
 from lab.terminal_tables import cells_of
 from scene.files import plain
 from scene.lights import known_median
-from shoot.plan.places import GOOD_PX, LEAST_PX
-from shoot.plan.set_up import EXPOSURE
+from shoot.plan.set_up import EXPOSURE, GOOD_PX, LEAST_PX
 from shoot.plan.shoot_plan import ShootPlan
 
 TEMPLATE = Path(__file__).parent / "plan_page.html"

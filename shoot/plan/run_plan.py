@@ -13,10 +13,9 @@ from scene.mesh import Mesh
 from scene.origin import Origin
 from scene.output_folder import open_record, own_folder
 from scene.record import Record
-from shoot.plan.places import corner_balls
 from shoot.plan.plan_options import PlanOptions
 from shoot.plan.plan_page import plan_facts, plan_page
-from shoot.plan.set_up import SetUp, before_camera, lens_camera, pixels_of
+from shoot.plan.set_up import SetUp, before_camera, corner_balls, lens_camera, pixels_of
 from shoot.plan.shoot_plan import ShootPlan, plan_shoot
 from shoot.plan.under_way import UnderWay, session_so_far
 from twin.camera.virtual_camera import Sensor

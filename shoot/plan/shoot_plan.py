@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from calibrate.lights.predicted_lights import PredictedLights, known_alike, predict_lights
 from scene.camera import Camera
 from scene.lights import Lights
-from shoot.plan.places import out_of_view, places_in_reach
 from shoot.plan.plan_options import AS_USUAL, PlanOptions
-from shoot.plan.set_up import ObjectPixels, ShownObject, lights_at
+from shoot.plan.set_up import ObjectPixels, ShownObject, lights_at, out_of_view, places_in_reach
 from shoot.plan.under_way import UnderWay
 from solve.design.next_flash import choose_flashes, exchange_flashes, known_before
 from solve.design.normal_information import (

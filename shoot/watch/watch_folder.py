@@ -21,10 +21,9 @@ from scene.errors import SessionError
 from scene.origin import Origin
 from scene.output_folder import open_record
 from shoot.init.answers import NOTHING, Answers, Asking
-from shoot.init.draft import Draft
+from shoot.init.draft import Draft, notes_of
 from shoot.init.init_session import check_free, check_layout, write_manifest, write_sheet
 from shoot.init.prepare import prepare
-from shoot.init.session_text import notes_of
 from shoot.watch.shoot import Shoot
 from shoot.watch.status import Screen
 from shoot.watch.taken import Taken
