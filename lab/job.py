@@ -7,8 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from lab.options import DEFAULT_PROFILE, Settings, TwinSettings
-from lab.progress import alive, say
-from lab.run_log import log
+from lab.progress import alive, log, say
 from scene.clock import now, since
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError

@@ -18,8 +18,7 @@ from lab.cluster import executor_of
 from lab.job import Job
 from lab.options import AS_BEFORE, Settings, Solving
 from lab.plan import REPORTED, STEPS
-from lab.progress import say
-from lab.run_log import logged
+from lab.progress import logged, say
 from lab.session_place import MANIFEST, is_output, note_session, origin_of, session_and_out, session_of
 from scene.current import fingerprint, libraries
 from scene.files import remove, write_json, write_text

@@ -13,8 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from draw.readable import Readable
-from lab.progress import is_quiet
-from lab.run_log import log
+from lab.progress import is_quiet, log
 
 
 def filled(form: str, values: Mapping[str, Any]) -> str:

@@ -11,8 +11,7 @@ import numpy as np
 from experiments.datasets.shelf import Entry, contents_of, entries, select
 from experiments.tables import DATASETS, Row, Rows, errors_of
 from lab.options import BY_DEFAULT, DEFAULT_PROFILE, TIMEOUT_S, Solving
-from lab.progress import say
-from lab.run_log import logged
+from lab.progress import logged, say
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json, write_text

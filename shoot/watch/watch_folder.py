@@ -13,9 +13,8 @@ from capture.photographs.kept import kept_folder
 from capture.session.globs import kind_of
 from capture.survey.folder_files import FEWEST, FolderFiles, files_below, sorted_files
 from capture.survey.hot_folder import ALONE_S, HotFolder, list_photographs, look_of
-from lab.progress import say
+from lab.progress import logged, say
 from lab.run import run_session
-from lab.run_log import logged
 from lab.session_place import default_out, note_session
 from scene.errors import SessionError
 from scene.origin import Origin
