@@ -124,7 +124,10 @@ def process_all(
         if more:
             more(record.folder)
     lost = [f"{name} ({fault})" for name, fault in faults.items() if fault]
-    _tell(record.folder, rows, as_json=as_json)
+    show(number_table("sessions", COLUMNS, rows), hidden=as_json)
+    if as_json:
+        print(json.dumps(rows, indent=1))
+    say(f"written: {record.folder / PAGE}, {record.folder / TABLE}")
     if lost:
         raise SceneError(
             f"{parent}: {len(lost)} of {len(sessions)} sessions could not be processed: {'; '.join(lost)} "
@@ -209,10 +212,3 @@ def row_picture(folder: Path, row: dict[str, Any]) -> str:
     picture = normal_picture(box.of(store.load_normals(row["method"])), PICTURE_PX)
     alt = escape(f"normals of {row['name']} by {row['method']}")
     return f'<img src="{data_uri(picture, photograph=False)}" alt="{alt}" width="{picture.shape[1]}">'
-
-
-def _tell(folder: Path, rows: Sequence[dict[str, Any]], *, as_json: bool) -> None:
-    show(number_table("sessions", COLUMNS, rows), hidden=as_json)
-    if as_json:
-        print(json.dumps(rows, indent=1))
-    say(f"written: {folder / PAGE}, {folder / TABLE}")

@@ -20,7 +20,7 @@ from align.scan.smooth_normals import smooth_normals
 from align.truth import ground_truth
 from capture.session.requests import hint_scale
 from compare.report.registration_pictures import write_pictures
-from lab.job import Job
+from lab.job import Job, scale_unknown
 from lab.progress import progress_bar
 from scene.camera import Camera
 from scene.errors import AlignError
@@ -36,7 +36,7 @@ from solve.solve import solve
 def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, rough_mask: Any) -> tuple[dict, list[str]]:
     """Register the scan and write pose, truth, mask and lights."""
     store = job.store
-    if lights.is_unknown and job.scan_scale_unknown:
+    if lights.is_unknown and scale_unknown(job.session):
         raise AlignError(
             "scan_unit: it is unknown, and no ball is there to tell the scale of scan and lights. Give scan_unit, or "
             "a ball in the scan: scan_ball_diameter_mm under [object]."
@@ -50,7 +50,10 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     witness, doubts = None, []
     if lights.is_unknown:
         try:
-            probe = _by_the_scan_alone(job, mesh, smooth, Photographs(camera, frames, lights, rough_mask.mask), start)
+            photographs = Photographs(camera, frames, lights, rough_mask.mask)
+            with progress_bar("lights by the scan") as progress:
+                how = {"start": start, "executor": job.executor, "progress": progress}
+                probe = lights_from_scan(RayCaster(mesh, smooth[0]), smooth[1], photographs, **how)
             lights, start, doubts = probe.lights, probe.pose, list(probe.warnings)
         except AlignError as error:
             # No light is told; where the outline is may be.
@@ -120,13 +123,6 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     return result, warnings
 
 
-def _by_the_scan_alone(job: Job, mesh: Mesh, smooth: Any, photographs: Any, start: Pose | None) -> Any:
-    """Return lights and pose where nothing but the scan tells them; `smooth`, see `smooth_normals`."""
-    with progress_bar("lights by the scan") as progress:
-        how = {"start": start, "executor": job.executor, "progress": progress}
-        return lights_from_scan(RayCaster(mesh, smooth[0]), smooth[1], photographs, **how)
-
-
 def _by_the_scan(view: Any, photographs: Any, *, refine: bool) -> tuple[Lights, dict, list[str]]:
     """Return the lights, refined where that was asked for, what the scan's shading says of them, and warnings."""
     lights = photographs.lights
@@ -169,6 +165,6 @@ def _registered(
                 start=begin, at_vertices=at_vertices, executor=job.executor, progress=progress,
             )  # fmt: skip
 
-        if job.scan_scale_unknown:
+        if scale_unknown(job.session):
             return register_unknown_scale(mesh, photographs, run, start=start)
         return mesh, run(mesh, start), None

@@ -3,7 +3,7 @@
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -88,7 +88,7 @@ def watch_folder(
             taken = Taken(folder, kept_folder(record.folder), asking, screen.note, screen.warn)
             is_ended = until_written.enter_context(_ended_by_signals())
             say(f"watching {folder}; Ctrl-C ends the shoot and writes its session")
-            _loop(folder, taken, shoot, screen, until_idle, time.monotonic, is_ended)
+            _loop(folder, taken, shoot, screen, until_idle, is_ended)
             say("the shoot is over; writing its session ...")
             screen.renew(is_over=True)
             draft = _draft_of(folder, shoot, told, taken)
@@ -125,17 +125,16 @@ def _loop(
     shoot: Shoot,
     screen: Screen,
     until_idle_s: float | None,
-    clock: Callable[[], float],
     is_ended: threading.Event,
 ) -> None:
-    hot, last, is_followed, was_there = HotFolder(), clock(), True, True
+    hot, last, is_followed, was_there = HotFolder(), time.monotonic(), True, True
     following: Future[list[str]] | None = None
     # Beside: a new photograph is judged at once, whatever is still computed of those before.
     with ThreadPoolExecutor(1) as beside:
         while not is_ended.is_set():
-            start = clock()
+            start = time.monotonic()
             files = hot.see(list_photographs(folder), start)
-            listed_s = clock() - start
+            listed_s = time.monotonic() - start
             if hot.is_there != was_there:
                 was_there = hot.is_there
                 gone = "the folder is gone; waiting for it to return"
@@ -145,8 +144,8 @@ def _loop(
             if is_changed:
                 warnings = shoot.judge(list(taken.shots.values()))
                 for shot in fresh:
-                    say(f"{shot.name}: {shoot.role_of(shot)} ({clock() - start:.1f} s)")
-                is_followed, last = False, clock()
+                    say(f"{shot.name}: {shoot.role_of(shot)} ({time.monotonic() - start:.1f} s)")
+                is_followed, last = False, time.monotonic()
             elif following is None and not is_followed:
                 is_followed = True
                 if shoot.frames is not None:
