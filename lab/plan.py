@@ -46,11 +46,6 @@ def _judged_by(job: Job) -> list[Any]:
     ]
 
 
-def _given_away(job: Job) -> list[Any]:
-    # Of what `compare` and `trust` found nothing but which method is recommended, so that neither is waited for.
-    return [job.settings.normals, recommended(job)]
-
-
 EXPORTED = "export"
 """Files for other programs: `calibrate` finds the lights, `align` moves them to the object."""
 ARCHIVED = "heritage"
@@ -67,7 +62,8 @@ STEPS = {
         Step("trust", steps.trust, ("solve",), lambda job: []),
         Step("twin", twin, ("solve",), lambda job: [*_methods(job), job.twin]),
         Step("compare", steps.compare, ("twin",), _judged_by, (REPORTED,)),
-        Step(FOLDER, results, ("solve",), _given_away, (ARCHIVED,)),
+        # Of what `compare` and `trust` found nothing but which method is recommended, so that neither is waited for.
+        Step(FOLDER, results, ("solve",), lambda job: [job.settings.normals, recommended(job)], (ARCHIVED,)),
     )
 }
 """In the order in which data flow."""

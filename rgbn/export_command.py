@@ -32,17 +32,8 @@ def export_session(
 
     Parameters
     ----------
-    source : Path
-        A session, its output folder, or for `mitsuba` alone a scene description.
-    text : str
-        Formats with commas.
-    out : Path or None
-    sfm : Path or None
-        AliceVision's .sfm of the photographs.
-    base_url : str
-        At which `data/` of `heritage` will be served.
-    said : Solving
-        How the steps run.
+    source, text, out, sfm, base_url, said
+        As `rgbn export` has them; `text`: formats with commas.
 
     Raises
     ------

@@ -184,9 +184,13 @@ def session_text(draft: Draft) -> str:
     head = [HEADLINE.format(day=date.today().isoformat())]
     for told in (f"camera: {draft.camera[1]}", *notes_of(draft)):
         head += textwrap.wrap(shortened(told, LONGEST), WIDE, initial_indent="# - ", subsequent_indent="#   ")
-    tables, facts = _tables(draft.written), dict(facts_of(draft))
-    comments = {path: text for path, text in facts.items() if path.startswith(BESIDE)}
-    return "\n".join([*head, toml_text(tables, {**dict(_purposes(tables)), **comments})])
+    tables, comments = _tables(draft.written), {}
+    for table, keys in tables.items():
+        for key in keys if isinstance(keys, dict) else ():
+            said = TABLES[table].model_fields[key].description or ""
+            comments[f"{table}.{key}"] = said.split(". ")[0].rstrip(".")
+    comments |= {path: text for path, text in facts_of(draft) if path.startswith(BESIDE)}
+    return "\n".join([*head, toml_text(tables, comments)])
 
 
 def signed(text: str) -> str:
@@ -212,13 +216,6 @@ def _tables(manifest: Manifest) -> dict[str, Any]:
 
     tables = told(manifest.model_dump(exclude_unset=True, exclude_none=True))
     return {key: value for key, value in tables.items() if value != {}}
-
-
-def _purposes(tables: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield the first sentence of each key's description."""
-    for table, keys in tables.items():
-        for key in keys if isinstance(keys, dict) else ():
-            yield f"{table}.{key}", (TABLES[table].model_fields[key].description or "").split(". ")[0].rstrip(".")
 
 
 def facts_of(draft: Draft) -> Iterator[tuple[str, str]]:

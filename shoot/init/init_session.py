@@ -52,11 +52,8 @@ def init_sessions(folder: Path, *, yes: bool = False, told: Answers = NOTHING) -
 
     Parameters
     ----------
-    folder : Path
-        Folder with the photographs, or with a folder of them for each object.
-    yes : bool
-        Ask nothing. What is not known is assumed, and named.
-    told : Answers
+    folder, yes, told
+        As `rgbn init` has them.
 
     Raises
     ------

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 
+from compare.report.page import table
 from draw.light_charts import directions
 from lab.terminal_tables import cells_of
 from scene.files import plain
@@ -138,7 +139,7 @@ def plan_page(facts: dict[str, Any]) -> str:
         facts,
         answer=answer_of(facts),
         dome=directions({"frames": facts["flashes"]}),
-        tables={name: (list(cells), list(zip(*cells.values(), strict=True))) for name, cells in tables.items()},
+        tables={name: table(list(cells), zip(*cells.values(), strict=True)) for name, cells in tables.items()},
         left_out=len(rows) - MOST_ROWS,
         lights_told=lights_of(facts),
     )

@@ -131,10 +131,6 @@ class ShownObject(NamedTuple):
         """Return some of the flashes."""
         return self._make(part[flashes] for part in self)
 
-    def followed_by(self, other: "ShownObject") -> "ShownObject":
-        """Return these flashes and others."""
-        return self._make(map(np.concatenate, zip(self, other, strict=True)))
-
 
 def lights_at(positions: Array, reference: Array) -> Lights:
     """Return near lights of equal energy at positions (F, 3): the nearer, the brighter."""

@@ -123,7 +123,8 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> ShootPlan:
     set_up, middle = pixels.set_up, pixels.set_up.middle_mm
     candidates = out_of_view(set_up.camera, places_in_reach(options, middle, set_up.size_mm))
     placed = middle + FAR_MM * there.directions if there.positions_mm is None else there.positions_mm
-    shown = so_far.shown.followed_by(pixels.under(lights_at(candidates, middle)))
+    both = zip(so_far.shown, pixels.under(lights_at(candidates, middle)), strict=True)
+    shown = ShownObject._make(map(np.concatenate, both))
     positions = np.concatenate([placed, candidates])
 
     def known_lights(flashes: NDArray) -> PredictedLights:

@@ -52,16 +52,8 @@ def watch_folder(
 
     Parameters
     ----------
-    folder : Path
-        Folder that the camera's program writes into.
-    out : Path, optional
-        Output folder. Default: out/NAME, by the folder's name.
-    until_idle : float, optional
-        The shoot ends after so many seconds without a new photograph. Default: it ends by Ctrl-C.
-    wanted_deg : float
-        Sigma of the normals that is good enough, degrees.
-    told : Answers
-        Camera and balls, as `init` is told them.
+    folder, out, until_idle, wanted_deg, told
+        As `rgbn watch` has them.
 
     Raises
     ------
