@@ -4,7 +4,7 @@ summary.json has every number of the report, with units in the key names; its ta
 """
 
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -79,33 +79,19 @@ def open_job(
         yield Job(session, record, settings, executor)
 
 
-def run_session(
-    session_path: Path,
-    wanted: str,
-    *,
-    shown: Callable[[Job, dict[str, Any]], None] | None = None,
-    **how: Any,
-) -> dict[str, Any]:
-    """Run one verb with all that it needs, and return the summary (summary.json).
-
-    Parameters
-    ----------
-    wanted : str
-        The last step to run, a key of `lab.plan.STEPS`.
-    shown : callable, optional
-        Takes the job and the summary, and tells people, while the run's log is open.
-    session_path, **how
-        As in `open_job`.
-    """
+def run_session(session_path: Path, wanted: str, **how: Any) -> dict[str, Any]:
+    """Run one verb with all that it needs, and return the summary; see `run_verb`, and for `how` `open_job`."""
     with open_job(session_path, **how) as job:
-        for step in job.wanted(wanted):
-            job.run(STEPS, step)
-        # The frames are in the store.
-        shutil.rmtree(kept_folder(job.record.folder), ignore_errors=True)
-        summary = summed_up(job, wanted)
-        if shown:
-            shown(job, summary)
-    return summary
+        return run_verb(job, wanted)
+
+
+def run_verb(job: Job, wanted: str) -> dict[str, Any]:
+    """Run a step, a key of `lab.plan.STEPS`, with all that it needs, and return the summary (summary.json)."""
+    for step in job.wanted(wanted):
+        job.run(STEPS, step)
+    # The frames are in the store.
+    shutil.rmtree(kept_folder(job.record.folder), ignore_errors=True)
+    return summed_up(job, wanted)
 
 
 def summed_up(job: Job, last: str) -> dict[str, Any]:

@@ -64,13 +64,11 @@ BY_NAME = Place()
 
 def _run(session: Path, wanted: str, place: Place, *, whole: bool = False, **how: Any) -> None:
     """Run a verb on a session, and tell what came out."""
-    from lab.run import run_session
+    from lab.run import open_job, run_verb
     from rgbn.step_tables import tell
 
-    def shown(job: Any, summary: dict[str, Any]) -> None:
-        tell(job, summary, verb=wanted, as_json=place.json, whole=whole)
-
-    run_session(session, wanted, shown=shown, out=place.out, **how)
+    with open_job(session, out=place.out, **how) as job:
+        tell(job, run_verb(job, wanted), verb=wanted, as_json=place.json, whole=whole)
 
 
 @app.meta.default

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from compare.report.pictures import error_picture, with_colour_scale
 from lab.progress import say
 from scene.files import write_json, write_png
 from scene.output_folder import record_for
@@ -58,7 +58,9 @@ class Screen:
                     "share_under_wanted": float(np.mean(sigma < self._wanted_deg)),
                     "next_flash": shoot.next_flash,
                 }
-                write_png(self._out / MAP, sigma_picture(shoot.sigma_deg, self._wanted_deg))
+                end = 2 * self._wanted_deg
+                scaled = with_colour_scale(error_picture(shoot.sigma_deg, end), end, "sigma of the normals")
+                write_png(self._out / MAP, scaled)
             lights, ambient = shoot.lights.facts() if shoot.lights else None, len(shoot.roles["ambient"])
             status = {"flash": len(shoot.flash), "ambient": ambient, "warnings": self._warnings}
             write_json(self._out / STATUS, {"is_over": is_over, **status, "lights": lights, "normals": known})
@@ -95,12 +97,3 @@ def place_text(light: dict[str, Any]) -> str:
     sigma = light.get("direction_sigma_deg")
     known = "" if sigma is None else f" (to {sigma:.2g})"
     return f"{light['zenith_deg']:.0f} degrees from the axis{known} at {clock(light['azimuth_deg'])} o'clock{away}"
-
-
-def sigma_picture(sigma_deg: NDArray[np.float64], wanted_deg: float) -> NDArray[np.uint8]:
-    """Return the map (h, w, 3): green where sigma is half of what is wanted, red where it is twice that."""
-    share = np.clip(np.log2(np.maximum(sigma_deg, 1e-6) / wanted_deg) / 2 + 0.5, 0, 1)
-    picture = np.full((*sigma_deg.shape, 3), 40.0)
-    inside = np.isfinite(sigma_deg)
-    picture[inside] = np.stack([220 * share, 180 * (1 - share), np.full_like(share, 60)], -1)[inside]
-    return picture.round().astype(np.uint8)
