@@ -20,9 +20,8 @@ from formats.light_files.light_formats import export_lights
 from formats.picture_files import srgb_from_linear, srgb_profile
 from formats.tiff_files import write_map
 from lab.job import Job
-from lab.plan import ARCHIVED, STEPS
 from lab.results import FOLDER, Colours, albedo_colours, method_maps
-from lab.run import summed_up
+from lab.run import ARCHIVED, STEPS, summed_up
 from scene.current import file_digest
 from scene.errors import SceneError
 from scene.files import move, write_json, write_text

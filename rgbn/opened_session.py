@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from capture.session.session import load_session
 from lab.job import Job
 from lab.options import Settings, Solving, TwinSettings
-from lab.plan import STEPS
-from lab.run import run_session
+from lab.run import STEPS, run_session
 from lab.session_place import origin_of, session_and_out
 from rgbn.result_tables import Table, ball_table, error_table
 from scene.camera import Camera

@@ -46,8 +46,7 @@ def plan(
 ) -> None:
     """Plan a shoot: where flashes and balls go, and which error to expect after each flash."""
     from lab.terminal_tables import number_table, show
-    from shoot.plan.plan_page import BALLS, FLASHES, answer_of, lights_of
-    from shoot.plan.run_plan import run_plan
+    from shoot.plan.run_plan import BALLS, FLASHES, answer_of, lights_of, run_plan
 
     facts = run_plan(source, options, out=out)
     if json:

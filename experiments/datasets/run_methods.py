@@ -81,8 +81,7 @@ def _wanted(shelf: Path, patterns: Sequence[str]) -> list[Entry]:
 
 def _solve(out: Path, entry: Entry, names: list[str], solving: Solving) -> Iterator[tuple[str, Row]]:
     """Yield the rows of some methods on one dataset, each as soon as it is made."""
-    from lab.plan import STEPS
-    from lab.run import open_job
+    from lab.run import STEPS, open_job
 
     left = list(names)
     try:

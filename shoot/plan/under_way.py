@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.job import Job
-from lab.plan import STEPS
+from lab.run import STEPS
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.estimate import Estimate

@@ -10,7 +10,7 @@ from compare.report.pictures import error_picture, with_colour_scale
 from lab.progress import say
 from scene.files import write_json, write_png
 from scene.output_folder import record_for
-from shoot.plan.plan_page import clock
+from shoot.plan.run_plan import clock
 from shoot.watch.shoot import Shoot
 
 STATUS, MAP = "watch.json", "watch-sigma.png"

@@ -237,7 +237,7 @@ def _array(rows: Any, shape: tuple[int, ...]) -> Array | None:
 
 STEPS = {"Capture": "check", "Balls": "calibrate", "Lights": "calibrate", "Scan": "align", "Solve": "solve",
          "Twin": "twin", "Verdict": "compare"}  # fmt: skip
-"""The tabs of a session, each with the step of `lab.plan` up to which its button runs."""
+"""The tabs of a session, each with the step of `lab.run` up to which its button runs."""
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ import pytest
 
 from lab.job import Outcome
 from lab.options import Settings, Solving
-from lab.plan import STEPS
-from lab.run import run_session, session_and_out
+from lab.run import STEPS, run_session, session_and_out
 from scene.errors import SceneError
 from scene.files import write_text
 from scene.output_folder import open_record, read_record

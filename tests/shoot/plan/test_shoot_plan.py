@@ -11,7 +11,7 @@ from scene.errors import SceneError
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg, unit
 from shoot.plan.plan_options import PlanOptions
-from shoot.plan.plan_page import MOST_ROWS, answer_of, lights_of, plan_facts, plan_page
+from shoot.plan.run_plan import MOST_ROWS, answer_of, lights_of, plan_facts, plan_page
 from shoot.plan.set_up import (
     GOOD_PX,
     SetUp,
