@@ -43,7 +43,9 @@ def export_heritage(job: Job, base: str) -> tuple[list[Path], list[str]]:
     It takes its place whole. Raises SceneError: no method found a normal; or rgbn did not write what lies there.
     """
     folder = job.store.path("export", "heritage")
-    _check_own(job, folder)
+    for path in (folder, *folder.rglob("*")):
+        if not path.is_dir():
+            job.record.check_free(path)
     for step in job.wanted("compare"):
         job.run(STEPS, step)
     if job.done[FOLDER]["result"]["surface"] is None:
@@ -58,13 +60,6 @@ def export_heritage(job: Job, base: str) -> tuple[list[Path], list[str]]:
     with job.record.part_of(ARCHIVED):
         move(made, folder)
     return [folder], [f"heritage: {note}" for note in notes]
-
-
-def _check_own(job: Job, folder: Path) -> None:
-    """Raise SceneError where something lies in a folder, or in its place, that rgbn did not write."""
-    for path in (folder, *folder.rglob("*")):
-        if not path.is_dir():
-            job.record.check_free(path)
 
 
 def _write_payload(job: Job, data: Path, base: str) -> list[str]:

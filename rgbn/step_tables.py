@@ -25,8 +25,6 @@ from scene.lights import Lights
 from scene.store import Store
 
 Values = Mapping[str, Any]
-OWN = {"solve": ("solve", "trust")}
-"""Of a verb, the steps whose findings it shows, where these are more than its own."""
 NEXT = {
     "check": "rgbn calibrate {0}", "calibrate": "rgbn align {0}",
     "align": "rgbn solve {0}", "solve": "rgbn twin {0}", "twin": "rgbn compare {0}",
@@ -151,13 +149,10 @@ def align_tables(job: Job, summary: Values) -> Iterator[Any]:
 
 
 def solve_tables(job: Job, summary: Values) -> Iterator[Any]:
-    """Yield the methods."""
+    """Yield the methods; where they were asked to, how well each predicts photographs, and what to take."""
     methods = summary["solve"]["methods"]
     yield number_table("solve", METHODS, [{"method": name, **row} for name, row in methods.items()])
 
-
-def trust_tables(job: Job, summary: Values) -> Iterator[Any]:
-    """Yield how well each method predicts photographs, and what to take."""
     if found := summary["trust"]:
         yield number_table("trust", TRUST, [{"method": name, **row} for name, row in found["methods"].items()])
         yield fact_table("", {"trust": plain(trust_sentence(found)).strip()})
@@ -190,7 +185,6 @@ TABLES: dict[str, Callable[[Job, Values], Iterator[Any]]] = {
     "calibrate": calibrate_tables,
     "align": align_tables,
     "solve": solve_tables,
-    "trust": trust_tables,
     "twin": twin_tables,
     "compare": compare_tables,
 }
@@ -211,20 +205,15 @@ def tell(job: Job, summary: dict[str, Any], *, verb: str, as_json: bool = False,
     whole : bool
         Show what every step found, not the verb's own alone.
     """
-    steps = list(TABLES) if whole else OWN.get(verb, (verb,))
-    tables = [table for step in steps for table in TABLES[step](job, summary)]
-    show(*tables, fact_table("", _places(job, verb)), hidden=as_json)
+    tables = [table for step in (TABLES if whole else [verb]) for table in TABLES[step](job, summary)]
+    # By the shorter way from here.
+    folder, here = job.store.folder, Path(os.path.relpath(job.store.folder))
+    near = str(folder if here.parts[:2] == ("..", "..") else here)
+    has_twin = verb != "solve" or (folder / "pose.json").exists()
+    command = NEXT[verb if has_twin else "twin"].format(shlex.quote(near))
+    show(*tables, fact_table("", {"written": near, "next": command}), hidden=as_json)
     if as_json:
         print(json.dumps(summary, indent=1))
         return
     for step, text in all_warnings({"warnings": summary["warnings"]}):
         say(f"warning ({step}): {text}", always=True)
-
-
-def _places(job: Job, verb: str) -> dict[str, str]:
-    """Return where the results are, by the shorter way from here, and what comes next."""
-    folder, here = job.store.folder, Path(os.path.relpath(job.store.folder))
-    near = folder if here.parts[:2] == ("..", "..") else here
-    has_twin = verb != "solve" or (folder / "pose.json").exists()
-    command = NEXT[verb if has_twin else "twin"].format(shlex.quote(str(near)))
-    return {"written": str(near), "next": command}

@@ -14,8 +14,6 @@ from shoot.plan.run_plan import clock
 from shoot.watch.shoot import Shoot
 
 STATUS, MAP = "watch.json", "watch-sigma.png"
-WORK = "watch"
-"""Of the record: what a watch writes beside its session."""
 
 
 class Screen:
@@ -49,7 +47,7 @@ class Screen:
         """Say what is known by now, and write watch.json, and watch-sigma.png where the normals are known."""
         shoot, record, known = self._shoot, record_for(self._out / STATUS), None
         assert record is not None
-        with record.part_of(WORK):
+        with record.part_of("watch"):
             if shoot.sigma_deg is not None:
                 sigma = shoot.sigma_deg[np.isfinite(shoot.sigma_deg)]
                 known = {
