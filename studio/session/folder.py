@@ -29,7 +29,7 @@ from scene.pose import Pose
 from scene.spheres import Sphere
 from scene.store import Store
 from shoot.init.init_session import SHEET
-from shoot.watch.status import MAP
+from shoot.watch.watch_folder import MAP
 from studio.widgets import plain
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from lab.options import Settings
 from scene.errors import SceneError
 from scene.files import write_png
 from scene.output_folder import open_record
-from shoot.watch.status import MAP, STATUS
+from shoot.watch.watch_folder import MAP, STATUS
 from studio import window as windows
 from studio.session import photograph_view
 from studio.session.ball_edits import moved
