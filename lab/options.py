@@ -194,11 +194,5 @@ class Settings(TwinSettings, Solving):
                 if getattr(other, field.name) is not None}  # fmt: skip
         return replace(self, **said)
 
-    def keep(self, record: "Record") -> None:
-        """Note them in the record of a folder that is held."""
-        from scene.files import plain
-
-        record.note(NOTE, plain(self))
-
 
 BY_DEFAULT, AS_BEFORE = Solving(), Settings()

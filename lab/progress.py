@@ -120,21 +120,14 @@ def logged(record: "Record") -> Iterator[None]:
         yield
         log("done")
     except BaseException as error:
-        log(_ending(error))
+        told = f"rgbn: {error}" if isinstance(error, SceneError) else "".join(traceback.format_exception(error))
+        log("stopped" if isinstance(error, KeyboardInterrupt) else told)
         raise
     finally:
         _open.remove(now)
         # A log that cannot be written, or that the user has changed, is no reason for a run to fail.
         with suppress(OSError, SceneError):
             _put_behind(record, now)
-
-
-def _ending(error: BaseException) -> str:
-    if isinstance(error, SceneError):
-        return f"rgbn: {error}"
-    if isinstance(error, KeyboardInterrupt):
-        return "stopped"
-    return "".join(traceback.format_exception(error))
 
 
 def _put_behind(record: "Record", now: Path) -> None:

@@ -19,13 +19,13 @@ from compare.statistics.statistics import statistics_rows
 from lab import steps
 from lab.cluster import executor_of
 from lab.job import Job, Step
-from lab.options import AS_BEFORE, Settings, Solving
+from lab.options import AS_BEFORE, NOTE, Settings, Solving
 from lab.progress import logged, say
 from lab.results import FOLDER, recommended, results
 from lab.session_place import MANIFEST, is_output, note_session, origin_of, session_and_out, session_of
 from lab.twin_step import twin
 from scene.current import fingerprint, libraries
-from scene.files import remove, write_json, write_text
+from scene.files import plain, remove, write_json, write_text
 from scene.light_text import FILENAMES, INTENSITIES
 from scene.notebook import csv_text
 from scene.output_folder import open_record
@@ -140,7 +140,7 @@ def open_job(
             say(f"session: {place}")
         settings = Settings.of(record).but(said)
         settings.methods()
-        settings.keep(record)
+        record.note(NOTE, plain(settings))
         yield Job(session, record, settings, executor)
 
 

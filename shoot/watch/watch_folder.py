@@ -203,12 +203,7 @@ def _ended_by_signals() -> Iterator[threading.Event]:
 
 
 def _loop(
-    folder: Path,
-    taken: Taken,
-    shoot: Shoot,
-    screen: Screen,
-    until_idle_s: float | None,
-    is_ended: threading.Event,
+    folder: Path, taken: Taken, shoot: Shoot, screen: Screen, until_idle_s: float | None, is_ended: threading.Event
 ) -> None:
     hot, last, is_followed, was_there = HotFolder(), time.monotonic(), True, True
     following: Future[list[str]] | None = None
