@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 EVERY_S = 15.0
 """Seconds from one line of work under way to the next, off a terminal."""
-LOG = "rgbn.log"
 LONGEST = 1_000_000
 """Characters of the log; the oldest runs are left out."""
 HEAD = "=== "
@@ -133,7 +132,7 @@ def logged(record: "Record") -> Iterator[None]:
 def _put_behind(record: "Record", now: Path) -> None:
     from scene.files import write_text
 
-    path = record.folder / LOG
+    path = record.folder / "rgbn.log"
     before = path.read_text("utf-8", "replace") if record.is_intact(path) else ""
     text = before + now.read_text("utf-8", "replace")
     if len(text) > LONGEST:

@@ -27,11 +27,8 @@ TEXTURE_PX = 4096
 """Of the longer side of its picture, at most: browsers on telephones take no more."""
 HEADROOM, MOST = 1.25, 0.999
 """White of an albedo map, in units of this quantile of the albedo: what glares beyond it is cut."""
-
 NEUTRAL = 0.8, 1.25
 """Red and blue of a white ball, of its green: matte balls are yellowish by less."""
-
-UNITS = {"sigma": "degrees, one standard deviation of the normal", "depth": "mm, z; negative"}
 
 
 class Colours(NamedTuple):
@@ -147,7 +144,7 @@ def method_maps(
     codes = np.nan_to_num(np.round(np.clip(albedo / white, 0, 1) * 65535)).astype(np.uint16)
     told = {"value": f"albedo = {white:.6g} code / 65535, linear; 1: {colours.one}", "white": white}
     yield "albedo", codes, {**told, "colour": colours.colour}
-    for kind, value in UNITS.items():
+    for kind, value in (("sigma", "degrees, one standard deviation of the normal"), ("depth", "mm, z; negative")):
         if store.path(kind, f"{method}.npy").exists():
             yield kind, np.asarray(store.read_array(kind, f"{method}.npy"), np.float32), {"value": value}
 

@@ -41,13 +41,12 @@ def session_and_out(path: Path, out: Path | None = None) -> tuple[Path, Path]:
         The session cannot be read or is no longer where the output folder says; `path` and `out` are two output
         folders.
     """
-    path = Path(path)
     if not is_output(path):
         if out is None:
             session = load_session(path)
             out = default_out(origin_of(session, path), session.name)
-        return path.resolve(), Path(out)
-    if out is not None and Path(out).resolve() != path.resolve():
+        return path.resolve(), out
+    if out is not None and out.resolve() != path.resolve():
         raise SceneError(
             f"--out {out}: {path} is an output folder itself, and what is made goes there. Leave --out away; or give "
             "the session in its place to write elsewhere."

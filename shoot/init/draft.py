@@ -35,7 +35,6 @@ FOCAL = ("fx", "focal_mm", "sensor_mm", "pixel_um", "crop_factor", "model")
 LIKELY_UNITS: tuple[Unit, ...] = ("mm", "cm", "m", "inch")
 FACTOR = 1.5
 """By which the object's size in the picture may differ from the scan's: parts are hidden, or were not scanned."""
-HEADLINE = "# Written by rgbn init on {day}. Correct what is wrong; rgbn only reads it."
 SIGNED = "# As rgbn wrote it: "
 """What stands before the fingerprint of all that is above: a file in which nothing was changed is written anew."""
 WIDE = 112
@@ -181,7 +180,7 @@ class Draft:
 
 def session_text(draft: Draft) -> str:
     """Return the text of session.toml, with what is assumed or missing above its tables."""
-    head = [HEADLINE.format(day=date.today().isoformat())]
+    head = [f"# Written by rgbn init on {date.today().isoformat()}. Correct what is wrong; rgbn only reads it."]
     for told in (f"camera: {draft.camera[1]}", *notes_of(draft)):
         head += textwrap.wrap(shortened(told, LONGEST), WIDE, initial_indent="# - ", subsequent_indent="#   ")
     tables, comments = _tables(draft.written), {}

@@ -29,7 +29,6 @@ from shoot.init.draft import Draft, facts_of, is_unedited, notes_of, session_tex
 from shoot.init.prepare import prepare
 
 SHEET = "contact-sheet.png"
-PART = "init"
 WIDTH = 1236
 """Of six small pictures beside each other."""
 MOST = 12
@@ -98,8 +97,8 @@ def init_sessions(folder: Path, *, yes: bool = False, told: Answers = NOTHING) -
 def write_sheet(draft: Draft, record: Record) -> Path:
     """Write the contact sheet into the session's output folder, which is held, and return its path."""
     sheet = record.folder / SHEET
-    record.forget([PART])
-    with record.part_of(PART):
+    record.forget(["init"])
+    with record.part_of("init"):
         write_png(sheet, contact_sheet(draft))
     return sheet
 

@@ -27,7 +27,6 @@ from shoot.plan.under_way import UnderWay, session_so_far
 from twin.camera.virtual_camera import Sensor
 from twin.description.object_mesh import built_in
 
-TEMPLATE = Path(__file__).parent / "plan_page.html"
 MOST_ROWS = 36
 """Flashes in the page's table: a page has no room for more; plan.json has all."""
 FLASHES = {
@@ -216,7 +215,8 @@ def plan_page(facts: dict[str, Any]) -> str:
     template = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
     rows = [row for row in facts["flashes"] if not row["there"] or len(facts["flashes"]) <= MOST_ROWS]
     tables = {"flashes": cells_of(FLASHES, rows[:MOST_ROWS]), "balls": cells_of(BALLS, facts["balls"])}
-    return template.from_string(TEMPLATE.read_text("utf-8")).render(
+    text = Path(__file__).with_name("plan_page.html").read_text("utf-8")
+    return template.from_string(text).render(
         facts,
         answer=answer_of(facts),
         dome=directions({"frames": facts["flashes"]}),
