@@ -23,7 +23,7 @@ from calibrate.calibrate import calibrate
 from calibrate.calibration import Calibration, CrossValidation
 from calibrate.detection.balls import find_balls
 from fixtures.random_scenes import judge, random_scene
-from lab.plan import STEPS
+from lab.run import STEPS
 from scene.clock import now, since
 from scene.errors import SceneError
 from scene.lights import Lights

@@ -13,7 +13,7 @@ from benchmarks.fault_list import ALL, MISTAKES, Mistake, varied
 from benchmarks.fault_sessions import BUNNY, LackingError, Taken, session, write
 from benchmarks.harness import Figures, Scale, Table, markdown, opened
 from lab.options import Solving
-from lab.plan import STEPS
+from lab.run import STEPS
 from scene.errors import SceneError
 from scene.normals import angular_error_deg
 from scene.store import Store

@@ -15,7 +15,7 @@ from benchmarks.harness import ROOT, SHARED, Figures, Scale, Table, markdown, op
 from compare.report.facts import family
 from draw.speed_chart import SpeedPoint, pareto_front, speed_chart
 from lab.options import Solving
-from lab.plan import STEPS
+from lab.run import STEPS
 from scene.camera import Camera
 from scene.clock import now, since
 from scene.frames import Frames

@@ -18,7 +18,7 @@ from benchmarks.calibration import Truth, of_lights, read_truth, scenes_of
 from benchmarks.harness import ROOT, SHARED, Figures, Scale, Table, markdown, opened, spread
 from benchmarks.real_captures import REAL
 from benchmarks.real_surfaces import diligent_object, moved_scan
-from lab.plan import STEPS
+from lab.run import STEPS
 from scene.camera import Camera
 from scene.clock import now, since
 from scene.errors import SceneError

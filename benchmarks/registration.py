@@ -35,7 +35,7 @@ from benchmarks.real_surfaces import (
     ycb_objects,
 )
 from fixtures.mesh_shapes import NEARLY_SYMMETRIC, OWN_MIRROR_IMAGE, SYMMETRIC
-from lab.plan import STEPS
+from lab.run import STEPS
 from scene.camera import Camera
 from scene.clock import now, since
 from scene.errors import SceneError

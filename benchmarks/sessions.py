@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from benchmarks.calibration import SCENES, of_lights, read_truth, scenes_of
 from benchmarks.harness import ROOT, SHARED, Figures, Scale, Table, folded, markdown, opened, ran
 from compare.statistics.known_truth import reprojection_px
-from lab.plan import STEPS
+from lab.run import STEPS
 from scene.camera import Camera
 from scene.clock import now, since
 from scene.errors import SceneError

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.options import named
-from lab.progress import is_quiet, say
-from lab.run_log import log, logged
+from lab.progress import is_quiet, log, logged, say
 from scene.current import libraries
 from scene.errors import SceneError
 from scene.files import write_json

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from lab.options import TwinSettings
-from lab.progress import progress_bar, say
-from lab.run_log import logged
+from lab.progress import logged, progress_bar, say
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json

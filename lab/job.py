@@ -7,8 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from lab.options import DEFAULT_PROFILE, Settings, TwinSettings
-from lab.progress import alive, say
-from lab.run_log import log
+from lab.progress import alive, log, say
 from scene.clock import now, since
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
@@ -131,14 +130,14 @@ class Job:
         """Of each step that is done: fingerprint, seconds, result, warnings."""
         return self.record.done
 
+    @property
+    def frame_files(self) -> tuple[str, ...]:
+        """Names of the flash photographs' files."""
+        return tuple(path.name for path in self.session.flash)
+
     def load_scan(self) -> Mesh:
         """Return the session's scan; see `scan_of`."""
         return scan_of(self.session, self.store)
-
-    @property
-    def scan_scale_unknown(self) -> bool:
-        """Neither a unit nor a ball tells the scan's scale."""
-        return _scale_unknown(self.session)
 
     def run(self, steps: dict[str, Step], wanted: str) -> None:
         """Run a step, after the steps that it needs, unless they are current."""
@@ -186,11 +185,12 @@ def scan_of(session: Any, store: Store) -> Mesh:
     from align.scan.mended_scan import load_scan
 
     mesh = load_scan(session.scan, session.scan_unit, ball_diameter_mm=session.scan_ball_diameter_mm)
-    scale = store.load_scan_scale() if _scale_unknown(session) else 1.0
+    scale = store.load_scan_scale() if scale_unknown(session) else 1.0
     return mesh if scale == 1 else replace(mesh, vertices=scale * mesh.vertices)
 
 
-def _scale_unknown(session: Any) -> bool:
+def scale_unknown(session: Any) -> bool:
+    """Whether neither a unit nor a ball tells the scan's scale."""
     return session.scan_unit == "unknown" and session.scan_ball_diameter_mm is None
 
 

@@ -13,10 +13,23 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from compare.report.facts import all_warnings, read_optional
+from compare.report.page import badge, section, table, whole_page
+from compare.report.pictures import PixelBox
+from compare.report.verdict import ranking, verdict
 from lab.options import Settings
+from lab.progress import keep_logs, keep_quiet, progress_bar, say
+from lab.run import run_session
 from lab.session_place import default_out, is_session
+from lab.terminal_tables import number_table, show
 from scene.errors import SceneError
+from scene.files import write_text
+from scene.map_pictures import data_uri, normal_picture
+from scene.notebook import csv_text
+from scene.origin import Origin
+from scene.output_folder import open_record
 from scene.record import PLACE
+from scene.store import Store
 
 PAGE, TABLE = "index.html", "sessions.csv"
 PICTURE_PX = 160
@@ -84,12 +97,6 @@ def process_all(
     SceneError
         After all others are done: some could not be processed.
     """
-    from lab.progress import progress_bar, say
-    from scene.files import write_text
-    from scene.notebook import csv_text
-    from scene.origin import Origin
-    from scene.output_folder import open_record
-
     place = parent.resolve()
     origin = Origin("sessions", place)
     names = [session.relative_to(parent).as_posix() for session in sessions]
@@ -117,7 +124,10 @@ def process_all(
         if more:
             more(record.folder)
     lost = [f"{name} ({fault})" for name, fault in faults.items() if fault]
-    _tell(record.folder, rows, as_json=as_json)
+    show(number_table("sessions", COLUMNS, rows), hidden=as_json)
+    if as_json:
+        print(json.dumps(rows, indent=1))
+    say(f"written: {record.folder / PAGE}, {record.folder / TABLE}")
     if lost:
         raise SceneError(
             f"{parent}: {len(lost)} of {len(sessions)} sessions could not be processed: {'; '.join(lost)} "
@@ -142,9 +152,6 @@ def _in_its_own_process(session: Path, out: Path, said: Settings, scheduler: str
 
 
 def _work(told: Any, session: Path, out: Path, said: Settings, scheduler: str | None) -> None:
-    from lab.progress import keep_logs, keep_quiet
-    from lab.run import run_session
-
     # Whatever ends the command line, no session goes on without it; Ctrl-C, which reaches the whole group, is its.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
@@ -164,10 +171,6 @@ def _work(told: Any, session: Path, out: Path, said: Settings, scheduler: str | 
 
 def session_row(folder: Path, name: str, fault: str) -> dict[str, Any]:
     """Return a session's row: the verdict on its normals, and what it is by; `fault`: why there is none."""
-    from compare.report.facts import all_warnings, read_optional
-    from compare.report.verdict import ranking, verdict
-    from scene.store import Store
-
     # What lies there from before is not what was asked for now.
     summary = {} if fault else read_optional(Store(folder / name), "summary.json") or {}
     best = next(iter(ranking(summary)), {})
@@ -187,8 +190,6 @@ def session_row(folder: Path, name: str, fault: str) -> dict[str, Any]:
 
 
 def _page(folder: Path, title: str, rows: Sequence[dict[str, Any]]) -> str:
-    from compare.report.page import badge, section, table, whole_page
-
     lines = []
     for row in rows:
         name, link = escape(row["name"]), quote(f"{row['name']}/report.html")
@@ -204,10 +205,6 @@ def _page(folder: Path, title: str, rows: Sequence[dict[str, Any]]) -> str:
 
 def row_picture(folder: Path, row: dict[str, Any]) -> str:
     """Return the normals of a session's row as HTML; nothing where there are none."""
-    from compare.report.pictures import PixelBox
-    from scene.map_pictures import data_uri, normal_picture
-    from scene.store import Store
-
     store = Store(folder / row["name"])
     if row["fault"] or not row["method"] or not store.path("normals", f"{row['method']}.npy").exists():
         return ""
@@ -215,13 +212,3 @@ def row_picture(folder: Path, row: dict[str, Any]) -> str:
     picture = normal_picture(box.of(store.load_normals(row["method"])), PICTURE_PX)
     alt = escape(f"normals of {row['name']} by {row['method']}")
     return f'<img src="{data_uri(picture, photograph=False)}" alt="{alt}" width="{picture.shape[1]}">'
-
-
-def _tell(folder: Path, rows: Sequence[dict[str, Any]], *, as_json: bool) -> None:
-    from lab.progress import say
-    from lab.terminal_tables import number_table, show
-
-    show(number_table("sessions", COLUMNS, rows), hidden=as_json)
-    if as_json:
-        print(json.dumps(rows, indent=1))
-    say(f"written: {folder / PAGE}, {folder / TABLE}")

@@ -56,7 +56,7 @@ def degrees_of(_: Any, tokens: Sequence[Any]) -> float:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Solving:
-    """Which methods solve, and how; each field's help says what it is.
+    """Which methods solve, and how; its help, or what stands below it, says what a field is.
 
     None: as the output folder was made before; of a new one the default.
     """
@@ -69,10 +69,8 @@ class Solving:
             f"Default without lights: {','.join(UNCALIBRATED)}. Default of two folders compared: all.",
         ),
     ] = None
-    profile: Annotated[
-        str | None,
-        Parameter(help="Settings of the methods: default; or seed, which follows the benchmark to the letter."),
-    ] = None
+    profile: str | None = None
+    """Settings of the methods: default; or seed, which follows the benchmark to the letter."""
     external: Annotated[
         tuple[str, ...] | None,
         Parameter(
@@ -133,23 +131,16 @@ class TwinSettings:
     session's twin `auto`, and 0.01 or half of what its material leaves unexplained where that is more.
     """
 
-    engine: Annotated[
-        Engine | None,
-        Parameter(help="The twin's engine. auto is many where it can render the scene."),
-    ] = None
-    error: Annotated[float | None, Parameter(help="Relative error that the twin's rendering aims at; 0.01 is 1 %.")] = (
-        None
-    )
-    layers: Annotated[
-        bool | None, Parameter(help="Also keep the twin's direct and indirect light, as truth_*.npy.")
-    ] = None
-    photograph: Annotated[
-        bool | None, Parameter(help="Give a session's twin the noise and the mosaic of the photographs.")
-    ] = None
-    held_out: Annotated[
-        bool | None,
-        Parameter(help="Also fit the twin's material to every second frame, and predict the others. Default: yes."),
-    ] = None
+    engine: Engine | None = None
+    """The twin's engine. auto is many where it can render the scene."""
+    error: float | None = None
+    """Relative error that the twin's rendering aims at; 0.01 is 1 %."""
+    layers: bool | None = None
+    """Also keep the twin's direct and indirect light, as truth_*.npy."""
+    photograph: bool | None = None
+    """Give a session's twin the noise and the mosaic of the photographs."""
+    held_out: bool | None = None
+    """Also fit the twin's material to every second frame, and predict the others. Default: yes."""
 
     def __post_init__(self) -> None:
         if self.engine is not None:
@@ -175,12 +166,8 @@ class Settings(TwinSettings, Solving):
     """
 
     refine_lights: Annotated[bool | None, SHADED] = None
-    normals: Annotated[
-        GreenAxis | None,
-        Parameter(
-            help="Pictures of normals in results/: opengl has green up, directx green down. Default: opengl.",
-        ),
-    ] = None
+    normals: GreenAxis | None = None
+    """Pictures of normals in results/: opengl has green up, directx green down. Default: opengl."""
     tolerance_deg: Annotated[
         float | None,
         Parameter(
@@ -206,12 +193,6 @@ class Settings(TwinSettings, Solving):
         said = {field.name: getattr(other, field.name) for other in others if other for field in fields(other)
                 if getattr(other, field.name) is not None}  # fmt: skip
         return replace(self, **said)
-
-    def keep(self, record: "Record") -> None:
-        """Note them in the record of a folder that is held."""
-        from scene.files import plain
-
-        record.note(NOTE, plain(self))
 
 
 BY_DEFAULT, AS_BEFORE = Solving(), Settings()

@@ -6,34 +6,37 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.job import Job
+from align.light_probe.from_scan import lights_from_scan
+from align.light_probe.joint_fit import ask_scan, refined, said
+from align.mask.scan_mask import scan_mask
+from align.pose.motion import apart_px
+from align.pose.photographed import Photographs, shading_tells, sparse_normals
+from align.pose.picks import read_picks
+from align.pose.register import Registration, register
+from align.pose.scan_scale import register_unknown_scale, scaled_pose
+from align.pose.scan_view import View, outline_strokes
+from align.pose.shading import scan_shading
+from align.scan.smooth_normals import smooth_normals
+from align.truth import ground_truth
+from capture.session.requests import hint_scale
+from compare.report.registration_pictures import write_pictures
+from lab.job import Job, scale_unknown
 from lab.progress import progress_bar
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.frames import Frames
 from scene.length_units import UNITS_MM
-from scene.lights import Lights
+from scene.lights import Lights, known_median
 from scene.mesh import Mesh
 from scene.pose import Pose
+from scene.rays import RayCaster
+from solve.solve import solve
 
 
 def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, rough_mask: Any) -> tuple[dict, list[str]]:
     """Register the scan and write pose, truth, mask and lights."""
-    from align.mask.scan_mask import scan_mask
-    from align.pose.motion import apart_px
-    from align.pose.photographed import Photographs
-    from align.pose.picks import read_picks
-    from align.pose.scan_scale import scaled_pose
-    from align.pose.scan_view import View, outline_strokes
-    from align.pose.shading import scan_shading
-    from align.scan.smooth_normals import smooth_normals
-    from align.truth import ground_truth
-    from capture.session.requests import hint_scale
-    from compare.report.registration_pictures import write_pictures
-    from scene.rays import RayCaster
-
     store = job.store
-    if lights.is_unknown and job.scan_scale_unknown:
+    if lights.is_unknown and scale_unknown(job.session):
         raise AlignError(
             "scan_unit: it is unknown, and no ball is there to tell the scale of scan and lights. Give scan_unit, or "
             "a ball in the scan: scan_ball_diameter_mm under [object]."
@@ -47,7 +50,10 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     witness, doubts = None, []
     if lights.is_unknown:
         try:
-            probe = _by_the_scan_alone(job, mesh, smooth, Photographs(camera, frames, lights, rough_mask.mask), start)
+            photographs = Photographs(camera, frames, lights, rough_mask.mask)
+            with progress_bar("lights by the scan") as progress:
+                how = {"start": start, "executor": job.executor, "progress": progress}
+                probe = lights_from_scan(RayCaster(mesh, smooth[0]), smooth[1], photographs, **how)
             lights, start, doubts = probe.lights, probe.pose, list(probe.warnings)
         except AlignError as error:
             # No light is told; where the outline is may be.
@@ -75,7 +81,7 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
             Photographs(camera, frames, lights, final_mask.mask),
             refine=bool(job.settings.refine_lights),
         )
-    store.save_lights(lights, files=frame_files(job))
+    store.save_lights(lights, files=job.frame_files)
     if lights.is_unknown:
         # The scan is shown as if lit from the camera.
         lights = replace(lights, directions=np.tile([0.0, 0.0, 1.0], (len(lights), 1)))
@@ -99,7 +105,7 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         "size_mm": np.ptp(mesh.vertices, axis=0),
         "mm_per_unit": scale or (None if job.session.scan_unit == "unknown" else UNITS_MM[job.session.scan_unit]),
         "distance_mm": None if camera.is_orthographic else np.linalg.norm(found.pose.apply(mesh.center_mm)),
-        "truth_sigma_deg_median": median_or_none(truth.sigma_deg),
+        "truth_sigma_deg_median": known_median(truth.sigma_deg),
         "lights": witness,
         "light_probe": probe and probe.facts(),
     }
@@ -117,20 +123,8 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     return result, warnings
 
 
-def _by_the_scan_alone(job: Job, mesh: Mesh, smooth: Any, photographs: Any, start: Pose | None) -> Any:
-    """Return lights and pose where nothing but the scan tells them; `smooth`, see `smooth_normals`."""
-    from align.light_probe.from_scan import lights_from_scan
-    from scene.rays import RayCaster
-
-    with progress_bar("lights by the scan") as progress:
-        how = {"start": start, "executor": job.executor, "progress": progress}
-        return lights_from_scan(RayCaster(mesh, smooth[0]), smooth[1], photographs, **how)
-
-
 def _by_the_scan(view: Any, photographs: Any, *, refine: bool) -> tuple[Lights, dict, list[str]]:
     """Return the lights, refined where that was asked for, what the scan's shading says of them, and warnings."""
-    from align.light_probe.joint_fit import ask_scan, refined, said
-
     lights = photographs.lights
     witness = ask_scan(view, photographs)
     result = {
@@ -157,10 +151,6 @@ def _registered(
     start: Pose | None,
 ) -> tuple[Mesh, Any, float | None]:
     """Return the scan in millimetres, its registration, and its millimetres per unit where they were not known."""
-    from align.pose.photographed import Photographs, shading_tells, sparse_normals
-    from align.pose.register import Registration, register
-    from align.pose.scan_scale import register_unknown_scale
-    from solve.solve import solve
 
     def normals_of(some: NDArray[np.bool_]) -> NDArray:
         return solve("iterative", frames, lights, camera, some, executor=job.executor).normals
@@ -175,19 +165,6 @@ def _registered(
                 start=begin, at_vertices=at_vertices, executor=job.executor, progress=progress,
             )  # fmt: skip
 
-        if job.scan_scale_unknown:
+        if scale_unknown(job.session):
             return register_unknown_scale(mesh, photographs, run, start=start)
         return mesh, run(mesh, start), None
-
-
-def frame_files(job: Job) -> tuple[str, ...]:
-    """Return the names of the flash photographs' files."""
-    return tuple(path.name for path in job.session.flash)
-
-
-def median_or_none(values: NDArray | None) -> float | None:
-    """Return the median of what is a number, None where nothing is finite."""
-    if values is None:
-        return None
-    known = values[~np.isnan(values)].astype(np.float64)
-    return float(np.median(known, overwrite_input=True)) if np.isfinite(known).any() else None

@@ -2,12 +2,16 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.colours import Colours, albedo_colours
+from compare.report.facts import best_method
+from compare.report.pictures import PixelBox
+from formats.meshes.glb_files import write_glb
+from formats.picture_files import LUMINANCE, srgb_from_linear
+from formats.tiff_files import write_map
 from lab.job import Job, Outcome
 from lab.options import GreenAxis
 from scene.camera import Camera
@@ -23,14 +27,59 @@ TEXTURE_PX = 4096
 """Of the longer side of its picture, at most: browsers on telephones take no more."""
 HEADROOM, MOST = 1.25, 0.999
 """White of an albedo map, in units of this quantile of the albedo: what glares beyond it is cut."""
+NEUTRAL = 0.8, 1.25
+"""Red and blue of a white ball, of its green: matte balls are yellowish by less."""
 
-UNITS = {"sigma": "degrees, one standard deviation of the normal", "depth": "mm, z; negative"}
+
+class Colours(NamedTuple):
+    """The matrix (3, 3) of an albedo, which colours it makes, what a value of 1 is; source: "chart", "camera", None."""
+
+    matrix: NDArray[np.float64]
+    source: str | None
+    colour: str
+    one: str
+    warnings: tuple[str, ...] = ()
+
+
+def albedo_colours(job: Job) -> Colours:
+    """Return how a session's albedo becomes colours.
+
+    A chart's matrix M holds for its light: one that stood in a flash frame of intensity e (3,) gives M diag(e) for the
+    albedo, which is under intensity 1; one that was photographed apart is taken to be lit as the frames on average.
+    The camera's own matrix wants white to be known: it is the white ball's. The ball's luminance becomes its stated
+    reflectance, or 1; without a ball the neutral colour of green value 1 has luminance 1.
+    """
+    lights, known = job.store.load_lights(), job.done.get("check", {}).get("result", {}).get("colour", {})
+    ball, source = lights.white_value, known.get("source")
+    own = np.array(known.get("camera_to_srgb") or np.eye(3), float)
+    of_ball = "" if ball is None else ", white as the white ball"
+    matrix = np.eye(3) if ball is None else np.diag(1 / ball)
+    if source == "chart":
+        flash, missed = known["flash"], known["delta_e_2000"]
+        matrix = own if flash is None else own * np.nan_to_num(lights.intensities[flash], nan=1.0)
+        missed = f"median {missed['median']:.1f}, worst {missed['worst']:.1f}"
+        colour = f"linear sRGB (D65), by the ColorChecker; Delta E 2000 of its patches: {missed}"
+    elif source == "camera" and ball is not None:
+        matrix, colour = own @ matrix, f"linear sRGB (D65), by the camera's own matrix{of_ball}"
+    else:
+        source, colour = None, f"the camera's own RGB, linear{of_ball}"
+    if ball is None:
+        neutral = np.linalg.solve(matrix, np.ones(3))
+        return Colours(matrix * neutral[1], source, colour, "a pixel value of 1 under a light of intensity 1")
+    red, green, blue = shown = matrix @ ball
+    is_white = all(NEUTRAL[0] < part / green < NEUTRAL[1] for part in (red, blue))
+    warning = (
+        f"frames.chart: by the ColorChecker the white ball's red, green and blue are {red / green:.2f} : 1 : "
+        f"{blue / green:.2f}, not white. Was the chart lit by the same flash, and by it alone?"
+    )
+    stated = next((one.reflectance for one in job.session.spheres if one.kind == "white"), None)
+    one = "as bright as the white ball" if stated is None else f"all light (the white ball: {stated:g}, as stated)"
+    scale = (stated or 1.0) / float(LUMINANCE @ shown)
+    return Colours(matrix * scale, source, colour, one, () if is_white else (warning,))
 
 
 def results(job: Job) -> Outcome:
     """Write each method's maps, and one method's surface."""
-    from formats.tiff_files import write_map
-
     store, axes = job.store, job.settings.normals or "opengl"
     camera, lights, colours = store.load_camera(), store.load_lights(), albedo_colours(job)
     pixel_mm = pixel_size_mm(camera, lights)
@@ -63,8 +112,6 @@ def results(job: Job) -> Outcome:
 
 def recommended(job: Job) -> str | None:
     """Return the method that the report recommends; None where neither a truth nor the photographs tell of one."""
-    from compare.report.facts import best_method
-
     told = {step: job.done.get(step, {}).get("result", {}) for step in ("compare", "trust")}
     is_told = (told["compare"].get("level") or {}).get("best") or told["trust"].get("recommended")
     return best_method(told) if is_told else None
@@ -97,7 +144,7 @@ def method_maps(
     codes = np.nan_to_num(np.round(np.clip(albedo / white, 0, 1) * 65535)).astype(np.uint16)
     told = {"value": f"albedo = {white:.6g} code / 65535, linear; 1: {colours.one}", "white": white}
     yield "albedo", codes, {**told, "colour": colours.colour}
-    for kind, value in UNITS.items():
+    for kind, value in (("sigma", "degrees, one standard deviation of the normal"), ("depth", "mm, z; negative")):
         if store.path(kind, f"{method}.npy").exists():
             yield kind, np.asarray(store.read_array(kind, f"{method}.npy"), np.float32), {"value": value}
 
@@ -106,10 +153,6 @@ def _write_surface(
     job: Job, methods: list[str], pixel_mm: float | None, written: list[Path], colours: Colours
 ) -> dict[str, Any]:
     """Write the surface of one of the methods as PLY and GLB, its depth as a map; return what is to be said of it."""
-    from compare.report.pictures import PixelBox
-    from formats.meshes.glb_files import write_glb
-    from formats.picture_files import srgb_from_linear
-    from formats.tiff_files import write_map
     from solve.surface.solved_surface import solved_surface
 
     store = job.store

@@ -3,14 +3,17 @@
 import os
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from capture.session.session import load_session
+from capture.session.session_types import CaptureSession
+from lab.progress import say
 from scene.errors import SceneError, SessionError
-
-if TYPE_CHECKING:
-    from capture.session.session_types import CaptureSession
-    from scene.origin import Origin
-    from scene.record import Record
+from scene.files import write_json
+from scene.light_text import DIRECTIONS, FILENAMES
+from scene.origin import Origin
+from scene.output_folder import own_folder
+from scene.reading import json_of, reading
+from scene.record import Record
 
 SESSION = "session.json"
 """Of an output folder: `session`, where its session lies, and `relative`, the same from the output folder."""
@@ -38,15 +41,12 @@ def session_and_out(path: Path, out: Path | None = None) -> tuple[Path, Path]:
         The session cannot be read or is no longer where the output folder says; `path` and `out` are two output
         folders.
     """
-    path = Path(path)
     if not is_output(path):
         if out is None:
-            from capture.session.session import load_session
-
             session = load_session(path)
             out = default_out(origin_of(session, path), session.name)
-        return path.resolve(), Path(out)
-    if out is not None and Path(out).resolve() != path.resolve():
+        return path.resolve(), out
+    if out is not None and out.resolve() != path.resolve():
         raise SceneError(
             f"--out {out}: {path} is an output folder itself, and what is made goes there. Leave --out away; or give "
             "the session in its place to write elsewhere."
@@ -56,8 +56,6 @@ def session_and_out(path: Path, out: Path | None = None) -> tuple[Path, Path]:
 
 def origin_of(session: "CaptureSession", path: Path) -> "Origin":
     """Return what a session's output folder is made from; `path` as `session_and_out` has it."""
-    from scene.origin import Origin
-
     return Origin("session", (path.parent if path.name == MANIFEST else path).resolve(), session.flash)
 
 
@@ -67,9 +65,6 @@ def default_out(origin: "Origin", name: str, folder: Path | None = None) -> Path
     Where that belongs to another session, it is NAME-2 and so on, with a line that says so. `folder` takes the place of
     `out`.
     """
-    from lab.progress import say
-    from scene.output_folder import own_folder
-
     if folder is None:
         own = origin.place.parent if origin.place.is_file() else origin.place
         folder = (own.parent if Path.cwd().resolve().is_relative_to(own) else Path()) / "out"
@@ -89,8 +84,6 @@ def is_output(path: Path) -> bool:
 
 def is_session(path: Path) -> bool:
     """Whether a path is a session's: its .toml, or a folder with session.toml or in the DiLiGenT layout."""
-    from scene.light_text import DIRECTIONS, FILENAMES
-
     return path.is_file() or any((path / name).is_file() for name in (MANIFEST, FILENAMES, DIRECTIONS))
 
 
@@ -99,8 +92,6 @@ def session_of(folder: Path) -> Path:
 
     Raises SessionError: the folder does not name its session, or that is at neither place.
     """
-    from scene.reading import json_of, reading
-
     cure = f"Give the session and this folder: rgbn VERB SESSION --out {folder}."
     if not (folder / SESSION).is_file():
         raise SessionError(f"{folder}: does not say which session it was made from (no {SESSION}). {cure}")
@@ -116,9 +107,6 @@ def session_of(folder: Path) -> Path:
 
 def note_session(record: "Record", session: Path) -> None:
     """Write session.json into an output folder that is held, unless it says the same already."""
-    from scene.files import write_json
-    from scene.reading import json_of
-
     place = session.parent if session.name == MANIFEST else session
     told = {"session": str(place), "relative": os.path.relpath(place, record.folder)}
     path = record.folder / SESSION

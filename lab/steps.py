@@ -5,23 +5,23 @@ from typing import Any
 
 import numpy as np
 
+from capture.audit.part_movement import part_warnings
+from capture.camera.colour_chart import camera_colours
+from capture.camera.session_camera import camera_of
+from capture.photographs.decode import decode
+from capture.session.requests import object_box, read_mask, sphere_requests
 from lab.job import Job, Outcome
 from lab.progress import progress_bar
-from lab.registration import frame_files, median_or_none, register_scan
 from scene.camera import Camera
 from scene.errors import AlignError, CalibrationError, SceneError, SessionError
 from scene.files import move, write_json, write_npy
-from scene.lights import Lights, check_count
+from scene.lights import Lights, check_count, known_median
 from scene.spheres import Sphere
 from scene.store import Store
 
 
 def check(job: Job) -> Outcome:
     """Decode the frames and audit the capture."""
-    from capture.camera.colour_chart import camera_colours
-    from capture.camera.session_camera import camera_of
-    from capture.photographs.decode import decode
-
     with progress_bar("decode") as progress:
         frames, report = decode(job.session, job.store, executor=job.executor, progress=progress)
     colour, colour_warnings = camera_colours(job.session, frames)
@@ -57,7 +57,6 @@ def calibrate(job: Job) -> Outcome:
     from calibrate.detection.balls import NoProbeError
     from calibrate.known_lights.read_known import read_lights
     from calibrate.unknown_focal import with_unknown_focal
-    from capture.session.requests import sphere_requests
 
     store = job.store
     frames, camera = store.load_frames(), Store(store.path("frames")).load_camera()
@@ -87,7 +86,7 @@ def calibrate(job: Job) -> Outcome:
     _check_scale(job, camera)
     store.save_camera(camera)
     store.save_spheres(found.spheres, camera)
-    store.save_lights(found.lights, files=frame_files(job))
+    store.save_lights(found.lights, files=job.frame_files)
     # As they are before they are moved to the object: `align` starts from these, however often it is run.
     Store(store.path("frames")).save_lights_json(found.lights)
     calibration = {
@@ -103,8 +102,8 @@ def calibrate(job: Job) -> Outcome:
         "model": lights.model,
         "evidence": found.evidence,
         "spheres": len(found.spheres),
-        "direction_sigma_deg_median": median_or_none(lights.direction_sigma_deg),
-        "intensity_sigma_median": median_or_none(lights.intensity_sigma),
+        "direction_sigma_deg_median": known_median(lights.direction_sigma_deg),
+        "intensity_sigma_median": known_median(lights.intensity_sigma),
         "cross_validation": None if found.cross_validation is None else found.cross_validation._asdict(),
         "white_ball_deg": found.white_ball_deg,
     }
@@ -115,8 +114,7 @@ def align(job: Job) -> Outcome:
     """Find the object; register the scan; write the ground truth."""
     from align.mask.object_mask import find_object
     from align.truth import read_normals
-    from capture.audit.part_movement import part_warnings
-    from capture.session.requests import object_box, read_mask
+    from lab.registration import register_scan
     from solve.axes import lights_in_other_axes
 
     store, session = job.store, job.session
@@ -150,7 +148,7 @@ def align(job: Job) -> Outcome:
             'methods. Add [object] scan = "..." to session.toml.'
         )
     store.save_mask(found.mask)
-    store.save_lights(lights, files=frame_files(job))
+    store.save_lights(lights, files=job.frame_files)
     return Outcome({"truth": result}, warnings)
 
 
@@ -191,7 +189,7 @@ def solve_all(job: Job, store: Store, label: str, methods: Sequence[str]) -> tup
             "megapixels": megapixels,
             "frames": len(frames),
             "processor_seconds_per_megapixel_image": estimate.processor_seconds / (megapixels * len(frames)),
-            "sigma_deg_median": median_or_none(estimate.sigma_deg),
+            "sigma_deg_median": known_median(estimate.sigma_deg),
             "profile": job.profile,
             "settings": estimate.settings,
             "warnings": estimate.warnings,

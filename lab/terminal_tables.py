@@ -7,9 +7,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from io import StringIO
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
 from draw.readable import Readable
-from lab.progress import is_quiet
-from lab.run_log import log
+from lab.progress import is_quiet, log
 
 
 def filled(form: str, values: Mapping[str, Any]) -> str:
@@ -28,10 +32,6 @@ def cells_of(columns: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> d
 
 def number_table(title: str, columns: Mapping[str, str], rows: Iterable[Mapping[str, Any]], caption: str = "") -> Any:
     """Return a table, forms by their heads; columns without any value are left out. Texts stand left, numbers right."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-    from rich.text import Text
-
     table = Table(title=Text(title, style="bold"), title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     table.caption, table.caption_justify = caption or None, "left"
     cells = cells_of(columns, list(rows))
@@ -44,9 +44,6 @@ def number_table(title: str, columns: Mapping[str, str], rows: Iterable[Mapping[
 
 def fact_table(title: str, lines: Mapping[str, str], values: Mapping[str, Any] | None = None) -> Any:
     """Return facts, a line each, what and how much: forms, or with no values texts as they are."""
-    from rich.table import Table
-    from rich.text import Text
-
     table = Table(title=Text(title, style="bold"), title_justify="left", box=None, show_header=False, pad_edge=False)
     table.add_column(no_wrap=True)
     table.add_column()
@@ -58,8 +55,6 @@ def fact_table(title: str, lines: Mapping[str, str], values: Mapping[str, Any] |
 
 def show(*tables: Any, hidden: bool = False) -> None:
     """Print tables on standard output, unless they are hidden or only warnings are wanted, and into the run's log."""
-    from rich.console import Console
-
     # Numbers in texts are no more important than the words.
     console = Console(file=StringIO() if hidden or is_quiet() else None, highlight=False, record=True)
     for table in tables:

@@ -59,12 +59,9 @@ def _render(
         with progress_bar("twin: decode") as progress:
             decode(load_session(folder.folder), folder, progress=progress)
     predicted = _held_out(job, scene, rendered.choice, found) if job.twin.held_out else None
-    facts = rendered.facts()
-    facts["warnings"] = (*scene_warnings, *rendered.warnings)
-    photographed = {} if sensor is None else {"sensor": asdict(sensor)}
-    return {"rendered": True, "material": found.facts(), "held_out": predicted, **facts, **photographed}, list(
-        facts["warnings"]
-    )
+    facts = rendered.facts() | {"warnings": [*scene_warnings, *rendered.warnings]}
+    facts |= {} if sensor is None else {"sensor": asdict(sensor)}
+    return {"rendered": True, "material": found.facts(), "held_out": predicted, **facts}, facts["warnings"]
 
 
 def twin_scene(job: Job) -> tuple[Any, Any, list[str]]:

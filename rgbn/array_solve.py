@@ -10,6 +10,7 @@ from scene.errors import SceneError
 from scene.estimate import Estimate
 from scene.frames import Frames, encode
 from scene.lights import Lights
+from solve.solve import method_of, solve
 
 WHOLE_NUMBERS = (np.uint8, np.uint16)
 SATURATED = 0.98
@@ -73,8 +74,6 @@ def solve_arrays(
     >>> estimate = rgbn.solve(images, lights, mask)
     >>> estimate.normals
     """
-    from solve.solve import method_of, solve
-
     what = method_of(method.strip().casefold())
     if lights is None and what.is_calibrated:
         raise SceneError(

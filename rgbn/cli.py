@@ -12,11 +12,8 @@ from cyclopts.validators import Number
 from experiments.commands import dataset, sweep
 from lab.options import AS_BEFORE, SHADED, Settings
 from lab.progress import check_words, is_quiet, keep_logs, keep_quiet, open_streams, say
-from lab.run import is_description, run_session
-from lab.session_place import is_output
 from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
-from rgbn.export_command import BASE_URL, FORMATS, export_session
 from rgbn.shoot_commands import init, plan, watch
 from studio.studio_command import studio
 
@@ -33,8 +30,11 @@ app = App(
     suppress_keyboard_interrupt=False,
     exit_on_error=False,
     print_error=False,
-    # That a flag is off by default needs no words.
-    default_parameter=Parameter(show_default=lambda value: str(value) if value else None),  # type: ignore[arg-type]
+    # That a flag is off by default needs no words; no list has an option that empties it.
+    default_parameter=Parameter(
+        show_default=lambda value: str(value) if value else None,  # type: ignore[arg-type]
+        negative_iterable=(),
+    ),
 )
 app.register_install_completion_command(
     help="Let the shell complete verbs and options. Writes a script and a line of the shell's startup file."
@@ -64,12 +64,11 @@ BY_NAME = Place()
 
 def _run(session: Path, wanted: str, place: Place, *, whole: bool = False, **how: Any) -> None:
     """Run a verb on a session, and tell what came out."""
+    from lab.run import open_job, run_verb
     from rgbn.step_tables import tell
 
-    def shown(job: Any, summary: dict[str, Any]) -> None:
-        tell(job, summary, verb=wanted, as_json=place.json, whole=whole)
-
-    run_session(session, wanted, shown=shown, out=place.out, **how)
+    with open_job(session, out=place.out, **how) as job:
+        tell(job, run_verb(job, wanted), verb=wanted, as_json=place.json, whole=whole)
 
 
 @app.meta.default
@@ -94,6 +93,7 @@ def process(
 ) -> None:
     """Take one session, or all below a folder, the whole way: decode, lights, scan, normals, twin, report."""
     from lab.many_sessions import process_all, sessions_below
+    from lab.session_place import is_output
 
     if not is_output(session) and (sessions := sessions_below(session)):
         process_all(session, sessions, place.out, said, jobs=jobs, scheduler=scheduler, as_json=place.json)
@@ -171,6 +171,8 @@ def twin(
     said: Settings = AS_BEFORE,
 ) -> None:
     """Render the registered scan under the calibrated lights, or a scene description. Solves the rendering."""
+    from lab.run import is_description
+
     if is_description(session):
         from experiments.scene_twin import render_description
 
@@ -212,8 +214,8 @@ def export(
         str,
         Parameter(
             alias="-f",
-            help=f"Formats, with commas: {', '.join(FORMATS)}. mat: for near_ps. "
-            "meshroom: photographs and camera as SfMData, with AliceVision's lights. relight: "
+            help="Formats, with commas: alicevision, diligent, dome, lp, mat, meshroom, relight, heritage, mitsuba. "
+            "mat: for near_ps. meshroom: photographs and camera as SfMData, with AliceVision's lights. relight: "
             "one picture for OpenLIME and RelightLab. heritage: a bag for an archive, with a IIIF manifest. "
             "mitsuba: the twin's scene.",
         ),
@@ -222,10 +224,12 @@ def export(
     sfm: Annotated[Path | None, Parameter(help="AliceVision's .sfm of the photographs, for its view ids.")] = None,
     base_url: Annotated[
         str, Parameter(help="Address at which data/ of heritage will be served. Its IIIF ids begin with it.")
-    ] = (BASE_URL),
+    ] = "http://localhost:8000",
     said: Settings = AS_BEFORE,
 ) -> None:
     """Write lights, a relightable picture or the twin's scene for another program."""
+    from rgbn.export_command import export_session
+
     paths, notes = export_session(session, format, out, sfm, base_url, said)
     for note in notes:
         say(f"note: {note}")

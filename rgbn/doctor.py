@@ -24,13 +24,13 @@ class Finding(NamedTuple):
 def examine() -> list[Finding]:
     """Return what was found; what is most often missing, the ray caster and the renderer, is really tried."""
     found = []
-    for what, look in (("packages", _packages), ("renderer", _renderer)):
+    for what, look in (("packages", _packages), ("renderer", _renderer), ("machine", _machine), ("disk", _disk)):
         try:
             mark, text = look()
         except Exception as error:
             mark, text = "X", f"{' '.join(str(error).split())}. Run: make setup"
         found.append(Finding(mark, what, text))
-    return [*found, *_machine()]
+    return found
 
 
 def tell_findings() -> None:
@@ -42,14 +42,11 @@ def tell_findings() -> None:
     for finding in findings:
         if not is_quiet() or finding.mark != "ok":
             print(f"{finding.mark:2}  {finding.what:12}  {finding.text}")
-    wrong = [finding.what for finding in findings if finding.mark == "X"]
-    if wrong:
+    if wrong := [finding.what for finding in findings if finding.mark == "X"]:
         raise SceneError(f"doctor: this machine cannot run rgbn yet: {', '.join(wrong)}. Mend the lines marked X.")
+    better = " Lines marked ! could be better." if any(finding.mark == "!" for finding in findings) else ""
     if not is_quiet():
-        print(
-            "rgbn can be used here."
-            + (" Lines marked ! could be better." if any(f.mark == "!" for f in findings) else "")
-        )
+        print(f"rgbn can be used here.{better}")
 
 
 def _packages() -> tuple[str, str]:
@@ -72,13 +69,14 @@ def _renderer() -> tuple[str, str]:
     return "!" if variant == SLOW else "ok", f"{variant}: {note}" if note else variant
 
 
-def _machine() -> list[Finding]:
-    here, memory = Path.cwd(), os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
+def _machine() -> tuple[str, str]:
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
     text = f"{os.cpu_count()} cores, {memory:.0f} GB memory"
-    small = "" if memory >= MEMORY_GB else f"; large sessions want {MEMORY_GB} GB: use half = true under [frames]"
-    free = shutil.disk_usage(here).free / 1e9
+    small = f"; large sessions want {MEMORY_GB} GB: use half = true under [frames]"
+    return ("ok", text) if memory >= MEMORY_GB else ("!", text + small)
+
+
+def _disk() -> tuple[str, str]:
+    free = shutil.disk_usage(Path.cwd()).free / 1e9
     room = f"{free:.0f} GB free here; a session of 60 x 24 MP takes about 11 GB, with its twin {DISK_GB} GB"
-    return [
-        Finding("!" if small else "ok", "machine", text + small),
-        Finding("ok" if free > DISK_GB else "!", "disk", room),
-    ]
+    return "ok" if free > DISK_GB else "!", room

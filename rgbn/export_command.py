@@ -1,144 +1,196 @@
-"""`rgbn export --format`: what a session gives to other programs: lights, photographs, the twin's scene."""
+"""`rgbn export --format`: what other programs get: lights, photographs, a relightable picture, the twin's scene."""
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from compare.report.pictures import Exposure
+from formats.light_files.light_formats import FORMATS as LIGHTS
+from formats.light_files.light_formats import export_lights
+from formats.picture_files import srgb_from_linear
+from formats.relight_files import tell, terms, write_relight
+from formats.sfm_data import write_sfm
+from lab.job import Job
 from lab.options import AS_BEFORE, Solving, named
-from lab.run import is_description, open_job, summed_up
+from lab.results import pixel_size_mm
+from lab.run import EXPORTED, STEPS, is_description, open_job, summed_up
+from lab.twin_step import twin_scene
 from scene.errors import SceneError
+from scene.origin import Origin
+from scene.output_folder import open_record, own_folder
+from twin.description.description import TwinScene
+from twin.description.description_file import read_scene
 
-if TYPE_CHECKING:
-    from lab.job import Job
-    from twin.description.description import TwinScene
+HERITAGE, SCENE = "heritage", "mitsuba"
+FORMATS = (*sorted(LIGHTS), "meshroom", "relight", HERITAGE, SCENE)
 
-LIGHTS = ("alicevision", "diligent", "dome", "lp", "mat")
-"""The formats of `formats.light_files`: here they are known without loading anything."""
-SCENE = "mitsuba"
-HERITAGE, BASE_URL = "heritage", "http://localhost:8000"
-"""The address: that of `python -m http.server`."""
-FORMATS = (*LIGHTS, "meshroom", "relight", HERITAGE, SCENE)
+Made = tuple[list[Path], list[str]]
+"""Files, and notes: what these cannot say."""
+Array = NDArray[np.float64]
+MOST_PIXELS = 4_000_000
+"""Of the picture: a texture of a viewer's, and few enough to be held."""
+MOST_CONDITION = 1e3
+"""Of the terms at the lights; beyond it they cannot be told apart."""
 
 
 def export_session(
-    source: Path, text: str, out: Path | None, sfm: Path | None, base_url: str = BASE_URL, said: Solving = AS_BEFORE
-) -> tuple[list[Path], list[str]]:
+    source: Path, text: str, out: Path | None, sfm: Path | None, base_url: str, said: Solving = AS_BEFORE
+) -> Made:
     """Write what is asked for into OUT/export, after the steps that it needs.
 
     Parameters
     ----------
-    source : Path
-        A session, its output folder, or for `mitsuba` alone a scene description.
-    text : str
-        Formats with commas.
-    out : Path or None
-    sfm : Path or None
-        AliceVision's .sfm of the photographs.
-    base_url : str
-        At which `data/` of `heritage` will be served.
-    said : Solving
-        How the steps run.
-
-    Returns
-    -------
-    paths : list of Path
-    notes : list of str
-        What the files cannot say.
+    source, text, out, sfm, base_url, said
+        As `rgbn export` has them; `text`: formats with commas.
 
     Raises
     ------
     SceneError
         Unknown format, or one that cannot hold these lights or this scene; a session without a scan has none.
     """
-    names, paths, notes = named("--format", text, FORMATS), [], []
+    names = named("--format", text, FORMATS)
     if not re.fullmatch(r"https?://[^\s/?#]+(/[^\s?#]*)?", base_url):
         raise SceneError(
-            f"--base-url {base_url}: expected a whole address, such as {BASE_URL}: IIIF asks for such ids."
+            f"--base-url {base_url}: expected a whole address, such as http://localhost:8000: IIIF asks for such ids."
         )
-    if lights := [name for name in names if name != SCENE]:
-        with open_job(source, out=out, said=said) as job:
-            if HERITAGE in lights:
-                from rgbn.heritage_export import export_heritage
-
-                # First: it may take steps that remove what the others wrote.
-                lights.remove(HERITAGE)
-                paths, notes = export_heritage(job, base_url.rstrip("/"))
-            made, more = _lights(job, lights, sfm)
-            paths, notes = [*paths, *made], [*notes, *more]
-    if SCENE in names:
-        made, more = _scene(source, out, said)
-        paths, notes = [*paths, *made], [*notes, *more]
-    return paths, notes
-
-
-def _lights(job: "Job", names: list[str], sfm: Path | None) -> tuple[list[Path], list[str]]:
-    from formats.light_files.light_formats import export_lights
-    from formats.sfm_data import write_sfm
-    from lab.plan import EXPORTED, STEPS
-    from rgbn.relight_export import export_relight
-
-    job.run(STEPS, "calibrate")
-    if job.store.load_lights().is_unknown and job.session.scan:
-        job.run(STEPS, "align")
-    store, files = job.store, tuple(path.name for path in job.session.flash)
-    lights, camera, folder = store.load_lights(), store.load_camera(), store.path("export")
-    paths, notes = [], []
-    for name in names:
-        with job.record.part_of(EXPORTED):
-            if name == "relight":
-                made, more = export_relight(store, job.session.name)
-            else:
-                if lights.is_unknown:
-                    lights.check()
-                views, said = sfm, []
-                if name == "meshroom":
-                    name, views = "alicevision", folder / "cameras.sfm"
-                    said = write_sfm(views, camera, [path.resolve() for path in job.session.flash])
-                made, more = export_lights(folder, name, lights, camera, files=files, sfm=views)
-                made, more = [*made, *([views] if said else [])], [*said, *more]
-        paths += made
-        notes += more
-    return paths, notes
-
-
-def _scene(source: Path, out: Path | None, said: Solving) -> tuple[list[Path], list[str]]:
-    """Write scene.xml with all that it names, of a scene description or a session's twin.
-
-    The twin is the one that `rgbn twin` renders, registered and solved first if it is not yet.
-    """
-    from lab.plan import EXPORTED, STEPS
-    from lab.twin_step import twin_scene
-    from scene.origin import Origin
-    from scene.output_folder import open_record, own_folder
-    from twin.description.description_file import read_scene
-
-    if is_description(source):
-        scene = read_scene(source)
-        origin = Origin("scene", source.resolve())
+    if is_description(source) and names == (SCENE,):
+        scene, origin = read_scene(source), Origin("scene", source.resolve())
         out = out or own_folder(Path("out") / source.stem, origin)
         with open_record(out, origin=origin, inputs=[source]) as record:
-            return _written(scene, record.folder / "export")
+            return _scene(scene, record.folder / "export")
+    made: list[Made] = []
     with open_job(source, out=out, said=said) as job:
+        # First what may take steps that remove what the others wrote.
+        if HERITAGE in names:
+            from rgbn.heritage_export import export_heritage
+
+            made.append(export_heritage(job, base_url.rstrip("/")))
         before = dict(job.done)
-        job.run(STEPS, "solve")
-        if job.done != before:
+        job.run(STEPS, "solve" if SCENE in names else "calibrate")
+        if SCENE in names and job.done != before:
             # What was told of the normals that this has replaced.
             summed_up(job, "export")
-        if not job.store.path("pose.json").exists():
+        if job.store.load_lights().is_unknown and job.session.scan:
+            job.run(STEPS, "align")
+        for name in names:
+            if name != HERITAGE:
+                with job.record.part_of(EXPORTED):
+                    made.append(_one(job, name, sfm))
+    return [path for paths, _ in made for path in paths], [note for _, notes in made for note in notes]
+
+
+def _one(job: Job, name: str, sfm: Path | None) -> Made:
+    store, folder = job.store, job.store.path("export")
+    lights, camera = store.load_lights(), store.load_camera()
+    if name == SCENE:
+        if not store.path("pose.json").exists():
             raise SceneError(
                 f'{job.session.name}: no scan is registered, so there is no twin to export. Add [object] scan = "..." '
                 "to session.toml."
             )
         scene, found, warnings = twin_scene(job)
-        with job.record.part_of(EXPORTED):
-            paths, notes = _written(scene, job.store.path("export"))
-    return paths, [f"the object is {found.fit}", *warnings, *notes]
+        paths, notes = _scene(scene, folder)
+        return paths, [f"the object is {found.fit}", *warnings, *notes]
+    if name == "relight":
+        return export_relight(store, job.session.name)
+    if lights.is_unknown:
+        lights.check()
+    if name != "meshroom":
+        return export_lights(folder, name, lights, camera, files=job.frame_files, sfm=sfm)
+    views = folder / "cameras.sfm"
+    said = write_sfm(views, camera, [path.resolve() for path in job.session.flash])
+    paths, notes = export_lights(folder, "alicevision", lights, camera, files=job.frame_files, sfm=views)
+    return [*paths, views], [*said, *notes]
 
 
-def _written(scene: "TwinScene", folder: Path) -> tuple[list[Path], list[str]]:
+def _scene(scene: TwinScene, folder: Path) -> Made:
+    """Write scene.xml with all that it names."""
     from twin.engines.mitsuba_files import write_mitsuba
 
     made, notes = write_mitsuba(scene, folder)
     first = scene.lights.names[0]
     command = f"mitsuba -m llvm_ad_rgb -D light={first} -o {first}.exr {made[0]}"
     return [made[0]], [*notes, f"{len(scene.lights)} lights, one at a time: {command}"]
+
+
+def choose_terms(directions: Array, values: NDArray[np.float32]) -> tuple[str, float]:
+    """Return the terms that predict left-out photographs best, and by how much they miss, rms.
+
+    Parameters
+    ----------
+    directions : (F, 3)
+    values : (F, S)
+        Some samples of the pictures, 0 to 1.
+
+    Raises
+    ------
+    SceneError
+        The lights are too few, or in one plane or ring, for any.
+
+    Notes
+    -----
+    The residual of a sample by a fit to all the others is r / (1 - h), h its element of the hat matrix' diagonal
+    [Allen1974].
+    """
+    missed = {}
+    for kind in ("ptm", "hsh"):
+        matrix = terms(kind, directions)
+        if len(matrix) > matrix.shape[1] and np.linalg.cond(matrix) < MOST_CONDITION:
+            hat = matrix @ np.linalg.pinv(matrix)
+            left_out = (values - hat @ values) / np.maximum(1 - np.diag(hat), 1e-6)[:, None]
+            missed[kind] = float(np.sqrt(np.mean(left_out**2)))
+    if not missed:
+        raise SceneError(
+            f"relight: {len(directions)} lights where these stand do not tell 6 terms of the light's direction. Seven "
+            "lights or more, not all on one ring, are needed."
+        )
+    kind = min(missed, key=missed.__getitem__)
+    return kind, missed[kind]
+
+
+def export_relight(store: Any, name: str) -> tuple[list[Path], list[str]]:
+    """Write OUT/export/relight from a calibrated session; return the files, and notes: the error.
+
+    The pictures that are fitted are those that people see: sRGB, each divided by its flash's intensity, and by its
+    fall-off at the depth of the lights' reference point. Directions are those at the reference point, as a viewer has
+    one light for all pixels.
+    """
+    frames, lights, camera = store.load_frames(), store.load_lights(), store.load_camera()
+    lights.check()
+    step = int(np.ceil(np.sqrt(max(1.0, frames.width * frames.height / MOST_PIXELS))))
+    exposure = Exposure.for_frames(frames, white_value=lights.white_value)
+    u, white = np.arange(0, frames.width, step), exposure.white * exposure.balance
+
+    def pictures(row: int) -> NDArray[np.float32]:
+        """Return what is fitted of one row: (F, w, 3)."""
+        pixels = np.stack([u, np.full(len(u), row)], 1).astype(float)
+        points = camera.points_at_depth(pixels, float(lights.reference_point_mm[2]))
+        strength = np.linalg.norm(lights.toward(points), axis=-1)[..., None] * lights.intensities[:, None]
+        linear = frames.read(slice(row, row + 1), columns=slice(None, None, step))[:, 0]
+        return srgb_from_linear(np.clip(linear / np.maximum(strength, 1e-6) / white, 0, 1)).astype(np.float32)
+
+    rows = range(0, frames.height, step)
+    some = np.concatenate([pictures(row) for row in rows[:: max(1, len(rows) // 24)]], 1)
+    kind, left_out = choose_terms(lights.directions, some.reshape(len(some), -1))
+    matrix = terms(kind, lights.directions).astype(np.float32)
+    inverse, folder = np.linalg.pinv(matrix), store.path("export", "relight")
+    coefficients = np.stack([np.einsum("kf,fwc->kwc", inverse, pictures(row)) for row in rows], 1)
+    pixel_mm = pixel_size_mm(camera, lights)
+    paths = write_relight(folder, name, kind, coefficients, lights.directions, pixel_mm and step * pixel_mm)
+    # By the files: what eight bits and JPEG cost is in it.
+    squares = [
+        float(np.mean((np.clip(np.einsum("fk,kwc->fwc", matrix, coefficients[:, i]), 0, 1) - pictures(row)) ** 2))
+        for i, row in enumerate(rows)
+    ]
+    rms = float(np.sqrt(np.mean(squares)))
+    tell(folder, {"rms": rms, "left_out_rms": left_out})
+    notes = [
+        f"relight: {kind}, {len(coefficients)} terms; misses the photographs by {100 * rms:.1f} % of white (rms, "
+        f"sRGB), photographs that it was not fitted to by {100 * left_out:.1f} %",
+        f"relight: {folder.name}/index.html shows it with OpenLIME's openlime.min.js, skin.svg and skin.css beside it, "
+        "served over http",
+    ]
+    return paths, notes

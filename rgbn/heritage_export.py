@@ -19,11 +19,9 @@ from formats.iiif_files import write_manifest, write_tiles
 from formats.light_files.light_formats import export_lights
 from formats.picture_files import srgb_from_linear, srgb_profile
 from formats.tiff_files import write_map
-from lab.colours import Colours, albedo_colours
 from lab.job import Job
-from lab.plan import ARCHIVED, STEPS
-from lab.results import FOLDER, method_maps
-from lab.run import summed_up
+from lab.results import FOLDER, Colours, albedo_colours, method_maps
+from lab.run import ARCHIVED, STEPS, summed_up
 from scene.current import file_digest
 from scene.errors import SceneError
 from scene.files import move, write_json, write_text
@@ -45,7 +43,9 @@ def export_heritage(job: Job, base: str) -> tuple[list[Path], list[str]]:
     It takes its place whole. Raises SceneError: no method found a normal; or rgbn did not write what lies there.
     """
     folder = job.store.path("export", "heritage")
-    _check_own(job, folder)
+    for path in (folder, *folder.rglob("*")):
+        if not path.is_dir():
+            job.record.check_free(path)
     for step in job.wanted("compare"):
         job.run(STEPS, step)
     if job.done[FOLDER]["result"]["surface"] is None:
@@ -60,13 +60,6 @@ def export_heritage(job: Job, base: str) -> tuple[list[Path], list[str]]:
     with job.record.part_of(ARCHIVED):
         move(made, folder)
     return [folder], [f"heritage: {note}" for note in notes]
-
-
-def _check_own(job: Job, folder: Path) -> None:
-    """Raise SceneError where something lies in a folder, or in its place, that rgbn did not write."""
-    for path in (folder, *folder.rglob("*")):
-        if not path.is_dir():
-            job.record.check_free(path)
 
 
 def _write_payload(job: Job, data: Path, base: str) -> list[str]:

@@ -2,26 +2,28 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.session.session import load_session
+from lab.job import Job
 from lab.options import Settings, Solving, TwinSettings
+from lab.run import STEPS, run_session
 from lab.session_place import origin_of, session_and_out
+from rgbn.result_tables import Table, ball_table, error_table
+from scene.camera import Camera
 from scene.errors import SceneError
+from scene.estimate import Estimate
+from scene.frames import Frames
+from scene.lights import Lights
 from scene.method_names import METHODS
+from scene.normals import angular_error_deg
 from scene.output_folder import open_record, read_record
+from scene.pose import Pose
+from scene.spheres import Sphere
 from scene.store import Store
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from rgbn.result_tables import Table
-    from scene.camera import Camera
-    from scene.estimate import Estimate
-    from scene.frames import Frames
-    from scene.lights import Lights
-    from scene.pose import Pose
-    from scene.spheres import Sphere
 
 Method = Solving | str | None
 
@@ -105,8 +107,6 @@ class Session:
         return self._run("compare", solving, twin)
 
     def _run(self, wanted: str, solving: Method = None, twin: TwinSettings | None = None) -> "Session":
-        from lab.run import run_session
-
         run_session(self.path, wanted, out=self.out, scheduler=self._scheduler, said=self._with(solving, twin))
         return self
 
@@ -120,8 +120,6 @@ class Session:
     @property
     def warnings(self) -> "Table[dict[str, Any]]":
         """The warnings so far, each with its step."""
-        from rgbn.result_tables import Table
-
         rows = self.summary["warnings"]
         return Table(rows, f"{len(rows)} warning{'s' * (len(rows) != 1)}")
 
@@ -150,8 +148,6 @@ class Session:
     @property
     def spheres(self) -> "Table[Sphere]":
         """The calibration balls that were found, `scene.spheres.Sphere`. Runs `calibrate`."""
-        from rgbn.result_tables import ball_table
-
         self._need("calibrate")
         return ball_table(self.store.load_spheres(), self.camera, self.store.load_frames())
 
@@ -205,16 +201,12 @@ class Session:
 
     def error_deg(self, method: str, *, twin: bool = False) -> "NDArray[np.float32]":
         """Return the angle between a method's normals and the truth, (H, W) degrees, NaN where unknown."""
-        from scene.normals import angular_error_deg
-
         truth = self.truth
         return angular_error_deg(self.normals(method, twin=twin), truth).astype("float32")
 
     @property
     def errors(self) -> "Table[dict[str, Any]]":
         """The methods' angular errors, on the photographs and on the twin. Runs `compare`."""
-        from rgbn.result_tables import error_table
-
         self._require_truth("error")
         self._need("compare")
         return error_table(self._told["compare"])
@@ -233,8 +225,6 @@ class Session:
     @property
     def _session(self) -> Any:
         """The session as session.toml says it now."""
-        from capture.session.session import load_session
-
         return load_session(self.path)
 
     @property
@@ -253,9 +243,6 @@ class Session:
 
     def _is_current(self, wanted: str, solving: Method = None) -> bool:
         """Whether a step, and all that it needs, is done and current."""
-        from lab.job import Job
-        from lab.plan import STEPS
-
         session = self._session
         with open_record(self.out, origin=origin_of(session, self.path), input_folders=[session.folder]) as record:
             return Job(session, record, Settings.of(record).but(self._with(solving))).is_current(STEPS, wanted)

@@ -2,21 +2,22 @@
 
 import math
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
+import pandas
 
+from compare.report.pictures import Exposure, thumbnail
+from compare.statistics.statistics import statistics_rows
+from draw.object_charts import error_histograms, map_chart
 from draw.readable import readable
+from draw.svg import Drawing
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
+from scene.map_pictures import data_uri
 from scene.notebook import data_frame, table_html
 from scene.spheres import Sphere
-
-if TYPE_CHECKING:
-    import pandas
-
-    from draw.svg import Drawing
 
 T = TypeVar("T")
 PLOTTED_WIDTH = 900
@@ -83,9 +84,6 @@ def error_table(compared: dict[str, Any]) -> Table[dict[str, Any]]:
     `compared`: the part `compare` of summary.json. The drawing has the share of pixels by error in degrees, a panel a
     method, real filled, twin a line.
     """
-    from compare.statistics.statistics import statistics_rows
-    from draw.object_charts import error_histograms
-
     rows = statistics_rows(compared)
     said = ", ".join(f"{row['method']} {readable(row['median_deg'])} ({row['frames']})" for row in rows)
     methods = list(dict.fromkeys(row["method"] for row in rows))
@@ -123,10 +121,6 @@ def ball_table(balls: Iterable[Sphere], camera: Camera, frames: Frames) -> Table
     balls = list(balls)
 
     def draw() -> "Drawing":
-        from compare.report.pictures import Exposure, thumbnail
-        from draw.object_charts import map_chart
-        from scene.map_pictures import data_uri
-
         picture = Exposure.for_frames(frames).develop(thumbnail(frames, 0, PLOTTED_WIDTH))
         lines = {f"{ball.kind} ball {n}": ball.outline(camera) for n, ball in enumerate(balls, 1)}
         outlines = {name: np.concatenate([line, line[:1]]) for name, line in lines.items()}

@@ -1,5 +1,6 @@
 """`rgbn init`, `plan` and `watch` as the command line has them."""
 
+from json import dumps
 from pathlib import Path
 from typing import Annotated
 
@@ -44,24 +45,18 @@ def plan(
     json: Annotated[bool, Parameter(help="Print the results as JSON.", negative="")] = False,
 ) -> None:
     """Plan a shoot: where flashes and balls go, and which error to expect after each flash."""
-    from shoot.plan.run_plan import run_plan
+    from lab.terminal_tables import number_table, show
+    from shoot.plan.run_plan import BALLS, FLASHES, answer_of, lights_of, run_plan
 
     facts = run_plan(source, options, out=out)
     if json:
-        import json as json_module
-
-        print(json_module.dumps(facts, indent=1))
+        print(dumps(facts, indent=1))
         return
-    if is_quiet():
-        return
-    from lab.terminal_tables import number_table, show
-    from shoot.plan.plan_page import BALLS, FLASHES, answer_of, lights_of
-
     tables = [number_table("flashes, the most useful first", FLASHES, facts["flashes"])]
     if facts["balls"]:
         tables.append(number_table("balls, from the object's middle", BALLS, facts["balls"]))
     show(*tables, lights_of(facts), answer_of(facts))
-    for name in ("plan.html", "plan.json"):
+    for name in () if is_quiet() else ("plan.html", "plan.json"):
         print(f"written  {Path(facts['folder']) / name}")
     for text in facts["warnings"]:
         say(f"warning: {text}", always=True)

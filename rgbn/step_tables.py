@@ -14,17 +14,17 @@ from compare.report.advice import advice
 from compare.report.facts import all_warnings
 from compare.report.page import plain
 from compare.report.verdict import trust_sentence, verdict
+from compare.statistics.statistics import statistics_rows
 from draw.readable import Readable, readable, share
 from lab.job import Job
 from lab.progress import say
 from lab.terminal_tables import fact_table, number_table, show
+from rgbn.result_tables import ball_rows
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.store import Store
 
 Values = Mapping[str, Any]
-OWN = {"solve": ("solve", "trust")}
-"""Of a verb, the steps whose findings it shows, where these are more than its own."""
 NEXT = {
     "check": "rgbn calibrate {0}", "calibrate": "rgbn align {0}",
     "align": "rgbn solve {0}", "solve": "rgbn twin {0}", "twin": "rgbn compare {0}",
@@ -120,8 +120,6 @@ def calibrate_tables(job: Job, summary: Values) -> Iterator[Any]:
     seen = "the object" if "align" in job.done else "amid the balls"
     yield light_table(f"calibrate: {len(lights)} {lights.model} lights, seen from {seen}", lights)
     if store.path("spheres.json").exists() and (spheres := store.load_spheres()):
-        from rgbn.result_tables import ball_rows
-
         yield number_table("calibrate: balls", BALLS, ball_rows(spheres, store.load_camera()))
 
 
@@ -151,13 +149,10 @@ def align_tables(job: Job, summary: Values) -> Iterator[Any]:
 
 
 def solve_tables(job: Job, summary: Values) -> Iterator[Any]:
-    """Yield the methods."""
+    """Yield the methods; where they were asked to, how well each predicts photographs, and what to take."""
     methods = summary["solve"]["methods"]
     yield number_table("solve", METHODS, [{"method": name, **row} for name, row in methods.items()])
 
-
-def trust_tables(job: Job, summary: Values) -> Iterator[Any]:
-    """Yield how well each method predicts photographs, and what to take."""
     if found := summary["trust"]:
         yield number_table("trust", TRUST, [{"method": name, **row} for name, row in found["methods"].items()])
         yield fact_table("", {"trust": plain(trust_sentence(found)).strip()})
@@ -173,8 +168,6 @@ def twin_tables(job: Job, summary: Values) -> Iterator[Any]:
 
 def compare_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield the errors, and against a known truth what each step is off."""
-    from compare.statistics.statistics import statistics_rows
-
     if rows := statistics_rows(summary["compare"]):
         yield number_table("compare: angular error, degrees", ERRORS, rows)
     else:
@@ -192,7 +185,6 @@ TABLES: dict[str, Callable[[Job, Values], Iterator[Any]]] = {
     "calibrate": calibrate_tables,
     "align": align_tables,
     "solve": solve_tables,
-    "trust": trust_tables,
     "twin": twin_tables,
     "compare": compare_tables,
 }
@@ -213,20 +205,15 @@ def tell(job: Job, summary: dict[str, Any], *, verb: str, as_json: bool = False,
     whole : bool
         Show what every step found, not the verb's own alone.
     """
-    steps = list(TABLES) if whole else OWN.get(verb, (verb,))
-    tables = [table for step in steps for table in TABLES[step](job, summary)]
-    show(*tables, fact_table("", _places(job, verb)), hidden=as_json)
+    tables = [table for step in (TABLES if whole else [verb]) for table in TABLES[step](job, summary)]
+    # By the shorter way from here.
+    folder, here = job.store.folder, Path(os.path.relpath(job.store.folder))
+    near = str(folder if here.parts[:2] == ("..", "..") else here)
+    has_twin = verb != "solve" or (folder / "pose.json").exists()
+    command = NEXT[verb if has_twin else "twin"].format(shlex.quote(near))
+    show(*tables, fact_table("", {"written": near, "next": command}), hidden=as_json)
     if as_json:
         print(json.dumps(summary, indent=1))
         return
     for step, text in all_warnings({"warnings": summary["warnings"]}):
         say(f"warning ({step}): {text}", always=True)
-
-
-def _places(job: Job, verb: str) -> dict[str, str]:
-    """Return where the results are, by the shorter way from here, and what comes next."""
-    folder, here = job.store.folder, Path(os.path.relpath(job.store.folder))
-    near = folder if here.parts[:2] == ("..", "..") else here
-    has_twin = verb != "solve" or (folder / "pose.json").exists()
-    command = NEXT[verb if has_twin else "twin"].format(shlex.quote(str(near)))
-    return {"written": str(near), "next": command}

@@ -288,10 +288,10 @@ def _known(values: NDArray[np.float64]) -> list[float | None]:
     return [value if np.isfinite(value) else None for value in values.tolist()]
 
 
-def known_median(values: NDArray[np.float64]) -> float | None:
-    """Return the median of the known values; None without any."""
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else None
+def known_median(values: NDArray | None) -> float | None:
+    """Return the median of what is a number, None where nothing is finite."""
+    known = np.empty(0) if values is None else values[~np.isnan(values)].astype(np.float64)
+    return float(np.median(known, overwrite_input=True)) if np.isfinite(known).any() else None
 
 
 def _span(facts: dict[str, Any], name: str) -> str:

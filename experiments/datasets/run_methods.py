@@ -11,8 +11,7 @@ import numpy as np
 from experiments.datasets.shelf import Entry, contents_of, entries, select
 from experiments.tables import DATASETS, Row, Rows, errors_of
 from lab.options import BY_DEFAULT, DEFAULT_PROFILE, TIMEOUT_S, Solving
-from lab.progress import say
-from lab.run_log import logged
+from lab.progress import logged, say
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json, write_text
@@ -82,8 +81,7 @@ def _wanted(shelf: Path, patterns: Sequence[str]) -> list[Entry]:
 
 def _solve(out: Path, entry: Entry, names: list[str], solving: Solving) -> Iterator[tuple[str, Row]]:
     """Yield the rows of some methods on one dataset, each as soon as it is made."""
-    from lab.plan import STEPS
-    from lab.run import open_job
+    from lab.run import STEPS, open_job
 
     left = list(names)
     try:

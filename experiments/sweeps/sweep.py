@@ -14,8 +14,7 @@ from experiments.sweeps.cell import failed_rows, run_cell
 from experiments.tables import RESULTS, SECONDS, Rows, write_table
 from experiments.workers import Work, WorkerDied, run_all
 from lab.options import Solving, Staging
-from lab.progress import progress_bar, say
-from lab.run_log import logged
+from lab.progress import logged, progress_bar, say
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json

@@ -36,34 +36,30 @@ def _given_lengths(_: Any, tokens: Iterable[Any]) -> tuple[float, ...]:
     return lengths_of(" ".join(token.value for token in tokens))
 
 
-def diameters(what: str) -> Parameter:
-    """Return an option that takes one diameter or several, of verbs that are told of balls."""
-    return Parameter(help=what, negative="", converter=_given_lengths, n_tokens=-1, consume_multiple=True)
+Diameters = Annotated[tuple[float, ...], Parameter(converter=_given_lengths, n_tokens=-1, consume_multiple=True)]
+"""One or several."""
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Answers:
-    """What no photograph tells of a capture; None and empty: nothing is said. Each field's help says what it is.
+    """What no photograph tells of a capture; None and empty: nothing is said. The help is what stands below each.
 
     Raises SceneError: a value that session.toml may not have.
     """
 
-    chrome: Annotated[
-        tuple[float, ...],
-        diameters("Diameter of the chrome balls, mm. One for all, or one for each, largest in the picture first."),
-    ] = ()
-    white: Annotated[tuple[float, ...], diameters("Diameter of the white balls, mm.")] = ()
-    unit: Annotated[
-        Unit | None,
-        Parameter(help="Unit of the scan. Default: found from the object's size in the picture."),
-    ] = None
-    focal_mm: Annotated[float | None, Parameter(help="Focal length engraved on the lens, mm. Default: EXIF's.")] = None
-    sensor_mm: Annotated[float | None, Parameter(help="Width of the sensor, mm; 36 for full frame.")] = None
-    linear: Annotated[
-        bool | None,
-        Parameter(help="Values of 8-bit files are proportional to light. Default: they are sRGB."),
-    ] = None
+    chrome: Diameters = ()
+    """Diameter of the chrome balls, mm. One for all, or one for each, largest in the picture first."""
+    white: Diameters = ()
+    """Diameter of the white balls, mm."""
+    unit: Unit | None = None
+    """Unit of the scan. Default: found from the object's size in the picture."""
+    focal_mm: float | None = None
+    """Focal length engraved on the lens, mm. Default: EXIF's."""
+    sensor_mm: float | None = None
+    """Width of the sensor, mm; 36 for full frame."""
+    linear: bool | None = None
+    """Values of 8-bit files are proportional to light. Default: they are sRGB."""
 
     def __post_init__(self) -> None:
         if self.camera:

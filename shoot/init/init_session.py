@@ -1,4 +1,4 @@
-"""`rgbn init`: a folder looked at, shown, and its session.toml written."""
+"""`rgbn init`: a folder looked at, shown, and its session.toml written, with a picture of what was found."""
 
 import os
 import shlex
@@ -6,9 +6,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
 from capture.session.manifest_file import parse, toml_tables
 from capture.session.session import load_session
 from capture.survey.folder_files import FolderFiles, survey
+from compare.report.picture_strip import INK, PAPER, PictureStrip
+from compare.report.pictures import Exposure
 from lab.progress import say
 from lab.session_place import MANIFEST, default_out
 from lab.terminal_tables import fact_table, show
@@ -19,13 +25,15 @@ from scene.origin import Origin
 from scene.output_folder import open_record
 from scene.record import Record
 from shoot.init.answers import NOTHING, Answers, Asking
-from shoot.init.contact_sheet import contact_sheet
-from shoot.init.draft import Draft
+from shoot.init.draft import Draft, facts_of, is_unedited, notes_of, session_text, signed
 from shoot.init.prepare import prepare
-from shoot.init.session_text import facts_of, is_unedited, notes_of, session_text, signed
 
 SHEET = "contact-sheet.png"
-PART = "init"
+WIDTH = 1236
+"""Of six small pictures beside each other."""
+MOST = 12
+"""Photographs that are shown small."""
+COLOURS = {"chrome": (90, 220, 255), "white": (255, 190, 60)}
 
 
 class Made(NamedTuple):
@@ -43,11 +51,8 @@ def init_sessions(folder: Path, *, yes: bool = False, told: Answers = NOTHING) -
 
     Parameters
     ----------
-    folder : Path
-        Folder with the photographs, or with a folder of them for each object.
-    yes : bool
-        Ask nothing. What is not known is assumed, and named.
-    told : Answers
+    folder, yes, told
+        As `rgbn init` has them.
 
     Raises
     ------
@@ -92,8 +97,8 @@ def init_sessions(folder: Path, *, yes: bool = False, told: Answers = NOTHING) -
 def write_sheet(draft: Draft, record: Record) -> Path:
     """Write the contact sheet into the session's output folder, which is held, and return its path."""
     sheet = record.folder / SHEET
-    record.forget([PART])
-    with record.part_of(PART):
+    record.forget(["init"])
+    with record.part_of("init"):
         write_png(sheet, contact_sheet(draft))
     return sheet
 
@@ -132,3 +137,36 @@ def check_free(files: FolderFiles) -> None:
         )
     if not os.access(files.folder, os.W_OK):
         raise SessionError(f"{files.folder}: cannot be written. Copy the folder to a place of your own.")
+
+
+def contact_sheet(draft: Draft) -> NDArray[np.uint8]:
+    """Return the sheet (H, W, 3), RGB."""
+    frames = draft.small
+    some = frames.only(slice(None, None, -(-len(frames) // MOST)))
+    linear = some.read()
+    mean, *pictures = (Exposure.for_picture(one).develop(one) for one in (linear.mean(axis=0), *linear))
+    size = WIDTH, round(WIDTH * frames.height / frames.width)
+    scene = np.array(cv2.resize(mean, size, interpolation=cv2.INTER_AREA), np.uint8)
+    scale = WIDTH / (frames.width * draft.step)
+    for number, ball in enumerate(draft.manifest.spheres, 1):
+        if not ball.center_px or not ball.radius_px:
+            continue
+        u, v, radius = (scale * value for value in (*ball.center_px, ball.radius_px))
+        colour = COLOURS[ball.kind]
+        cv2.circle(scene, (round(16 * u), round(16 * v)), round(16 * radius), colour, 2, cv2.LINE_AA, shift=4)
+        size = f", {ball.diameter_mm:g} mm" if ball.diameter_mm else ""
+        _write(scene, f"{number} {ball.kind}{size}", u, v - radius - 8, colour)
+    _write(scene, f"{draft.folder.name}: mean of the flash frames", 0, 26, (255, 255, 255))
+    strip = PictureStrip.of(pictures, [(name[-24:], INK) for name in some.names]).image
+    beside = np.full((len(strip), WIDTH - strip.shape[1], 3), PAPER, np.uint8)
+    return np.concatenate([scene, np.concatenate([strip, beside], 1)])
+
+
+def _write(picture: NDArray[np.uint8], text: str, x: float, y: float, colour: tuple[int, int, int]) -> None:
+    """Write a text on a dark ground, its middle at x if it is then wholly inside the picture."""
+    (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.6, 1)
+    x = int(np.clip(x - width / 2, 2, max(picture.shape[1] - width - 2, 2)))
+    y = int(np.clip(y, height + 2, picture.shape[0] - below - 2))
+    ground = picture[max(y - height - 2, 0) : y + below, max(x - 2, 0) : x + width + 2]
+    ground //= 3
+    cv2.putText(picture, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, 1, cv2.LINE_AA)

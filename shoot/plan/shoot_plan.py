@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from calibrate.lights.predicted_lights import PredictedLights, known_alike, predict_lights
 from scene.camera import Camera
 from scene.lights import Lights
-from shoot.plan.places import out_of_view, places_in_reach
 from shoot.plan.plan_options import AS_USUAL, PlanOptions
-from shoot.plan.set_up import ObjectPixels, ShownObject, lights_at
+from shoot.plan.set_up import ObjectPixels, ShownObject, lights_at, out_of_view, places_in_reach
 from shoot.plan.under_way import UnderWay
 from solve.design.next_flash import choose_flashes, exchange_flashes, known_before
 from solve.design.normal_information import (
@@ -124,7 +123,8 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> ShootPlan:
     set_up, middle = pixels.set_up, pixels.set_up.middle_mm
     candidates = out_of_view(set_up.camera, places_in_reach(options, middle, set_up.size_mm))
     placed = middle + FAR_MM * there.directions if there.positions_mm is None else there.positions_mm
-    shown = so_far.shown.followed_by(pixels.under(lights_at(candidates, middle)))
+    both = zip(so_far.shown, pixels.under(lights_at(candidates, middle)), strict=True)
+    shown = ShownObject._make(map(np.concatenate, both))
     positions = np.concatenate([placed, candidates])
 
     def known_lights(flashes: NDArray) -> PredictedLights:

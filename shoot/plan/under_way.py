@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.job import Job
-from lab.plan import STEPS
+from lab.run import STEPS
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.estimate import Estimate
@@ -18,6 +18,7 @@ from scene.spheres import Sphere
 from shoot.plan.plan_options import PlanOptions
 from shoot.plan.set_up import PIXELS, ObjectPixels, SetUp, ShownObject, pixels_of
 from solve.samples import GRAY
+from twin.camera.grain import sensor_like
 
 Array = NDArray[np.float64]
 METHOD = "iterative"
@@ -120,8 +121,6 @@ def under_way(
     SceneError
         No pixels to speak of have a normal.
     """
-    from twin.camera.grain import sensor_like
-
     known = np.asarray(np.isfinite(estimate.normals).all(-1) & (estimate.albedo > 0).any(-1))
     if known.sum() < FEWEST_PIXELS:
         raise SceneError(

@@ -1,37 +1,126 @@
-"""`rgbn watch`: photographs taken as they come, judged at once, and a session in the end."""
+"""`rgbn watch`: photographs taken as they come, judged at once, and a session in the end.
+
+The state of a shoot is told in words, and as a file and a picture of sigma that the studio shows while it goes on.
+"""
 
 import signal
+import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from capture.photographs.kept import kept_folder
 from capture.session.globs import kind_of
 from capture.survey.folder_files import FEWEST, FolderFiles, files_below, sorted_files
 from capture.survey.hot_folder import ALONE_S, HotFolder, list_photographs
-from lab.progress import say
+from compare.report.pictures import error_picture, with_colour_scale
+from lab.progress import logged, say
 from lab.run import run_session
-from lab.run_log import logged
 from lab.session_place import default_out, note_session
 from scene.current import look_of
 from scene.errors import SessionError
+from scene.files import write_json, write_png
 from scene.origin import Origin
-from scene.output_folder import open_record
+from scene.output_folder import open_record, record_for
 from shoot.init.answers import NOTHING, Answers, Asking
-from shoot.init.draft import Draft
+from shoot.init.draft import Draft, notes_of
 from shoot.init.init_session import check_free, check_layout, write_manifest, write_sheet
 from shoot.init.prepare import prepare
-from shoot.init.session_text import notes_of
+from shoot.plan.run_plan import clock
 from shoot.watch.shoot import Shoot
-from shoot.watch.status import Screen
 from shoot.watch.taken import Taken
 
 EVERY_S = 0.5
 """A folder is listed so often; one that is slow to list, half of the time."""
+STATUS, MAP = "watch.json", "watch-sigma.png"
+
+
+class Screen:
+    """What the photographer and the studio see.
+
+    Parameters
+    ----------
+    shoot : Shoot
+    out : Path
+        Output folder.
+    wanted_deg : float
+        Sigma of the normals that is good enough.
+    """
+
+    def __init__(self, shoot: Shoot, out: Path, wanted_deg: float) -> None:
+        self._shoot, self._out, self._wanted_deg = shoot, out, wanted_deg
+        self._warnings: list[str] = []
+        self._said: list[str] = []
+
+    def note(self, text: str) -> None:
+        """Say what happened."""
+        say(f"  {text}")
+
+    def warn(self, text: str) -> None:
+        """Say a warning, with the terminal's bell."""
+        self._warnings.append(text)
+        bell = "\a" if sys.stderr.isatty() else ""
+        say(f"{bell}warning: {text}", always=True)
+
+    def renew(self, *, is_over: bool = False) -> None:
+        """Say what is known by now, and write watch.json, and watch-sigma.png where the normals are known."""
+        shoot, record, known = self._shoot, record_for(self._out / STATUS), None
+        assert record is not None
+        with record.part_of("watch"):
+            if shoot.sigma_deg is not None:
+                sigma = shoot.sigma_deg[np.isfinite(shoot.sigma_deg)]
+                known = {
+                    "sigma_deg_median": float(np.median(sigma)),
+                    "wanted_deg": self._wanted_deg,
+                    "share_under_wanted": float(np.mean(sigma < self._wanted_deg)),
+                    "next_flash": shoot.next_flash,
+                }
+                end = 2 * self._wanted_deg
+                scaled = with_colour_scale(error_picture(shoot.sigma_deg, end), end, "sigma of the normals")
+                write_png(self._out / MAP, scaled)
+            lights, ambient = shoot.lights.facts() if shoot.lights else None, len(shoot.roles["ambient"])
+            status = {"flash": len(shoot.flash), "ambient": ambient, "warnings": self._warnings}
+            write_json(self._out / STATUS, {"is_over": is_over, **status, "lights": lights, "normals": known})
+        lines = state_lines(shoot, known)
+        # What is as it was need not be said again.
+        for line in [] if is_over else [line for line in lines if line not in self._said]:
+            self.note(line)
+        self._said = lines
+
+
+def state_lines(shoot: Shoot, known: dict[str, Any] | None) -> list[str]:
+    """Return what is known by now, in lines; `known`: `normals` of watch.json."""
+    count = len(shoot.flash)
+    lines = [f"{count} flash frame{'s' * (count != 1)}, {len(shoot.roles['ambient'])} ambient"]
+    light = shoot.light_of(shoot.newest) if shoot.newest else None
+    lines += [f"{shoot.newest.name}: flash at {place_text(light)}"] if shoot.newest and light else []
+    if shoot.lights is None:
+        return [*lines, f"lights: not known yet; {shoot.why}"]
+    lines.append(f"lights: {shoot.lights!r}")
+    if known is None:
+        return [*lines, f"normals: not known yet; {shoot.why}"]
+    sigma, wanted, following = known["sigma_deg_median"], known["wanted_deg"], known["next_flash"]
+    lines.append(
+        f"normals: sigma {sigma:.2g} degrees (median), {known['share_under_wanted']:.0%} of the object under {wanted:g}"
+    )
+    if sigma <= wanted:
+        return [*lines, f"enough: the median sigma is under {wanted:g} degrees"]
+    return [*lines, f"next flash: {place_text(following)}: sigma to {following['sigma_deg']:.2g} degrees"]
+
+
+def place_text(light: dict[str, Any]) -> str:
+    """Return where a flash stands, in words; `light`: a row of `Lights.facts`."""
+    away = f", {light['distance_mm']:.0f} mm away" if light["distance_mm"] is not None else ""
+    sigma = light.get("direction_sigma_deg")
+    known = "" if sigma is None else f" (to {sigma:.2g})"
+    return f"{light['zenith_deg']:.0f} degrees from the axis{known} at {clock(light['azimuth_deg'])} o'clock{away}"
 
 
 def whole_photographs(folder: Path) -> tuple[Path, ...]:
@@ -55,16 +144,8 @@ def watch_folder(
 
     Parameters
     ----------
-    folder : Path
-        Folder that the camera's program writes into.
-    out : Path, optional
-        Output folder. Default: out/NAME, by the folder's name.
-    until_idle : float, optional
-        The shoot ends after so many seconds without a new photograph. Default: it ends by Ctrl-C.
-    wanted_deg : float
-        Sigma of the normals that is good enough, degrees.
-    told : Answers
-        Camera and balls, as `init` is told them.
+    folder, out, until_idle, wanted_deg, told
+        As `rgbn watch` has them.
 
     Raises
     ------
@@ -91,7 +172,7 @@ def watch_folder(
             taken = Taken(folder, kept_folder(record.folder), asking, screen.note, screen.warn)
             is_ended = until_written.enter_context(_ended_by_signals())
             say(f"watching {folder}; Ctrl-C ends the shoot and writes its session")
-            _loop(folder, taken, shoot, screen, until_idle, time.monotonic, is_ended)
+            _loop(folder, taken, shoot, screen, until_idle, is_ended)
             say("the shoot is over; writing its session ...")
             screen.renew(is_over=True)
             draft = _draft_of(folder, shoot, told, taken)
@@ -123,22 +204,16 @@ def _ended_by_signals() -> Iterator[threading.Event]:
 
 
 def _loop(
-    folder: Path,
-    taken: Taken,
-    shoot: Shoot,
-    screen: Screen,
-    until_idle_s: float | None,
-    clock: Callable[[], float],
-    is_ended: threading.Event,
+    folder: Path, taken: Taken, shoot: Shoot, screen: Screen, until_idle_s: float | None, is_ended: threading.Event
 ) -> None:
-    hot, last, is_followed, was_there = HotFolder(), clock(), True, True
+    hot, last, is_followed, was_there = HotFolder(), time.monotonic(), True, True
     following: Future[list[str]] | None = None
     # Beside: a new photograph is judged at once, whatever is still computed of those before.
     with ThreadPoolExecutor(1) as beside:
         while not is_ended.is_set():
-            start = clock()
+            start = time.monotonic()
             files = hot.see(list_photographs(folder), start)
-            listed_s = clock() - start
+            listed_s = time.monotonic() - start
             if hot.is_there != was_there:
                 was_there = hot.is_there
                 gone = "the folder is gone; waiting for it to return"
@@ -148,8 +223,8 @@ def _loop(
             if is_changed:
                 warnings = shoot.judge(list(taken.shots.values()))
                 for shot in fresh:
-                    say(f"{shot.name}: {shoot.role_of(shot)} ({clock() - start:.1f} s)")
-                is_followed, last = False, clock()
+                    say(f"{shot.name}: {shoot.role_of(shot)} ({time.monotonic() - start:.1f} s)")
+                is_followed, last = False, time.monotonic()
             elif following is None and not is_followed:
                 is_followed = True
                 if shoot.frames is not None:

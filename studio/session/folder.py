@@ -29,7 +29,7 @@ from scene.pose import Pose
 from scene.spheres import Sphere
 from scene.store import Store
 from shoot.init.init_session import SHEET
-from shoot.watch.status import MAP
+from shoot.watch.watch_folder import MAP
 from studio.widgets import plain
 
 Array = NDArray[np.float64]
@@ -235,7 +235,7 @@ def _array(rows: Any, shape: tuple[int, ...]) -> Array | None:
 
 STEPS = {"Capture": "check", "Balls": "calibrate", "Lights": "calibrate", "Scan": "align", "Solve": "solve",
          "Twin": "twin", "Verdict": "compare"}  # fmt: skip
-"""The tabs of a session, each with the step of `lab.plan` up to which its button runs."""
+"""The tabs of a session, each with the step of `lab.run` up to which its button runs."""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from draw.readable import readable, share
 from scene.reading import reading
-from shoot.watch.status import STATUS, place_text
+from shoot.watch.watch_folder import STATUS, place_text
 from studio.session.ball_rows import BALL_ROWS
 from studio.session.folder import STEPS, Review, Warned, is_kept
 from studio.session.session_window import SessionWindow

@@ -14,7 +14,7 @@ from draw.readable import readable
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.output_folder import read_record
-from shoot.watch.status import STATUS
+from shoot.watch.watch_folder import STATUS
 from studio.session.ball_edits import Balls, changed, under
 from studio.session.corrections import Corrections, balls_of, tables_of, write_amended
 from studio.session.folder import STEPS, Review, is_kept

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 # Each run is a process of its own, forked from one that has loaded the libraries.
 RUNS = """
 import contextlib, io, json, os, subprocess, sys
-import rgbn.cli, lab.plan, lab.run, capture.photographs.decode, solve.solve, cv2, scene.output_folder
+import rgbn.cli, lab.run, lab.run, capture.photographs.decode, solve.solve, cv2, scene.output_folder
 session, disk, sizes = sys.argv[1], sys.argv[2], json.loads(sys.argv[3])
 
 def run():

@@ -10,8 +10,7 @@ import pytest
 from capture.session.session_types import CaptureSession, SphereSpec
 from lab.job import Job, Outcome, Step
 from lab.options import NOTE, Settings, degrees_of
-from lab.plan import STEPS
-from lab.run import run_session
+from lab.run import STEPS, run_session
 from scene.camera import Camera
 from scene.files import write_text
 from scene.output_folder import open_record, read_record

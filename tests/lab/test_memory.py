@@ -15,11 +15,10 @@ from fixtures.mesh_scene import random_scene
 from fixtures.mesh_shapes import blob, scan_of
 from lab.job import Job
 from lab.options import Settings
-from lab.registration import median_or_none
 from lab.steps import compare, solve
 from lab.twin_step import twin
 from scene.frames import Frames
-from scene.lights import Lights
+from scene.lights import Lights, known_median
 from scene.record import Record
 from scene.store import Store
 
@@ -102,7 +101,7 @@ def test_the_median_of_a_map_is_that_of_all_its_numbers():
     """Without a copy of the whole map in float64: what is infinite counts, what is unknown does not."""
     values = np.random.default_rng(10_073).random((60, 80)).astype(np.float32)
     values[::3], values[1::6] = np.nan, np.inf
-    assert median_or_none(values) == np.nanmedian(values.astype(np.float64))
-    assert median_or_none(values[::3]) is None
-    assert median_or_none(np.full(3, np.inf)) is None
-    assert median_or_none(None) is None
+    assert known_median(values) == np.nanmedian(values.astype(np.float64))
+    assert known_median(values[::3]) is None
+    assert known_median(np.full(3, np.inf)) is None
+    assert known_median(None) is None

@@ -11,8 +11,7 @@ import pytest
 
 from lab.job import Outcome
 from lab.options import Settings, Solving
-from lab.plan import STEPS
-from lab.run import run_session, session_and_out
+from lab.run import STEPS, run_session, session_and_out
 from scene.errors import SceneError
 from scene.files import write_text
 from scene.output_folder import open_record, read_record
@@ -40,7 +39,7 @@ def quick(monkeypatch, tmp_path):
         monkeypatch.setitem(STEPS, name, replace(STEPS[name], work=work(name)))
     monkeypatch.setitem(STEPS, "results", replace(STEPS["results"], work=lambda job: Outcome({})))
     monkeypatch.setattr("compare.report.report.write_report", lambda *_: None)
-    monkeypatch.setattr("lab.summary.write_tables", lambda *_: [])
+    monkeypatch.setattr("lab.run.write_tables", lambda *_: [])
     (tmp_path / "desk").mkdir()
     monkeypatch.chdir(tmp_path / "desk")
     return tmp_path

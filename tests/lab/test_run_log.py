@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from lab import run_log, steps
-from lab.run_log import HEAD, log, logged
+from lab import progress
+from lab.job import Job
+from lab.progress import HEAD, log, logged
 from scene.output_folder import open_record
 from tests.lab.test_foreign_files import make_session, rgbn
 
@@ -57,7 +58,7 @@ def test_how_a_run_ended_is_logged(lab, monkeypatch, capsys):
     def broken(*_):
         raise ZeroDivisionError("of the test")
 
-    monkeypatch.setattr(steps, "frame_files", broken)
+    monkeypatch.setattr(Job, "frame_files", property(broken))
     make_session(lab / "plum")
     assert rgbn(monkeypatch, "solve", "plum") == 1
     text = (lab / "out" / "plum" / "rgbn.log").read_text()
@@ -67,7 +68,7 @@ def test_how_a_run_ended_is_logged(lab, monkeypatch, capsys):
 
 def test_a_killed_run_leaves_what_it_had_said_to_the_next(lab):
     script = (
-        "import os, sys\nfrom pathlib import Path\nfrom lab.run_log import log, logged\n"
+        "import os, sys\nfrom pathlib import Path\nfrom lab.progress import log, logged\n"
         "from scene.output_folder import open_record\n"
         "with open_record(Path('out')) as record, logged(record):\n"
         "    log('half way')\n    os.kill(os.getpid(), 9)\n"
@@ -83,7 +84,7 @@ def test_a_killed_run_leaves_what_it_had_said_to_the_next(lab):
 
 
 def test_the_log_does_not_grow_without_end(lab, monkeypatch):
-    monkeypatch.setattr(run_log, "LONGEST", 5000)
+    monkeypatch.setattr(progress, "LONGEST", 5000)
     for number in range(40):
         with open_record(lab / "out") as record, logged(record):
             log(f"run {number}")

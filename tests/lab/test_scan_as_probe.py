@@ -40,7 +40,8 @@ def processed(without_balls, rgbn_process, tmp_path_factory):
 
 
 def test_a_scan_of_unknown_unit_cannot_be_the_probe():
-    job: Any = SimpleNamespace(scan_scale_unknown=True, store=None)
+    session = SimpleNamespace(scan_unit="unknown", scan_ball_diameter_mm=None)
+    job: Any = SimpleNamespace(session=session, store=None)
     nothing: Any = None
     with pytest.raises(AlignError, match=r"scan_unit: it is unknown, and no ball .*scan_ball_diameter_mm"):
         register_scan(job, nothing, nothing, Lights.unknown(("a", "b")), nothing)

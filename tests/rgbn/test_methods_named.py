@@ -4,21 +4,17 @@ from typing import get_args, get_type_hints
 
 import pytest
 
-from formats.light_files.light_formats import FORMATS as KNOWN
 from lab.options import Solving, TwinSettings, named
-from rgbn.export_command import FORMATS, LIGHTS
+from rgbn.cli import export
+from rgbn.export_command import FORMATS
 from scene.errors import SceneError
 from solve.methods import METHODS
 
 
-def test_the_help_lists_the_methods_that_there_are():
-    text = get_args(get_type_hints(Solving, include_extras=True)["method"])[1].help
-    assert text.split(": ")[1].split(". ")[0].split(", ") == list(METHODS)
-
-
-def test_every_format_of_lights_can_be_exported():
-    assert set(LIGHTS) == set(KNOWN)
-    assert {*LIGHTS} < {*FORMATS}
+@pytest.mark.parametrize(("verb", "option", "known"), [(Solving, "method", METHODS), (export, "format", FORMATS)])
+def test_the_help_lists_what_there_is(verb, option, known):
+    text = get_args(get_type_hints(verb, include_extras=True)[option])[1].help
+    assert text.split(": ")[1].split(". ")[0].split(", ") == list(known)
 
 
 def test_names_are_read_in_any_case_and_each_once():

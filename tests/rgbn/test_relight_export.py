@@ -8,7 +8,7 @@ import pytest
 
 from compare.report.pictures import Exposure
 from formats.picture_files import srgb_from_linear
-from rgbn.relight_export import choose_terms, export_relight
+from rgbn.export_command import choose_terms, export_relight
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames, encode

@@ -14,9 +14,8 @@ from scene.errors import SessionError
 from scene.files import write_png
 from scene.frames import Frames
 from shoot.init.answers import Answers, Asking
-from shoot.init.contact_sheet import contact_sheet
-from shoot.init.draft import Draft, unit_by_size
-from shoot.init.session_text import is_unedited, notes_of, session_text, signed
+from shoot.init.draft import Draft, is_unedited, notes_of, session_text, signed, unit_by_size
+from shoot.init.init_session import contact_sheet
 
 
 def asking(monkeypatch, text, answers=None, **more):

@@ -8,9 +8,17 @@ from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import decode
 from scene.mesh import Mesh
-from shoot.plan.places import out_of_view, places_in_reach
 from shoot.plan.plan_options import AS_USUAL, PlanOptions
-from shoot.plan.set_up import ObjectPixels, SetUp, before_camera, lens_camera, lights_at, pixels_of
+from shoot.plan.set_up import (
+    ObjectPixels,
+    SetUp,
+    before_camera,
+    lens_camera,
+    lights_at,
+    out_of_view,
+    pixels_of,
+    places_in_reach,
+)
 from solve.samples import GRAY
 from twin.camera.virtual_camera import Sensor
 from twin.description.object_mesh import built_in

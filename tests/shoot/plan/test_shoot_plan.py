@@ -10,10 +10,18 @@ from calibrate.lights.predicted_lights import predict_lights
 from scene.errors import SceneError
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg, unit
-from shoot.plan.places import GOOD_PX, corner_balls, places_in_reach
 from shoot.plan.plan_options import PlanOptions
-from shoot.plan.plan_page import MOST_ROWS, answer_of, lights_of, plan_facts, plan_page
-from shoot.plan.set_up import SetUp, before_camera, lens_camera, lights_at, pixels_of
+from shoot.plan.run_plan import MOST_ROWS, answer_of, lights_of, plan_facts, plan_page
+from shoot.plan.set_up import (
+    GOOD_PX,
+    SetUp,
+    before_camera,
+    corner_balls,
+    lens_camera,
+    lights_at,
+    pixels_of,
+    places_in_reach,
+)
 from shoot.plan.shoot_plan import joint_covariance, light_slopes, plan_shoot, predict
 from shoot.plan.under_way import UnderWay
 

@@ -11,8 +11,8 @@ from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import unit
 from scene.spheres import Sphere
-from shoot.plan.places import places_in_reach
 from shoot.plan.plan_options import AS_USUAL, PlanOptions
+from shoot.plan.set_up import places_in_reach
 from shoot.plan.shoot_plan import next_flash
 from shoot.plan.under_way import FEWEST_PIXELS, under_way
 

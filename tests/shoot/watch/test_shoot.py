@@ -181,7 +181,7 @@ def test_a_photograph_is_judged_while_the_lights_of_those_before_are_fitted(tmp_
         judge=judge, follow=follow, frames=1, flash=[], roles={"ambient": []}, new=lambda told: told
     )
     screen = SimpleNamespace(renew=lambda: None, warn=said.append, note=said.append)
-    _loop(tmp_path, taken, shoot, screen, 1.0, time.monotonic, threading.Event())
+    _loop(tmp_path, taken, shoot, screen, 1.0, threading.Event())
     assert judged == [1, 2]
     assert said == ["of 1", "of 2"]
 

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from capture.session.session import load_session
-from lab.options import Settings
 from scene.errors import SceneError
 from scene.files import write_png
 from scene.output_folder import open_record
-from shoot.watch.status import MAP, STATUS
+from shoot.watch.watch_folder import MAP, STATUS
 from studio import window as windows
 from studio.session import photograph_view
 from studio.session.ball_edits import moved
@@ -204,7 +203,7 @@ def runs(made, monkeypatch):
 def test_a_run_takes_what_was_corrected_and_the_session_as_it_is_now(reviewing, made, settle, runs):
     """It says with what other programs: a folder that came from elsewhere may name any. A step's end is shown."""
     with open_record(made.folder, among_others=True) as record:
-        Settings(external=("Net=python `net` {data} {out}",)).keep(record)
+        record.note("settings", {"external": ["Net=python `net` {data} {out}"]})
     window = reviewing()
 
     def run(label):
