@@ -5,7 +5,7 @@ from pathlib import Path
 
 from capture.session.globs import frame_names, kind_of
 from capture.session.session_types import CaptureSession
-from formats.diligent_layout import DIRECTIONS, FILENAMES, MASK, read_tables
+from formats.diligent_layout import DIRECTIONS, FILENAMES, MASK, NORMALS, read_tables
 from scene.errors import SessionError
 from scene.reading import listed, reading, told
 
@@ -91,7 +91,7 @@ def _load_diligent(folder: Path) -> CaptureSession:
         kept=tuple(range(len(flash))),
         lights_file=folder / DIRECTIONS,
         mask=folder / MASK if (folder / MASK).is_file() else None,
-        normals=folder / found.normals_name if found.normals_name else None,
+        normals=next((folder / name for name in NORMALS if (folder / name).is_file()), None),
         layout="diligent",
         photographed=len(flash),
     )
