@@ -13,12 +13,12 @@ from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
 from solve.plausible_axes import AXES, INVERTED, axes_words, plausible_axes
-from solve.problem import Problem
+from solve.problem import Problem, spread_over
 from solve.samples import Samples, all_samples
 
 Array = NDArray[np.float64]
 
-_PIXELS = 4000
+PIXELS = 4000
 _EXPLAINED = 0.75
 """Share of what least squares explains of the photographs, beyond normals at random, under which a map is refused.
 
@@ -109,12 +109,6 @@ def find_axes(normals: Array, samples: Samples, *, name: str) -> tuple[Array, tu
     return AXES[best], cautions
 
 
-def some_pixels(known: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return at most some thousand of the pixels that are known (P,), evenly spread."""
-    places = np.flatnonzero(known)
-    return places[np.unique(np.linspace(0, len(places) - 1, min(_PIXELS, len(places))).astype(int))]
-
-
 def relief_cautions(
     normals: NDArray, frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]
 ) -> tuple[str, ...]:
@@ -126,8 +120,7 @@ def relief_cautions(
     known = mask & np.isfinite(normals[..., 0]) & (normals[..., 2] > 0)
     if lights.is_unknown or not known.any():
         return ()
-    thin = np.zeros(mask.shape, bool)
-    thin.flat[some_pixels(known.ravel())] = True
+    thin = spread_over(known, PIXELS)
     lit = _Lit(all_samples(Problem.of(frames, lights, camera, thin)))
     there = normals[thin].astype(np.float64)
     chance, own, inverted = lit.by_chance(there), lit.misfit(there), lit.misfit(there @ INVERTED)
@@ -147,7 +140,7 @@ def lights_in_other_axes(frames: Frames, lights: Lights, camera: Camera, mask: N
     Lambert's law fits lights in any axes: the normals follow. But turned normals are no surface's slope, or point into
     it at its rim; the latter are a hollow's too. Nothing is said where Lambert's law does not fit.
     """
-    small = Problem.of(frames, lights, camera, mask).thinned(2 * _PIXELS)
+    small = Problem.of(frames, lights, camera, mask).thinned(2 * PIXELS)
     lit = _Lit(all_samples(small))
     fitted = lit.least_squares()
     if lit.misfit(fitted) > _LAMBERT:

@@ -97,10 +97,11 @@ def light_vector(light, point, lights):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def light_vectors(point, lights, out):  # pragma: no cover
-    """Write the light vectors of every light at one point to `out` (F, 3)."""
-    for k in range(len(out)):
-        out[k] = light_vector(k, point, lights)
+def light_vectors(point, lights, out, rounded):  # pragma: no cover
+    """Write the light vectors of every light at one point, by component, to `out` (3, F), and as float32."""
+    for k in range(out.shape[1]):
+        out[0, k], out[1, k], out[2, k] = light_vector(k, point, lights)
+        rounded[0, k], rounded[1, k], rounded[2, k] = out[0, k], out[1, k], out[2, k]
 
 
 @numba.njit(nogil=True, cache=True)
