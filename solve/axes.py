@@ -12,6 +12,7 @@ from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
+from solve.pixelwise.kernels import least_squares
 from solve.plausible_axes import AXES, INVERTED, axes_words, plausible_axes
 from solve.problem import Problem, spread_over
 from solve.samples import Samples, all_samples
@@ -41,7 +42,7 @@ class _Lit:
     """Samples (P, F) under known lights, against which normals are held."""
 
     def __init__(self, samples: Samples) -> None:
-        self.valid, self.toward = samples.valid, samples.toward()
+        self.samples, self.valid, self.toward = samples, samples.valid, samples.toward()
         self.values = samples.valid * np.maximum(samples.gray, 0).astype(np.float64)
         self.lit = self.valid & (self.values > _LIT * self.values.max(1, keepdims=True))
 
@@ -59,9 +60,7 @@ class _Lit:
 
     def least_squares(self) -> Array:
         """Return each pixel's own albedo x normal (P, 3), by its lit samples."""
-        matrix = np.einsum("pf,pfi,pfj->pij", self.lit, self.toward, self.toward) + 1e-9 * np.eye(3)
-        seen = np.einsum("pf,pfi,pf->pi", self.lit, self.toward, self.values)
-        return np.linalg.solve(matrix, seen[..., None])[..., 0]
+        return least_squares(self.samples, self.lit.copy(), self.valid)
 
 
 def find_axes(normals: Array, samples: Samples, *, name: str) -> tuple[Array, tuple[str, ...]]:

@@ -83,15 +83,12 @@ def solve_external(
         used_axes.append(axes_words(axes))
         return whole
 
-    method = Method(external.name, {"default": NoSettings()}, fit_whole=fit, is_calibrated=not lights.is_unknown)
+    nothing = NamedTuple("nothing", [])()
+    method = Method(external.name, {"default": nothing}, fit_whole=fit, is_calibrated=not lights.is_unknown)
     estimate = solve(method, frames, lights, camera, mask, executor=executor, progress=progress)
     cautions = (*estimate.warnings, *relief_cautions(estimate.normals, frames, lights, camera, mask))
     settings = {"command": external.command, "timeout_s": external.timeout_s, "axes": used_axes[0]}
     return replace(estimate, **since(start), settings=settings, warnings=cautions)
-
-
-class NoSettings(NamedTuple):
-    """A method without any."""
 
 
 def with_lambertian_albedo(normals: NDArray[np.float64], samples: Samples, cautions: tuple[str, ...]) -> Whole:
