@@ -30,7 +30,6 @@ from scene.spheres import Sphere
 from scene.store import Store
 from shoot.init.init_session import SHEET
 from shoot.watch.status import MAP
-from studio.widgets import plain
 
 Array = NDArray[np.float64]
 KEPT = "review"
@@ -139,20 +138,6 @@ class Review:
             for name, (part, step, why) in self._parts.items()
             if part is None
         }
-
-    @property
-    def lacks(self) -> str:
-        """What a folder lacks and why, the session too, as Markdown; empty: nothing."""
-        waits = {name: self._parts[name][1] for name in self.missing if self._parts[name][1] not in self.done}
-        lines = [f"- **no {name}**: {why}" for name, why in self.missing.items() if name not in waits]
-        if waits:
-            steps = ", ".join(f"`{step}`" for step in dict.fromkeys(waits.values()))
-            lines.append(
-                f"- **{', '.join(waits)}**: not made yet ({steps}). **Run** makes them, or says what stops it."
-            )
-        if self.why_no_session:
-            lines.append(f"- **no session**: {plain(self.why_no_session)}")
-        return "\n".join(["**Not in this folder**", "", *lines]) if lines else ""
 
     def need(self, *names: str) -> list[Any]:
         """Return parts by their names in `missing`, or the `session`. Raises SceneError: why one is not there."""
