@@ -7,7 +7,7 @@ line a photograph), mask.png, and the true normals. What every output folder has
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,54 +20,38 @@ from scene.light_text import DIRECTIONS, FILENAMES, INTENSITIES, light_tables, n
 from scene.lights import Lights
 from scene.reading import listed
 
-Array = NDArray[np.float64]
 MASK = "mask.png"
 NORMALS = ("Normal_gt.mat", "normal.txt", "Normal_gt.png")
 """The first of them that is there counts."""
 
 
-class DiligentTables(NamedTuple):
-    """What filenames.txt lists; the lights (N, 3) as they are written, None where missing or at fault; all faults."""
-
-    files: list[str]
-    directions: Array | None
-    intensities: Array | None
-    faults: list[str]
-
-
-def read_tables(folder: Path) -> DiligentTables:
-    """Read the list of the photographs, and their lights."""
+def read_list(folder: Path) -> tuple[list[str], list[str]]:
+    """Return the photographs that filenames.txt lists, and what must be mended in it and in the two tables."""
     faults: list[str] = []
-    count = len(list(folder.glob("[0-9]*.png"))) or "no"
-    do = f"; the folder has {count} numbered PNGs. List the photographs there, one a line."
+    numbered = len(list(folder.glob("[0-9]*.png"))) or "no"
+    do = f"; the folder has {numbered} numbered PNGs. List the photographs there, one a line."
     files = _read(names_in, folder / FILENAMES, do, faults) or []
     if not files and not faults:
         faults.append(f"{FILENAMES}: names no file. List the photographs there, one a line.")
     # `Path.is_file` raises where a name is longer than the system allows.
-    _tell(FILENAMES, [name for name in files if not os.path.isfile(folder / name)], "not in the folder. Add, or "
-          "cross out.", faults)  # fmt: skip
+    absent = [name for name in files if not os.path.isfile(folder / name)]
     twice = sorted({name for name in files if files.count(name) > 1})
-    _tell(FILENAMES, twice, "on the list more than once. One line a photograph.", faults)
-    directions, note = _table(folder / DIRECTIONS, len(files), faults)
-    intensities, _ = _table(folder / INTENSITIES, len(files), faults, note)
-    return DiligentTables(files, directions, intensities, faults)
-
-
-def _table(path: Path, count: int, faults: list[str], *beside: str) -> tuple[Array | None, str]:
-    """Return a table, and what is to be said of how it was read; `count`: rows it should have, 0 unknown."""
-    do = ". Write three numbers a line, one line a photograph."
-    table, note = _read(table_in, path, do, faults, SceneError, *beside) or (None, "")
-    if table is None:
-        return None, ""
-    if count and len(table) != count:
-        faults.append(
-            f"{path.name}: found {len(table)} rows, expected {count}, one for each line of {FILENAMES}. Add or remove "
-            "rows; their order is that of the list."
-        )
-        return None, note
-    wrong = np.flatnonzero(~np.isfinite(table).all(1)) + 1
-    _tell(f"{path.name}, row", wrong, "not finite. Give every light its numbers.", faults)
-    return None if len(wrong) else table, note
+    told = (
+        (absent, "not in the folder. Add, or cross out."),
+        (twice, "on the list more than once. One line a photograph."),
+    )
+    for names, words in told:
+        if names:
+            faults.append(f"{FILENAMES}: {listed(names)} {'is' if len(names) == 1 else 'are'} {words}")
+    for name, beside in ((DIRECTIONS, None), (INTENSITIES, "")):
+        do = ". Write three numbers a line, one line a photograph."
+        table, _ = _read(table_in, folder / name, do, faults, SceneError, beside) or (None, "")
+        if table is not None and files and len(table) != len(files):
+            faults.append(
+                f"{name}: found {len(table)} rows, expected {len(files)}, one for each line of {FILENAMES}. Add or "
+                "remove rows; their order is that of the list."
+            )
+    return files, faults
 
 
 def _read(reader: Callable[..., Any], path: Path, do: str, faults: list[str], *more: Any) -> Any:
@@ -80,12 +64,6 @@ def _read(reader: Callable[..., Any], path: Path, do: str, faults: list[str], *m
     except SceneError as error:
         faults.append(str(error).removeprefix(f"{path.parent}/"))
         return None
-
-
-def _tell(name: str, which: Any, words: str, faults: list[str]) -> None:
-    """Add a fault where something is wrong with these of a file's parts."""
-    if len(which):
-        faults.append(f"{name}: {listed(which)} {'is' if len(which) == 1 else 'are'} {words}")
 
 
 def write_diligent(

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from capture.session.globs import frame_names, kind_of
 from capture.session.session_types import CaptureSession
-from formats.diligent_layout import DIRECTIONS, FILENAMES, MASK, NORMALS, read_tables
+from formats.diligent_layout import DIRECTIONS, FILENAMES, MASK, NORMALS, read_list
 from scene.errors import SessionError
 from scene.reading import listed, reading, told
 
@@ -76,9 +76,9 @@ def _load_toml(path: Path) -> CaptureSession:
 
 def _load_diligent(folder: Path) -> CaptureSession:
     """Return the session of a folder in the DiLiGenT layout: 16-bit linear pictures, lights given."""
-    found = read_tables(folder)
-    flash = [folder / name for name in found.files]
-    faults = found.faults + [
+    files, faults = read_list(folder)
+    flash = [folder / name for name in files]
+    faults += [
         f"{FILENAMES}: {path.name} is no photograph that can be read." for path in flash if kind_of(path) is None
     ]
     if faults:
