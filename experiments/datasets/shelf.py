@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,17 +71,11 @@ def _state(record: Record | None, dataset) -> str:
     return "made" if record.is_current(dataset.name, mark_of(dataset)) else "outdated"
 
 
-class Contents(NamedTuple):
-    """How many photographs a dataset has, one of them, (H, W[, 3]); its mask (H, W) and true normals (H, W, 3)."""
+def contents(folder: Path) -> tuple[int, NDArray, NDArray[np.bool_], NDArray[np.float32]]:
+    """Return how many photographs a dataset has, one of them, its mask (H, W), and its true normals (H, W, 3).
 
-    count: int
-    photograph: NDArray
-    mask: NDArray[np.bool_]
-    normals: NDArray[np.float32]
-
-
-def contents(folder: Path) -> Contents:
-    """Return what a dataset has, read as a session is, in whatever form; SceneError where lights or truth do not do."""
+    It is read as a session is, in whatever form. SceneError: lights, mask or truth are missing, or do not do.
+    """
     from align.truth import read_normals
     from calibrate.known_lights.read_known import read_lights
     from capture.session.requests import read_mask
@@ -97,7 +91,7 @@ def contents(folder: Path) -> Contents:
     read_lights(files[0], session.names, skipped=skipped).check()
     photograph, _ = read_values(session.flash[len(session.flash) // 2], SceneError)
     size = photograph.shape[:2]
-    return Contents(len(session.flash), photograph, read_mask(files[1], *size), read_normals(files[2], *size))
+    return len(session.flash), photograph, read_mask(files[1], *size), read_normals(files[2], *size)
 
 
 def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "") -> Entry:
@@ -108,7 +102,7 @@ def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "") -
     """
     folder = folder.resolve()
     try:
-        found = contents(folder)
+        count, _, mask, _ = contents(folder)
     except SceneError as error:
         raise SceneError(f"{folder}: not added, {str(error).removeprefix(f'{folder}: ')}") from error
     name = name or folder.name
@@ -120,7 +114,7 @@ def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "") -
         if name in catalogue() or (shelf / name).exists() or is_other:
             raise SceneError(f"dataset {name}: the name is taken. Give another with --name.")
         sums = checksums_of(folder)
-        text = text or f"{found.count} photographs, {np.count_nonzero(found.mask)} pixels"
+        text = text or f"{count} photographs, {np.count_nonzero(mask)} pixels"
         entry = Entry(name, "added", text, "added", folder)
         with record.making(f"{ADDED}/{name}", fingerprint(sums)):
             write_json(note, {**asdict(entry), "checksums": sums})

@@ -71,7 +71,8 @@ def test_the_true_maps_explain_near_lights(shelf):
 
 @pytest.mark.parametrize("name", ["blob-ambient-0.00", "knot-hand-16"])
 def test_what_is_made_has_the_layout(shelf, name):
-    assert contents(shelf / f"{name}-{SIDE}px").mask.any()
+    _, photograph, mask, normals = contents(shelf / f"{name}-{SIDE}px")
+    assert photograph.shape == normals.shape == (*mask.shape, 3)
 
 
 @pytest.mark.full
