@@ -139,6 +139,12 @@ class Review:
             if part is None
         }
 
+    @property
+    def lacks(self) -> str:
+        """What no step has made yet, as Markdown; empty: nothing."""
+        names = [name for name, (part, step, _) in self._parts.items() if part is None and step not in self.done]
+        return f"**{', '.join(names)}**: not made yet. **Run** makes them, or says what stops it." if names else ""
+
     def need(self, *names: str) -> list[Any]:
         """Return parts by their names in `missing`, or the `session`. Raises SceneError: why one is not there."""
         for name in names:

@@ -33,8 +33,7 @@ HOW = (
 def _frame_facts(window: SessionWindow) -> str:
     review, frames = window.review, window.review.material.frames
     if frames is None:
-        known = "" if _is_shooting(window) else f"**No photographs**: {review.missing['frames']}"
-        return known if review.preview is None else "A preview, as long as no photograph is decoded here."
+        return "" if review.preview is None else "A preview, as long as no photograph is decoded here."
     facts = [f"**{plain(frames.names[window.frame])}**, {frames.width} x {frames.height} px"]
     if review.clipped_share is not None:
         facts.append(f"clipped {share(review.clipped_share[window.frame], 2)} % (red)")
@@ -76,6 +75,7 @@ def _pose_facts(window: SessionWindow) -> str:
 
 TABS: dict[str, Any] = {
     "Capture": (
+        text(lambda window: "" if _is_shooting(window) else window.review.lacks),
         Row("slider", "frame", lambda window: {
             "max": max(len(window.review.names), 2), "disabled": len(window.review.names) < 2,
             "value": window.frame + 1}, lambda window, value: window.choose(frame=int(value) - 1),

@@ -40,7 +40,7 @@ def review(made):
 
 
 def test_a_whole_folder_lacks_nothing(review, made):
-    assert (review.missing, review.why_no_session) == ({}, "")
+    assert (review.missing, review.lacks, review.why_no_session) == ({}, "", "")
     assert review.lights.names == made.lights.names
     assert review.highlights_px.shape == (3, 5, 2)
     (one,) = review.warnings
