@@ -47,23 +47,24 @@ def terms(kind: str, directions: Array) -> Array:
     x, y, z = directions.T
     if kind == "ptm":
         return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], 1)
-    phi = np.arctan2(y, x)
     c = np.cos(np.minimum(np.arccos(np.clip(z, -1, 1)), np.pi / 2 - LOWEST_RAD))
-    s = np.sqrt(c - c * c)
-    return np.stack(
-        [
-            np.full_like(x, 1 / np.sqrt(2 * np.pi)),
-            np.sqrt(6 / np.pi) * np.cos(phi) * s,
-            np.sqrt(3 / (2 * np.pi)) * (2 * c - 1),
-            np.sqrt(6 / np.pi) * np.sin(phi) * s,
-            np.sqrt(30 / np.pi) * np.cos(2 * phi) * (c * c - c),
-            np.sqrt(30 / np.pi) * np.cos(phi) * (2 * c - 1) * s,
-            np.sqrt(5 / (2 * np.pi)) * (1 - 6 * c + 6 * c * c),
-            np.sqrt(30 / np.pi) * np.sin(phi) * (2 * c - 1) * s,
-            np.sqrt(30 / np.pi) * np.sin(2 * phi) * (c * c - c),
-        ],
-        1,
-    )
+    # The viewers' have cosines before sines, and all but the zonal ones the other sign.
+    return harmonics(np.stack([x, y, c], 1), 2)[:, [0, 3, 2, 1, 8, 7, 6, 5, 4]] * [1, -1, 1, -1, -1, -1, 1, -1, -1]
+
+
+def harmonics(directions: NDArray, order: int) -> NDArray[np.float64]:
+    """Return the hemispherical harmonics (..., (order + 1)^2) at unit vectors (..., 3), those below z = 0 as on it."""
+    from scipy.special import sph_harm_y
+
+    polar = np.arccos(2 * np.clip(directions[..., 2], 0, 1) - 1)
+    azimuth = np.arctan2(directions[..., 1], directions[..., 0])
+    found = []
+    for degree in range(order + 1):
+        # Those of the whole sphere, twice as dense; by their real and imaginary parts.
+        whole = [np.sqrt(2.0) * sph_harm_y(degree, m, polar, azimuth) for m in range(degree + 1)]
+        found += [np.sqrt(2.0) * one.imag for one in whole[:0:-1]] + [whole[0].real]
+        found += [np.sqrt(2.0) * one.real for one in whole[1:]]
+    return np.stack(found, -1)
 
 
 def write_relight(

@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solve.codes import tile_at
-from solve.pixelwise.kernels import adjugate, light_vector
+from solve.pixelwise.kernels import NOTHING, adjugate, light_vector, with_sample
 
 DARK = 0.02
 """Samples under this share of the stack's 99th percentile are not lit: they cannot count among the three."""
@@ -74,19 +74,14 @@ def assess(band, samples, b, intensities, dark):  # pragma: no cover
                 normal[axis] = b[i, axis] / length
             column = start + i - place
             behind = tile_at(shape, 0, row, column)
-            xx = xy = xz = yy = yz = zz = bottom = squares = 0.0
+            sums, bottom, squares = NOTHING, 0.0, 0.0
             top[:] = 0.0
             size = lit = 0
             for k in range(lights):
                 if not used[i, k]:
                     continue
                 x, y, z = light_vector(k, points[i], geometry)
-                xx += x * x
-                xy += x * y
-                xz += x * z
-                yy += y * y
-                yz += y * z
-                zz += z * z
+                sums = with_sample(sums, x, y, z, gray[i, k])
                 shade = x * normal[0] + y * normal[1] + z * normal[2]
                 gap = gray[i, k] - shade * length
                 squares += gap * gap
@@ -103,6 +98,7 @@ def assess(band, samples, b, intensities, dark):  # pragma: no cover
                     top[channel] += value * per_intensity[k, channel] * shade
             normals[i] = normal
             count[i] = size
+            xx, xy, xz, yy, yz, zz, _, _, _ = sums
             det, adjoint = adjugate(xx, xy, xz, yy, yz, zz)
             doubts[0] += lit < 3
             # trace(M) trace(M^-1) is twice the condition number's square where two of three are far from the third.

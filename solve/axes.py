@@ -12,13 +12,14 @@ from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
+from solve.pixelwise.kernels import least_squares
 from solve.plausible_axes import AXES, INVERTED, axes_words, plausible_axes
-from solve.problem import Problem
+from solve.problem import Problem, spread_over
 from solve.samples import Samples, all_samples
 
 Array = NDArray[np.float64]
 
-_PIXELS = 4000
+PIXELS = 4000
 _EXPLAINED = 0.75
 """Share of what least squares explains of the photographs, beyond normals at random, under which a map is refused.
 
@@ -41,7 +42,7 @@ class _Lit:
     """Samples (P, F) under known lights, against which normals are held."""
 
     def __init__(self, samples: Samples) -> None:
-        self.valid, self.toward = samples.valid, samples.toward()
+        self.samples, self.valid, self.toward = samples, samples.valid, samples.toward()
         self.values = samples.valid * np.maximum(samples.gray, 0).astype(np.float64)
         self.lit = self.valid & (self.values > _LIT * self.values.max(1, keepdims=True))
 
@@ -59,9 +60,7 @@ class _Lit:
 
     def least_squares(self) -> Array:
         """Return each pixel's own albedo x normal (P, 3), by its lit samples."""
-        matrix = np.einsum("pf,pfi,pfj->pij", self.lit, self.toward, self.toward) + 1e-9 * np.eye(3)
-        seen = np.einsum("pf,pfi,pf->pi", self.lit, self.toward, self.values)
-        return np.linalg.solve(matrix, seen[..., None])[..., 0]
+        return least_squares(self.samples, self.lit.copy(), self.valid)
 
 
 def find_axes(normals: Array, samples: Samples, *, name: str) -> tuple[Array, tuple[str, ...]]:
@@ -109,12 +108,6 @@ def find_axes(normals: Array, samples: Samples, *, name: str) -> tuple[Array, tu
     return AXES[best], cautions
 
 
-def some_pixels(known: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return at most some thousand of the pixels that are known (P,), evenly spread."""
-    places = np.flatnonzero(known)
-    return places[np.unique(np.linspace(0, len(places) - 1, min(_PIXELS, len(places))).astype(int))]
-
-
 def relief_cautions(
     normals: NDArray, frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]
 ) -> tuple[str, ...]:
@@ -126,8 +119,7 @@ def relief_cautions(
     known = mask & np.isfinite(normals[..., 0]) & (normals[..., 2] > 0)
     if lights.is_unknown or not known.any():
         return ()
-    thin = np.zeros(mask.shape, bool)
-    thin.flat[some_pixels(known.ravel())] = True
+    thin = spread_over(known, PIXELS)
     lit = _Lit(all_samples(Problem.of(frames, lights, camera, thin)))
     there = normals[thin].astype(np.float64)
     chance, own, inverted = lit.by_chance(there), lit.misfit(there), lit.misfit(there @ INVERTED)
@@ -147,7 +139,7 @@ def lights_in_other_axes(frames: Frames, lights: Lights, camera: Camera, mask: N
     Lambert's law fits lights in any axes: the normals follow. But turned normals are no surface's slope, or point into
     it at its rim; the latter are a hollow's too. Nothing is said where Lambert's law does not fit.
     """
-    small = Problem.of(frames, lights, camera, mask).thinned(2 * _PIXELS)
+    small = Problem.of(frames, lights, camera, mask).thinned(2 * PIXELS)
     lit = _Lit(all_samples(small))
     fitted = lit.least_squares()
     if lit.misfit(fitted) > _LAMBERT:

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.normals import unit
-from solve.problem import Problem
+from solve.design.normal_information import variance_of_normals
+from solve.problem import Problem, spread_over
 from solve.samples import Samples, all_samples
 
 _PIXELS = 1_200
@@ -37,7 +38,8 @@ def sigma_factors(problem: Problem, fit: Callable[..., tuple[NDArray, NDArray]],
     [Efron1993]. Samples that do not agree with b stay as they are: the method has to sort them out again. What
     all samples of a pixel share (a bias by gloss) is in neither.
     """
-    samples = _some(problem)
+    samples = all_samples(replace(problem, mask=spread_over(problem.mask, _PIXELS)))
+    samples = samples.some(np.tile(np.arange(len(samples.gray)), -(-_LEAST // len(samples.gray))))
     scale, toward, count = samples.scale(), samples.toward(), samples.gray.shape[1]
     b, used = fit(samples, scale, settings)
     square, free, _ = _scatter(samples, toward, b, used)
@@ -69,16 +71,4 @@ def _scatter(samples: Samples, toward: NDArray, b: NDArray, used: NDArray) -> tu
     inverse = np.linalg.inv(np.where(spans[:, None, None], matrix, np.eye(3)))
     free = np.where(spans, np.maximum(used.sum(1) - 3.0, 0), 0)
     gap = np.where(used, samples.gray - np.einsum("pfi,pi->pf", toward, b), 0)
-    along, length = np.nan_to_num(unit(b)), np.sum(b**2, 1)
-    across = np.trace(inverse, axis1=1, axis2=2) - np.einsum("pi,pij,pj->p", along, inverse, along)
-    gain = np.divide(0.5 * np.maximum(across, 0), length, where=length > 0, out=np.zeros(len(b)))
-    return np.sum(gap**2, 1) / np.maximum(free, 1), free, gain
-
-
-def _some(problem: Problem) -> Samples:
-    """Return what is seen of pixels evenly spread over the mask, each several times where they are few."""
-    places = np.flatnonzero(problem.mask)
-    thin = np.zeros(problem.mask.shape, bool)
-    thin.flat[places[np.linspace(0, len(places) - 1, min(_PIXELS, len(places))).astype(int)]] = True
-    samples = all_samples(replace(problem, mask=thin))
-    return samples.some(np.tile(np.arange(len(samples.gray)), -(-_LEAST // len(samples.gray))))
+    return np.sum(gap**2, 1) / np.maximum(free, 1), free, np.nan_to_num(variance_of_normals(b, inverse))

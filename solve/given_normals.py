@@ -14,11 +14,11 @@ from scene.clock import now, since
 from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
-from solve.axes import find_axes, relief_cautions, some_pixels
+from solve.axes import PIXELS, find_axes, relief_cautions
 from solve.external import External, normals_by
 from solve.methods import Method, Whole
 from solve.plausible_axes import AXES, axes_words, plausible_axes
-from solve.problem import Problem
+from solve.problem import Problem, spread_over
 from solve.samples import Geometry, Samples, row_medians
 from solve.solve import solve
 from solve.uncalibrated.front_end import lights_of
@@ -77,21 +77,18 @@ def solve_external(
             )
             whole = _with_lights_of_its_own(given @ axes.T, samples, (said,))
         else:
-            some = some_pixels(np.isfinite(given[:, 0]))
+            some = spread_over(np.isfinite(given[:, 0]), PIXELS)
             axes, cautions = find_axes(given[some], samples.some(some), name=name)
             whole = with_lambertian_albedo(given @ axes.T, samples, cautions)
         used_axes.append(axes_words(axes))
         return whole
 
-    method = Method(external.name, {"default": NoSettings()}, fit_whole=fit, is_calibrated=not lights.is_unknown)
+    nothing = NamedTuple("nothing", [])()
+    method = Method(external.name, {"default": nothing}, fit_whole=fit, is_calibrated=not lights.is_unknown)
     estimate = solve(method, frames, lights, camera, mask, executor=executor, progress=progress)
     cautions = (*estimate.warnings, *relief_cautions(estimate.normals, frames, lights, camera, mask))
     settings = {"command": external.command, "timeout_s": external.timeout_s, "axes": used_axes[0]}
     return replace(estimate, **since(start), settings=settings, warnings=cautions)
-
-
-class NoSettings(NamedTuple):
-    """A method without any."""
 
 
 def with_lambertian_albedo(normals: NDArray[np.float64], samples: Samples, cautions: tuple[str, ...]) -> Whole:
@@ -114,7 +111,7 @@ def _with_lights_of_its_own(normals: NDArray[np.float64], samples: Samples, caut
     value = albedo * max(0, l . n): least squares for each l over pixels that it lights, and each pixel's median ratio
     for its albedo, in turn.
     """
-    some = some_pixels(np.isfinite(normals[:, 0]))
+    some = spread_over(np.isfinite(normals[:, 0]), PIXELS)
     few, n, scale = samples.some(some), normals[some], samples.scale()
     lit = few.valid & (few.gray > _DARK * scale)
     albedo = np.maximum(np.quantile(np.where(lit, few.gray, 0), 0.9, axis=1), 1e-9 * scale)

@@ -76,3 +76,10 @@ class Problem:
     def warned(self, *cautions: str) -> "Problem":
         """Return the problem with more cautions."""
         return replace(self, cautions=(*self.cautions, *cautions))
+
+
+def spread_over(known: NDArray[np.bool_], most: int) -> NDArray[np.bool_]:
+    """Return at most so many of the pixels that are known, evenly spread: an array of their shape."""
+    places, some = np.flatnonzero(known), np.zeros(known.shape, bool)
+    some.flat[places[np.linspace(0, len(places) - 1, min(most, len(places))).astype(int)]] = True
+    return some

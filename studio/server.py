@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import socket
 import threading
 from functools import partial
 from typing import Any
@@ -43,12 +42,15 @@ class Studio:
     """
 
     def __init__(self, workspace: Workspace, *, port: int = 8080, state: StudioState | None = None) -> None:
-        _check_free(port)
         self._workspace, self.state, self.window = workspace, state or StudioState(), None
         self.window: Window | None
         self._lock, self.page, self.preview = threading.RLock(), ServedPage(), Preview()
         with contextlib.redirect_stdout(io.StringIO()):
             self._server = server = self.page.make_server(port)
+            if port and server.get_port() != port:
+                # viser takes the next one that is free.
+                server.stop()
+                raise SceneError(f"--port {port}: cannot be used. Choose another, or 0 for one that is free.")
         server.scene.set_up_direction("+y")
         server.scene.world_axes.visible = False
         # Shadows of the view's own lamps would be taken for those of the scene's lights, and they cost time.
@@ -133,15 +135,3 @@ class Studio:
                 return NewWindow(*place)
             return SessionWindow(*place, address_of=self.page.address_of)
         return EditorWindow(*place, self.preview) if state.area == "Scene" else OpenWindow(*place)
-
-
-def _check_free(port: int) -> None:
-    """Raise where the port cannot be had: viser would quietly take another."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((LOOPBACK, port))
-        except OSError as error:
-            raise SceneError(
-                f"--port {port}: cannot be used ({error.strerror}). Choose another, or 0 for one that is free."
-            ) from error

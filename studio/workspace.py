@@ -57,8 +57,9 @@ class Workspace:
         return found
 
     def name(self, path: Path) -> str:
-        """Return what the browser calls a path."""
-        return path.resolve().relative_to(self.root).as_posix()
+        """Return what the browser calls a path: by its place in the workspace, or its name alone."""
+        path = path.resolve()
+        return path.relative_to(self.root).as_posix() if path.is_relative_to(self.root) else path.name
 
     def keep_upload(self, name: str, content: bytes) -> str:
         """Write what the browser sent into `uploads/`, and return its name in the workspace.

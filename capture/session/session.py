@@ -9,7 +9,7 @@ from capture.session.manifest import Manifest
 from capture.session.manifest_file import parse, toml_tables
 from capture.session.resolve import Resolver
 from capture.session.session_types import CaptureSession
-from formats.diligent_layout import DIRECTIONS, FILENAMES, MASK, read_tables
+from formats.diligent_layout import DIRECTIONS, FILENAMES, MASK, NORMALS, read_list
 from scene.errors import SessionError
 from scene.reading import listed, reading, told
 
@@ -73,12 +73,14 @@ def _load_toml(path: Path) -> CaptureSession:
 
 def _load_diligent(folder: Path) -> CaptureSession:
     """Return the session of a folder in the DiLiGenT layout: 16-bit linear pictures, lights given."""
-    found, manifest = read_tables(folder), None
-    if not found.faults:
-        frames = {"flash": [escape(name) for name in found.files], "linear": True}
-        known = {"mask": MASK if (folder / MASK).is_file() else None, "normals": found.normals_name or None}
+    files, faults = read_list(folder)
+    manifest = None
+    if not faults:
+        frames = {"flash": [escape(name) for name in files], "linear": True}
+        normals = next((name for name in NORMALS if (folder / name).is_file()), None)
+        known = {"mask": MASK if (folder / MASK).is_file() else None, "normals": normals}
         manifest = Manifest.model_validate({"frames": frames, "lights": {"file": DIRECTIONS}, "object": known})
-    return replace(_resolved(folder, folder, manifest, found.faults), layout="diligent")
+    return replace(_resolved(folder, folder, manifest, faults), layout="diligent")
 
 
 def _resolved(place: Path, folder: Path, manifest: Manifest | None, faults: list[str]) -> CaptureSession:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.datasets.shelf import Entry, contents_of, entries, select
+from experiments.datasets.shelf import Entry, contents, contents_of, entries, select
 from experiments.tables import DATASETS, Row, Rows, errors_of
 from lab.options import BY_DEFAULT, DEFAULT_PROFILE, TIMEOUT_S, Solving
 from lab.progress import logged, say
@@ -149,19 +149,14 @@ def results_text(rows: Rows, quantity: str = "mean_deg") -> str:
 def _figures(entry: Entry, errors: Mapping[str, str]) -> str:
     """Return a dataset's photograph, its true normals, and each method's error map as figures."""
     from compare.report.pictures import Exposure, PixelBox, normal_picture
-    from formats.diligent_layout import read_layout
-    from formats.picture_files import read_values
 
-    layout = read_layout(entry.folder)
-    image, _ = read_values(entry.folder / layout.files[len(layout.files) // 2], SceneError)
+    _, image, mask, normals = contents(entry.folder)
     colours = image[..., :3] if image.ndim == 3 else np.repeat(image[..., None], 3, -1)
-    assert layout.mask is not None
-    assert layout.normals is not None
-    box = PixelBox.of_mask(layout.mask, margin=0.03)
+    box = PixelBox.of_mask(mask, margin=0.03)
     small = shrink(box.of(colours).astype(np.float32), WIDTH)
     shown = Exposure(max(float(np.quantile(small.max(-1), 0.995)), 1e-6), np.ones(3)).develop(small)
     pictures = {"photograph": data_uri(shown, photograph=True)}
-    pictures |= {"true normals": data_uri(normal_picture(box.of(layout.normals), WIDTH), photograph=False)}
+    pictures |= {"true normals": data_uri(normal_picture(box.of(normals), WIDTH), photograph=False)}
     return "".join(
         f'<figure><img src="{uri}" alt=""><figcaption>{escape(words)}</figcaption></figure>'
         for words, uri in (pictures | dict(errors)).items()

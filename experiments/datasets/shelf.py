@@ -4,17 +4,18 @@ import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from experiments.catalogue import benchmark_names, catalogue, first_names, wanted
 from experiments.datasets.make import SUMS, checksums_of, mark_of
-from formats.diligent_layout import read_layout
 from scene.current import fingerprint
 from scene.errors import SceneError
 from scene.files import write_json
 from scene.output_folder import open_record, read_record
-from scene.reading import json_of, told
+from scene.reading import json_of
 from scene.record import Record
 
 ADDED = ".added"
@@ -70,26 +71,51 @@ def _state(record: Record | None, dataset) -> str:
     return "made" if record.is_current(dataset.name, mark_of(dataset)) else "outdated"
 
 
+def contents(folder: Path) -> tuple[int, NDArray, NDArray[np.bool_], NDArray[np.float32]]:
+    """Return how many photographs a dataset has, one of them, its mask (H, W), and its true normals (H, W, 3).
+
+    It is read as a session is, in whatever form. SceneError: lights, mask or truth are missing, or do not do.
+    """
+    from align.truth import read_normals
+    from calibrate.known_lights.read_known import read_lights
+    from capture.session.requests import read_mask
+    from capture.session.session import load_session
+    from formats.picture_files import read_values
+
+    session = load_session(folder)
+    files: list[Any] = [session.lights_file, session.mask, session.normals]
+    if None in files:
+        lacks = ("lights", "a mask", "true normals")[files.index(None)]
+        raise SceneError(f"{folder}: has no {lacks}. Without them nothing can be judged: docs/guide/synthetic.md.")
+    skipped = tuple(set(range(session.photographed)) - set(session.kept))
+    read_lights(files[0], session.names, skipped=skipped).check()
+    photograph, _ = read_values(session.flash[len(session.flash) // 2], SceneError)
+    size = photograph.shape[:2]
+    return len(session.flash), photograph, read_mask(files[1], *size), read_normals(files[2], *size)
+
+
 def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "") -> Entry:
-    """Read a dataset in the DiLiGenT layout, and note on the shelf where it is, by default under its folder's name.
+    """Read a dataset, and note on the shelf where it is, by default under its folder's name.
 
     text: what it is, in a line. The files stay where they are. SceneError: one is at fault, or the name is taken.
     Whether the photographs agree with the lights is told when the dataset is solved.
     """
-    found = read_layout(folder)
-    if found.faults or found.mask is None:
-        raise SceneError(told(folder, found.faults, "not added, "))
-    name = name or folder.resolve().name
+    folder = folder.resolve()
+    try:
+        count, _, mask, _ = contents(folder)
+    except SceneError as error:
+        raise SceneError(f"{folder}: not added, {str(error).removeprefix(f'{folder}: ')}") from error
+    name = name or folder.name
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
         raise SceneError(f"--name {name!r}: expected letters, digits, dots, - and _. Give another with --name.")
     with open_record(shelf, origin="shelf of datasets", input_folders=[folder]) as record:
         note = shelf / ADDED / f"{name}.json"
-        is_other = note.exists() and Path(json_of(note)["folder"]) != folder.resolve()
+        is_other = note.exists() and Path(json_of(note)["folder"]) != folder
         if name in catalogue() or (shelf / name).exists() or is_other:
             raise SceneError(f"dataset {name}: the name is taken. Give another with --name.")
         sums = checksums_of(folder)
-        text = text or f"{len(found.files)} photographs, {np.count_nonzero(found.mask)} pixels"
-        entry = Entry(name, "added", text, "added", folder.resolve())
+        text = text or f"{count} photographs, {np.count_nonzero(mask)} pixels"
+        entry = Entry(name, "added", text, "added", folder)
         with record.making(f"{ADDED}/{name}", fingerprint(sums)):
             write_json(note, {**asdict(entry), "checksums": sums})
     return entry

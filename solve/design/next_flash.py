@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from solve.design.normal_information import variance_of_normals
+
 Array = NDArray[np.float64]
 ROUNDS, LEAST_GAIN = 5, 1e-6
 """Of exchanges: how often each flash is tried, and the relative gain that counts."""
@@ -49,7 +51,7 @@ def gains(b: Array, covariances: Array, vectors: Array, noise: Array, seen: NDAr
     One sample is a rank-one change of J [Sherman1950]: C' = C - C v v^T C / (s^2 + v^T C v).
     """
     square = np.sum(b * b, -1)
-    found, across = np.zeros(len(vectors)), _across(b, covariances, square)
+    found, across = np.zeros(len(vectors)), variance_of_normals(b, covariances)
     for c, (vector, sigma, lit) in enumerate(zip(vectors, noise, seen, strict=True)):
         moved = np.einsum("pij,pj->pi", covariances, vector)
         known = np.maximum(np.sum(moved * vector, 1), 0)
@@ -57,12 +59,6 @@ def gains(b: Array, covariances: Array, vectors: Array, noise: Array, seen: NDAr
         fallen = share * (np.sum(moved * moved, 1) - np.sum(moved * b, 1) ** 2 / square) / 2
         found[c] = np.mean(np.sqrt(across) - np.sqrt(np.maximum(across - fallen, 0)))
     return found
-
-
-def _across(b: Array, covariances: Array, square: Array) -> Array:
-    """Return the variance (P,) of the normals, radians^2, mean of the two tangent axes."""
-    along = np.einsum("pi,pij,pj->p", b, covariances, b) / square
-    return np.maximum(np.trace(covariances, axis1=1, axis2=2) - along, 0) / square / 2
 
 
 def with_flash(covariances: Array, vector: Array, noise: Array, seen: NDArray[np.bool_]) -> Array:

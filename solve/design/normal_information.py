@@ -109,12 +109,15 @@ def sigma_of_normals(b: Array, covariance: Array) -> Array:
     -----
     sigma^2 = (trace C - n^T C n) / (2 |b|^2): what of C lies across the normal.
     """
+    return np.minimum(np.degrees(np.sqrt(variance_of_normals(b, covariance))), 90.0)
+
+
+def variance_of_normals(b: Array, covariance: Array) -> Array:
+    """Return the square of `sigma_of_normals`, radians squared, without an end."""
     square = np.sum(b * b, -1)
     along = np.einsum("pi,pij,pj->p", b, covariance, b)
     with np.errstate(divide="ignore", invalid="ignore"):
-        across = np.trace(covariance, axis1=1, axis2=2) - along / square
-        sigma = np.degrees(np.sqrt(0.5 * np.maximum(across, 0) / square))
-    return np.minimum(sigma, 90.0)
+        return np.maximum(np.trace(covariance, axis1=1, axis2=2) - along / square, 0) / square / 2
 
 
 def inverted(information: Array) -> Array:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.relight_files import harmonics
 from solve.methods import Method
 from solve.problem import Problem
 from solve.samples import Samples
@@ -58,21 +59,6 @@ def cautions_of(directions, settings: HshSettings) -> tuple[str, ...]:
 
 def _warned(problem: Problem, settings: HshSettings) -> Problem:
     return problem.warned(*cautions_of(problem.lights.directions, settings))
-
-
-def harmonics(directions: NDArray, order: int) -> NDArray[np.float64]:
-    """Return the hemispherical harmonics (..., (order + 1)^2) at unit vectors (..., 3), those below z = 0 as on it."""
-    from scipy.special import sph_harm_y
-
-    polar = np.arccos(2 * np.clip(directions[..., 2], 0, 1) - 1)
-    azimuth = np.arctan2(directions[..., 1], directions[..., 0])
-    found = []
-    for degree in range(order + 1):
-        # Those of the whole sphere, twice as dense; by their real and imaginary parts.
-        whole = [np.sqrt(2.0) * sph_harm_y(degree, m, polar, azimuth) for m in range(degree + 1)]
-        found += [np.sqrt(2.0) * one.imag for one in whole[:0:-1]] + [whole[0].real]
-        found += [np.sqrt(2.0) * one.real for one in whole[1:]]
-    return np.stack(found, -1)
 
 
 def _matrices(directions: NDArray, valid: NDArray, settings: HshSettings) -> NDArray[np.float64]:

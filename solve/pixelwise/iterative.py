@@ -10,7 +10,7 @@ from solve.pixelwise.kernels import (
     NO_KEY,
     SINGULAR,
     agreeing,
-    light_vector,
+    light_vectors,
     lit_samples,
     median,
     residuals_of,
@@ -71,16 +71,13 @@ def fit(samples, scale, settings):  # pragma: no cover
     b = np.zeros((pixels, 3))
     used = np.zeros((pixels, lights), np.bool_)
     # By component: the loops over lights then run over memory in order.
-    vectors = np.ascontiguousarray(geometry.directions.T)
-    columns = vectors.astype(np.float32)
+    vectors, columns = np.empty((3, lights)), np.empty((3, lights), np.float32)
     lit, now, before = np.empty(lights, np.float32), np.empty(lights, np.float32), np.empty(lights, np.float32)
     residual, keys, room = np.empty(lights, np.float32), np.empty(lights, np.int32), np.empty(1, np.float32)
     for i in range(pixels):
         values = gray[i]
-        if geometry.is_near:
-            for k in range(lights):
-                vectors[0, k], vectors[1, k], vectors[2, k] = light_vector(k, points[i], geometry)
-                columns[0, k], columns[1, k], columns[2, k] = vectors[0, k], vectors[1, k], vectors[2, k]
+        if geometry.is_near or i == 0:
+            light_vectors(points[i], geometry, vectors, columns)
         count = lit_samples(values, valid[i], settings.shadow_threshold, keys, room, lit)
         _without_brightest(lit, count, settings.highlight_share, keys, now)
         x, y, z, well = solve_sums(weighted_sums(vectors, values, now), SINGULAR)

@@ -17,6 +17,8 @@ SINGULAR = 1e-6
 """det / (trace / 3)^3 of the 3 x 3 normal matrix under which a pixel's lit lights lie in a plane."""
 SINGULAR_WEIGHTED = 1e-12
 """The same where a few samples may outweigh the rest a thousandfold: what float64 still solves."""
+NOTHING = (0.0,) * 9
+"""Normal equations without any sample."""
 
 
 @numba.njit(nogil=True, cache=True)
@@ -97,10 +99,18 @@ def light_vector(light, point, lights):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def light_vectors(point, lights, out):  # pragma: no cover
-    """Write the light vectors of every light at one point to `out` (F, 3)."""
-    for k in range(len(out)):
-        out[k] = light_vector(k, point, lights)
+def light_vectors(point, lights, out, rounded):  # pragma: no cover
+    """Write the light vectors of every light at one point, by component, to `out` (3, F), and as float32."""
+    for k in range(out.shape[1]):
+        out[0, k], out[1, k], out[2, k] = light_vector(k, point, lights)
+        rounded[0, k], rounded[1, k], rounded[2, k] = out[0, k], out[1, k], out[2, k]
+
+
+@numba.njit(nogil=True, cache=True, inline="always")
+def with_sample(sums, x, y, z, m):  # pragma: no cover
+    """Return normal equations as `solve_sums` takes them, with one sample m under the light vector x, y, z more."""
+    a, b, c, d, e, f, p, q, r = sums
+    return a + x * x, b + x * y, c + x * z, d + y * y, e + y * z, f + z * z, p + x * m, q + y * m, r + z * m
 
 
 @numba.njit(nogil=True, cache=True)
@@ -113,21 +123,12 @@ def least_squares(samples, used, spare):  # pragma: no cover
     b = np.zeros((len(gray), 3))
     for i in range(len(gray)):
         for attempt in range(2):
-            a00 = a01 = a02 = a11 = a12 = a22 = p = q = r = 0.0
+            sums = NOTHING
             for k in range(gray.shape[1]):
                 if used[i, k]:
                     x, y, z = light_vector(k, points[i], geometry)
-                    m = gray[i, k]
-                    a00 += x * x
-                    a01 += x * y
-                    a02 += x * z
-                    a11 += y * y
-                    a12 += y * z
-                    a22 += z * z
-                    p += x * m
-                    q += y * m
-                    r += z * m
-            b[i, 0], b[i, 1], b[i, 2], well = solve_sums((a00, a01, a02, a11, a12, a22, p, q, r), SINGULAR)
+                    sums = with_sample(sums, x, y, z, gray[i, k])
+            b[i, 0], b[i, 1], b[i, 2], well = solve_sums(sums, SINGULAR)
             if well or attempt:
                 break
             used[i] = spare[i]

@@ -74,15 +74,13 @@ def fit(samples, scale, settings):  # pragma: no cover
     pixels, lights = gray.shape
     b = np.zeros((pixels, 3))
     used = np.zeros((pixels, lights), np.bool_)
-    vectors, columns = np.empty((lights, 3)), np.empty((3, lights), np.float32)
+    vectors, columns = np.empty((3, lights)), np.empty((3, lights), np.float32)
     values, lit = np.empty(lights, np.float32), np.empty(lights, np.float32)
     residual, kept = np.empty(lights, np.float32), np.empty(lights, np.float32)
     keys, room = np.empty(lights, np.int32), np.empty(1, np.float32)
     for i in range(pixels):
         if geometry.is_near or i == 0:
-            light_vectors(points[i], geometry, vectors)
-            for k in range(lights):
-                columns[0, k], columns[1, k], columns[2, k] = vectors[k, 0], vectors[k, 1], vectors[k, 2]
+            light_vectors(points[i], geometry, vectors, columns)
         for k in range(lights):
             values[k] = gray[i, k] / scale
         lit_samples(values, valid[i], settings.shadow_threshold, keys, room, lit)
@@ -91,7 +89,7 @@ def fit(samples, scale, settings):  # pragma: no cover
         if not well:
             continue
         for k in range(lights):
-            residual[k] = values[k] - (vectors[k, 0] * x + vectors[k, 1] * y + vectors[k, 2] * z)
+            residual[k] = values[k] - (vectors[0, k] * x + vectors[1, k] * y + vectors[2, k] * z)
         p = q = r = 0.0
         for _ in range(settings.iterations):
             sums = _step(columns, lit, (p, q, r), prior, settings.residual_floor, residual, sums)

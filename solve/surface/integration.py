@@ -21,8 +21,12 @@ Opinions = list[tuple[NDArray, NDArray]]
 
 _LARGE = 10_000
 """Pixels from which on a start is found on every second one."""
-_FINER_ROUNDS = 15
-"""Rounds on a grid that starts from a coarser one, at most."""
+_ROUNDS, _FINER_ROUNDS = 60, 15
+"""At most; on a grid that starts from a coarser one."""
+_AT_REST_PX = 1e-3
+"""Movement of the depth in a round (rms)."""
+SHARPNESS = 4.0
+"""How sharply a pixel decides for one of its two sides, for a gap in pixels; 0 would round off every edge of depth."""
 _STEPS = 20
 """Of conjugate gradients in a round, at most: the next round goes on from there. The last one takes five times more."""
 _PULL = 1e-11
@@ -65,9 +69,6 @@ def integrate(
     camera: Camera,
     *,
     z_mm: float,
-    sharpness: float = 4.0,
-    rounds: int = 60,
-    tolerance: float = 1e-3,
     start: Array | None = None,
     hint: tuple[Array, Array] | None = None,
 ) -> IntegratedSurface:
@@ -83,13 +84,6 @@ def integrate(
     z_mm : float
         The median of the result: normals tell a perspective depth up to a factor, an orthographic one up to a shift.
         Parts that do not touch in the picture each have this median.
-    sharpness : float
-        How sharply a pixel decides for one of its two sides, for a gap in pixels; 0: least squares, which rounds off
-        every edge of depth.
-    rounds : int
-        At most.
-    tolerance : float
-        Come to rest when the depth moves less than this many pixels (rms) in a round.
     start : (H, W) float64, optional
         A depth to begin from, mm, such as that of nearly the same normals. Default: least squares.
     hint : two (H, W) float64, optional
@@ -130,17 +124,16 @@ def integrate(
         raise SceneError("integration: no pixel of the mask has a normal.")
     if not camera.is_orthographic and not z_mm < 0:
         raise SceneError(f"integration: the surface must stand in front of the camera, z < 0; found z = {z_mm:g} mm.")
-    if start is None and sharpness > 0 and np.count_nonzero(inside) > _LARGE:
+    rounds = _ROUNDS
+    if start is None and np.count_nonzero(inside) > _LARGE:
         some = (slice(None, None, 2), slice(None, None, 2))
         if inside[some].any():
             # Tears that creep from pixel to pixel creep twice as fast on every second one. Edges of that grid weigh the
             # same, and a pixel of it stands for four.
-            coarse = integrate(
-                normals[some], inside[some], camera.every(2), z_mm=z_mm, sharpness=sharpness, rounds=rounds,
-                tolerance=tolerance, hint=None if hint is None else (hint[0][some], 4 * hint[1][some]),
-            )  # fmt: skip
+            known = None if hint is None else (hint[0][some], 4 * hint[1][some])
+            coarse = integrate(normals[some], inside[some], camera.every(2), z_mm=z_mm, hint=known)
             start = finer(coarse.z_mm, normals, camera)
-        rounds = min(rounds, _FINER_ROUNDS)
+        rounds = _FINER_ROUNDS
     rows, columns = np.flatnonzero(inside.any(1)), np.flatnonzero(inside.any(0))
     box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
     edges = edges_of(np.where(inside[..., None], normals, 0.0)[box], inside[box], camera, box)
@@ -157,14 +150,14 @@ def integrate(
         known = edges.inside & np.isfinite(start[box])
         depth = np.where(known, _unknown(np.where(known, start[box], z_mm), camera), 0.0)
         depth = np.where(known, depth, np.median(depth[known]) if known.any() else 0.0) * edges.inside
-        opinions = _opinions(edges, depth, sharpness)
+        opinions = _opinions(edges, depth)
     for _ in range(rounds):
         before = depth
         depth = _solved(edges, opinions, before, target, pull, 1e-5)
         gap = (depth - before)[edges.inside]
-        if sharpness == 0 or np.sqrt(np.mean((gap - gap.mean()) ** 2)) < tolerance:
+        if np.sqrt(np.mean((gap - gap.mean()) ** 2)) < _AT_REST_PX:
             break
-        opinions = _opinions(edges, depth, sharpness)
+        opinions = _opinions(edges, depth)
     depth = _solved(edges, opinions, depth, target, pull, 1e-11)
     return _surface(edges, depth, inside, camera, box, z_mm if hint is None else None)
 
@@ -178,13 +171,13 @@ def surface_at(z_mm: Array, normals: NDArray, camera: Camera) -> IntegratedSurfa
     return _surface(edges, depth, inside, camera, box, None)
 
 
-def _opinions(edges: GridEdges, depth: Array, sharpness: float) -> Opinions:
+def _opinions(edges: GridEdges, depth: Array) -> Opinions:
     shares = []
     for axis in edges.axes:
         forth, back = edges.gaps(axis, depth)
         both = axis.pair & axis.last(axis.pair)
         # A pixel with one neighbour has no choice, and the weight that it would have on even ground.
-        forward = np.where(both, expit(sharpness * (axis.last(back) ** 2 - forth**2)), 0.5)
+        forward = np.where(both, expit(SHARPNESS * (axis.last(back) ** 2 - forth**2)), 0.5)
         shares.append((forward * axis.pair, axis.next(1 - forward) * axis.pair))
     return shares
 

@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from solve.pixelwise.kernels import SINGULAR, light_vector, solve_sums
+from solve.pixelwise.kernels import NOTHING, SINGULAR, light_vector, solve_sums, with_sample
 
 
 @numba.njit(nogil=True, cache=True)
@@ -26,7 +26,7 @@ def depth_evidence(samples, b, way):  # pragma: no cover
     slope, information = np.zeros(pixels), np.zeros(pixels)
     squares, count = np.zeros(pixels), np.zeros(pixels, np.int64)
     for i in range(pixels):
-        xx = xy = xz = yy = yz = zz = sx = sy = sz = 0.0
+        sums = NOTHING
         along = across = p = q = r = 0.0
         for k in range(lights):
             if not used[i, k]:
@@ -42,15 +42,7 @@ def depth_evidence(samples, b, way):  # pragma: no cover
                 b[i, 0] * (toward * u - way[i, 0]) + b[i, 1] * (toward * v - way[i, 1])
                 + b[i, 2] * (toward * w - way[i, 2])
             )  # fmt: skip
-            xx += x * x
-            xy += x * y
-            xz += x * z
-            yy += y * y
-            yz += y * z
-            zz += z * z
-            sx += x * step
-            sy += y * step
-            sz += z * step
+            sums = with_sample(sums, x, y, z, step)
             p += x * gap
             q += y * gap
             r += z * gap
@@ -58,8 +50,8 @@ def depth_evidence(samples, b, way):  # pragma: no cover
             across += step * gap
             squares[i] += gap * gap
             count[i] += 1
-        x, y, z, well = solve_sums((xx, xy, xz, yy, yz, zz, sx, sy, sz), SINGULAR)
+        x, y, z, well = solve_sums(sums, SINGULAR)
         if well:
-            information[i] = max(along - (x * sx + y * sy + z * sz), 0.0)
+            information[i] = max(along - (x * sums[6] + y * sums[7] + z * sums[8]), 0.0)
             slope[i] = across - (x * p + y * q + z * r)
     return slope, information, squares, count

@@ -14,7 +14,7 @@ from scene.lights import Lights
 from scene.normals import unit
 from solve.methods import Method
 from solve.pixelwise import iterative
-from solve.problem import Problem
+from solve.problem import Problem, spread_over
 from solve.samples import Geometry, all_samples, scale_of
 from solve.surface.integration import integrate
 from solve.whole.near_depth import NearSettings, find_depth
@@ -123,7 +123,7 @@ class _Small:
         where = float(small.lights.reference_point_mm[2])
         self.depth = where if self.camera.is_orthographic or where < 0 else -1000.0
         self.z_mm = np.where(self.mask, self.depth, np.nan)
-        self.some = np.unique(np.linspace(0, self.count - 1, min(SAMPLED, self.count)).astype(int))
+        self.some = np.flatnonzero(spread_over(np.ones(self.count, bool), SAMPLED))
 
     def _points(self) -> Array:
         row, column = np.nonzero(self.mask)

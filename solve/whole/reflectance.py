@@ -15,7 +15,7 @@ from scene.lights import Lights
 from scene.spheres import WHITE_BALL_ALBEDO
 from solve.methods import Method, Whole
 from solve.pixelwise import iterative
-from solve.problem import Problem
+from solve.problem import Problem, spread_over
 from solve.samples import GRAY, Samples, all_samples
 from solve.whole import near_depth
 from solve.whole.interreflection import Relief, Thrown
@@ -150,9 +150,7 @@ def fit_to_views(
     normals = b[known] / albedo[:, None]
     limits = settings.shadow_threshold * scale, settings.noise_floor * scale, settings.sigmas
     given = Given(samples, views, *limits, Thrown.none(*samples.gray.shape))
-    chosen = known[np.unique(np.linspace(0, len(known) - 1, min(settings.pixels, len(known))).astype(int))]
-    if relief is not None:
-        chosen = relief.patches(is_known)
+    chosen = np.flatnonzero(spread_over(is_known, settings.pixels)) if relief is None else relief.patches(is_known)
     learnt = Pixels(known, normals, albedo).some(np.searchsorted(known, chosen))
     alone, before, after = _learn(given, learnt, settings.rounds, settings.smoothness)
     shared = alone

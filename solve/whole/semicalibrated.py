@@ -16,7 +16,7 @@ from scene.lights import Lights
 from scene.reading import listed
 from solve.methods import Method
 from solve.pixelwise import iterative
-from solve.problem import Problem
+from solve.problem import Problem, spread_over
 from solve.samples import GRAY, Geometry, Samples, row_medians
 
 
@@ -216,9 +216,7 @@ def _named(lights: Lights, which: NDArray[np.bool_]) -> str:
 
 def _samples(frames: Frames, mask: NDArray[np.bool_], pixels: int):
     """Return color (P, F, 3), valid (P, F) and (u, v) (P, 2) of pixels evenly spread over the mask."""
-    row, column = np.nonzero(mask)
-    chosen = np.unique(np.linspace(0, len(row) - 1, min(pixels, len(row))).astype(int))
-    row, column = row[chosen], column[chosen]
+    row, column = np.nonzero(spread_over(mask, pixels))
     color = np.empty((len(row), len(frames), 3), np.float32)
     valid = np.empty((len(row), len(frames)), bool)
     for index in range(len(frames)):

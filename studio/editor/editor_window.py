@@ -130,18 +130,10 @@ class EditorWindow(Window):
             # The button would keep the content until the next file comes.
             name, content = event.target.value.name, event.target.value.content
             event.target.value.content = b""
-            self.post(lambda: use(self._kept(name, content)))
+            self.post(lambda: use(self.workspace.keep_upload(name, content)))
 
         handle.on_upload(_)
         return handle
-
-    def _kept(self, name: str, content: bytes) -> str:
-        return self.workspace.keep_upload(name, content)
-
-    def name_of(self, path: Path) -> str:
-        """Return what a file is called: by its place in the workspace, or its name alone."""
-        inside = path.resolve().is_relative_to(self.workspace.root)
-        return self.workspace.name(path) if inside else path.name
 
     def _refresh_panels(self) -> None:
         self.object = min(self.object, len(self.document.objects) - 1)

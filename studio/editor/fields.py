@@ -127,7 +127,7 @@ class _Key:
 
         def show(window: EditorWindow, value: Any) -> dict[str, Any]:
             words = COLOUR if isinstance(value, tuple) else VERTICES if value == VERTEX else NONE
-            name = window.name_of(value.file) if isinstance(value, Texture) and value.file else words
+            name = window.workspace.name(value.file) if isinstance(value, Texture) and value.file else words
             return {"options": tuple(dict.fromkeys((name, *before))), "value": name}
 
         def make(window: EditorWindow, said: str, was: Any) -> Any:

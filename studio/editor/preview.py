@@ -64,10 +64,7 @@ class Preview:
             # While something is dragged there is always a newer request: an older first picture is better than none.
             # And one that failed says nothing yet: the refined one tells all that is at fault.
             if newest is asked if drawn.is_refined else newest is not None and drawn.picture is not None:
-                try:
-                    show(drawn)
-                except Exception:
-                    traceback.print_exc()
+                show(drawn)
             if newest is not asked:
                 break
 

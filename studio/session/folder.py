@@ -30,7 +30,6 @@ from scene.spheres import Sphere
 from scene.store import Store
 from shoot.init.init_session import SHEET
 from shoot.watch.watch_folder import MAP
-from studio.widgets import plain
 
 Array = NDArray[np.float64]
 KEPT = "review"
@@ -140,17 +139,9 @@ class Review:
 
     @property
     def lacks(self) -> str:
-        """What a folder lacks and why, the session too, as Markdown; empty: nothing."""
-        waits = {name: self._parts[name][1] for name in self.missing if self._parts[name][1] not in self.done}
-        lines = [f"- **no {name}**: {why}" for name, why in self.missing.items() if name not in waits]
-        if waits:
-            steps = ", ".join(f"`{step}`" for step in dict.fromkeys(waits.values()))
-            lines.append(
-                f"- **{', '.join(waits)}**: not made yet ({steps}). **Run** makes them, or says what stops it."
-            )
-        if self.why_no_session:
-            lines.append(f"- **no session**: {plain(self.why_no_session)}")
-        return "\n".join(["**Not in this folder**", "", *lines]) if lines else ""
+        """What no step has made yet, as Markdown; empty: nothing."""
+        names = [name for name, (part, step, _) in self._parts.items() if part is None and step not in self.done]
+        return f"**{', '.join(names)}**: not made yet. **Run** makes them, or says what stops it." if names else ""
 
     def need(self, *names: str) -> list[Any]:
         """Return parts by their names in `missing`, or the `session`. Raises SceneError: why one is not there."""

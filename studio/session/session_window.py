@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 
 from capture.session.manifest import SphereTable
 from compare.report.facts import read_optional
-from draw.readable import readable
-from scene.lights import Lights
-from scene.normals import angular_error_deg
 from scene.output_folder import read_record
 from shoot.watch.watch_folder import STATUS
 from studio.session.ball_edits import Balls, changed, under
@@ -118,14 +115,8 @@ class SessionWindow(Window):
 
     def read(self) -> None:
         """Read the folder. Corrections stay, unless they are kept and the balls were found anew with them."""
-        before = vars(self).get("review")
         self.review = Review(self.folder, self.place)
         self.status = read_optional(self.review.store, STATUS)
-        if before is not None and (turned := turned_deg(before.lights, self.review.lights)) is not None:
-            self.notify(
-                "The lights have turned",
-                f"by {readable(np.median(turned))}° (median), {readable(turned.max())}° at most",
-            )
         found, history = balls_of(self.review), self.history
         # While the balls are sought anew there are none that corrections could be of.
         is_new = "calibrate" in self.review.done or not self.outlines
@@ -241,11 +232,3 @@ class SessionWindow(Window):
     def work_ended(self) -> None:
         """Show what the steps have made."""
         self.read_again()
-
-
-def turned_deg(before: Lights | None, after: Lights | None) -> Array | None:
-    """Return by how much each light's direction (F,) changed; None where they are the same, or not comparable."""
-    if before is None or after is None or before.names != after.names:
-        return None
-    turned = angular_error_deg(after.seen_from(before.reference_point_mm).directions, before.directions)
-    return turned if turned.max() > 1e-6 else None

@@ -6,6 +6,7 @@ import pytest
 from fixtures.lit_surfaces import ball_seen
 from scene.camera import Camera
 from scene.errors import SceneError
+from solve.surface import integration
 from solve.surface.grid_laplacian import solve_grid
 from solve.surface.integration import integrate
 
@@ -40,10 +41,12 @@ def test_a_plane_is_exact_whichever_way_it_leans(camera, normal):
 
 
 @pytest.mark.parametrize(("camera", "radius_mm", "atol"), [(PERSPECTIVE, 90.0, 1e-2), (ORTHOGRAPHIC, 11.0, 1e-3)])
-def test_a_ball_is_exact_to_its_limb_and_weighing_the_sides_spoils_only_the_limb(camera, radius_mm, atol):
+def test_a_ball_is_exact_to_its_limb_and_weighing_the_sides_spoils_only_the_limb(camera, radius_mm, atol, monkeypatch):
     points, normals, mask = ball_seen(camera, (0.0, 0.0, -600.0), radius_mm, rim=0.2)
     z_mm = median_z(points, mask)
-    plain = integrate(normals, mask, camera, z_mm=z_mm, sharpness=0.0)
+    with monkeypatch.context() as patch:
+        patch.setattr(integration, "SHARPNESS", 0.0)
+        plain = integrate(normals, mask, camera, z_mm=z_mm)
     np.testing.assert_allclose(plain.z_mm[mask], points[mask][:, 2], atol=atol)
     weighed = integrate(normals, mask, camera, z_mm=z_mm).z_mm - points[..., 2]
     inner = mask & (normals[..., 2] > 0.7)
@@ -59,13 +62,15 @@ def flap():
     return np.where(turn[..., None], bent, flat), np.where(turn[..., None], lean, up), turn
 
 
-def test_an_edge_of_depth_is_torn_and_its_sides_stay_what_they_are():
+def test_an_edge_of_depth_is_torn_and_its_sides_stay_what_they_are(monkeypatch):
     points, normals, turn = flap()
     mask = np.ones((SIZE, SIZE), bool)
     z_mm = median_z(points, mask)
     jump = np.ptp(points[..., 2])
     sharp = integrate(normals, mask, PERSPECTIVE, z_mm=z_mm).z_mm - points[..., 2]
-    smooth = integrate(normals, mask, PERSPECTIVE, z_mm=z_mm, sharpness=0).z_mm - points[..., 2]
+    with monkeypatch.context() as patch:
+        patch.setattr(integration, "SHARPNESS", 0.0)
+        smooth = integrate(normals, mask, PERSPECTIVE, z_mm=z_mm).z_mm - points[..., 2]
     assert np.abs(smooth).max() > 0.2 * jump
     assert np.abs(sharp).max() < 0.05 * jump
     gap = integrate(normals, mask, PERSPECTIVE, z_mm=z_mm).gap_right
@@ -82,7 +87,7 @@ def test_a_step_keeps_its_height_free():
     z_mm = np.where(left, -600.0, -640.0)
     mask = np.ones((SIZE, SIZE), bool)
     noisy = z_mm + 5.0 * np.random.default_rng(0).standard_normal(z_mm.shape)
-    surface = integrate(normals, mask, PERSPECTIVE, z_mm=-620.0, hint=(noisy, np.full(z_mm.shape, 0.02)), rounds=100)
+    surface = integrate(normals, mask, PERSPECTIVE, z_mm=-620.0, hint=(noisy, np.full(z_mm.shape, 0.02)))
     assert abs(np.median(surface.z_mm[left]) + 600) < 1.5
     assert abs(np.median(surface.z_mm[~left]) + 640) < 1.5
     # A plate's relief is the hint's noise, much reduced.

@@ -10,7 +10,7 @@ from scipy.io import loadmat
 
 from experiments.catalogue import catalogue
 from experiments.datasets.make import make, make_one, mark_of
-from formats.diligent_layout import read_layout
+from experiments.datasets.shelf import contents
 from formats.meshes.scan_files import read_scan
 from scene.errors import SceneError
 from scene.output_folder import open_record
@@ -71,7 +71,8 @@ def test_the_true_maps_explain_near_lights(shelf):
 
 @pytest.mark.parametrize("name", ["blob-ambient-0.00", "knot-hand-16"])
 def test_what_is_made_has_the_layout(shelf, name):
-    assert read_layout(shelf / f"{name}-{SIDE}px").faults == []
+    _, photograph, mask, normals = contents(shelf / f"{name}-{SIDE}px")
+    assert photograph.shape == normals.shape == (*mask.shape, 3)
 
 
 @pytest.mark.full

@@ -30,7 +30,6 @@ from studio.session.photograph_picture import (
     photograph,
 )
 from studio.session.plane import Plane
-from studio.session.session_window import turned_deg
 from studio.studio_state import StudioState
 from studio.workspace import Workspace
 
@@ -142,16 +141,6 @@ def test_the_normals_of_a_method_are_shown_as_colours(review, made):
     shown = normals_beside(Review(made.folder, made.session), "ls").astype(float) / 255
     np.testing.assert_allclose(shown[made.mask], (made.truth[made.mask] + 1) / 2, atol=0.01)
     assert normals_beside(review, "") is None
-
-
-def test_what_changed_is_told_in_degrees(made):
-    """Positions a hand's breadth elsewhere: their directions turn by the angle that they turn by."""
-    positions = made.lights.positions_mm + np.array([30.0, 0.0, 0.0])
-    turned = replace(made.lights, positions_mm=positions).seen_from(made.lights.reference_point_mm + 5.0)
-    a, b = made.lights.positions_mm - made.lights.reference_point_mm, positions - made.lights.reference_point_mm
-    cosine = np.sum(a * b, 1) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
-    np.testing.assert_allclose(turned_deg(made.lights, turned), np.degrees(np.arccos(cosine)), atol=1e-6)
-    assert turned_deg(made.lights, made.lights) is None
 
 
 PLANE = Plane(160, 120)

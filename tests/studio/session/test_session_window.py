@@ -296,7 +296,7 @@ def test_a_first_shoot_is_shown_until_its_session_is_decoded(nobody, tmp_path, f
         write_png(folder / MAP, np.full((20, 30, 3), 90, np.uint8))
         window = SessionWindow(nobody(), Workspace.at(tmp_path), StudioState(area="Session", session=(folder, None)))
         furnish(window, SESSION_ROWS, PhotographView)
-        assert "Not in this folder" not in texts(window)
+        assert "not made yet" not in texts(window)
         assert (window.plane.width, window.plane.height) == (30, 20)
         write_png(folder / MAP, np.full((40, 60, 3), 90, np.uint8))
         (folder / STATUS).write_text(json.dumps(STATE | {"flash": 4}))
