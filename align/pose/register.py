@@ -14,7 +14,7 @@ from align.pose.full_resolution import NEAREST_PX, FinalEvidence
 from align.pose.motion import nudge
 from align.pose.photographed import FEWEST, Photographs, shading_tells
 from align.pose.scan_scale import check_distance, doubted_lengths, free_scale
-from align.pose.search import FINALISTS, SURE, Found, search
+from align.pose.search import FINALISTS, SURE, Found, compare_poses, search
 from align.scan.smooth_normals import smooth_normals
 from scene.errors import AlignError
 from scene.mesh import Mesh
@@ -185,7 +185,8 @@ def register(
     }
     warnings = []
     if fit.misfit > MIRROR_MISFIT and not np.isnan(fit.normals_deg):
-        _refuse_mirrored(caster, fit, lambda mirrored: search(mirrored, photographs, normals, most=FINALISTS))
+        told = _refuse_mirrored(evidence, fit, lambda mirrored: search(mirrored, photographs, normals, most=FINALISTS))
+        warnings += [told] if told else []
     if fit.misfit > WORST_MISFIT:
         raise AlignError(
             f"scan: it does not fit the photographs: {fit.words}. Is it the scan of this object, whole on the "
@@ -237,17 +238,31 @@ def register(
     return replace(found, warnings=tuple(warnings))
 
 
-def _refuse_mirrored(caster: RayCaster, fit: Fit, search_for: Callable[[RayCaster], Found]) -> None:
-    mesh, mirror = caster.mesh, np.array([-1.0, 1.0, 1.0])
+def _refuse_mirrored(evidence: FinalEvidence, fit: Fit, search_for: Callable[[RayCaster], Found]) -> str | None:
+    """Raise AlignError where the scan fits mirrored only; return what to say where it fits better so, else None."""
+    caster, mirror = evidence.seen.caster, np.array([-1.0, 1.0, 1.0])
+    mesh = caster.mesh
     flipped = replace(mesh, vertices=mesh.vertices * mirror, faces=mesh.faces[:, [0, 2, 1]])
-    mirrored = fit_of(search_for(RayCaster(flipped, caster.normals * mirror)).evidence)
-    # A scan that is its own mirror image may have stopped beside its best pose: its normals fit as well as mirrored.
+    other = search_for(RayCaster(flipped, caster.normals * mirror)).evidence
+    mirrored = fit_of(other)
     # Half a scan, or another object's, may fit better mirrored, and still not fit.
-    if mirrored.normals_deg < MIRRORED * fit.normals_deg and mirrored.misfit < min(fit.misfit, WORST_MISFIT):
+    if mirrored.misfit >= min(fit.misfit, WORST_MISFIT):
+        return None
+    # A scan that is its own mirror image may have stopped beside its best pose: its normals fit as well as mirrored.
+    if mirrored.normals_deg < MIRRORED * fit.normals_deg:
         raise AlignError(
             f"scan: it fits mirrored only: {fit.words}; of its mirror image, {mirrored.words}. One axis of the scan "
             "is reversed: export it again from the scanner's program, or negate one coordinate."
         )
+    # Nearly its own mirror image: both fit, and the same pixels are asked which one they show.
+    test = compare_poses(replace(other, seen=replace(evidence.seen, caster=other.seen.caster)), evidence)
+    if test.deviations < SURE:
+        return None
+    return (
+        f"scan: its mirror image fits better, by {test.deviations:.1f} standard deviations (its normals are "
+        f"{mirrored.normals_deg:.1f} degrees from what the photographs show, the scan's {fit.normals_deg:.1f}). Is one "
+        "axis of the scan reversed? Export it again from the scanner's program, or negate one coordinate, and compare."
+    )
 
 
 def fit_of(evidence: FinalEvidence) -> Fit:
