@@ -102,7 +102,8 @@ def test_the_project_installs_every_room_and_every_import():
     declared = {re.split(r"[\[<>= ]", line)[0].lower() for line in project["project"]["dependencies"]}
     distribution = {"cv2": "opencv-contrib-python-headless", "skimage": "scikit-image", "drjit": "mitsuba",
                     "libusb_package": "libusb-package", "distributed": "dask", "PIL": "pillow", "markupsafe": "jinja2",
-                    "OpenEXR": "openexr", "fpdf": "fpdf2"}  # fmt: skip
+                    "OpenEXR": "openexr", "fpdf": "fpdf2",
+                    "docstring_parser": "docstring-parser"}  # fmt: skip
     used = {name for path in SOURCES for name in imports(ast.parse(path.read_text()))}
     foreign = used - set(ROOMS) - set(sys.stdlib_module_names)
     assert {distribution.get(name, name) for name in foreign} <= declared

@@ -2,6 +2,8 @@
 
 from typing import Any, get_args, get_origin, get_type_hints
 
+from docstring_parser import parse_from_object
+
 from capture.survey.folder_files import FolderFiles, survey
 from lab.session_place import MANIFEST
 from shoot.init.answers import Answers
@@ -75,21 +77,24 @@ def _first(window: NewWindow) -> list[Row]:
     return [] if image is None else [Row("image", start={"image": image, "format": "jpeg"})]
 
 
-def _answer(name: str, hint: Any) -> Row:
-    """Return the input of an option of `rgbn init`, by its type."""
-    kinds, (parameter,) = get_args(hint)[0], hint.__metadata__
-    choices = next((get_args(one) for one in get_args(kinds) if get_origin(one) is not None), ())
-    kind = "checkbox" if bool in get_args(kinds) else "dropdown" if choices else "number"
+def _answer(name: str, hint: Any, told: str) -> Row:
+    """Return the input of an option of `rgbn init`, by its type and its help."""
+    kinds = get_args(hint)
+    choices = next((get_args(one) for one in kinds if get_origin(one) is not None), ())
+    kind = "checkbox" if bool in kinds else "dropdown" if choices else "number"
     nothing = {"checkbox": False, "dropdown": UNSAID, "number": 0.0}[kind]
     start = {"checkbox": {"value": False}, "dropdown": {"options": (UNSAID, *choices)}, "number": MILLIMETRES}[kind]
     label = f"{name.removesuffix('_mm')}, mm" if kind == "number" else name
     return Row(kind, label, lambda window: window.said.get(name) or nothing,
-               lambda window, value: window.answer(name, value), {**start, "hint": parameter.help})  # fmt: skip
+               lambda window, value: window.answer(name, value), {**start, "hint": told})  # fmt: skip
 
 
 NEW_ROWS = (
     text(_found),
-    *(_answer(*one) for one in get_type_hints(Answers, include_extras=True).items()),
+    *(
+        _answer(one.arg_name, get_type_hints(Answers)[one.arg_name], one.description or "")
+        for one in parse_from_object(Answers).params
+    ),
     *WORK_ROWS,
     Row("folder", "The first photograph", rows=_first),
 )
