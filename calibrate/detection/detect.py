@@ -39,6 +39,7 @@ LEAST_LEFT, MOST_GAIN = (3e-3, 1e-2), 0.05
 """Limits of features: what shading leaves, what of the outline is not seen; what another body's shading explains."""
 LEAST_MIRRORED, LEAST_AREA, USUAL_PX, LARGEST_PX = 0.9, 2e-3, 30.0, 90.0  # of others: where they begin, or end
 BESIDE, SEEN = (1.1, 1.5), 0.05  # radii around a ball, and share of the picture's bright parts at which these are seen
+GROWN = 0.98, 1.02  # of its radius: circles beside a mirror's
 HINT_SIDE, HINT_MARGIN_PX = 1.3, 4  # radii, and pixels, around a hint that are looked into; `HINT_LEAST_PX` at least
 HINT_LEAST_PX = 24
 MOST_HINTED = 3  # circles about a hint, of which two may be a mirror's outlines
@@ -184,9 +185,12 @@ def _mirror(coarse: Coarse, change: list[Change], circle: Sphere, shown: Mirrore
         return []
     table = [0, 0, circle.score] if shown is None else [1, max(circle.score - LEAST_MIRRORED, 0), 0]
     area = np.log(max(points.area, LEAST_AREA))
-    # What shows the table beside it is a mirror, whatever chance makes of its shading.
-    shading = float(np.clip(seen.share, 0, 1)) if shown is None else 0.0
-    features = [1, *table, area, shading, points.inside, _size(circle)]
+    shares = [seen.share]
+    if shown is not None:
+        # Chance shades a mirror, but not in a circle beside; what is matte shades wherever it is looked at.
+        beside = [shaded(coarse, replace(circle, radius_px=grown * circle.radius_px)) for grown in GROWN]
+        shares += [one.share for one in beside if one]
+    features = [1, *table, area, float(np.clip(min(shares), 0, 1)), points.inside, _size(circle)]
     sphere = replace(circle, kind="chrome")
     rays = mirror_rays(coarse, change, sphere)
     return [Suspect(sphere, "chrome", np.array(features, np.float64), rays, glossy=True, table=shown)]
