@@ -89,7 +89,7 @@ class MirroredTable(NamedTuple):
         """Whether the ball shows the table, and this its outline; `plane`: what other balls show of it."""
         located = float(self.covariance[2, 2])
         if plane is not None:
-            # It has a texture.
+            # What another ball shows has a texture: that is not explained by chance.
             return located + self.left_px**2 < LOCATES_PX**2
         return self.explained > SURE and located < LOCATES_PX**2
 

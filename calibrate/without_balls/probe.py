@@ -11,7 +11,6 @@ from scene.frames import Frames
 Array = NDArray[np.float64]
 MOST_PIXELS = 3000
 CANDIDATES = 12000  # pixels that are read where `varied` chooses among them
-SECTORS = 8  # parts of the pixels, by where they face
 FEWEST_PIXELS = 50  # from which on pixels say anything
 LIT = 0.15  # share of a pixel's own brightness, or cosine, under which it is taken to stand in shadow
 USUALLY_LIT = 0.6  # share of the frames in which a pixel must be lit and unclipped to be chosen

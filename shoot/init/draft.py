@@ -249,7 +249,7 @@ def _missing(draft: Draft) -> Iterator[str]:
     """Yield what a person may still tell, and what is done without it."""
     manifest, known = draft.manifest, draft.manifest.object
     balls = manifest.spheres
-    if not manifest.lights and not known.normals and not balls:
+    if not manifest.lights and not balls:
         yield (
             "there is no ball and no light file: there are no lights, and only ldr, entropy and tv can solve. Mark the "
             "balls in the picture, in rgbn studio; or add [[spheres]] with center_px and radius_px."

@@ -89,12 +89,10 @@ def _answer(name: str, hint: Any, told: str) -> Row:
                lambda window, value: window.answer(name, value), {**start, "hint": told})  # fmt: skip
 
 
+_HINTS = get_type_hints(Answers)
 NEW_ROWS = (
     text(_found),
-    *(
-        _answer(one.arg_name, get_type_hints(Answers)[one.arg_name], one.description or "")
-        for one in parse_from_object(Answers).params
-    ),
+    *(_answer(one.arg_name, _HINTS[one.arg_name], one.description or "") for one in parse_from_object(Answers).params),
     *WORK_ROWS,
     Row("folder", "The first photograph", rows=_first),
 )

@@ -112,6 +112,7 @@ def test_circles_are_written_where_it_is_known_which_ball_has_which_diameter(dra
     ("lacking", "said"),
     [
         (lambda one: one.with_balls([]), "no ball and no light file"),
+        (lambda one: one.with_balls([]).saying("object", normals="n.npy"), "no ball and no light file"),
         (lambda one: one.with_balls([WHITE]), "no chrome ball; so lights have no positions"),
         (lambda one: one.with_balls([CHROME, ball("white", 9.0, 9.0, 5.0)]), "diameter of the white ball is not known"),
         (lambda one: one.saying("frames", ambient=None), "no ambient frame"),
