@@ -8,7 +8,24 @@ import pytest
 from lab.cluster import executor_of
 from scene.errors import ClusterError
 
-DIES = 'on_open("flash_", lambda count: count < 4 or os.kill(os.getpid(), signal.SIGKILL))'
+DIES = """
+def die(count):
+    if count == 4:
+        open(os.path.join(os.path.dirname(__file__), "died"), "w").close()
+        os.kill(os.getpid(), signal.SIGKILL)
+
+on_open("flash_", die)
+"""
+WAITS = """
+def wait(count):
+    end = time.monotonic() + 60
+    while not os.path.exists(os.path.join(os.path.dirname(__file__), "..", "worker-0", "died")):
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+on_open("flash_", wait)
+"""
+"""It leaves the work to the first worker until that one has died: a quick one would do all of it."""
 DIES_OF_ONE = 'on_open("flash_05", lambda count: os.kill(os.getpid(), signal.SIGKILL))'
 
 
@@ -16,10 +33,10 @@ DIES_OF_ONE = 'on_open("flash_05", lambda count: os.kill(os.getpid(), signal.SIG
 def test_the_units_of_a_killed_worker_are_done_by_others(session, cluster, same, tmp_path):
     cluster.start_scheduler()
     dies = cluster.start_worker(habit=DIES)
-    cluster.start_worker()
+    cluster.start_worker(habit=WAITS)
     done = cluster.solve(session[0], tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    assert dies.poll() == -signal.SIGKILL, "killed with a unit in its hands"
+    assert dies.wait(timeout=10) == -signal.SIGKILL, "killed with a unit in its hands"
     same(tmp_path / "out")
 
 
