@@ -22,7 +22,7 @@ from calibrate.photometry.matte_shading import (
     read_surface,
     shading_directions,
 )
-from calibrate.without_balls.from_object import strengths_from_object
+from calibrate.without_balls.from_object import strengths_from_object, white_in_shadow
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -123,7 +123,8 @@ def lights_of_balls(
         notes.evidence.append(
             "everything scales with diameter_mm: 1 % too large there, and every distance is, and no photograph differs"
         )
-    lights = _with_intensities(frames, adjusted, spheres, surfaces, shading, lights, covariance, notes)
+    fired = np.asarray(np.isfinite(shown[..., 0]).any(0))
+    lights = _with_intensities(frames, adjusted, spheres, surfaces, shading, lights, covariance, fired, notes)
     _flag_same(lights, notes)
     flags = tuple(tuple(flag) for flag in notes.flags)
     notes.warnings.extend(flag_warnings(frames.names, flags))
@@ -176,6 +177,7 @@ def _with_intensities(
     shading: Shading,
     lights: Lights,
     covariance: Array | None,
+    fired: NDArray[np.bool_],
     notes: Notes,
 ) -> Lights:
     """Return the lights with intensities, their sigma, and the ambient light, where white balls show it."""
@@ -194,7 +196,9 @@ def _with_intensities(
             own = {"directions": shading.directions[0], "direction_sigma_deg": shading.sigma_deg[0]}
             there = replace(lights, **own)
             notes.evidence.append("intensities are read with the white ball's own directions")
-    found = intensities_from_white(frames, surfaces, there, notes, covariance=covariance, apart_deg=apart)
+    found = intensities_from_white(frames, surfaces, there, notes, covariance=covariance, apart_deg=apart, fired=fired)
+    if np.isinf(found.intensity_sigma).any():
+        found = white_in_shadow(frames, camera, spheres, found, notes)
     return replace(found, directions=lights.directions, direction_sigma_deg=lights.direction_sigma_deg)
 
 

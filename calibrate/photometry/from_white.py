@@ -1,5 +1,6 @@
 """What the white balls say: intensities, and whether they agree with the lights' places."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -43,11 +44,13 @@ def intensities_from_white(
     *,
     covariance: Array | None = None,
     apart_deg: float = 0.0,
+    fired: NDArray[np.bool_] | None = None,
 ) -> Lights:
     """Return the lights with intensities, their sigma, and the ambient light, as pixel values on the first white ball.
 
     `covariance` (F, 3, 3): see `measure`; by the lights' sigmas where it is not known. `apart_deg` is what
-    `compare_with_chrome` found.
+    `compare_with_chrome` found. `fired` (F,): whether a chrome ball shows the flash: all white balls that are dark then
+    stand in shadow, and the intensity's sigma is infinite.
     """
     read, covariance = [], covariance_of(lights) if covariance is None else covariance
     for number, surface in enumerate(surfaces):
@@ -70,27 +73,37 @@ def intensities_from_white(
     brightness = np.stack([light.intensities.mean(1) for light in read])
     level = brightness / np.nanmedian(brightness, axis=1, keepdims=True)
     brightest = np.nanmax(level, axis=0)
-    dark = np.flatnonzero(brightest < MISFIRE)
+    unlit = brightest < MISFIRE
+    hidden = np.zeros_like(unlit) if fired is None else unlit & fired
+    dark = np.flatnonzero(unlit & ~hidden)
     if len(dark):
-        # A light of no strength would have a vote on every pixel, and divide it by nothing.
-        listed = ", ".join(f"{frames.names[f]} ({max(brightest[f], 0):.1%})" for f in dark)
-        raise CalibrationError(
-            f"{listed}: the flash did not fire, or the white ball stood in shadow (in brackets: its brightness, of the "
-            "median frame's). Reshoot, or list the frame under frames.skip."
-        )
+        raise no_flash([frames.names[f] for f in dark], brightest[dark])
     shadowed = np.nan_to_num(level, nan=np.inf) < SHADOWED * brightest
     for number, light in enumerate(read):
         usual = np.nanmedian(light.misfit)
         odd = np.nan_to_num(light.misfit) > max(PARTLY, OFTEN * usual)
-        for f in np.flatnonzero(odd | shadowed[number]):
+        for f in np.flatnonzero((odd | shadowed[number]) & ~hidden):
             told = "the intensity is the others'" if shadowed[number, f] else "or glared at?"
             notes.warnings.append(
                 f"{frames.names[f]}: white ball {number + 1} stands in another's shadow, wholly or in part: it misses "
                 f"n.l by {light.misfit[f]:.0%} of the flash (median frame {usual:.1%}); {told}"
             )
     intensities, sigma = _together(read, shadowed)
+    sigma[hidden] = np.inf
     ambient = read[0].ambient
     return replace(lights, intensities=intensities, intensity_sigma=sigma, ambient=ambient, white_value=np.ones(3))
+
+
+def no_flash(names: Sequence[str], share: Array) -> CalibrationError:
+    """Return what is said of frames whose white balls have so small a share of the median frame's brightness.
+
+    A light of no strength would have a vote on every pixel, and divide it by nothing.
+    """
+    told = ", ".join(f"{name} ({max(one, 0):.1%})" for name, one in zip(names, share, strict=True))
+    return CalibrationError(
+        f"{told}: the flash did not fire, or the white ball stood in shadow (in brackets: its brightness, of the "
+        "median frame's). Reshoot, or list the frame under frames.skip."
+    )
 
 
 def _doubt(
@@ -187,13 +200,13 @@ def _together(read: list[Photometry], shadowed: NDArray[np.bool_]) -> tuple[Arra
     # Each ball's surroundings err in a way of their own, which its residual does not show.
     weight = np.where(np.isfinite(sigma) & ~shadowed, 1 / (sigma**2 + AGREE**2), 0)
     log = np.where((weight > 0)[..., None], np.log(np.maximum(energy, 1e-9)), 0)
-    gray = np.zeros((len(read), 3))
+    gray, total = np.zeros((len(read), 3)), np.maximum(weight.sum(0), 1e-12)[:, None]
     for _ in range(20 if len(read) > 1 else 0):
-        mean = np.sum(weight[..., None] * (log - gray[:, None]), 0) / weight.sum(0)[:, None]
+        mean = np.sum(weight[..., None] * (log - gray[:, None]), 0) / total
         gray = np.sum(weight[..., None] * (log - mean), 1) / np.maximum(weight.sum(1), 1e-12)[:, None]
         gray -= gray[0]
-    mean = np.sum(weight[..., None] * (log - gray[:, None]), 0) / weight.sum(0)[:, None]
-    return np.exp(mean), 1 / np.sqrt(weight.sum(0))
+    mean = np.sum(weight[..., None] * (log - gray[:, None]), 0) / total
+    return np.exp(mean), 1 / np.sqrt(total[:, 0])
 
 
 def compare_with_chrome(camera: Camera, lights: Lights, sphere: Sphere, shaded: Array, notes: Notes) -> float:

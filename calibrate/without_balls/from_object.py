@@ -4,13 +4,15 @@ Directions are known. Every matte pixel says I_f = e_f b.l_f with a vector b of 
 F - 1 in common.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.calibration import Notes
+from calibrate.calibration import Notes, leave_out
 from calibrate.lights.directions import two_across
+from calibrate.photometry.from_white import no_flash
 from calibrate.without_balls.probe import CANDIDATES, FEWEST_PIXELS, LIT, Probe, read_probe, turned, varied
 from scene.camera import Camera
 from scene.frames import Frames
@@ -34,10 +36,63 @@ TOO_VAGUE = 0.25  # sigma of the strengths from which they are no better than ta
 def strengths_from_object(
     frames: Frames, camera: Camera, spheres: list[Sphere], lights: Lights, notes: Notes
 ) -> tuple[Array, Array] | None:
-    """Read the flashes' strengths from whatever matte surfaces the frames show, with directions known.
+    """Read the flashes' strengths from the object, drawn to equal power as far as their errors allow; say so.
 
     Returns intensities (F, 3), each channel's mean 1, and their relative sigma (F,); None where nothing matte is lit
-    from enough sides, and the lights are distant. The balls are left out; the lights' intensities are not looked at.
+    from enough sides, and the lights are distant.
+    """
+    read, equal = measured_on_object(frames, camera, spheres, lights), _of_equal_power(lights)
+    if read is None or not np.median(read.sigma) < TOO_VAGUE:
+        if lights.positions_mm is None:
+            return None
+        notes.warnings.append(
+            "no white ball, and nothing matte that tells the flashes' strengths: all are taken as equally powerful, by "
+            "their distances. 5 % of variation bends normals by 2 degrees."
+        )
+        return np.repeat(equal[:, None], 3, 1), np.full(len(lights), np.nan)
+    intensities, sigma, scatter = _shrunk(read.intensities, read.sigma, equal)
+    notes.evidence.append(
+        f"no white ball: the flashes' strengths from {read.pixels} pixels of the object itself (misfit "
+        f"{read.residual:.1%} of a flash); they vary in power by {scatter:.0%}, each to {np.median(sigma):.1%}; "
+        "what is within their errors is drawn to equal power"
+    )
+    notes.warnings.append(
+        "no white ball: the flashes' strengths are from the object's own shading, which supposes that it is matte; to "
+        f"{np.median(sigma):.1%}, and errors that bend all normals alike. Put a white ball beside the object, or list "
+        "the one that is there under [[spheres]]."
+    )
+    return intensities, sigma
+
+
+def white_in_shadow(frames: Frames, camera: Camera, spheres: list[Sphere], lights: Lights, notes: Notes) -> Lights:
+    """Give flashes of infinite sigma, which no white ball shows, the strength that the object shows beside the others'.
+
+    How far the object and the white balls agree on the other flashes is its sigma. Raises CalibrationError where the
+    object does not tell it.
+    """
+    hidden = np.isinf(lights.intensity_sigma)
+    names = [name for name, lacks in zip(lights.names, hidden, strict=True) if lacks]
+    read, white, sigma = measured_on_object(frames, camera, spheres, lights), lights.intensities, np.inf
+    if read is not None and np.count_nonzero(~hidden) > 1 and np.isfinite(read.sigma[hidden]).all():
+        ratio = np.log(white[~hidden] / read.intensities[~hidden])
+        sigma = float(ratio.mean(1).std(ddof=1))
+    if read is None or sigma > TOO_VAGUE:
+        raise no_flash(names, white[hidden].mean(1) / np.median(white.mean(1)))
+    notes.warnings.append(
+        f"{', '.join(names)}: every white ball stands in shadow: the flash's strength is what the object's shading "
+        f"says, beside the other flashes', to {sigma:.0%}. Reshoot with a white ball in the light, or leave out: "
+        f"{leave_out(names)}."
+    )
+    intensities = np.where(hidden[:, None], read.intensities * np.exp(ratio.mean(0)), white)
+    return replace(lights, intensities=intensities, intensity_sigma=np.where(hidden, sigma, lights.intensity_sigma))
+
+
+def measured_on_object(
+    frames: Frames, camera: Camera, spheres: list[Sphere], lights: Lights
+) -> "ObjectPhotometry | None":
+    """Read the flashes' strengths from whatever matte surfaces the frames show, with directions known.
+
+    None where these do not tell them. The balls are left out; the lights' intensities are not looked at.
 
     Notes
     -----
@@ -61,31 +116,12 @@ def strengths_from_object(
     # The first one's sigma is taken: what the directions' errors do to the others is not asked.
     read = [intensities_from_object(probe, toward(s), lights.direction_sigma_deg * (s == 1.0)) for s in stretches]
     good = [one for one in read if one is not None]
-    equal = _of_equal_power(lights)
-    sigma = np.full(len(lights), np.inf)
-    if good and len(good) == len(stretches):
-        strengths = np.stack([one.intensities.mean(1) for one in good])
-        sigma = np.hypot(good[0].sigma, np.abs(strengths / strengths[0] - 1).max(0))
-    if not np.median(sigma) < TOO_VAGUE:
-        if lights.positions_mm is None:
-            return None
-        notes.warnings.append(
-            "no white ball, and nothing matte that tells the flashes' strengths: all are taken as equally powerful, by "
-            "their distances. 5 % of variation bends normals by 2 degrees."
-        )
-        return np.repeat(equal[:, None], 3, 1), np.full(len(lights), np.nan)
-    intensities, sigma, scatter = _shrunk(good[0].intensities, sigma, equal)
-    notes.evidence.append(
-        f"no white ball: the flashes' strengths from {good[0].pixels} pixels of the object itself (misfit "
-        f"{good[0].residual:.1%} of a flash); they vary in power by {scatter:.0%}, each to {np.median(sigma):.1%}; "
-        "what is within their errors is drawn to equal power"
-    )
-    notes.warnings.append(
-        "no white ball: the flashes' strengths are from the object's own shading, which supposes that it is matte; to "
-        f"{np.median(sigma):.1%}, and errors that bend all normals alike. Put a white ball beside the object, or list "
-        "the one that is there under [[spheres]]."
-    )
-    return intensities, sigma
+    if len(good) < len(stretches):
+        return None
+    strengths = np.stack([one.intensities.mean(1) for one in good])
+    sigma = np.hypot(good[0].sigma, np.abs(strengths / strengths[0] - 1).max(0))
+    sigma[probe.lit.sum(1) < FEWEST_PIXELS] = np.inf
+    return good[0]._replace(sigma=sigma)
 
 
 def _of_equal_power(lights: Lights) -> Array:

@@ -195,6 +195,21 @@ def test_a_chrome_ball_in_shadow(shot):
 
 
 @pytest.mark.full
+def test_a_white_ball_in_shadow(shot):
+    """The session was refused: as if the flash, which the mirrors show, had not fired."""
+    world, images, _ = shot
+    (white,) = (i for i, ball in enumerate(world.balls) if ball.kind == "white")
+    found = calibrate(_exposed(_flagged(world, images, white, 1, half_mm=60)), world.camera, _asked(world))
+    _said(found, "flash_001", "every white ball stands in shadow", "object's shading", "frames.skip")
+    angle, off = _errors(world, found)
+    sigma = found.lights.intensity_sigma
+    assert angle.max() < 0.4
+    assert np.delete(off, 1).max() < 0.02
+    assert off[1] < 3 * sigma[1] < 0.3
+    assert (np.delete(sigma, 1) < 0.02).all()
+
+
+@pytest.mark.full
 def test_a_reflection_of_the_flash_in_something_else_is_named(shot):
     """The one chrome ball stands in shadow, and shows a small dark point elsewhere: that was the light, to 0.1 deg."""
     world, images, _ = shot
