@@ -96,7 +96,7 @@ def lights_from_scan(
 
     Notes
     -----
-    Near lights are claimed where sectors of the object agree how near they are.
+    Near lights are claimed where it is known how near they are: sectors of the object agree.
     Albedo and intensities share a factor: the mean intensity is 1, and no white value is known.
     """
     photographs = replace(photographs, lights=Lights.unknown(photographs.frames.names))

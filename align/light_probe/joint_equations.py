@@ -60,22 +60,16 @@ class JointEquations:
         beside = _beside(len(lights), near, seen.caster.mesh.radius_mm, outline)
         return cls(matrices / effect, pulls / effect, beside, len(lights))
 
-    def solve(self, *, without: int | None = None, nearness: Array | None = None) -> tuple[Array, Array]:
+    def solve(self, *, without: int | None = None) -> tuple[Array, Array]:
         """Return the best step (6 + k N,), the pose's six first, in its units, and the pose's covariance (6, 6).
 
-        `without`: of all sectors but this one. `nearness` (N,): the lights' own changes by so much, whatever is best.
+        `without`: of all sectors but this one.
         """
         matrix, pull = self.matrices.sum(0) + self.beside[0], self.pulls.sum(0) + self.beside[1]
         if without is not None:
             matrix, pull = matrix - self.matrices[without], pull - self.pulls[without]
-        step, held = np.zeros(len(pull)), np.zeros(len(pull), bool)
-        if nearness is not None:
-            held[9::4] = True
-            step[held] = nearness
-        free = ~held
-        inverse = np.linalg.inv(matrix[np.ix_(free, free)])
-        step[free] = inverse @ (pull[free] - matrix[np.ix_(free, held)] @ step[held])
-        return step, inverse[:6, :6]
+        inverse = np.linalg.inv(matrix)
+        return inverse @ pull, inverse[:6, :6]
 
     def lights_of(self, step: Array) -> Array:
         """Return the lights' part (N, k) of a step."""
@@ -89,17 +83,6 @@ class JointEquations:
         steps = np.stack([self.lights_of(self.solve(without=sector)[0]) for sector in range(SECTORS)])
         steps -= steps.mean(0)
         return (SECTORS - 1) / SECTORS * np.einsum("sni,snj->nij", steps, steps)
-
-    def held_out(self, nearness: Array) -> Array:
-        """Return (SECTORS,), by how much less near lights miss each sector than distant ones, both fitted to the rest.
-
-        `nearness` (N,): of the lights as they are; distant ones have none. In variances of a sample.
-        """
-        gain = np.zeros(len(self.matrices))
-        for k, (matrix, pull) in enumerate(zip(self.matrices, self.pulls, strict=True)):
-            near, distant = self.solve(without=k)[0], self.solve(without=k, nearness=-nearness)[0]
-            gain[k] = (distant @ matrix - 2 * pull) @ distant - (near @ matrix - 2 * pull) @ near
-        return gain
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,6 @@ SETTLED_DEG = 0.01
 STEP_PX, STEP = 4.0, 0.25
 """The longest step of the pose; of a light, in radians and as a logarithm."""
 REACH_PX = 6.0
-SURE = 2.0
-"""Standard errors by which near lights must predict the sectors left out better."""
 KNOWN = 0.25
 """Relative sigma of their distance from which lights are taken as distant."""
 UNKNOWN_DEG = 10.0
@@ -43,13 +41,8 @@ class Joint(NamedTuple):
 
     @property
     def is_near(self) -> bool:
-        """Whether near lights predict sectors of the object, left out of the fit, better than distant ones.
-
-        And whether it is known how near: what gloss does to shading looks like lights at some distance, too.
-        """
-        gain = self.equations.held_out(nearness_of(self.evidence.seen.lights))
-        is_better = gain.mean() > SURE * gain.std(ddof=1) / np.sqrt(len(gain))
-        return bool(is_better and np.median(self.deviations()[2]) < KNOWN)
+        """Whether it is known how near the lights are, and with that that they are near."""
+        return bool(np.median(self.deviations()[2]) < KNOWN)
 
     def deviations(self) -> tuple[Array, Array, Array]:
         """Return the standard deviations (N,) of directions, degrees, one axis; of intensities and distances, relative.
