@@ -17,7 +17,7 @@ from scene.mesh import Mesh
 
 Array = NDArray[np.float64]
 
-STEPS = (1.9, 2.6, 3.7, 5.3, 7.6)
+STEPS = (2.6, 3.7, 5.3, 7.6)
 """Radii of the fits, in spacings of the vertices: each about twice the area of the one before."""
 SMOOTHEST = 0.2
 """The share of the vertices, those with the smallest residuals, that show the noise bare."""
@@ -26,15 +26,11 @@ DRAWS = 2
 REACHES = 3
 ROUNDING = 1e-7
 """Of the scan's radius: files hold coordinates as float32."""
-FITS = 4
-"""How many of the steps, the smallest, tell noise from shape."""
-GROWTH = np.geomspace(3.0, 8.0, 12)
-"""From step to step a surface's own residuals squared grow by so much: r^6 = 6.6 if smooth, less if rough."""
+GROWTH = np.geomspace(3.0, 16.0, 12)
+"""From step to step a surface's own residuals squared grow by so much: r^8 = 16 if smooth, less if rough."""
 PREFERENCE = 0.7
 SHAKEN = 8
 CHUNK = 1 << 14
-CUBIC = 1
-"""Of the two degrees that are fitted; residuals of quadratics tell the noise."""
 _NONE = np.zeros(0)
 
 
@@ -102,7 +98,7 @@ class Neighbours:
     def fit(self, start: Array, chosen: NDArray, step: float, heights: Array | None = None) -> Fits:
         """Fit around the vertices `chosen` (K,) within `step` spacings, on all cores; see `jets.fit_normals`."""
         count = len(chosen)
-        fits = Fits(np.zeros((count, 2, 3)), np.zeros((count, 2)), np.zeros((count, 2)))
+        fits = Fits(np.zeros((count, 3)), np.zeros(count), np.zeros(count))
 
         def work(first: int) -> None:
             part = slice(first, first + CHUNK)
@@ -130,7 +126,7 @@ class ScanNoise:
 
 
 def scan_noise(mesh: Mesh, near: Neighbours) -> ScanNoise:
-    """Measure the noise of a scan from the residuals of quadratic fits of four sizes.
+    """Measure the noise of a scan from the residuals of fits of four sizes.
 
     Noise of known size and reach is put on the same mesh and fitted alike; the scan's noise is the one
     whose residuals grow with the fit's size as the scan's do. Where they grow faster than any noise's, what is left
@@ -151,17 +147,17 @@ def scan_noise(mesh: Mesh, near: Neighbours) -> ScanNoise:
                 # Of 1e-4 mm: slopes stay small, and the answer is linear.
                 normals, variance, rough = near.fit(mesh.vertex_normals, few, step, 1e-4 * noise)
                 variance, rough = 1e-8 * variance, 1e8 * rough
-                turned = 1 - np.einsum("kdx,kx->kd", normals, mesh.vertex_normals[few]) ** 2
-                known = np.isfinite(variance[:, CUBIC])
+                turned = 1 - np.einsum("kx,kx->k", normals, mesh.vertex_normals[few]) ** 2
+                known = np.isfinite(variance)
                 if known.any():
-                    answer[reach, level] += np.mean((turned / variance)[known, CUBIC]) / DRAWS
-                    rest[reach, level] += np.mean(rough[known, CUBIC]) / DRAWS
+                    answer[reach, level] += np.mean((turned / variance)[known]) / DRAWS
+                    rest[reach, level] += np.mean(rough[known]) / DRAWS
                 left[reach, level] += _quantile(rough) / DRAWS
     floor = (ROUNDING * mesh.radius_mm) ** 2
     if not (left > 0).all():
         # So few vertices that no fit leaves a residual.
         return ScanNoise(float(np.sqrt(floor)), 0, *np.ones((2, len(STEPS))))
-    sigma, reach = _unmix(own[:FITS] + floor, left[:, :FITS])
+    sigma, reach = _unmix(own + floor, left)
     return ScanNoise(
         float(np.sqrt(sigma**2 + floor)), reach, np.maximum(answer[reach], 1e-3), np.maximum(rest[reach], 1e-3)
     )
@@ -186,8 +182,7 @@ def _unmix(own: Array, left: Array) -> tuple[float, int]:
 
 
 def _quantile(rough: Array) -> float:
-    square = rough[:, 0]
-    known = square[np.isfinite(square)]
+    known = rough[np.isfinite(rough)]
     return float(np.quantile(known, SMOOTHEST)) if len(known) else 0.0
 
 

@@ -10,18 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.scan.creases import cross_creases
-from align.scan.scan_noise import CUBIC, STEPS, Neighbours, ScanNoise, scan_noise, shaken_normals
+from align.scan.scan_noise import STEPS, Neighbours, ScanNoise, scan_noise, shaken_normals
 from scene.mesh import Mesh
 
 Array = NDArray[np.float64]
 
-JUDGE, *WIDER = 1, 2, 3, 4
-"""Steps of the fits, all cubic: the smallest's residuals tell the shape that fits do not follow."""
+JUDGE, *WIDER = range(4)
+"""Steps of the fits: the smallest's residuals tell the shape that fits do not follow."""
 MARGIN = 1.3
 """Differences count as bias beyond this times their noise: a mean over few neighbours fluctuates by half."""
 ROUNDS = 6
 """Differences are averaged over this many rings: about 30 independent neighbours."""
-CHOSEN = 1.5
+CHOSEN = 1.3
 """The chosen fit is the one whose bias looks smallest: the real one is larger by about this."""
 BETWEEN = 0.4
 """How far normals between the vertices may be from interpolated ones, of what a ring's normals miss a linear law by.
@@ -87,7 +87,7 @@ def _adapt(
     def fit(level: int) -> tuple[NDArray, Array, Array, Array]:
         """Return which vertices (K,) could be fitted, their normals (K, 3), variance (K,) and what is left (K,)."""
         chosen = np.flatnonzero(active)
-        fitted, unit, rough = (part[:, CUBIC] for part in near.fit(start, chosen, STEPS[level]))
+        fitted, unit, rough = near.fit(start, chosen, STEPS[level])
         unit = unit * noise.excess[level]
         # A neighbourhood in a bad order says little, and says it loudly.
         known = np.isfinite(unit)
