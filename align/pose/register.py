@@ -100,10 +100,10 @@ class Registration:
     """(6, 6): of the twist (rotation vector in radians about the scan's middle, translation in mm), camera axes, see
     `align.pose.motion.nudge`, for the camera as given; without depth, where an orthographic one does not tell it."""
     evidence: dict[str, float]
-    """What `Fit` has, and its misfit; shading (relative residual), rim_points, edge_bias_px; scale, scale_sigma and
-    shadow_scale where shadows or near lights tell it (see `shadow_scale`, `free_scale`); second_deviations (see
-    `compare_poses`) and second_angle_deg of the next best pose, where there is one; focal_shift_mm where the focal
-    length is not known."""
+    """What `Fit` has, and its misfit; shading (relative residual), rim_points, edge_bias_px; where shadows or near lights tell it, scale,
+    scale_sigma and shadow_scale (see `shadow_scale`, `free_scale`); of the best pose and the next, where there is one:
+    second_deviations (see `compare_poses`), second_angle_deg; where the focal length is not known:
+    focal_shift_mm."""
     warnings: tuple[str, ...] = ()
 
     @property
