@@ -16,7 +16,7 @@ from formats.normal_maps import read_normal_map
 from scene.camera import Camera
 from scene.errors import AlignError, SceneError
 from scene.mesh import Mesh
-from scene.normals import angular_error_deg, unit
+from scene.normals import angular_error_deg
 from scene.pose import Pose
 from scene.rays import Hits, RayCaster
 
@@ -29,8 +29,6 @@ EDGE_FOOTPRINTS = 2.0
 SPREAD_DEG = 60.0
 """Corner normals of one face that differ by more lie across a crease finer than the scan."""
 BAND_PIXELS = 1 << 19
-FINE = 1.0
-"""Edges shorter than this many pixel widths: the pixel is averaged over 3 x 3 places."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +79,7 @@ def ground_truth(
     The pose's part of sigma is what the normal at the pixel changes by when the pose moves one sigma along each
     axis of its covariance (so curvature counts, and the ray's new hit with it). Over one sigma of a focal length that
     is not known, pose and camera change together: an object farther away through a lens longer by as much looks the
-    same but for its perspective. The scan's part is that of `smooth_normals`. Where the scan is finer than the pixels,
-    normals are averaged over 3 x 3 places of the pixel.
+    same but for its perspective. The scan's part is that of `smooth_normals`.
     """
     corners, scatter = smooth_normals(mesh) if at_vertices is None else at_vertices
     caster, square = RayCaster(mesh, corners), scatter[:, None] ** 2
@@ -112,33 +109,14 @@ def ground_truth(
         if not len(v):
             continue
         here, middle = pixels[inner][v, u], smooth[inner][v, u]
-        face = hits.face.reshape(shape)[inner][v, u]
         variance = hits.interpolate(mesh, square).reshape(shape)[inner][v, u]
         if covariance is not None:
             variance = variance + _pose_variance(view, here, middle, covariance)
         if camera.focal_sigma and not camera.is_orthographic:
             variance = variance + _turned(_longer(view), here, middle)
-        found[first + v, u] = _average(view, here, face, depth[first + v, u], middle)
+        found[first + v, u] = middle
         sigma[first + v, u] = np.sqrt(variance)
     return Truth(found, depth, sigma, np.isfinite(depth))
-
-
-def _average(view: View, pixels: NDArray, face: NDArray, depth: NDArray, middle: Array) -> Array:
-    """Return (P, 3) unit normals: averaged over the pixel where it covers several faces, else those of its middle."""
-    mesh = view.caster.mesh
-    a, b, c = (mesh.vertices[mesh.faces[face, k]] for k in range(3))
-    edge = np.sqrt(np.linalg.norm(np.cross(b - a, c - a), axis=1))
-    footprint = (1.0 if view.camera.is_orthographic else depth) / view.camera.fx
-    fine = np.flatnonzero(edge < FINE * footprint)
-    if not len(fine):
-        return middle
-    total = middle[fine]
-    for x, y in ((x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y):
-        hits = view.hits(pixels[fine] + np.array([x, y]) / 3)
-        total = total + np.nan_to_num(view.pose.rotate(hits.interpolate(mesh, view.caster.normals)))
-    out = middle.copy()
-    out[fine] = unit(total)
-    return out
 
 
 def _rows(view: View) -> tuple[int, int]:

@@ -99,7 +99,7 @@ class PoseRow:
 
 def _short(text: str) -> str:
     """Return the first words of a message, up to its first colon after the field's name."""
-    return text.removeprefix("scan: ").split(":")[0].split(" (cost")[0].split(" in the photographs all round")[0]
+    return text.removeprefix("scan: ").split(":")[0].split(" (")[0].split(" in the photographs all round")[0]
 
 
 def _session(group: str, folder: str, place: str) -> list[PoseRow]:

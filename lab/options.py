@@ -154,9 +154,6 @@ class TwinSettings:
         return replace(given, **{name: value for name, value in known.items() if value is not None})
 
 
-SHADED = Parameter(help="Correct lights that the registered scan's shading contradicts.")
-
-
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Settings(TwinSettings, Solving):
@@ -165,7 +162,6 @@ class Settings(TwinSettings, Solving):
     `truth`: folder of a known truth (truth.json, truth.npz) to judge the results by.
     """
 
-    refine_lights: Annotated[bool | None, SHADED] = None
     normals: GreenAxis | None = None
     """Pictures of normals in results/: opengl has green up, directx green down. Default: opengl."""
     tolerance_deg: Annotated[

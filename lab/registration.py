@@ -7,14 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.light_probe.from_scan import lights_from_scan
-from align.light_probe.joint_fit import ask_scan, refined, said
 from align.mask.scan_mask import scan_mask
 from align.pose.motion import apart_px
 from align.pose.photographed import Photographs, shading_tells, sparse_normals
 from align.pose.picks import read_picks
 from align.pose.register import Registration, register
 from align.pose.scan_scale import register_unknown_scale, scaled_pose
-from align.pose.scan_view import View, outline_strokes
+from align.pose.scan_view import outline_strokes
 from align.pose.shading import scan_shading
 from align.scan.smooth_normals import smooth_normals
 from align.truth import ground_truth
@@ -47,7 +46,7 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         half = hint_scale(job.session, camera.width) == 2
         picked = read_picks(picks, camera, mesh, unit=job.session.scan_unit, half=half)
     start, probe = picked.pose if picked else None, None
-    witness, doubts = None, []
+    doubts = []
     if lights.is_unknown:
         try:
             photographs = Photographs(camera, frames, lights, rough_mask.mask)
@@ -73,14 +72,6 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     final_mask = scan_mask(truth.mask, rough_mask)
     store.save_mask(final_mask.mask)
     lights = lights.seen_from(found.pose.apply(mesh.center_mm))
-    if probe and job.settings.refine_lights:
-        doubts.append("--refine-lights changes nothing here: the lights are from the scan's shading already.")
-    if probe is None and not lights.is_unknown:
-        lights, witness, doubts = _by_the_scan(
-            View(RayCaster(mesh, smooth[0]), camera, found.pose),
-            Photographs(camera, frames, lights, final_mask.mask),
-            refine=bool(job.settings.refine_lights),
-        )
     store.save_lights(lights, files=job.frame_files)
     if lights.is_unknown:
         # The scan is shown as if lit from the camera.
@@ -106,7 +97,6 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         "mm_per_unit": scale or (None if job.session.scan_unit == "unknown" else UNITS_MM[job.session.scan_unit]),
         "distance_mm": None if camera.is_orthographic else np.linalg.norm(found.pose.apply(mesh.center_mm)),
         "truth_sigma_deg_median": known_median(truth.sigma_deg),
-        "lights": witness,
         "light_probe": probe and probe.facts(),
     }
     warnings = [*found.warnings, *final_mask.warnings, *doubts]
@@ -121,23 +111,6 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
                 "one of the two is wrong. Check the outline in the report, and the picks."
             )
     return result, warnings
-
-
-def _by_the_scan(view: Any, photographs: Any, *, refine: bool) -> tuple[Lights, dict, list[str]]:
-    """Return the lights, refined where that was asked for, what the scan's shading says of them, and warnings."""
-    lights = photographs.lights
-    witness = ask_scan(view, photographs)
-    result = {
-        "turn_deg": witness.turn_deg,
-        "brighter": witness.brighter,
-        "off": [lights.names[n] for n in np.flatnonzero(witness.off(lights))],
-        "refined": refine,
-    }
-    if not refine:
-        return lights, result, said(lights, witness)
-    told = f"--refine-lights: {int(witness.moved.sum())} of {len(lights)} lights were moved by the scan's own shading"
-    caution = "; the methods are judged by the same scan, and look better for it."
-    return refined(lights, witness), result, [told + caution]
 
 
 def _registered(

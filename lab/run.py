@@ -53,7 +53,7 @@ def _light_inputs(job: Job) -> list[Any]:
 def _object_inputs(job: Job) -> list[Any]:
     session = job.session
     scan = (session.scan, session.scan_unit, session.scan_ball_diameter_mm)
-    return [session.mask, session.box, *scan, session.normals, session.picks, bool(job.settings.refine_lights)]
+    return [session.mask, session.box, *scan, session.normals, session.picks]
 
 
 def _methods(job: Job) -> list[Any]:
@@ -168,7 +168,6 @@ def summed_up(job: Job, last: str) -> dict[str, Any]:
         "profile": job.profile,
         "external": {name: program.command for name, program in job.externals.items()},
         "twin": asdict(job.twin),
-        "refine_lights": bool(job.settings.refine_lights),
         "trust": job.settings.trust,
         "truth": job.settings.truth,
         "tolerance_deg": job.tolerance_deg,

@@ -10,7 +10,7 @@ from cyclopts import App, Group, Parameter
 from cyclopts.validators import Number
 
 from experiments.commands import dataset, sweep
-from lab.options import AS_BEFORE, SHADED, Settings
+from lab.options import AS_BEFORE, Settings
 from lab.progress import check_words, is_quiet, keep_logs, keep_quiet, open_streams, say
 from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
@@ -144,9 +144,9 @@ def calibrate(session: Session, /, *, place: Place = BY_NAME) -> None:
 
 
 @app.command(sort_key=5)
-def align(session: Session, /, *, place: Place = BY_NAME, refine_lights: Annotated[bool | None, SHADED] = None) -> None:
+def align(session: Session, /, *, place: Place = BY_NAME) -> None:
     """Find the object, register its scan, and write the ground-truth normals."""
-    _run(session, "align", place, said=Settings(refine_lights=refine_lights))
+    _run(session, "align", place)
 
 
 @app.command(sort_key=6)

@@ -48,9 +48,6 @@ class Session:
         Address of a Dask scheduler.
     truth : str or Path, optional
         Folder of a known truth (truth.json, truth.npz) to judge the results by. Default: as the output folder was made.
-    refine_lights : bool, optional
-        Let the registered scan's own shading correct lights that it contradicts. Default: as the output folder was
-        made; not in a new one.
 
     Raises
     ------
@@ -66,11 +63,10 @@ class Session:
         out: str | Path | None = None,
         scheduler: str | None = None,
         truth: str | Path | None = None,
-        refine_lights: bool | None = None,
     ) -> None:
         self.path, folder = session_and_out(Path(path), None if out is None else Path(out))
         self._scheduler = scheduler
-        self._said = Settings(refine_lights=refine_lights, truth=None if truth is None else Path(truth).resolve())
+        self._said = Settings(truth=None if truth is None else Path(truth).resolve())
         # Faults of the session are told now; nothing runs yet.
         _ = self._session
         self.out = folder.resolve()

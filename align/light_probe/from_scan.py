@@ -96,7 +96,7 @@ def lights_from_scan(
 
     Notes
     -----
-    Near lights are claimed where sectors of the object agree how near they are.
+    Near lights are claimed where it is known how near they are: sectors of the object agree.
     Albedo and intensities share a factor: the mean intensity is 1, and no white value is known.
     """
     photographs = replace(photographs, lights=Lights.unknown(photographs.frames.names))
@@ -122,11 +122,11 @@ def lights_from_scan(
         tell(STARTS + len(found), total)
     number, rivals = best_of([one.evidence for one in found])
     best, warnings = found[number], []
-    if rivals and rivals[0][1].deviations < SURE:
+    if rivals and rivals[0][1] < SURE:
         turned = (best.evidence.pose.inverse() @ rivals[0][0]).angle_deg()
         warnings.append(
             f"scan: two poses, {turned:.0f} degrees apart, explain the photographs nearly as well, each under lights "
-            f"of its own ({rivals[0][1].deviations:.1f} standard deviations): the object looks nearly symmetric. If "
+            f"of its own ({rivals[0][1]:.1f} standard deviations): the object looks nearly symmetric. If "
             "lights and normals come out mirrored or turned, give picks under [object]."
         )
     under = replace(photographs, lights=best.evidence.seen.lights)

@@ -44,82 +44,45 @@ class JointEquations:
     count: int  # N
 
     @classmethod
-    def about(cls, here: FinalEvidence, doubt_deg: Array, *, near: bool, pose_known: bool = False) -> "JointEquations":
-        """Linearise at the evidence's pose and lights; `doubt_deg` (P,) is the sigma of the scan's normals.
-
-        `pose_known`: it is held, and the samples are taken to err alone.
-        """
+    def about(cls, here: FinalEvidence, doubt_deg: Array, *, near: bool) -> "JointEquations":
+        """Linearise at the evidence's pose and lights; `doubt_deg` (P,) is the sigma of the scan's normals."""
         seen, units, used = here.seen, here.steps(1.0), here.used
         lights, asked = seen.lights, used.any(0)
         points, normals = (array[asked] for array in here.surface)
         values = np.where(used, seen.samples.values, 0)[:, asked] / seen.samples.scale[asked]
-        turned, effect, outline = np.zeros((len(points), 3, 6)), 1.0, []
-        if not pose_known:
-            turned = here.view.normal_slopes(seen.rays, *here.surface)[asked] * units
-            terms = here.terms(here.pose)
-            effect = terms[1].information(units)[2]
-            outline = [term.information(units)[:2] for term in terms[::2]]
+        turned = here.view.normal_slopes(seen.rays, *here.surface)[asked] * units
+        terms = here.terms(here.pose)
+        effect = terms[1].information(units)[2]
+        outline = [term.information(units)[:2] for term in terms[::2]]
         pixels = _Pixels.of(seen.toward(points), normals, values, used[:, asked], doubt_deg[asked])
         slopes = light_slopes(lights, points, pixels.m, near=near)
         matrices, pulls = pixels.equations(slopes, turned, _sector_of(seen.samples.pixels)[asked])
         beside = _beside(len(lights), near, seen.caster.mesh.radius_mm, outline)
         return cls(matrices / effect, pulls / effect, beside, len(lights))
 
-    def solve(self, *, without: int | None = None, nearness: Array | None = None) -> tuple[Array, Array]:
+    def solve(self, *, without: int | None = None) -> tuple[Array, Array]:
         """Return the best step (6 + k N,), the pose's six first, in its units, and the pose's covariance (6, 6).
 
-        `without`: of all sectors but this one. `nearness` (N,): the lights' own changes by so much, whatever is best.
+        `without`: of all sectors but this one.
         """
         matrix, pull = self.matrices.sum(0) + self.beside[0], self.pulls.sum(0) + self.beside[1]
         if without is not None:
             matrix, pull = matrix - self.matrices[without], pull - self.pulls[without]
-        step, held = np.zeros(len(pull)), np.zeros(len(pull), bool)
-        if nearness is not None:
-            held[9::4] = True
-            step[held] = nearness
-        free = ~held
-        inverse = np.linalg.inv(matrix[np.ix_(free, free)])
-        step[free] = inverse @ (pull[free] - matrix[np.ix_(free, held)] @ step[held])
-        return step, inverse[:6, :6]
+        inverse = np.linalg.inv(matrix)
+        return inverse @ pull, inverse[:6, :6]
 
     def lights_of(self, step: Array) -> Array:
         """Return the lights' part (N, k) of a step."""
         return step[6:].reshape(self.count, -1)
 
-    def lights_held_out(self, before: Array) -> Array:
-        """Return (SECTORS, N), by how much less each light misses each sector, fitted to the rest, than after `before`.
-
-        `before` (N, k): the step back to lights as they were. In variances of a sample.
-        """
-        gain = np.zeros((len(self.matrices), self.count))
-        k = before.shape[1]
-        for sector, (matrix, pull) in enumerate(zip(self.matrices, self.pulls, strict=True)):
-            blocks = matrix[6:, 6:].reshape(self.count, k, self.count, k)
-            own = np.einsum("ninj->nij", blocks)
-            for sign, step in ((1, before), (-1, self.lights_of(self.solve(without=sector)[0]))):
-                missed = np.einsum("ni,nij,nj->n", step, own, step) - 2 * (step * self.lights_of(pull)).sum(1)
-                gain[sector] += sign * missed
-        return gain
-
     def jackknife(self) -> Array:
-        """Return the lights' covariance (N, k, k) by leaving out each sector in turn [Efron1981], a held pose's aside.
+        """Return the lights' covariance (N, k, k) by leaving out each sector in turn [Efron1981].
 
         Gloss, bounced light and the scan's own faults err over whole regions.
         """
         steps = np.stack([self.lights_of(self.solve(without=sector)[0]) for sector in range(SECTORS)])
         steps -= steps.mean(0)
         return (SECTORS - 1) / SECTORS * np.einsum("sni,snj->nij", steps, steps)
-
-    def held_out(self, nearness: Array) -> Array:
-        """Return (SECTORS,), by how much less near lights miss each sector than distant ones, both fitted to the rest.
-
-        `nearness` (N,): of the lights as they are; distant ones have none. In variances of a sample.
-        """
-        gain = np.zeros(len(self.matrices))
-        for k, (matrix, pull) in enumerate(zip(self.matrices, self.pulls, strict=True)):
-            near, distant = self.solve(without=k)[0], self.solve(without=k, nearness=-nearness)[0]
-            gain[k] = (distant @ matrix - 2 * pull) @ distant - (near @ matrix - 2 * pull) @ near
-        return gain
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.motion import robust_sigma
+from align.pose.motion import looking_along, robust_sigma
 from scene.normals import unit
 
 Array = NDArray[np.float64]
@@ -31,8 +31,8 @@ RIDGE, TINY = 1e-4, 1e-12
 LIGHT_ALONE = 1e-3
 """The same, of the fit: what the samples do not tell of the surroundings is drawn to none. Under distant lights a
 constant lobe and constant surroundings look alike, and would grow against each other."""
-TURNED_DEG, AROUND = (5.0, 10.0, 18.0, 30.0), 8
-"""By how much, and in how many directions, a normal is turned away in search of the one that fits best."""
+TURNS, LONGEST = 8, 0.1
+"""Steps by which a normal is turned to where it fits best, and the longest of them, radians."""
 
 
 class Lit(NamedTuple):
@@ -203,32 +203,20 @@ def _beside(normals: Array) -> Array:
 def free_normals(values: Array, used: NDArray[np.bool_], normals: Array, lit: Lit, look: Appearance) -> Array:
     """Return the normals (P, 3) near the scan's that fit the used samples best under this appearance.
 
-    The best of some turned by up to `TURNED_DEG`, and from there two steps of Gauss and Newton.
+    By some steps of Gauss and Newton.
     """
-    across = np.where(np.abs(normals[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
-    first = unit(np.cross(normals, across))
-    second = np.cross(normals, first)
-    best, lowest = normals, np.full(len(normals), np.inf)
-    azimuths = 2 * np.pi * np.arange(AROUND) / AROUND
-    for tilt, azimuth in [(0.0, 0.0), *((t, a) for t in np.radians(TURNED_DEG) for a in azimuths)]:
-        turned = np.cos(tilt) * normals + np.sin(tilt) * (np.cos(azimuth) * first + np.sin(azimuth) * second)
-        shown = look.predict(lit, turned)
-        albedo, weight = albedo_of(values, used, shown, look.loss)
-        relative = (values - albedo * shown) / look.loss
-        cost = (used * relative**2 / (1 + relative**2)).sum(0)
-        best, lowest = np.where((cost < lowest)[:, None], turned, best), np.minimum(cost, lowest)
-    for _ in range(2):
+    best = normals
+    for _ in range(TURNS):
         shown = look.predict(lit, best)
         albedo, weight = albedo_of(values, used, shown, look.loss)
-        unknown = np.stack([unit(np.cross(best, first)), first], -1)
-        unknown[..., 1] = np.cross(best, unknown[..., 0])
+        unknown = looking_along(best)[:, :2].transpose(0, 2, 1)
         slopes = albedo[:, None] * np.einsum("npk,pki->npi", look.slopes(lit, best), unknown)
         slopes = np.concatenate([slopes, shown[..., None]], -1) * np.sqrt(weight)[..., None]
         square = np.einsum("npi,npj->pij", slopes, slopes)
         square += RIDGE * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3)
         pull = np.einsum("npi,np->pi", slopes, np.sqrt(weight) * (values - albedo * shown))
         step = np.linalg.solve(square, pull[..., None])[:, :2, 0]
-        step *= np.minimum(1, 0.1 / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12))
+        step *= np.minimum(1, LONGEST / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12))
         best = unit(best + np.einsum("pki,pi->pk", unknown, step))
     return best
 

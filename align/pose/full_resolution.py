@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.appearance import Appearance, Lit
-from align.pose.motion import Term, apart_px, disagreement, robust_sigma, settle, small_steps
+from align.pose.motion import Term, apart_px, disagreement, image_flow, robust_sigma, settle, small_steps
 from align.pose.outline_edges import EdgePictures, OutlineEdges
 from align.pose.photographed import Photographs, longer_side, shading_tells
 from align.pose.scan_view import Outline, View, probe_rays, sample, signed_distance
@@ -261,7 +261,9 @@ class FinalEvidence:
         # by an amount that is much the same all round: an unknown of its own, known beforehand to some tenths of a
         # pixel. Taken for the outline, it would pass for depth; were it wholly unknown, depth would not be seen.
         offset = np.einsum("kp,kp->k", camera.project(points) - edges.pixels, edges.outward)
-        jacobian = View(self.seen.caster, camera, pose).outline_jacobian(points, edges.outward)
+        pivot = pose.apply(self.seen.caster.mesh.center_mm)
+        # A point of the outline may slide along the surface: across the outline that moves nothing, to first order.
+        jacobian = np.einsum("kp,kpt->kt", edges.outward, image_flow(camera, points, pivot))
         pull = 1 / (1 + ((offset - edges.bias_px) / unit) ** 2) ** 2
         common, along = np.zeros(0), np.zeros((0, 6))
         if len(offset):
@@ -284,15 +286,3 @@ class FinalEvidence:
         unit = 3 * self.shading_sigma
         blocks = np.broadcast_to(seen.patches(seen.samples.pixels), self.used.shape)[self.used]
         return Term(residuals[self.used] / unit, jacobian[self.used] / unit, blocks)
-
-    @cached_property
-    def outline_share(self) -> float:
-        """Share of the outline within `ObservedObject.near_px` of an edge in the photographs, or of the mask's."""
-        seen, outline = self.seen, self.outline
-        near = seen.near_px
-        on_edge = np.abs(sample(seen.distance, outline.pixels)) < near + MASK_PX * (seen.pictures is not None)
-        if seen.pictures is not None:
-            reach_px = max(6.0, 0.05 * longer_side(seen.mask))
-            offset = seen.pictures.locate(outline.pixels, outline.outward, reach_px=reach_px)
-            on_edge |= np.abs(offset + self.edges.bias_px) < near
-        return float(np.mean(on_edge)) if len(on_edge) else 0.0

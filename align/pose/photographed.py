@@ -40,16 +40,8 @@ class Photographs:
         return signed_distance(self.mask)
 
     def check(self, normals: NDArray | None) -> None:
-        """Raise AlignError unless all sizes agree, and mask and normals (H, W, 3), if any, show a whole object."""
-        size, mask = (self.camera.height, self.camera.width), self.mask
-        shape = mask.shape if normals is None else normals.shape[:2]
-        if mask.shape != size or shape != size or (self.frames.height, self.frames.width) != size:
-            raise AlignError(
-                f"align: camera {size[1]} x {size[0]} px, frames {self.frames.width} x {self.frames.height}, mask "
-                f"{mask.shape[1]} x {mask.shape[0]}, normals {shape[1]} x {shape[0]}; all must agree."
-            )
-        if len(self.lights) != len(self.frames):
-            raise AlignError(f"align: {len(self.lights)} lights for {len(self.frames)} frames; expected one each.")
+        """Raise AlignError unless mask and normals (H, W, 3), if any, show an object."""
+        mask = self.mask
         known = mask if normals is None else mask & np.isfinite(normals).all(-1)
         if known.sum() < 0.2 * mask.sum():
             raise AlignError(

@@ -53,8 +53,6 @@ class Fit(NamedTuple):
     lights, for the same material, and with the same samples."""
     beside_deg: float
     """The same, median, of the scan turned by `BESIDE_DEG` about each of the camera's axes, either way."""
-    outline_share: float
-    """See `FinalEvidence.outline_share`."""
     apart: float
     """Median distance from the outline to the edges in the photographs, in units of `ObservedObject.near_px`."""
 
@@ -77,9 +75,8 @@ class Fit(NamedTuple):
     def words(self) -> str:
         told = (
             f"at the best pose the silhouette overlaps the mask by {100 * self.overlap:.1f} % (expected above "
-            f"{100 * (1 - OUTSIDE):.0f} %), {100 * self.outline_share:.0f} % of the scan's outline lie on an edge in "
-            f"the photographs, it is {self.apart:.2g} (median) of a pixel, or in a large picture of 0.5 % of the "
-            f"object, from the edges (expected below {APART:g})"
+            f"{100 * (1 - OUTSIDE):.0f} %), the scan's outline is {self.apart:.2g} (median) of a pixel, or in a "
+            f"large picture of 0.5 % of the object, from the edges in the photographs (expected below {APART:g})"
         )
         shading = (
             f", and its normals are {self.normals_deg:.1f} degrees (median) from what the photographs show (expected "
@@ -106,7 +103,7 @@ class Registration:
     """What `Fit` has, and its misfit; shading (relative residual), rim_points, edge_bias_px,
     disagreement (of outline and shading: the variance is inflated by it); where shadows or near lights tell it, scale,
     scale_sigma and shadow_scale (see `shadow_scale`, `free_scale`); of the best pose and the next, where there is one:
-    cost, second_cost, second_deviations (see `compare_poses`), second_angle_deg; where the focal length is not known:
+    second_deviations (see `compare_poses`), second_angle_deg; where the focal length is not known:
     focal_shift_mm."""
     warnings: tuple[str, ...] = ()
 
@@ -196,15 +193,14 @@ def register(
         )
     if fit.misfit > POOR_MISFIT:
         warnings.append(f"scan: it fits poorly: {fit.words}. Check the silhouette in the report.")
-    if found.second is not None and found.test is not None:
-        facts["cost"], facts["second_cost"] = found.test.costs
-        facts["second_deviations"] = found.test.deviations
+    if found.second is not None:
+        facts["second_deviations"] = found.deviations
         facts["second_angle_deg"] = (pose.inverse() @ found.second).angle_deg()
-        if found.test.deviations < SURE:
+        if found.deviations < SURE:
             warnings.append(
-                f"scan: two poses fit nearly as well (cost {facts['cost']:.4f} and {facts['second_cost']:.4f}, "
-                f"{facts['second_deviations']:.1f} standard deviations), {facts['second_angle_deg']:.0f} degrees "
-                "apart: the object looks nearly symmetric. Check the silhouette and the shading in the report."
+                f"scan: two poses fit nearly as well ({found.deviations:.1f} standard deviations), "
+                f"{facts['second_angle_deg']:.0f} degrees apart: the object looks nearly symmetric. Check the "
+                "silhouette and the shading in the report."
             )
     bias_px = evidence.edges.bias_px
     if abs(bias_px) > 1:
@@ -256,11 +252,11 @@ def _refuse_mirrored(evidence: FinalEvidence, fit: Fit, search_for: Callable[[Ra
             "is reversed: export it again from the scanner's program, or negate one coordinate."
         )
     # Nearly its own mirror image: both fit, and the same pixels are asked which one they show.
-    test = compare_poses(replace(other, seen=replace(evidence.seen, caster=other.seen.caster)), evidence)
-    if test.deviations < SURE:
+    better = compare_poses(replace(other, seen=replace(evidence.seen, caster=other.seen.caster)), evidence)
+    if better < SURE:
         return None
     return (
-        f"scan: its mirror image fits better, by {test.deviations:.1f} standard deviations (its normals are "
+        f"scan: its mirror image fits better, by {better:.1f} standard deviations (its normals are "
         f"{mirrored.normals_deg:.1f} degrees from what the photographs show, the scan's {fit.normals_deg:.1f}). Is one "
         "axis of the scan reversed? Export it again from the scanner's program, or negate one coordinate, and compare."
     )
@@ -277,7 +273,6 @@ def fit_of(evidence: FinalEvidence) -> Fit:
         evidence.outline.overlap(evidence.seen.mask),
         normals_off_deg(evidence),
         float(np.median(beside)),
-        evidence.outline_share,
         evidence.edges.apart_px / evidence.seen.near_px,
     )
 

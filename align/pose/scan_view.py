@@ -152,15 +152,6 @@ class View:
         good &= (inside > 1).all(1) & (inside[:, 0] < camera.width - 2) & (inside[:, 1] < camera.height - 2)
         return Outline(points[good], inside[good], -slope[good] / length[good], raster, corner, step)
 
-    def outline_jacobian(self, points: NDArray, outward: NDArray) -> Array:
-        """Return d(pixel . outward)/d(twist) (K, 6) of outline points (K, 3), camera frame, for `nudge` about `pivot`.
-
-        A point of the outline may slide along the surface: across the outline that moves nothing, to first order.
-        """
-        if not len(points):
-            return np.zeros((0, 6))
-        return np.einsum("kp,kpt->kt", outward, image_flow(self.camera, points, self.pivot))
-
     def silhouette(self) -> NDArray[np.bool_]:
         """Return the pixels (H, W) that see the scan."""
         (left, top), size = self.box()

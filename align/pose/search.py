@@ -46,27 +46,18 @@ USUAL_SIGMA = 0.05
 ROUGH_ROUNDS = 4
 HIDDEN = 0.05
 """What a pixel that looks into a hole of the scan is charged."""
-OUTLINE_CHANCE = 0.05
-"""Difference of the outline's share without an edge that is chance."""
-
-
-@dataclass(frozen=True)
-class PoseTest:
-    """How two poses compare."""
-
-    costs: tuple[float, float]
-    """Mean cost a pixel of the first and the second: 0 explained, 1 not at all."""
-    deviations: float
-    """By how many standard deviations the first is better."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """What speaks for the best pose, and the next best with its test; None where all starts led to one pose."""
+    """What speaks for the best pose, and the next best, with the standard deviations by which it is worse.
+
+    None and infinity where all starts led to one pose.
+    """
 
     evidence: FinalEvidence
     second: Pose | None
-    test: PoseTest | None
+    deviations: float
 
 
 def search(
@@ -99,7 +90,7 @@ def search(
         seen = None if pose is None or outline_alone else View(caster, camera, pose).silhouette()
         return ObservedObject.of(caster, photographs, pictures, count=pixels, cells=cells, silhouette=seen)
 
-    finalists = [one for one in rough if compare_poses(rough[0], one).deviations < CLEAR][:most]
+    finalists = [one for one in rough if compare_poses(rough[0], one) < CLEAR][:most]
     if len(finalists) > 1:
         few = observed(count // 6, 160)
         for done, one in enumerate(finalists):
@@ -118,7 +109,7 @@ def search(
     many = observed(count, 400, pose)
     evidence = FinalEvidence(many, pose, reach).refined(rounds=8)
     tell(total, total)
-    return Found(evidence, *(rivals[0] if rivals else (None, None)))
+    return Found(evidence, *(rivals[0] if rivals else (None, np.inf)))
 
 
 def rough_poses(
@@ -155,19 +146,19 @@ def unexplained(one: FinalEvidence) -> float:
     return float(np.nan_to_num(cost, nan=HIDDEN).mean()) + one.outline.beyond(one.seen.mask)
 
 
-def best_of(found: list[FinalEvidence]) -> tuple[int, list[tuple[Pose, PoseTest]]]:
+def best_of(found: list[FinalEvidence]) -> tuple[int, list[tuple[Pose, float]]]:
     """Return the number of the pose that explains the same photographs best, and the others, hardest to tell first.
 
     A pose within `APART_PX` of the best is the same.
     """
     best = 0
     for number in range(1, len(found)):
-        if compare_poses(found[best], found[number]).deviations < 0:
+        if compare_poses(found[best], found[number]) < 0:
             best = number
     mesh, camera, pose = found[best].seen.caster.mesh, found[best].seen.camera, found[best].pose
     apart = [one for one in found if apart_px(mesh, camera, pose, one.pose) > APART_PX]
     rivals = [(one.pose, compare_poses(found[best], one)) for one in apart]
-    return best, sorted(rivals, key=lambda rival: rival[1].deviations)
+    return best, sorted(rivals, key=lambda rival: rival[1])
 
 
 def _roughly(one: FinalEvidence) -> Pose:
@@ -194,14 +185,13 @@ def pixel_costs(one: FinalEvidence, sigma: float) -> Array:
     return cost
 
 
-def compare_poses(one: FinalEvidence, two: FinalEvidence) -> PoseTest:
-    """Compare two poses of the same frames, mask and samples, on the same pixels, with one scale for both.
+def compare_poses(one: FinalEvidence, two: FinalEvidence) -> float:
+    """Return by how many standard deviations the first pose is better: same frames, mask, pixels, and one scale.
 
     Each lit sample is compared with what the scan predicts at the pixel's best albedo, and samples where the scan turns
     from the light with darkness; the cost is r^2 / (1 + r^2) in units of three times the smaller sigma of the two. The
     scatter of the differences is taken from their patches' median deviation: two poses of a nearly symmetric object
-    differ in few patches, and those are the evidence, not the scatter. The outline's share that has no edge in the
-    photographs is held against a pose, too, in units of `OUTLINE_CHANCE`.
+    differ in few patches, and those are the evidence, not the scatter.
 
     A pixel that looks into a hole of the scan at either pose is not compared: where the hole lies does not tell how the
     object stands. The pose whose hole it is is charged a little, since it may hide there what it does not explain.
@@ -216,9 +206,4 @@ def compare_poses(one: FinalEvidence, two: FinalEvidence) -> PoseTest:
     difference = np.where(holes[0] | holes[1], HIDDEN * (holes[1] * 1.0 - holes[0]), second - first)
     sums = np.bincount(block, difference)
     spread = 1.4826 * float(np.median(np.abs(sums - np.median(sums)))) * np.sqrt(len(sums)) / len(difference)
-    better = (float(difference.mean()) + outside[1] - outside[0]) / float(np.hypot(spread, CHANCE))
-    better += (one.outline_share - two.outline_share) / OUTLINE_CHANCE
-    # Of a scan seen from its open side alone, nothing is explained.
-    seen = (cost[~hole] if not hole.all() else np.ones(1) for cost, hole in zip((first, second), holes, strict=True))
-    costs = [float(cost.mean()) + beyond for cost, beyond in zip(seen, outside, strict=True)]
-    return PoseTest((costs[0], costs[1]), better)
+    return (float(difference.mean()) + outside[1] - outside[0]) / float(np.hypot(spread, CHANCE))

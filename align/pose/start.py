@@ -15,7 +15,7 @@ from align.pose.motion import even_directions, looking_along
 from align.pose.photographed import ACROSS, longer_side
 from scene.camera import Camera
 from scene.errors import AlignError
-from scene.pose import Pose
+from scene.pose import Pose, rotation_from_vector
 from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
@@ -93,13 +93,15 @@ def find_starts(
     seen, rendered = _cast_views(caster, aim, views, offsets, polar, with_normals=True)
     score = _score(inside, wanted, seen, rendered, angle, radius)
 
-    starts: list[Pose] = []
+    starts, turns = [], np.zeros((0, 9))
     for flat in np.argsort(score, axis=None)[::-1]:
         view, turn = np.unravel_index(flat, score.shape)
-        spin = Pose.exp(np.array([0, 0, float(angle[turn]), 0, 0, 0]))
-        pose = aim.pose @ spin @ Pose.from_rotation_translation(views[view], offsets[view])
-        if all((pose.inverse() @ other).angle_deg() > 10 for other in starts):
-            starts.append(pose)
+        spin = rotation_from_vector(np.array([0, 0, angle[turn]]))
+        own = (spin @ views[view]).ravel()
+        # The trace of two rotations' difference is 1 + 2 cos of its angle.
+        if (turns @ own < 1 + 2 * np.cos(np.radians(10))).all():
+            turns = np.vstack([turns, own])
+            starts.append(aim.pose @ Pose.from_rotation_translation(spin @ views[view], spin @ offsets[view]))
             if len(starts) == count:
                 break
     return starts

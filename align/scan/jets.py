@@ -1,8 +1,7 @@
-"""Local surfaces: polynomials of degree 2 and 3 through a vertex's neighbourhood, and the normals they give.
+"""Local surfaces: cubics through a vertex's neighbourhood, and the normals they give.
 
 The height over the tangent plane is fitted by weighted least squares; the slope at the vertex turns the normal
-[Cazals2005]. One Cholesky factor serves both degrees: the square's block of the normal equations is the cube's first.
-Compiled: no Python per vertex.
+[Cazals2005]. Compiled: no Python per vertex.
 """
 
 from typing import NamedTuple
@@ -11,7 +10,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-QUADRATIC, CUBIC = 6, 10
+TERMS = 10
+"""Of a cubic of two variables."""
 MOST = 1024
 """Vertices of one neighbourhood; more are not gathered."""
 
@@ -26,14 +26,14 @@ class Graph(NamedTuple):
 
 
 class Fits(NamedTuple):
-    """Fits of degree 2 and 3 around K vertices."""
+    """Fits around K vertices."""
 
     normals: NDArray[np.float64]
-    """(K, 2, 3) unit; as at the start where not fitted."""
+    """(K, 3) unit; as at the start where not fitted."""
     variance: NDArray[np.float64]
-    """(K, 2), radians squared for noise of 1 mm; infinite where too few neighbours determine the fit."""
+    """(K,), radians squared for noise of 1 mm; infinite where too few neighbours determine the fit."""
     rough: NDArray[np.float64]
-    """(K, 2), mm^2: the mean squared residual; infinite where not fitted."""
+    """(K,), mm^2: the mean squared residual; infinite where not fitted."""
 
 
 @numba.njit(nogil=True, cache=True)
@@ -94,18 +94,18 @@ def accumulate(found, radius, vertices, heights, frame, rows, work):  # pragma: 
             z = heights[j] / radius
         for m, value in enumerate((1.0, x, y, x * x, x * y, y * y, x * x * x, x * x * y, x * y * y, y * y * y, z)):
             rows[n, m] = value
-    work[: CUBIC + 1] = rows.T @ rows
-    work[CUBIC + 1 :] = 0.0
+    work[: TERMS + 1] = rows.T @ rows
+    work[TERMS + 1 :] = 0.0
     work[11, 1] = work[12, 2] = 1.0
 
 
 @numba.njit(nogil=True, cache=True)
-def factor(work, first, size, ridge):  # pragma: no cover
-    """Replace columns `first` to `size` of the normal matrix M = L L^T by L's, and each row r below M by r L^-T.
+def factor(work, ridge):  # pragma: no cover
+    """Replace the normal matrix M = L L^T by L, and each row r below M by r L^-T.
 
     The dot product of two such rows is r M^-1 s. Return whether M is regular.
     """
-    for b in range(first, size):
+    for b in range(TERMS):
         for a in range(b, len(work)):
             value = work[a, b]
             for c in range(b):
@@ -121,14 +121,14 @@ def factor(work, first, size, ridge):  # pragma: no cover
 
 @numba.njit(nogil=True, cache=True)
 def fit_normals(chosen, radii, graph, heights, start, fits):  # pragma: no cover
-    """Fit both degrees around the vertices `chosen` (K,), with one radius each (K,), and fill `fits`.
+    """Fit around the vertices `chosen` (K,), with one radius each (K,), and fill `fits`.
 
     `start` (V, 3) are the normals over whose planes heights are measured; `heights`: see `accumulate`.
     """
     normals, variance, rough = fits
     stamp = np.full(len(graph.vertices), -1, np.int64)
     found = np.zeros(MOST, np.int64)
-    frame, rows, work = np.zeros((3, 3)), np.zeros((MOST, CUBIC + 1)), np.zeros((13, CUBIC + 1))
+    frame, rows, work = np.zeros((3, 3)), np.zeros((MOST, TERMS + 1)), np.zeros((13, TERMS + 1))
     for k in range(len(chosen)):
         i, radius = chosen[k], radii[k]
         variance[k] = np.inf
@@ -137,16 +137,12 @@ def fit_normals(chosen, radii, graph, heights, start, fits):  # pragma: no cover
         count = gather(i, radius, graph, stamp, found)
         tangents(start[i], frame)
         accumulate(found[:count], radius, graph.vertices, heights, frame, rows[:count], work)
-        first = 0
-        for degree, size in enumerate((QUADRATIC, CUBIC)):
-            if count < size + 2 or not factor(work, first, size, 1e-6 * count):
-                break
-            first = size
-            right, along, across = work[10, :size], work[11, :size], work[12, :size]
-            u, v = (along * right).sum(), (across * right).sum()
-            # The normal of a surface of these slopes over the frame.
-            steep = 1.0 + u * u + v * v
-            for axis in range(3):
-                normals[k, degree, axis] = (frame[2, axis] - u * frame[0, axis] - v * frame[1, axis]) / np.sqrt(steep)
-            variance[k, degree] = ((along * along).sum() + (across * across).sum()) / (radius * steep) ** 2
-            rough[k, degree] = max(work[10, 10] - (right * right).sum(), 0.0) * radius * radius / count
+        if count < TERMS + 2 or not factor(work, 1e-6 * count):
+            continue
+        right, along, across = work[10, :TERMS], work[11, :TERMS], work[12, :TERMS]
+        u, v = (along * right).sum(), (across * right).sum()
+        # The normal of a surface of these slopes over the frame.
+        steep = 1.0 + u * u + v * v
+        normals[k] = (frame[2] - u * frame[0] - v * frame[1]) / np.sqrt(steep)
+        variance[k] = ((along * along).sum() + (across * across).sum()) / (radius * steep) ** 2
+        rough[k] = max(work[10, 10] - (right * right).sum(), 0.0) * radius * radius / count

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, csr_matrix, diags, eye
+from scipy.sparse import csr_matrix, diags, eye
 
 from align.pose.motion import looking_along
 from align.scan.jets import Fits, Graph, fit_normals
@@ -17,7 +17,7 @@ from scene.mesh import Mesh
 
 Array = NDArray[np.float64]
 
-STEPS = (1.9, 2.6, 3.7, 5.3, 7.6)
+STEPS = (2.6, 3.7, 5.3, 7.6)
 """Radii of the fits, in spacings of the vertices: each about twice the area of the one before."""
 SMOOTHEST = 0.2
 """The share of the vertices, those with the smallest residuals, that show the noise bare."""
@@ -26,11 +26,10 @@ DRAWS = 2
 REACHES = 3
 ROUNDING = 1e-7
 """Of the scan's radius: files hold coordinates as float32."""
-FITS = 4
-"""How many of the steps, the smallest, tell noise from shape."""
-GROWTH = np.geomspace(3.0, 8.0, 12)
-"""From step to step a surface's own residuals squared grow by so much: r^6 = 6.6 if smooth, less if rough."""
+GROWTH = np.geomspace(3.0, 16.0, 12)
+"""From step to step a surface's own residuals squared grow by so much: r^8 = 16 if smooth, less if rough."""
 PREFERENCE = 0.7
+SHAKEN = 8
 CHUNK = 1 << 14
 _NONE = np.zeros(0)
 
@@ -99,7 +98,7 @@ class Neighbours:
     def fit(self, start: Array, chosen: NDArray, step: float, heights: Array | None = None) -> Fits:
         """Fit around the vertices `chosen` (K,) within `step` spacings, on all cores; see `jets.fit_normals`."""
         count = len(chosen)
-        fits = Fits(np.zeros((count, 2, 3)), np.zeros((count, 2)), np.zeros((count, 2)))
+        fits = Fits(np.zeros((count, 3)), np.zeros(count), np.zeros(count))
 
         def work(first: int) -> None:
             part = slice(first, first + CHUNK)
@@ -121,13 +120,13 @@ class ScanNoise:
     reach: int
     """How often white noise is averaged over neighbours to make noise like it; 0: white."""
     excess: Array
-    """(L, 2): variance of a fitted normal of step L and degree 2 or 3 over what white noise would give it."""
+    """(L,): variance of the normal of the cubic of step L over what white noise would give it."""
     rest: Array
-    """(L, 2): mean squared residual of those fits, for noise of 1 mm."""
+    """(L,): mean squared residual of those fits, for noise of 1 mm."""
 
 
 def scan_noise(mesh: Mesh, near: Neighbours) -> ScanNoise:
-    """Measure the noise of a scan from the residuals of quadratic fits of four sizes.
+    """Measure the noise of a scan from the residuals of fits of four sizes.
 
     Noise of known size and reach is put on the same mesh and fitted alike; the scan's noise is the one
     whose residuals grow with the fit's size as the scan's do. Where they grow faster than any noise's, what is left
@@ -139,8 +138,7 @@ def scan_noise(mesh: Mesh, near: Neighbours) -> ScanNoise:
     few = chosen[: SAMPLE // 5]
     own = np.array([_quantile(near.fit(mesh.vertex_normals, chosen, step).rough) for step in STEPS])
     left = np.zeros((REACHES, len(STEPS)))
-    answer = np.zeros((REACHES, len(STEPS), 2))
-    rest = np.zeros_like(answer)
+    answer, rest = np.zeros_like(left), np.zeros_like(left)
     for reach in range(REACHES):
         for _ in range(DRAWS):
             noise = near.smooth(generator.standard_normal(count), reach)
@@ -149,20 +147,17 @@ def scan_noise(mesh: Mesh, near: Neighbours) -> ScanNoise:
                 # Of 1e-4 mm: slopes stay small, and the answer is linear.
                 normals, variance, rough = near.fit(mesh.vertex_normals, few, step, 1e-4 * noise)
                 variance, rough = 1e-8 * variance, 1e8 * rough
-                turned = 1 - np.einsum("kdx,kx->kd", normals, mesh.vertex_normals[few]) ** 2
+                turned = 1 - np.einsum("kx,kx->k", normals, mesh.vertex_normals[few]) ** 2
                 known = np.isfinite(variance)
-                for degree in range(2):
-                    ok = known[:, degree]
-                    if ok.any():
-                        answer[reach, level, degree] += np.mean(turned[ok, degree] / variance[ok, degree]) / DRAWS
-                if level == 0 and known[:, 1].any():
-                    rest[reach] += np.mean(rough[known[:, 1], 1]) / DRAWS
+                if known.any():
+                    answer[reach, level] += np.mean((turned / variance)[known]) / DRAWS
+                    rest[reach, level] += np.mean(rough[known]) / DRAWS
                 left[reach, level] += _quantile(rough) / DRAWS
     floor = (ROUNDING * mesh.radius_mm) ** 2
     if not (left > 0).all():
         # So few vertices that no fit leaves a residual.
-        return ScanNoise(float(np.sqrt(floor)), 0, *np.ones((2, len(STEPS), 2)))
-    sigma, reach = _unmix(own[:FITS] + floor, left[:, :FITS])
+        return ScanNoise(float(np.sqrt(floor)), 0, *np.ones((2, len(STEPS))))
+    sigma, reach = _unmix(own + floor, left)
     return ScanNoise(
         float(np.sqrt(sigma**2 + floor)), reach, np.maximum(answer[reach], 1e-3), np.maximum(rest[reach], 1e-3)
     )
@@ -187,33 +182,19 @@ def _unmix(own: Array, left: Array) -> tuple[float, int]:
 
 
 def _quantile(rough: Array) -> float:
-    square = rough[:, 0]
-    known = square[np.isfinite(square)]
+    known = rough[np.isfinite(rough)]
     return float(np.quantile(known, SMOOTHEST)) if len(known) else 0.0
 
 
-def plain_normal_gain(mesh: Mesh) -> Array:
-    """Return (V,) the rms turn, radians, of each vertex normal for noise of 1 mm along the vertices' normals.
+def shaken_normals(mesh: Mesh, near: Neighbours, sigma_mm: float) -> Array:
+    """Return (V,) the variance, radians squared, of the mesh's own vertex normals under white noise along them.
 
-    Plain normals are the area-weighted means of the faces around. Large faces need no fit: noise hardly turns them. A
-    decimated scan has large faces where it is flat, and there the plain normals are better than any fit over the few,
-    far neighbours.
-
-    The normal's direction is that of S = sum of the faces' cross products. A vertex k that moves by z along its normal
-    n changes each of its faces' by z (e x n), with e the edge across from k; the squares of the sums over the faces
-    that both vertices share, without their part along S, add up over k, divided by |S|^2.
+    Where faces are large, noise hardly turns them: a decimated scan has large faces where it is flat, and there the
+    mean of the faces is better than any fit over the few, far neighbours. The mesh is shaken and looked at.
     """
-    count, faces = len(mesh.vertices), mesh.faces
-    corners = mesh.vertices[faces]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    turn = np.cross(np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1), mesh.vertex_normals[faces])
-    # Each face tells each of its corners (rows) what the moves of all three (columns) do to it.
-    place = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, 3).ravel()
-    total, square, along = np.zeros((count, 3)), np.zeros(count), csr_array((count, count))
-    for axis in range(3):
-        moved = csr_array((np.tile(turn[..., axis], 3).ravel(), place), (count, count))
-        square += moved.power(2).sum(1)
-        along = along + moved.multiply(mesh.vertex_normals[:, [axis]])
-        total[:, axis] = np.bincount(faces.ravel(), np.repeat(cross[:, axis], 3), count)
-    square -= along.power(2).sum(1)
-    return np.sqrt(np.maximum(square, 0)) / np.maximum(np.linalg.norm(total, axis=1), 1e-300)
+    generator, square = np.random.default_rng(0), np.zeros(len(mesh.vertices))
+    for _ in range(SHAKEN):
+        height = sigma_mm * generator.standard_normal((len(square), 1))
+        turned = Mesh(mesh.vertices + height * mesh.vertex_normals, mesh.faces).vertex_normals
+        square += ((turned - mesh.vertex_normals) ** 2).sum(1)
+    return near.smooth(square / SHAKEN, 1)

@@ -12,8 +12,6 @@ SHARE = 0.1
 """Of the squared error. Errors add in squares: without a part that makes less, the error would be under 5 % smaller."""
 BEND_DEG = 40.0
 """Of normals, for the whole of a light's intensity: 5 % bends them by 2 degrees."""
-AGREED_DEG = 3.0
-"""From lights, within which the scan's shading must be of a quarter of them to tell that others are wrong."""
 MISFIT = 0.2
 """Of the photographs, rms, that a fitted material leaves unexplained: paint, glaze and stone 0.06 to 0.13, bronzes 0.4
 to 0.7 (Blender's, seven scenes)."""
@@ -26,17 +24,14 @@ def doubts_deg(summary: Summary) -> dict[str, float]:
     """Return how far lights and ground truth may turn the normals, degrees, by what is stated; infinite: nothing is.
 
     `SIGMAS` standard deviations, or what was measured if that is more: how far chrome balls, and the white one's
-    shading, disagree; lights that the scan contradicts, by their share of all; a pose that fits nearly as well. An
-    outline's residual counts as on a ball that is as large in the picture. A warning has no size.
+    shading, disagree; a pose that fits nearly as well. An outline's residual counts as on a ball that is as large in
+    the picture. A warning has no size.
     """
     lights, compared = stated_of_lights(summary), summary.get("compare") or {}
     align, truth = summary.get("align") or compared.get("pose") or {}, compared.get("truth") or {}
-    fit, witness = align.get("fit") or {}, align.get("lights") or {}
+    fit = align.get("fit") or {}
     sigma, relative = lights["direction_sigma_deg_median"], lights["intensity_sigma_median"]
     of_lights = [lights.get("white_ball_deg"), (lights.get("cross_validation") or {}).get("difference_deg")]
-    turns = sorted(filter(is_number, witness.get("turn_deg") or ()))
-    if turns and turns[len(turns) // 4] <= AGREED_DEG:
-        of_lights.append((turns[-1] - turns[0]) * len(witness["off"]) / len(turns))
     of_truth = [truth.get("sigma_deg_median"), align.get("sigma_deg")]
     if is_number(residual := align.get("residual_px")) and (pixels := truth.get("pixels")):
         of_truth.append(math.degrees(residual / math.sqrt(pixels / math.pi)))

@@ -1,7 +1,6 @@
 """What was found and how far it can be trusted, in sentences made from the summary's numbers."""
 
 from dataclasses import dataclass, replace
-from statistics import median
 from typing import Any
 
 from markupsafe import Markup, escape
@@ -218,10 +217,6 @@ def _lights(summary: Summary, compared: Summary) -> Statement:
     if flagged := [row["name"] for row in lights.get("frames") or [] if row.get("flags")]:
         parts.append(say("lights", "suspicious", names=by_runs(flagged)))
         reasons.append(plain(say("reasons", "flagged", count=len(flagged))))
-    if witness := (summary.get("align") or {}).get("lights"):
-        off, usual = witness["off"], median(witness["turn_deg"])
-        parts.append(say("lights", "contradicted" if off else "agreed", names=by_runs(off), usual=usual))
-        reasons += [plain(say("reasons", "contradicted", count=len(off)))] if off else []
     # Sigmas tell how far noise moves a direction; a frame that moved, or a lone ball, moves it further unseen.
     reasons += _warned(summary, "check", "calibrate")
     return _statement("Lights", level_of(sigma, DIRECTION_SIGMA_BARS_DEG), Markup(" ").join(parts), reasons)

@@ -160,26 +160,6 @@ def test_sigma_follows_pose_and_curvature(bumpy):
     assert (known == np.isfinite(ground_truth(smooth, pose, PERSPECTIVE).normals[..., 0])).all()
 
 
-@pytest.mark.full
-def test_a_scan_finer_than_the_pixels_is_averaged_over_them(bumpy):
-    """A grating of one millimetre under pixels of four: their middles would show its flanks, they show the plane."""
-    grid = np.arange(-50, 50.1, 0.25)
-    x, y = np.meshgrid(grid, grid)
-    n = len(grid)
-    a = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
-    faces = np.concatenate([np.stack([a, a + 1, a + n + 1], -1), np.stack([a, a + n + 1, a + n], -1)])
-    wave = 0.05 * np.sin(2 * np.pi * x / 2.0)
-    mesh = Mesh(np.stack([x.ravel(), y.ravel(), wave.ravel()], -1), faces)
-    camera = Camera(40, 40, 150.0, 150.0, 19.5, 19.5)
-    pose = Pose.from_rotation_translation(np.eye(3), [0, 0, -400])
-    truth = ground_truth(mesh, pose, camera)
-    steep = np.degrees(0.05 * np.pi / np.sqrt(2))
-    off = angular_error_deg(truth.normals, [0, 0, 1])
-    assert np.sqrt(np.nanmean(off**2)) < 0.5 * steep
-    near = ground_truth(mesh, pose, Camera(40, 40, 9000.0, 9000.0, 19.5, 19.5)).normals
-    assert np.sqrt(np.nanmean(angular_error_deg(near, [0, 0, 1]) ** 2)) > 0.5 * steep
-
-
 @pytest.mark.parametrize("noise_mm", [0.02, 0.1])
 def test_scan_noise_is_measured_from_the_scan_and_taken_off(bumpy, noise_mm):
     generator = np.random.default_rng(10_002)

@@ -83,7 +83,6 @@ def random_summary(rng: np.random.Generator) -> dict[str, Any]:
     trust["methods"] = {name: {"unexplained": some(0.01, 1)} for name in [*names, trust["recommended"]]}
     trust["methods"][trust["recommended"]] = {"unexplained": 0.01}
     align = {"residual_px": some(0.01, 9), "sigma_deg": some(0.01, 9), "light_probe": None}
-    align["lights"] = maybe({"off": ["flash_001"] * (rng.random() < 0.3), "turn_deg": [0.4, 0.6]}, 0.5)
     summary = {
         "name": "random",
         "arguments": maybe({"tolerance_deg": wanted}, 1.0 if wanted else 0.7),
@@ -183,7 +182,6 @@ def check_sizes(summary, todo, why):
     calibrate = summary.get("calibrate") or {}
     lights = [calibrate.get("direction_sigma_deg_median"), 40 * (calibrate.get("intensity_sigma_median") or 0)]
     lights += [calibrate.get("white_ball_deg"), (calibrate.get("cross_validation") or {}).get("difference_deg")]
-    lights += [0.2] * len((align.get("lights") or {}).get("off", ()))
     truth = [(compared["truth"] or {}).get("sigma_deg_median"), align.get("sigma_deg")]
     truth.append(np.degrees((align.get("residual_px") or 0) / np.sqrt(9000 / np.pi)))
     for stated, named in ((lights, "they are doubtful|may have a part"), (truth, "scan lies on|Look first at the gr")):

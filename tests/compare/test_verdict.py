@@ -79,7 +79,6 @@ def test_a_twin_that_fails_alike_but_much_less_is_not_called_good_and_what_it_ha
     [
         ("align", "residual_px", 2.0, "Ground truth", "care"),
         ("align", "residual_px", 9.0, "Ground truth", "bad"),
-        ("align", "lights", {"off": ["flash_3"], "turn_deg": [0.4, 4.6, 0.5]}, "Lights", "care"),
         ("calibrate", "direction_sigma_deg_median", 2.0, "Lights", "care"),
         ("calibrate", "direction_sigma_deg_median", 9.0, "Lights", "bad"),
         ("calibrate", "direction_sigma_deg_median", None, "Lights", "unknown"),
@@ -299,13 +298,6 @@ BRONZE: dict[str, Any] = {
         ("calibrate", "white_ball_deg", None, "read the warnings"),
         ("twin", "material", {"relative_rmse": 0.1}, "read the warnings"),
         ("align", "residual_px", 5.0, "whether the scan lies"),
-        ("align", "lights", {"off": ["a", "b"], "turn_deg": [0.5, 0.7, 0.9, 50.0, 60.0]}, "they are doubtful"),
-        (
-            "align",
-            "lights",
-            {"off": ["a", "b"], "turn_deg": [17.0, 29.0, 33.0, 50.0, 60.0]},
-            "The object makes the error",
-        ),
         ("align", "fit", {"second_deviations": 1.0, "second_angle_deg": 40.0}, "read the warnings"),
         ("align", "fit", {"second_deviations": 9.0, "second_angle_deg": 40.0}, "The object makes the error"),
     ],

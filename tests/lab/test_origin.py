@@ -30,7 +30,7 @@ def quick(monkeypatch, tmp_path):
                 for method in job.methods:
                     write_text(job.store.path(name, method), f"{about} by {method}, {job.profile}")
                 return Outcome({"methods": {method: {"profile": job.profile} for method in job.methods}})
-            write_text(job.store.path(KEPT[name]), f"{about}, {job.settings.refine_lights}")
+            write_text(job.store.path(KEPT[name]), about)
             return Outcome({"model": "distant"})
 
         return write
@@ -68,7 +68,7 @@ def test_two_sessions_of_one_name_have_two_folders(quick, capsys):
     assert before["solve/ls"] == "solve of may 0 by ls, default"
     run_session(june, "check")
     assert results(Path("out/vase")) == before
-    assert results(Path("out/vase-2")) == {"frames": "check of june 0, None"}
+    assert results(Path("out/vase-2")) == {"frames": "check of june 0"}
     assert f"the results of {june} go to out/vase-2" in capsys.readouterr().err
     for out in ("out/vase", Path("out/vase").resolve()):
         with pytest.raises(SceneError, match=f"holds the results of the session {may}, not of the session {june}"):
@@ -104,18 +104,18 @@ def test_other_photographs_in_the_same_folder_are_another_session_and_some_more_
 def test_a_folder_is_gone_on_with_as_it_was_made(quick):
     may, out = photographed(quick / "may", "may"), Path("out/vase")
     (quick / "truth.json").write_text("{}")
-    said = Settings("position,ls", "seed", refine_lights=True, truth=quick, engine="many")
+    said = Settings("position,ls", "seed", truth=quick, engine="many")
     run_session(may, "compare", said=said)
     before = results(out)
     assert before["solve/position"] == "solve of may 0 by position, seed"
-    assert before["mask"] == "align of may 0, True"
+    assert before["mask"] == "align of may 0"
     written = {path: path.stat().st_mtime_ns for path in out.rglob("*") if ".rgbn" not in path.parts}
     for verb in ("solve", "twin", "compare", "align", "check"):
         for source in (may, out):
             summary = run_session(source, verb)
             assert results(out) == before
             told = summary["arguments"]
-            assert (told["methods"], told["profile"], told["refine_lights"]) == (["position", "ls"], "seed", True)
+            assert (told["methods"], told["profile"]) == (["position", "ls"], "seed")
             assert (told["truth"], told["twin"]["engine"]) == (str(quick), "many")
     changing = {out / name for name in ("summary.json", "rgbn.log", ".")}
     assert all(path.stat().st_mtime_ns == then for path, then in written.items() if path not in changing)
@@ -133,10 +133,10 @@ def test_what_an_option_removes_is_said(quick, capsys):
     assert {"solve/ls", "twin/ls", "report"} < set(results(out))
     assert "removed" not in capsys.readouterr().err
     # One setting is changed; the others stay, and it can be taken back.
-    run_session(out, "compare", said=Settings(profile="seed", refine_lights=True))
+    run_session(out, "compare", said=Settings(profile="seed"))
     assert results(out)["solve/ls"].endswith("by ls, seed")
-    run_session(out, "compare", said=Settings(refine_lights=False))
-    assert (results(out)["solve/ls"], results(out)["mask"]) == ("solve of may 0 by ls, seed", "align of may 0, False")
+    run_session(out, "compare", said=Settings(profile="default"))
+    assert results(out)["solve/ls"] == "solve of may 0 by ls, default"
 
 
 SEEDS = [*range(15), *(pytest.param(seed, marks=pytest.mark.full) for seed in range(15, 100))]
@@ -222,7 +222,7 @@ def test_a_copy_of_a_session_is_another_and_a_moved_one_is_the_same(quick):
     other = photographed(quick / "may" / "vase", "other")
     run_session(other, "check")
     assert results(Path("out/vase")) == before
-    assert results(Path("out/vase-3"))["frames"] == "check of other 0, None"
+    assert results(Path("out/vase-3"))["frames"] == "check of other 0"
     with pytest.raises(SceneError, match="it holds the results of the session"):
         run_session(other, "check", out=Path("out/vase"))
 
