@@ -4,6 +4,7 @@
 line a photograph), mask.png, and the true normals. What every output folder has of it is in `scene.light_text`.
 """
 
+import io
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.mat_files import bytes_of_mat
 from scene.errors import SceneError
 from scene.files import write_png, write_text, write_whole
 from scene.frames import Frames
@@ -88,5 +88,10 @@ def write_diligent(
 
 def write_normal_mat(path: Path, normals: NDArray[np.float32]) -> None:
     """Write `Normal_gt` as DiLiGenT has it, float64, zero where there is no object; the same bytes every time."""
+    import scipy.io
+
+    stream = io.BytesIO()
+    scipy.io.savemat(stream, {"Normal_gt": np.nan_to_num(normals.astype(np.float64))}, do_compression=True)
     with write_whole(path) as file:
-        file.write(bytes_of_mat({"Normal_gt": np.nan_to_num(normals.astype(np.float64))}))
+        # Its first 116 bytes are text for people, with the hour in it.
+        file.write(b"MATLAB 5.0 MAT-file, rgbn".ljust(116) + stream.getvalue()[116:])

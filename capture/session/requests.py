@@ -11,9 +11,7 @@ from capture.photographs.decode import decode
 from capture.photographs.images import read_image
 from capture.session.session_types import CaptureSession, SphereSpec
 from scene.camera import Camera
-from scene.current import look_of
 from scene.errors import SceneError, SessionError
-from scene.files import write_json
 from scene.frames import PEDESTAL, Frames
 from scene.spheres import SphereRequest
 from scene.store import Store
@@ -25,8 +23,7 @@ def sphere_requests(
     """Return the session's `[[spheres]]`, with masks read and balls' own photographs decoded, and warnings.
 
     The store holds the session's frames already. A ball that was shot apart gets frames of its own in
-    spheres/<n>/frames, decoded by `executor`; they are used again while neither its photographs nor the session's
-    frames change. What the audit says of them comes after the ball's key.
+    spheres/<n>/frames, decoded by `executor`. What the audit says of them comes after the ball's key.
 
     Raises
     ------
@@ -85,22 +82,13 @@ def object_box(session: CaptureSession, width: int) -> tuple[float, ...] | None:
 
 def _frames_apart(
     session: CaptureSession, spec: SphereSpec, place: int, whole: Store, executor: Executor | None
-) -> tuple[Frames, list[str]]:
+) -> tuple[Frames, tuple[str, ...]]:
     """Return the photographs of a ball that was shot apart, decoded as the session's own, and the audit's warnings."""
-    # The session's own frames are decoded again whenever a setting changes; these follow. Compared as equal or not:
-    # a photograph that replaces another may well be the older file.
-    stamps = [[str(path), *(look_of(path) or ())] for path in (*spec.frames, whole.path("frames", "frames.json"))]
     store = Store(whole.path("spheres", str(place)))
-    source = store.path("source.json")
-    if store.path("frames", "frames.json").exists() and source.exists():
-        known = store.read_json("source.json")
-        if isinstance(known, dict) and known.get("files") == stamps:
-            return store.load_frames(), list(map(str, known.get("warnings", ())))
     # The session's ambient frame shows the object's scene, not the ball's.
     own = replace(session, flash=spec.frames, ambient=(), spheres=())
     frames, report = decode(own, store, executor=executor)
-    write_json(source, {"files": stamps, "warnings": report.warnings})
-    return frames, list(report.warnings)
+    return frames, report.warnings
 
 
 def read_mask(path: Path, height: int, width: int) -> NDArray[np.bool_]:
