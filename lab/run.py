@@ -44,6 +44,8 @@ def _light_inputs(job: Job) -> list[Any]:
     session, file = job.session, job.session.lights_file
     # DiLiGenT's directions have their intensities and names beside them.
     beside = [] if file is None else [file.with_name(INTENSITIES), file.with_name(FILENAMES)]
+    # AliceVision's lights have its view ids beside them.
+    beside += [] if file is None else sorted(file.parent.glob("*.sfm"))
     # Without balls and file a scan is the probe, unless normals are given.
     return [session.spheres, session.no_spheres, file, *beside, session.normals is None, session.scan is None]
 

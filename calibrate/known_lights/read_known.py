@@ -40,8 +40,8 @@ def read_lights(
     ----------
     path : Path
         `.lp` (RTI), DiLiGenT's light_directions.txt with light_intensities.txt and filenames.txt beside it where
-        present, `.json` (this program's lights.json and rig.json), `.dome` (RelightLab), or `.mat` (light.mat of
-        near_ps).
+        present, `.json` (this program's lights.json and rig.json, or AliceVision's), `.dome` (RelightLab), or `.mat`
+        (light.mat of near_ps).
     names : tuple of F str
         The frames' names, without suffix, in order.
     skipped : tuple of int

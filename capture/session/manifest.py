@@ -170,8 +170,8 @@ class LightsTable(ManifestTable):
     """[lights]: known lights instead of balls."""
 
     file: str = _key(
-        "File of the lights: .lp, light_directions.txt, lights.json, .dome, .mat, or rig.json of `rgbn rig` (also as "
-        "key `rig`).",
+        "File of the lights: .lp, light_directions.txt, lights.json, .dome, .mat, .json of AliceVision, or rig.json of "
+        "`rgbn rig` (also as key `rig`).",
         "lights.lp",
         default=...,
         validation_alias=AliasChoices("file", "rig"),

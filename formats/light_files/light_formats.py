@@ -55,13 +55,16 @@ def _read_diligent(path: Path, camera: Camera | None) -> Lights:
 
 READERS: dict[str, tuple[Callable[[Path, Camera | None], Lights], str]] = {
     ".lp": (_read_lp, "the number of lights, then a line each: name x y z, with a point for decimals"),
-    ".json": (read_json, "frames[] with name, direction, intensity and, for near lights, position_mm"),
+    ".json": (
+        read_json,
+        "frames[] (this program's) with name, direction, intensity and, for near lights, position_mm, or lights[] "
+        "(AliceVision's) with viewId or lightId, type, direction[3] and intensity[3]",
+    ),
     ".txt": (_read_diligent, "three numbers a line, one line a photograph"),
     ".dome": (read_dome, "lightConfiguration and directions[], positionsSphere[] or positions3d[] of {x, y, z}"),
     ".mat": (read_mat, "S (n x 3, mm), Phi (n x 3 or n x 1), mu (n x 1)"),
 }
-"""`.lp` of the RTI programs; this program's lights.json; DiLiGenT's tables; RelightLab's dome; light.mat of near_ps:
-each one's reader, and what it expects."""
+"""Each suffix' reader, and what it expects; .txt: DiLiGenT's tables, .dome: RelightLab's, .mat: light.mat of near_ps."""
 SUFFIXES = tuple(READERS)
 WRITTEN = ("diligent", "dome", "lp", "meshroom")
 

@@ -1,9 +1,9 @@
-"""Lights in JSON, RelightLab's `.dome`, and `light.mat` of near_ps [Queau2018].
+"""Lights in other programs' files: AliceVision's JSON, RelightLab's `.dome`, and `light.mat` of near_ps [Queau2018].
 
 | file | axes | origin | lengths |
 |---|---|---|---|
 | ours, `.lp`, DiLiGenT | x right, y up, z to the viewer: the camera frame as it is | camera | mm |
-| near_ps | OpenCV's: x right, y down, z away from the viewer | camera | mm |
+| AliceVision, near_ps | OpenCV's: x right, y down, z away from the viewer | camera | mm |
 | RelightLab `.dome` | x right, y up, z to the viewer | the object, at the middle of the picture | mm |
 """
 
@@ -20,7 +20,7 @@ from scene.camera import Camera, to_opencv
 from scene.errors import CalibrationError, SceneError
 from scene.light_text import BY_COLUMN, lights_of_json
 from scene.lights import Lights
-from scene.reading import json_of, numbers, shortened
+from scene.reading import json_of, numbers, reading, shortened
 
 Array = NDArray[np.float64]
 OTHER_CAMERA = "measured with another camera"
@@ -38,10 +38,12 @@ def parsed(path: Path) -> dict[str, Any]:
 
 
 def read_json(path: Path, camera: Camera | None) -> Lights:
-    """Read this program's lights.json, or a rig's with its camera."""
+    """Read a lights.json: ours, or a rig's with its camera, if it has `frames`; AliceVision's if it has `lights`."""
     data = parsed(path)
-    if "frames" not in data:
+    if "frames" not in data and "lights" not in data:
         raise ValueError(f"its keys are {shortened(', '.join(sorted(data))) or 'none'}")
+    if "frames" not in data:
+        return _alicevision(path, data)
     lights, own, other = lights_of_json(data), data.get("camera"), ""
     if own and camera:
         try:
@@ -49,6 +51,41 @@ def read_json(path: Path, camera: Camera | None) -> Lights:
         except SceneError as error:
             raise ValueError(str(error)) from error
     return replace(lights, flags=tuple((*own, f"{OTHER_CAMERA}: {other}") for own in lights.flags)) if other else lights
+
+
+def _alicevision(path: Path, data: dict[str, Any]) -> Lights:
+    """Read AliceVision's: numbers are strings, and the lights are in the order of its view ids, not of the frames."""
+    rows = data["lights"]
+    other = [str(row.get("type")) for row in rows if row.get("type", "directional") != "directional"]
+    if other:
+        raise CalibrationError(
+            f"{path}: {len(other)} of {len(rows)} lights are of type {other[0]!r}; only directional ones can be read. "
+            "Calibrate with one of AliceVision's directional methods."
+        )
+    directions = to_opencv(np.array([row["direction"] for row in rows], np.float64).reshape(-1, 3))
+    intensities = np.array([row["intensity"] for row in rows], np.float64).reshape(-1, 3)
+    names = nameless(len(rows))
+    if all("name" in row for row in rows):
+        names = tuple(str(row["name"]) for row in rows)
+    elif any("viewId" in row for row in rows):
+        known = {view: file for one in sorted(path.parent.glob("*.sfm")) for file, view in view_paths(one).items()}
+        unknown = [str(row.get("viewId")) for row in rows if str(row.get("viewId")) not in known]
+        if unknown:
+            raise CalibrationError(
+                f"{path}: light of view {unknown[0]}, but no .sfm file beside it says which photograph that is "
+                f"({len(unknown)} of {len(rows)}). Put the cameraInit.sfm that AliceVision calibrated from beside it."
+            )
+        names = tuple(known[str(row["viewId"])] for row in rows)
+    else:
+        order = np.argsort([int(row["lightId"]) for row in rows], kind="stable")
+        directions, intensities = directions[order], intensities[order]
+    return Lights(names, directions, intensities)
+
+
+def view_paths(path: Path) -> dict[str, str]:
+    """Return {photograph's path: view id} of an AliceVision .sfm file."""
+    with reading(path, "not an AliceVision .sfm", CalibrationError):
+        return {str(view["path"]): str(int(view["viewId"])) for view in parsed(path)["views"]}
 
 
 def read_dome(path: Path, camera: Camera | None) -> Lights:

@@ -7,7 +7,7 @@ import pytest
 import scipy.io
 
 from calibrate.known_lights.read_known import lacks_intensities, read_lights
-from formats.light_files.light_formats import export_lights
+from formats.light_files.light_formats import WRITTEN, export_lights
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
@@ -15,7 +15,19 @@ from scene.lights import Lights
 NAMES = ("right", "above", "front")
 # To the right of the camera, above it, beside its axis: each fails for one wrong sign and for swapped axes.
 DIRECTIONS = np.array([[0.6, 0.0, 0.8], [0.0, 0.6, 0.8], [0.0, 0.0, 1.0]])
+OPENCV = DIRECTIONS * [1, -1, -1]
 CAMERA = Camera(500, 400, 1000.0, 1000.0, 260.0, 190.0)
+
+
+def alicevision(path, lights):
+    path.write_text(json.dumps({"lights": lights}))
+    return path
+
+
+def as_boost_writes(direction, **keys):
+    """Boost's property tree writes every number as a string."""
+    strings = [str(number) for number in direction]
+    return {**keys, "type": "directional", "direction": strings, "intensity": ["1", "2", "4"]}
 
 
 def dome(path, **keys):
@@ -33,6 +45,32 @@ def test_lp_and_diligent_are_in_the_camera_frame(tmp_path):
     np.testing.assert_allclose(read_lights(tmp_path / "l.lp", NAMES).directions, DIRECTIONS)
     (tmp_path / "light_directions.txt").write_text("0.6 0 0.8\n0 0.6 0.8\n0 0 1\n")
     np.testing.assert_allclose(read_lights(tmp_path / "light_directions.txt", NAMES).directions, DIRECTIONS)
+
+
+def test_alicevision_looks_along_z_with_y_down(tmp_path):
+    """A light before the object has z < 0 there, one above it y < 0."""
+    rows = [as_boost_writes(row, lightId=str(i)) for i, row in enumerate(OPENCV)]
+    lights = read_lights(alicevision(tmp_path / "lights.json", rows), NAMES)
+    np.testing.assert_allclose(lights.directions, DIRECTIONS)
+    np.testing.assert_allclose(lights.intensities, 1)
+    assert all("order" in flags[-1] for flags in lights.flags)
+    shuffled = read_lights(alicevision(tmp_path / "lights.json", rows[::-1]), NAMES)
+    np.testing.assert_allclose(shuffled.directions, DIRECTIONS, err_msg="by lightId, not by place")
+
+
+def test_alicevision_views_are_found_by_their_sfm_or_refused(tmp_path):
+    """View ids are hashes, and the file is sorted by them: its order is nobody's."""
+    views = {"right": 905, "above": 17, "front": 377}
+    order = sorted(range(3), key=lambda i: views[NAMES[i]])
+    rows = [as_boost_writes(OPENCV[i], viewId=str(views[NAMES[i]])) for i in order]
+    path = alicevision(tmp_path / "lights.json", rows)
+    with pytest.raises(CalibrationError, match=r"view 17.*cameraInit\.sfm"):
+        read_lights(path, NAMES)
+    sfm = {"views": [{"viewId": str(view), "path": f"/shots/{name}.dng"} for name, view in views.items()]}
+    (tmp_path / "cameraInit.sfm").write_text(json.dumps(sfm))
+    lights = read_lights(path, NAMES)
+    np.testing.assert_allclose(lights.directions, DIRECTIONS)
+    assert not any(lights.flags)
 
 
 def test_a_dome_is_about_what_the_middle_of_the_picture_shows(tmp_path):
@@ -88,7 +126,7 @@ def random_lights(rng, near):
 
 
 @pytest.mark.parametrize("near", [False, True])
-@pytest.mark.parametrize("name", ["lp", "diligent", "dome"])
+@pytest.mark.parametrize("name", WRITTEN)
 @pytest.mark.parametrize("seed", range(3))
 def test_there_and_back(tmp_path, name, near, seed):
     """The light that falls on any point is the same, up to the unit of each channel."""
@@ -153,15 +191,15 @@ def test_diligent_reads_intensities_beside(tmp_path):
         ("l.lp", "3\nflash_000 0 0 1\nflash_001 0 1 1\nother 1 0 1\n", "no light for the frame 'flash_002'"),
         ("l.txt", "0 0 1\n0 1\n1 0 1\n", "line 2 is '0 1'"),
         ("l.txt", "", "empty"),
-        ("l.json", json.dumps({"frames": []}), "holds no lights"),
-        ("l.json", json.dumps({"lights": []}), "its keys are lights.*Expected frames"),
+        ("l.json", json.dumps({"lights": []}), "holds no lights"),
         ("l.json", "{", "not JSON"),
         ("l.json", "[1]", "holds a list"),
         ("l.json", "{}", r"its keys are none\)\. Expected frames"),
         ("l.xyz", "", "not known"),
-        ("a.json", {"frames": [{"name": "a", "direction": [0, 0, "up"], "intensity": [1] * 3}]}, "Expected frames"),
-        ("a.json", {"frames": [{"name": "a", "intensity": [1] * 3}]}, "KeyError: 'direction'"),
-        ("a.json", {"frames": [{"name": "a", "direction": [0, 0, 1], "intensity": [1, 0, 1]}]}, "must be positive"),
+        ("a.json", {"lights": [{"viewId": 1, "type": "SH", "direction": [0] * 9, "intensity": [1] * 3}]}, "type 'SH'"),
+        ("a.json", {"lights": [{"lightId": 1, "direction": [0, 0, "up"], "intensity": [1] * 3}]}, "with viewId"),
+        ("a.json", {"lights": [{"lightId": 1, "intensity": [1] * 3}]}, "KeyError: 'direction'"),
+        ("a.json", {"lights": [{"lightId": 1, "direction": [0, 0, -1], "intensity": [1, 0, 1]}]}, "must be positive"),
         ("a.json", {"frames": [{"name": "a", "direction": [0, 0, float("nan")], "intensity": [1] * 3}]}, "light 1 has"),
         ("a.dome", {"lightConfiguration": "ring", "directions": []}, "'ring', expected directional"),
         ("a.dome", {"lightConfiguration": "lights3d"}, "KeyError: 'positions3d'"),
