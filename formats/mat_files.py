@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import os
 import resource
 import subprocess
 import sys
@@ -25,13 +24,9 @@ def arrays_of_mat(path: Path, error: type[SceneError] = SceneError) -> dict[str,
     script = f"import sys; sys.path.insert(0, {root!r}); import formats.mat_files as m; m.send()"
     with reading(path, "cannot be read as a MATLAB file", error, do="Save it again, with MATLAB or SciPy."):
         try:
-            done = subprocess.run(
-                [sys.executable, "-c", script, os.fspath(path)],
-                capture_output=True,
-                timeout=LONGEST_S,
-                # A pool of threads would take more of the address space than the file.
-                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-            )
+            # It has one thread, as `scene` asks: a pool would take more of the address space than the file.
+            command = [sys.executable, "-c", script, str(path)]
+            done = subprocess.run(command, capture_output=True, timeout=LONGEST_S)
         except subprocess.TimeoutExpired:
             raise ValueError(f"its reader did not come to an end in {LONGEST_S} s") from None
         if done.returncode < 0:
@@ -49,12 +44,9 @@ def send() -> None:
         resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
     try:
         found = _variables(sys.argv[1])
-        names = np.array(list(found), str)
-        data = io.BytesIO()
-        np.savez(data, names, *found.values())
+        np.savez(sys.stdout.buffer, np.array(list(found), str), *found.values())
     except Exception as error:
         sys.exit(reason(error))
-    sys.stdout.buffer.write(data.getvalue())
 
 
 def _variables(path: str) -> dict[str, NDArray]:

@@ -64,7 +64,7 @@ READERS: dict[str, tuple[Callable[[Path, Camera | None], Lights], str]] = {
     ".dome": (read_dome, "lightConfiguration and directions[], positionsSphere[] or positions3d[] of {x, y, z}"),
     ".mat": (read_mat, "S (n x 3, mm), Phi (n x 3 or n x 1), mu (n x 1)"),
 }
-"""Each suffix' reader, and what it expects; .txt: DiLiGenT's tables, .dome: RelightLab's, .mat: light.mat of near_ps."""
+"""Each suffix' reader, and what it expects; .txt: DiLiGenT's tables, .dome: RelightLab's, .mat: near_ps's light.mat."""
 SUFFIXES = tuple(READERS)
 WRITTEN = ("diligent", "dome", "lp", "meshroom")
 
