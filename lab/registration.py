@@ -25,8 +25,9 @@ from lab.progress import progress_bar
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.frames import Frames
+from scene.length_units import UNITS_MM
 from scene.lights import Lights, known_median
-from scene.mesh import UNITS_MM, Mesh
+from scene.mesh import Mesh
 from scene.pose import Pose
 from scene.rays import RayCaster
 from solve.solve import solve

@@ -2,14 +2,9 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-
-Unit = Literal["m", "cm", "mm", "inch", "unknown"]
-UNITS_MM: dict[str, float] = {"m": 1000.0, "cm": 10.0, "mm": 1.0, "inch": 25.4, "unknown": 1.0}
-"""Of a scan's lengths, in millimetres; where it is unknown the numbers stay the file's."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from formats.meshes.scan_files import LARGEST
 from scene.camera import FROM_OPENCV, Camera
 from scene.errors import AlignError
-from scene.mesh import UNITS_MM, Mesh
+from scene.length_units import UNITS_MM
+from scene.mesh import Mesh
 from scene.pose import Pose, rotation_from_vector
 from scene.rays import RayCaster
 from scene.reading import reading, text_of

@@ -10,7 +10,8 @@ from align.scan.beside_object import find_balls, find_table
 from align.scan.scan_surface import border_of, connected, orient, pieces_of, surface_of, weld
 from formats.meshes.scan_files import SUFFIXES, read_scan
 from scene.errors import AlignError
-from scene.mesh import UNITS_MM, Mesh
+from scene.length_units import UNITS_MM
+from scene.mesh import Mesh
 
 __all__ = ["SUFFIXES", "load_scan"]
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, AliasChoices, BeforeValidator, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from formats.toml_documents import TomlTable
-from scene.mesh import Unit
+from scene.length_units import Unit
 
 
 def _as_list(value: Any) -> Any:

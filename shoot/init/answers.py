@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from scene.errors import SceneError, SessionError
-from scene.mesh import Unit
+from scene.length_units import Unit
 
 if TYPE_CHECKING:
     from capture.session.manifest import Manifest

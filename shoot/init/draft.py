@@ -23,7 +23,7 @@ from formats.toml_documents import toml_text
 from scene.camera import Camera
 from scene.current import fingerprint
 from scene.frames import Frames
-from scene.mesh import UNITS_MM, Unit
+from scene.length_units import UNITS_MM, Unit
 from scene.reading import shortened
 from scene.spheres import KINDS
 from shoot.init.answers import Asking

@@ -7,7 +7,7 @@ from cyclopts import Parameter
 from cyclopts.types import PositiveFloat, PositiveInt
 from cyclopts.validators import Number
 
-from scene.mesh import Unit
+from scene.length_units import Unit
 
 View = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 FEWEST, MOST = 4, 200

@@ -21,7 +21,7 @@ from formats.toml_documents import toml_text
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.files import write_text
-from scene.mesh import UNITS_MM
+from scene.length_units import UNITS_MM
 from scene.spheres import Sphere
 from studio.session.ball_edits import Balls, circle_of, outline
 from studio.session.folder import HEADLINE, KEPT, OWN, Review, is_kept
