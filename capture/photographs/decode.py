@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +18,7 @@ from capture.audit.encoding_check import encoding_warnings
 from capture.audit.frame_facts import FrameFacts, one_clip_level, reduced, sensor_ceiling
 from capture.camera.exif import Exif, read_exif
 from capture.camera.session_camera import fitted
-from capture.photographs.develop import (
-    DevelopJob,
-    DevelopRecipe,
-    develop,
-    flat_field,
-    mean_photograph,
-    read_photograph,
-    recoded,
-)
+from capture.photographs.develop import DevelopRecipe, develop, flat_field, mean_photograph, read_photograph, recoded
 from capture.photographs.kept import Kept, kept_folder
 from capture.photographs.photograph import FLOAT16_MAX, SATURATION
 from capture.session.session_types import CaptureSession
@@ -116,21 +109,19 @@ def decode(
         shape = (len(session.flash), height, width, 3)
         with create_array(store.path("frames", "codes.npy"), shape, first.codes.dtype) as codes:
             frame_bytes = codes.nbytes // len(codes)
+            out = Path(str(codes.filename))
             jobs = [
-                DevelopJob(
-                    path, recipe, Path(str(codes.filename)), codes.offset + i * frame_bytes, first if i == 0 else None
-                )
-                for i, path in enumerate(session.flash)
+                (path, codes.offset + i * frame_bytes, None if i else first) for i, path in enumerate(session.flash)
             ]
             # A unit holds its file, its codes, and the decoder's own copies.
             threads = max(1, DECODING_BYTES // (2 * frame_bytes))
-            facts = fan_out(develop, jobs, executor=executor, done=done, threads=threads)
+            facts = fan_out(partial(develop, recipe, out), jobs, executor=executor, done=done, threads=threads)
             facts, saturation, told = _saturation(facts, first.codes.dtype)
             if told and recipe.is_corrected:
                 # Divided by the flat field, what clips at that ceiling is not to be found any more: once more.
                 total += len(jobs)
-                jobs = [replace(job, recipe=replace(recipe, saturation=saturation)) for job in jobs]
-                facts = fan_out(develop, jobs, executor=executor, done=done, threads=threads)
+                again = partial(develop, replace(recipe, saturation=saturation), out)
+                facts = fan_out(again, jobs, executor=executor, done=done, threads=threads)
             is_mosaic = any(fact.is_mosaic for fact in facts)
             small = None if ambient is None else reduced(ambient)
             gain, missing, found = at_a_glance(session, exif, ambient_exif, facts, small)

@@ -104,8 +104,8 @@ def read_mesh_file(path: Path, *, attributes: bool = True) -> ObjectMesh:
         check_corners(found.faces, len(found.vertices))
     vertices, faces = found.vertices, found.faces
     if not len(faces):
-        what = f"{len(vertices)} points, but no faces: a point cloud" if len(vertices) else "it is empty"
-        raise AlignError(f"{path}: {what}. Mesh it in the scanner's program, and export triangles.")
+        what = f"{len(vertices)} points, but no faces: a point cloud or range grid" if len(vertices) else "it is empty"
+        raise AlignError(f"{path}: {what}. Merge and mesh its views in the scanner's program, and export triangles.")
     # Grids of ranges leave vertices without a position behind; only those that a face names are wrong.
     bad = np.zeros(len(vertices), bool)
     bad[faces] = True
