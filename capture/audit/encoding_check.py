@@ -4,7 +4,6 @@ import itertools
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.camera.exif import tags_in
 from capture.session.globs import kind_of
@@ -94,18 +93,14 @@ def noise_slope(frames: Frames, *, step: float = 0.0) -> tuple[float, float] | N
         usable = (cv2.dilate(picture, np.ones((9, 9), np.uint8)) < 0.9) & (level > 1e-4)
         levels.append(level[usable][::3])
         variances.append(noise[usable][::3])
-    return _slope(np.concatenate(levels), np.concatenate(variances), step**2 / 12)
-
-
-def _slope(level: NDArray, variance: NDArray, rounding: float) -> tuple[float, float] | None:
+    level, variance, points = np.concatenate(levels), np.concatenate(variances), []
     if len(level) < 2000:
         return None
-    points = []
     for low, high in itertools.pairwise(np.quantile(level, np.linspace(0.05, 0.98, 17))):
         inside = (level >= low) & (level < high)
         if inside.sum() >= 100 and high > low:
             quiet = np.quantile(variance[inside], 0.1)
-            if quiet > rounding:
+            if quiet > step**2 / 12:
                 points.append((np.log((low + high) / 2), np.log(quiet)))
     x, y = np.array(points).reshape(-1, 2).T
     # Over less than a factor of 1.8 in brightness, four before encoding, there is no lever for a slope.

@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 from capture.audit.audit import at_a_glance, movement_warnings
 from capture.audit.camera_settings import exposure_gains
 from capture.audit.encoding_check import encoding_warnings
-from capture.audit.frame_facts import FrameFacts, one_clip_level, reduced, sensor_ceiling
+from capture.audit.frame_facts import reduced, saturation_of
 from capture.camera.exif import Exif, read_exif
 from capture.camera.session_camera import fitted
 from capture.photographs.develop import DevelopRecipe, develop, flat_field, mean_photograph, read_photograph, recoded
 from capture.photographs.kept import Kept, kept_folder
-from capture.photographs.photograph import FLOAT16_MAX, SATURATION
 from capture.session.session_types import CaptureSession
 from scene.camera import Camera
 from scene.errors import CaptureError
@@ -116,7 +115,7 @@ def decode(
             # A unit holds its file, its codes, and the decoder's own copies.
             threads = max(1, DECODING_BYTES // (2 * frame_bytes))
             facts = fan_out(partial(develop, recipe, out), jobs, executor=executor, done=done, threads=threads)
-            facts, saturation, told = _saturation(facts, first.codes.dtype)
+            facts, saturation, told = saturation_of(facts, first.codes.dtype)
             if told and recipe.is_corrected:
                 # Divided by the flat field, what clips at that ceiling is not to be found any more: once more.
                 total += len(jobs)
@@ -170,22 +169,3 @@ def _ambient(
     if recipe.flat:
         mean /= np.load(recipe.flat, mmap_mode="r")
     return recoded(mean, np.dtype(recipe.dtype))
-
-
-def _saturation(facts: list[FrameFacts], dtype: np.dtype) -> tuple[list[FrameFacts], float, tuple[str, ...]]:
-    """Return the facts; `Frames.saturation`, from the files' white levels or where the sensor is seen to clip; why."""
-    if dtype != np.uint16:
-        facts, level = one_clip_level(facts)
-        return facts, min(SATURATION * level, FLOAT16_MAX), ()
-    white = min(fact.white for fact in facts)
-    ceiling = sensor_ceiling(facts)
-    if ceiling is None or ceiling >= SATURATION * white:
-        return facts, SATURATION * white, ()
-    return (
-        facts,
-        SATURATION * ceiling,
-        (
-            f"frames: pixels pile up at {ceiling:.4f} of the stated white level, in several frames: the sensor clips "
-            "there, and samples above are treated as saturated.",
-        ),
-    )

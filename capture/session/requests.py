@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from capture.photographs.decode import decode
 from capture.photographs.images import read_image
-from capture.session.session_types import CaptureSession, SphereSpec
+from capture.session.session_types import CaptureSession
 from scene.camera import Camera
 from scene.errors import SceneError, SessionError
 from scene.frames import PEDESTAL, Frames
@@ -38,8 +38,10 @@ def sphere_requests(
     for i, spec in enumerate(session.spheres):
         key = f"spheres[{i}]"
         if spec.frames and spec.frames not in decoded:
-            decoded[spec.frames], found = _frames_apart(session, spec, i, store, executor)
-            warnings += [f"{key}: {text}" for text in found]
+            # The session's ambient frame shows the object's scene, not the ball's.
+            own, place = replace(session, flash=spec.frames, ambient=(), spheres=()), store.path("spheres", str(i))
+            decoded[spec.frames], report = decode(own, Store(place), executor=executor)
+            warnings += [f"{key}: {text}" for text in report.warnings]
         frames = decoded.get(spec.frames)
         if frames is not None and (frames.height, frames.width) != (header.height, header.width):
             raise SessionError(
@@ -78,17 +80,6 @@ def object_box(session: CaptureSession, width: int) -> tuple[float, ...] | None:
     """Return the session's box about the object in pixels of frames that are `width` wide."""
     scale = hint_scale(session, width)
     return None if session.box is None else tuple((place + 0.5) / scale - 0.5 for place in session.box)
-
-
-def _frames_apart(
-    session: CaptureSession, spec: SphereSpec, place: int, whole: Store, executor: Executor | None
-) -> tuple[Frames, tuple[str, ...]]:
-    """Return the photographs of a ball that was shot apart, decoded as the session's own, and the audit's warnings."""
-    store = Store(whole.path("spheres", str(place)))
-    # The session's ambient frame shows the object's scene, not the ball's.
-    own = replace(session, flash=spec.frames, ambient=(), spheres=())
-    frames, report = decode(own, store, executor=executor)
-    return frames, report.warnings
 
 
 def read_mask(path: Path, height: int, width: int) -> NDArray[np.bool_]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from capture.session.globs import expand, frame_names, kind_of, meant, near_name
-from capture.session.manifest import FramesTable, Manifest, SessionCameraTable, SessionObjectTable, SphereTable
+from capture.session.manifest import FramesTable, Manifest, SessionCameraTable, SphereTable
 from capture.session.session_types import CaptureSession, Encoding, SphereSpec
 from formats.light_files.light_formats import SUFFIXES as LIGHTS_SUFFIXES
 from formats.meshes.scan_files import SUFFIXES as SCAN_SUFFIXES
@@ -39,6 +39,8 @@ class Resolver:
             self._fault(
                 "object.box", f"found {known.box}; expected left, top, right, bottom: left < right, top < bottom."
             )
+        # The metres that GLB's standard asks for.
+        in_metres = (known.scan or "").lower().endswith(".glb") and "scan_unit" not in known.model_fields_set
         lights = manifest.lights and self._file("lights.file", manifest.lights.file, LIGHTS_SUFFIXES)
         session = CaptureSession(
             name=manifest.name or self.folder.name,
@@ -62,7 +64,7 @@ class Resolver:
             mask=self._file("object.mask", known.mask),
             box=tuple(known.box) if known.box else None,
             scan=self._file("object.scan", known.scan, SCAN_SUFFIXES),
-            scan_unit=_scan_unit(known),
+            scan_unit="m" if in_metres else known.scan_unit,
             scan_ball_diameter_mm=known.scan_ball_diameter_mm,
             normals=self._file("object.normals", known.normals, NORMALS_SUFFIXES),
             picks=self._file("object.picks", known.picks),
@@ -264,9 +266,3 @@ class Resolver:
 
 def _given(table: SessionCameraTable) -> list[str]:
     return [name for name in type(table).model_fields if getattr(table, name) is not None]
-
-
-def _scan_unit(known: SessionObjectTable) -> str:
-    """Return the unit that is written; else the metres that GLB's standard asks for, else millimetres."""
-    is_said = "scan_unit" in known.model_fields_set
-    return "m" if not is_said and (known.scan or "").lower().endswith(".glb") else known.scan_unit
