@@ -68,7 +68,10 @@ def _alicevision(path: Path, data: dict[str, Any]) -> Lights:
     if all("name" in row for row in rows):
         names = tuple(str(row["name"]) for row in rows)
     elif any("viewId" in row for row in rows):
-        known = {view: file for one in sorted(path.parent.glob("*.sfm")) for file, view in view_paths(one).items()}
+        known: dict[str, str] = {}
+        for one in sorted(path.parent.glob("*.sfm")):
+            with reading(one, "not an AliceVision .sfm", CalibrationError):
+                known |= {str(int(view["viewId"])): str(view["path"]) for view in parsed(one)["views"]}
         unknown = [str(row.get("viewId")) for row in rows if str(row.get("viewId")) not in known]
         if unknown:
             raise CalibrationError(
@@ -80,12 +83,6 @@ def _alicevision(path: Path, data: dict[str, Any]) -> Lights:
         order = np.argsort([int(row["lightId"]) for row in rows], kind="stable")
         directions, intensities = directions[order], intensities[order]
     return Lights(names, directions, intensities)
-
-
-def view_paths(path: Path) -> dict[str, str]:
-    """Return {photograph's path: view id} of an AliceVision .sfm file."""
-    with reading(path, "not an AliceVision .sfm", CalibrationError):
-        return {str(view["path"]): str(int(view["viewId"])) for view in parsed(path)["views"]}
 
 
 def read_dome(path: Path, camera: Camera | None) -> Lights:
