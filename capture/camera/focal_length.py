@@ -6,7 +6,6 @@ Lenses are not what is engraved on them, and focusing changes them.
 import re
 import tomllib
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -217,23 +216,13 @@ def _sensor_width_mm(camera: str) -> float | None:
     camera : str
         Maker and model in any case, as EXIF has them: "NIKON CORPORATION NIKON D850".
     """
-    text = _words(camera)
-    found = {model: width for (maker, model), width in _widths().items() if f" {maker} " in text and model in text}
+    text, tables = _words(camera), tomllib.loads(Path(__file__).with_name("sensors.toml").read_text())
+    known = [widths for maker, widths in tables.items() if f" {maker} " in text]
+    models = {_words(model): float(width) for widths in known for width, names in widths.items() for model in names}
     # "EOS R5 Mark II" names "EOS R5" too.
-    return found[max(found, key=len)] if found else None
+    return models.get(max((model for model in models if model in text), key=len, default=""))
 
 
 def _words(text: str) -> str:
     """Return the words of a text, small, each between two blanks."""
     return f" {' '.join(re.findall(r'[a-z0-9]+', text.lower()))} "
-
-
-@cache
-def _widths() -> dict[tuple[str, str], float]:
-    tables = tomllib.loads(Path(__file__).with_name("sensors.toml").read_text())
-    return {
-        (maker, _words(model)): float(width)
-        for maker, widths in tables.items()
-        for width, models in widths.items()
-        for model in models
-    }
