@@ -1,6 +1,7 @@
 """Are values that are said to be linear really linear? What the files and their noise say against it."""
 
 import itertools
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -50,18 +51,15 @@ def stated_encoding(path: Path) -> str | None:
 
     if path.suffix.lower() in (".jpg", ".jpeg"):
         return "a JPEG file, which is sRGB-encoded by standard"
-    try:
-        with Image.open(path) as image:
-            info, color_space = dict(image.info), tags_in(path).get("ColorSpace")
-    except Exception:
-        # What it says beside its pixels may be damaged: then it says nothing.
-        return None
-    if "srgb" in info:
-        return "the file's sRGB chunk"
-    gamma = info.get("gamma")
-    if isinstance(gamma, float) and 0.2 < gamma < 0.9:
-        return f"the file's gAMA chunk ({gamma})"
-    return "EXIF's color space sRGB" if color_space == 1 else None
+    # What it says beside its pixels may be damaged: then it says nothing.
+    with suppress(Exception), Image.open(path) as image:
+        gamma = image.info.get("gamma")
+        if "srgb" in image.info:
+            return "the file's sRGB chunk"
+        if isinstance(gamma, float) and 0.2 < gamma < 0.9:
+            return f"the file's gAMA chunk ({gamma})"
+        return "EXIF's color space sRGB" if tags_in(path).get("ColorSpace") == 1 else None
+    return None
 
 
 def speaks_for_gamma(slope: float, sigma: float) -> bool:

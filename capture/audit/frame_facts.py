@@ -40,10 +40,6 @@ class FrameFacts:
     white: float = 1.0
     is_mosaic: bool = False
 
-    @property
-    def mean(self) -> float:
-        return float(self.small.mean())
-
 
 def facts_of(codes: NDArray, *, white: float = 1.0, is_mosaic: bool = False) -> FrameFacts:
     """Return the facts of one frame's codes (H, W, 3)."""

@@ -116,7 +116,7 @@ def decode(
             threads = max(1, DECODING_BYTES // (2 * frame_bytes))
             facts = fan_out(partial(develop, recipe, out), jobs, executor=executor, done=done, threads=threads)
             facts, saturation, told = saturation_of(facts, first.codes.dtype)
-            if told and recipe.is_corrected:
+            if told and (recipe.dark or recipe.flat):
                 # Divided by the flat field, what clips at that ceiling is not to be found any more: once more.
                 total += len(jobs)
                 again = partial(develop, replace(recipe, saturation=saturation), out)
@@ -135,7 +135,8 @@ def decode(
         for path in scratch.values():
             remove(path)
     table = [
-        {"name": name, "brightness": fact.mean * factor, "saturated_share": fact.clipped_share, "gain": factor}
+        {"name": name, "brightness": float(fact.small.mean()) * factor, "saturated_share": fact.clipped_share}
+        | {"gain": factor}
         | {key: value for key, value in asdict(written).items() if value is not None}
         for name, fact, factor, written in zip(session.names, facts, gain.tolist(), exif, strict=True)
     ]
