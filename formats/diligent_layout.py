@@ -4,6 +4,7 @@
 line a photograph), mask.png, and the true normals. What every output folder has of it is in `scene.light_text`.
 """
 
+import io
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.mat_files import bytes_of_mat
 from scene.errors import SceneError
 from scene.files import write_png, write_text, write_whole
 from scene.frames import Frames
@@ -28,42 +28,37 @@ NORMALS = ("Normal_gt.mat", "normal.txt", "Normal_gt.png")
 def read_list(folder: Path) -> tuple[list[str], list[str]]:
     """Return the photographs that filenames.txt lists, and what must be mended in it and in the two tables."""
     faults: list[str] = []
+
+    def read(name: str, do: str, reader: Callable[..., Any], *more: Any) -> Any:
+        try:
+            if os.path.isfile(folder / name):
+                return reader(folder / name, *more)
+            faults.append(f"{name}: missing{do}")
+        except SceneError as error:
+            faults.append(str(error).removeprefix(f"{folder}/"))
+
     numbered = len(list(folder.glob("[0-9]*.png"))) or "no"
     do = f"; the folder has {numbered} numbered PNGs. List the photographs there, one a line."
-    files = _read(names_in, folder / FILENAMES, do, faults) or []
+    files = read(FILENAMES, do, names_in) or []
     if not files and not faults:
         faults.append(f"{FILENAMES}: names no file. List the photographs there, one a line.")
     # `Path.is_file` raises where a name is longer than the system allows.
     absent = [name for name in files if not os.path.isfile(folder / name)]
     twice = sorted({name for name in files if files.count(name) > 1})
-    told = (
+    for names, words in (
         (absent, "not in the folder. Add, or cross out."),
         (twice, "on the list more than once. One line a photograph."),
-    )
-    for names, words in told:
+    ):
         if names:
             faults.append(f"{FILENAMES}: {listed(names)} {'is' if len(names) == 1 else 'are'} {words}")
     for name, beside in ((DIRECTIONS, None), (INTENSITIES, "")):
-        do = ". Write three numbers a line, one line a photograph."
-        table, _ = _read(table_in, folder / name, do, faults, SceneError, beside) or (None, "")
-        if table is not None and files and len(table) != len(files):
+        found = read(name, ". Write three numbers a line, one line a photograph.", table_in, SceneError, beside)
+        if found and files and len(found[0]) != len(files):
             faults.append(
-                f"{name}: found {len(table)} rows, expected {len(files)}, one for each line of {FILENAMES}. Add or "
+                f"{name}: found {len(found[0])} rows, expected {len(files)}, one for each line of {FILENAMES}. Add or "
                 "remove rows; their order is that of the list."
             )
     return files, faults
-
-
-def _read(reader: Callable[..., Any], path: Path, do: str, faults: list[str], *more: Any) -> Any:
-    """Return what a reader makes of a file; None, and one fault more, where it is missing or cannot be read."""
-    if not path.is_file():
-        faults.append(f"{path.name}: missing{do}")
-        return None
-    try:
-        return reader(path, *more)
-    except SceneError as error:
-        faults.append(str(error).removeprefix(f"{path.parent}/"))
-        return None
 
 
 def write_diligent(
@@ -88,5 +83,10 @@ def write_diligent(
 
 def write_normal_mat(path: Path, normals: NDArray[np.float32]) -> None:
     """Write `Normal_gt` as DiLiGenT has it, float64, zero where there is no object; the same bytes every time."""
+    import scipy.io
+
+    stream = io.BytesIO()
+    scipy.io.savemat(stream, {"Normal_gt": np.nan_to_num(normals.astype(np.float64))}, do_compression=True)
     with write_whole(path) as file:
-        file.write(bytes_of_mat({"Normal_gt": np.nan_to_num(normals.astype(np.float64))}))
+        # Its first 116 bytes are text for people, with the hour in it.
+        file.write(b"MATLAB 5.0 MAT-file, rgbn".ljust(116) + stream.getvalue()[116:])

@@ -2,12 +2,10 @@
 
 import contextlib
 import io
-import os
 import resource
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,25 +13,20 @@ from numpy.typing import NDArray
 from scene.errors import SceneError
 from scene.reading import reading, reason
 
-HEADER = b"MATLAB 5.0 MAT-file, rgbn"
 LONGEST_S = 120
 MOST_BYTES = 4 << 30
 """Address space of the reading process: the largest maps take a hundredth of it."""
 
 
 def arrays_of_mat(path: Path, error: type[SceneError] = SceneError) -> dict[str, NDArray]:
-    """Return the variables that are numbers, (...) float or int, or lists of text, (n,) str; see `reading`."""
+    """Return the variables that are numbers, (...) float or int; see `reading`."""
     root = str(Path(__file__).resolve().parents[1])
     script = f"import sys; sys.path.insert(0, {root!r}); import formats.mat_files as m; m.send()"
     with reading(path, "cannot be read as a MATLAB file", error, do="Save it again, with MATLAB or SciPy."):
         try:
-            done = subprocess.run(
-                [sys.executable, "-c", script, os.fspath(path)],
-                capture_output=True,
-                timeout=LONGEST_S,
-                # A pool of threads would take more of the address space than the file.
-                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-            )
+            # It has one thread, as `scene` asks: a pool would take more of the address space than the file.
+            command = [sys.executable, "-c", script, str(path)]
+            done = subprocess.run(command, capture_output=True, timeout=LONGEST_S)
         except subprocess.TimeoutExpired:
             raise ValueError(f"its reader did not come to an end in {LONGEST_S} s") from None
         if done.returncode < 0:
@@ -44,16 +37,6 @@ def arrays_of_mat(path: Path, error: type[SceneError] = SceneError) -> dict[str,
             return {str(name): found[f"arr_{i + 1}"] for i, name in enumerate(found["arr_0"])}
 
 
-def bytes_of_mat(variables: dict[str, Any]) -> bytes:
-    """Return a MATLAB 5 file of variables; the same bytes every time."""
-    import scipy.io
-
-    stream = io.BytesIO()
-    scipy.io.savemat(stream, variables, do_compression=True)
-    # Its first 116 bytes are text for people, with the hour in it.
-    return HEADER.ljust(116) + stream.getvalue()[116:]
-
-
 def send() -> None:
     """Write the variables of the file in the first argument to standard output, as .npz."""
     # Where a system has no such limit, the memory is the machine's.
@@ -61,12 +44,9 @@ def send() -> None:
         resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
     try:
         found = _variables(sys.argv[1])
-        names = np.array(list(found), str)
-        data = io.BytesIO()
-        np.savez(data, names, *found.values())
+        np.savez(sys.stdout.buffer, np.array(list(found), str), *found.values())
     except Exception as error:
         sys.exit(reason(error))
-    sys.stdout.buffer.write(data.getvalue())
 
 
 def _variables(path: str) -> dict[str, NDArray]:
@@ -75,15 +55,9 @@ def _variables(path: str) -> dict[str, NDArray]:
     if h5py.is_hdf5(path):
         with h5py.File(path) as file:
             sets = {name: item for name, item in file.items() if isinstance(item, h5py.Dataset)}
-            # MATLAB 7.3 stores columns first: the axes come out reversed. Its cells of text are references.
+            # MATLAB 7.3 stores columns first: the axes come out reversed.
             return {name: np.asarray(item).T for name, item in sets.items() if item.dtype.kind in "biuf"}
     import scipy.io
 
-    found = {}
-    for name, item in scipy.io.loadmat(path).items():
-        if isinstance(item, np.ndarray) and item.dtype.kind in "biuf":
-            found[name] = item
-        elif isinstance(item, np.ndarray) and item.dtype.kind in "OU":
-            # A cell of text, or text alone.
-            found[name] = np.array([str(np.squeeze(one)) for one in item.ravel()], str)
-    return found
+    found = scipy.io.loadmat(path).items()
+    return {name: item for name, item in found if isinstance(item, np.ndarray) and item.dtype.kind in "biuf"}

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats.mat_files import arrays_of_mat
+from formats.picture_files import read_values
 from scene.errors import SceneError
-from scene.image_files import read_pixels
 from scene.reading import array_of, reading, shortened
 
 SUFFIXES = (".mat", ".txt", ".npy", ".png")
@@ -64,7 +64,7 @@ def _read_mat(path: Path) -> NDArray:
 
 
 def _read_png(path: Path) -> NDArray:
-    image, white = read_pixels(path)
+    image, white = read_values(path)
     if image.ndim != 3 or image.shape[2] < 3:
         raise ValueError("no RGB image of 8 or 16 bits")
     code = image[..., :3].astype(np.float64)

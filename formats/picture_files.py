@@ -1,5 +1,6 @@
 """Pictures and arrays as linear float32; OpenEXR; the sRGB curve."""
 
+import io
 import os
 from pathlib import Path
 from typing import Any
@@ -7,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.tiff_files import read_tiff
+from formats.tiff_files import MOST_PIXELS, check_size, read_tiff
 from scene.errors import RenderError, SceneError
 from scene.files import write_whole
-from scene.image_files import MOST_PIXELS, check_size, read_pixels
 from scene.reading import array_of, reading, shortened
 
 Picture = NDArray[np.float32]
@@ -20,6 +20,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Y of linear sRGB (IEC 61966-2-1)."""
 
 EXR = b"\x76\x2f\x31\x01"
+PILLOW = ["PNG", "JPEG", "BMP", "PPM", "TGA", "GIF", "WEBP"]
 KINDS = {"HALF": np.float16, "FLOAT": np.float32}
 """Of OpenEXR's channels. A third, UINT, holds numbers of objects and the like."""
 READ = "Read is one picture: R, G, B or Y, of floating point. Export it alone."
@@ -82,13 +83,32 @@ def read_picture(path: Path, encoding: str | None = None) -> Picture:
     return np.ascontiguousarray(linear, np.float32)
 
 
-def read_values(path: Path, error: type[SceneError], **how: str) -> tuple[NDArray, int]:
-    """Return the values of a picture of any kind as they lie in the file, and that of white, 1 of floating point.
+def read_values(
+    path: Path,
+    error: type[SceneError] = SceneError,
+    *,
+    fault: str = "cannot be read as a picture",
+    do: str = "Save it again.",
+) -> tuple[NDArray, int]:
+    """Return the values of a picture of any kind as they lie in the file, and that of white.
 
-    No colour profile is applied, and no orientation. What a file is, but for .npy, is told by its first bytes, not by
-    its name. See `scene.image_files.read_pixels` for the parameters.
+    What is decoded is not what a header claims beyond sense. No colour profile is applied, and no orientation. What a
+    file is, but for .npy, is told by its first bytes, not by its name.
+
+    Parameters
+    ----------
+    path : Path
+    error, fault, do
+        As in `scene.reading.reading`.
+
+    Returns
+    -------
+    values : (H, W), (H, W, 3) RGB or, of PNG with alpha, (H, W, 4)
+        uint8, uint16 or floating point.
+    white : int
+        1 of floating point.
     """
-    with reading(path, **{"fault": "cannot be read as a picture", "do": "Save it again.", **how}, error=error):
+    with reading(path, fault, error, do=do):
         with path.open("rb") as file:
             start = file.read(4)
         if path.suffix.lower() == ".npy":
@@ -98,7 +118,49 @@ def read_values(path: Path, error: type[SceneError], **how: str) -> tuple[NDArra
             return _read_exr(path, error), 1
         if start[:2] in (b"II", b"MM"):
             return read_tiff(path, error)
-    return read_pixels(path, error, **how)
+        return _read_others(path, error)
+
+
+def _read_others(path: Path, error: type[SceneError]) -> tuple[NDArray, int]:
+    """Return what `read_values` does of PNG, JPEG, BMP, PGM, PPM, TGA, and Radiance's HDR."""
+    import cv2
+
+    data = path.read_bytes()
+    if not data:
+        raise ValueError("it is empty")
+    # The decoders fill the rest of a file cut short with gray, and say nothing.
+    ends = {b"\xff\xd8": b"\xff\xd9" in data[-4096:], b"\x89P": b"IEND" in data[-64:]}
+    if not ends.get(data[:2], True):
+        raise ValueError(f"it is cut short: {len(data)} bytes, no end mark")
+    # Radiance's files begin so; Pillow does not know them.
+    head = None if data.startswith(b"#?") else _head(data)
+    if head and head.mode == "CMYK":
+        raise error(f"{path}: is of the colour space CMYK. Export it as RGB.")
+    if head and head.format == "TGA":
+        return np.asarray(head.convert("L" if head.mode in ("L", "LA", "1") else "RGB")), 255
+    values = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if values is None or values.dtype not in (np.uint8, np.uint16, np.float32):
+        raise ValueError("corrupt, or of another kind")
+    white = np.iinfo(values.dtype).max if values.dtype.kind == "u" else 1
+    if head and head.format == "PPM" and isinstance(head.tile[0].args, tuple):
+        # The greatest value that a header states: 4095 in a 12-bit file. Text of 8 bits OpenCV brings to 255.
+        white = white if data[:2] in (b"P2", b"P3") and white == 255 else int(head.tile[0].args[-1])
+    # OpenCV has blue first.
+    return values if values.ndim == 2 else values[..., [2, 1, 0, 3][: values.shape[2]]], white
+
+
+def _head(data: bytes) -> Any:
+    """Return the picture as Pillow finds it, not decoded."""
+    from PIL import Image
+
+    # The check is ours: Pillow's own would warn of 90 megapixels.
+    Image.MAX_IMAGE_PIXELS = None
+    try:
+        head = Image.open(io.BytesIO(data), formats=PILLOW)
+    except Exception as error:
+        raise ValueError("corrupt, or of another kind") from error
+    check_size(*head.size, len(data))
+    return head
 
 
 def _read_exr(path: Path, error: type[SceneError]) -> NDArray:

@@ -1,11 +1,13 @@
-"""AliceVision's SfMData (.sfm) of photographs from one place: views, one camera, one pose, for Meshroom."""
+"""For AliceVision's Meshroom: SfMData (.sfm) of photographs from one place: views, one camera, one pose; the lights."""
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from scene.camera import Camera
+from scene.camera import Camera, to_opencv
 from scene.errors import CalibrationError
 from scene.files import write_json
+from scene.lights import Lights
 
 VERSION = ["1", "2", "6"]
 SENSOR_MM = 36.0
@@ -52,3 +54,13 @@ def write_sfm(path: Path, camera: Camera, photographs: Sequence[Path]) -> list[s
     data = {"version": VERSION, "views": views, "intrinsics": [intrinsic], "poses": [pose]}
     write_json(path, data)
     return [f"cameras.sfm: its camera is from {camera.source}"]
+
+
+def sfm_lights(lights: Lights) -> dict[str, Any]:
+    """Return what AliceVision's PhotometricStereo reads: distant lights, its camera frame, the views of `write_sfm`."""
+    rows = zip(lights.names, to_opencv(lights.directions), lights.intensities, strict=True)
+    # Not lights.json: beside ours it would be taken for it.
+    return {"lights_alicevision.json": {"lights": [
+        {"viewId": view, "type": "directional", "direction": direction, "intensity": intensity, "name": name}
+        for view, (name, direction, intensity) in enumerate(rows, 1)
+    ]}}  # fmt: skip

@@ -6,6 +6,7 @@ Maps of an object are written as measuring and mapping programs open them: value
 import json
 import logging
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 
 from scene.errors import SceneError
 from scene.files import write_text, write_whole
-from scene.image_files import check_size
 
 # What it would print of damaged headers, the reader says in one message.
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
@@ -29,6 +29,12 @@ CENTIMETRE = 3
 """ResolutionUnit [Adobe1992]."""
 SAMPLES = {0: 1, 1: 1, 2: 3, 3: 1, YCBCR: 3}
 """Of a pixel, by PhotometricInterpretation: MinIsWhite, MinIsBlack, RGB, palette; YCbCr, undone by JPEG's decoder."""
+MOST_PIXELS = 600_000_000
+"""No camera has more, with its pixels shifted neither."""
+TIGHTEST = 4000
+"""Pixels that a byte of a file can stand for, at most: deflate packs 1032 to 1, LZW and JPEG to the same order."""
+PIXEL_BYTES = 16
+"""Of memory that a pixel takes while it is decoded: its values, and its codes."""
 READ = (
     "Read are files of one picture: gray, palette or RGB, of 1 to 16 bits or floating point. Export it as such a one."
 )
@@ -101,6 +107,13 @@ def samples_of(page: Any) -> NDArray:
     if page.axes == "SYX":
         values = np.moveaxis(values, 0, -1)
     return np.ascontiguousarray(values)
+
+
+def check_size(width: int, height: int, file_bytes: int) -> None:
+    """Raise ValueError for a picture of a size that no camera takes, or that so small a file cannot hold."""
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if min(width, height) < 1 or width * height > min(MOST_PIXELS, TIGHTEST * file_bytes, memory // PIXEL_BYTES):
+        raise ValueError(f"its header claims {width} x {height} px, the file has {file_bytes} bytes")
 
 
 def _unlike(file: Any, page: Any, others: list[Any]) -> str:

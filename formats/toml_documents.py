@@ -32,11 +32,6 @@ class TomlTable(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, arbitrary_types_allowed=True)
 
 
-def key_path(location: Location) -> str:
-    """Return where a key stands, as in spheres[0].kind."""
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".")
-
-
 def fault_line(
     fault: Mapping[str, Any],
     hint: Callable[[Location], str],
@@ -52,7 +47,8 @@ def fault_line(
     """
     # Validators appear in the path, and no file holds them.
     parts = [part for part in fault["loc"] if isinstance(part, int) or not part.startswith("function-")]
-    path, kind, cause = key_path(parts), fault["type"], fault.get("ctx", {}).get("error")
+    path = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).lstrip(".")
+    kind, cause = fault["type"], fault.get("ctx", {}).get("error")
     if kind in ("extra_forbidden", "unexpected_keyword_argument"):
         return f"{path}: unknown key. {hint(parts)}"
     if kind == "missing":

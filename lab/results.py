@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from compare.report.facts import best_method
 from compare.report.pictures import PixelBox
-from formats.meshes.glb_files import write_glb
+from formats.meshes.scan_files import ObjectMesh, write_glb
 from formats.picture_files import LUMINANCE, srgb_from_linear
 from formats.tiff_files import write_map
 from lab.job import Job, Outcome
@@ -170,7 +170,7 @@ def _write_surface(
     picture = np.round(255 * shown).astype(np.uint8)
     size = shrink * np.array([picture.shape[1], picture.shape[0]])
     texcoords = (np.stack([u - box.left, v - box.top], 1) + 0.5 * shrink) / size
-    write_glb(glb, mesh.vertices, mesh.faces, mesh.normals, texcoords, picture)
+    write_glb(glb, ObjectMesh(mesh.vertices, mesh.faces, mesh.normals, texcoords), picture)
     written += [ply, glb]
     if not store.path("depth", f"{found.method}.npy").exists():
         told = {"map": "depth", "method": found.method, "value": f"mm, z; {found.scale}"}

@@ -214,14 +214,12 @@ def export(
         str,
         Parameter(
             alias="-f",
-            help="Formats, with commas: alicevision, diligent, dome, lp, mat, meshroom, relight, heritage, mitsuba. "
-            "mat: for near_ps. meshroom: photographs and camera as SfMData, with AliceVision's lights. relight: "
-            "one picture for OpenLIME and RelightLab. heritage: a bag for an archive, with a IIIF manifest. "
-            "mitsuba: the twin's scene.",
+            help="Formats, with commas: diligent, dome, lp, meshroom, relight, heritage, mitsuba. meshroom: "
+            "photographs and camera as SfMData, with AliceVision's lights. relight: one picture for OpenLIME and "
+            "RelightLab. heritage: a bag for an archive, with a IIIF manifest. mitsuba: the twin's scene.",
         ),
     ],
     out: Out = None,
-    sfm: Annotated[Path | None, Parameter(help="AliceVision's .sfm of the photographs, for its view ids.")] = None,
     base_url: Annotated[
         str, Parameter(help="Address at which data/ of heritage will be served. Its IIIF ids begin with it.")
     ] = "http://localhost:8000",
@@ -230,7 +228,7 @@ def export(
     """Write lights, a relightable picture or the twin's scene for another program."""
     from rgbn.export_command import export_session
 
-    paths, notes = export_session(session, format, out, sfm, base_url, said)
+    paths, notes = export_session(session, format, out, base_url, said)
     for note in notes:
         say(f"note: {note}")
     for path in () if is_quiet() else paths:

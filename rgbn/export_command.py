@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report.pictures import Exposure
-from formats.light_files.light_formats import FORMATS as LIGHTS
-from formats.light_files.light_formats import export_lights
+from formats.light_files.light_formats import WRITTEN, export_lights
 from formats.picture_files import srgb_from_linear
 from formats.relight_files import tell, terms, write_relight
 from formats.sfm_data import write_sfm
@@ -25,7 +24,7 @@ from twin.description.description import TwinScene
 from twin.description.description_file import read_scene
 
 HERITAGE, SCENE = "heritage", "mitsuba"
-FORMATS = (*sorted(LIGHTS), "meshroom", "relight", HERITAGE, SCENE)
+FORMATS = (*WRITTEN, "relight", HERITAGE, SCENE)
 
 Made = tuple[list[Path], list[str]]
 """Files, and notes: what these cannot say."""
@@ -36,14 +35,12 @@ MOST_CONDITION = 1e3
 """Of the terms at the lights; beyond it they cannot be told apart."""
 
 
-def export_session(
-    source: Path, text: str, out: Path | None, sfm: Path | None, base_url: str, said: Solving = AS_BEFORE
-) -> Made:
+def export_session(source: Path, text: str, out: Path | None, base_url: str, said: Solving = AS_BEFORE) -> Made:
     """Write what is asked for into OUT/export, after the steps that it needs.
 
     Parameters
     ----------
-    source, text, out, sfm, base_url, said
+    source, text, out, base_url, said
         As `rgbn export` has them; `text`: formats with commas.
 
     Raises
@@ -78,11 +75,11 @@ def export_session(
         for name in names:
             if name != HERITAGE:
                 with job.record.part_of(EXPORTED):
-                    made.append(_one(job, name, sfm))
+                    made.append(_one(job, name))
     return [path for paths, _ in made for path in paths], [note for _, notes in made for note in notes]
 
 
-def _one(job: Job, name: str, sfm: Path | None) -> Made:
+def _one(job: Job, name: str) -> Made:
     store, folder = job.store, job.store.path("export")
     lights, camera = store.load_lights(), store.load_camera()
     if name == SCENE:
@@ -98,12 +95,11 @@ def _one(job: Job, name: str, sfm: Path | None) -> Made:
         return export_relight(store, job.session.name)
     if lights.is_unknown:
         lights.check()
-    if name != "meshroom":
-        return export_lights(folder, name, lights, camera, files=job.frame_files, sfm=sfm)
-    views = folder / "cameras.sfm"
-    said = write_sfm(views, camera, [path.resolve() for path in job.session.flash])
-    paths, notes = export_lights(folder, "alicevision", lights, camera, files=job.frame_files, sfm=views)
-    return [*paths, views], [*said, *notes]
+    sfm, said = folder / "cameras.sfm", []
+    if name == "meshroom":
+        said = write_sfm(sfm, camera, [path.resolve() for path in job.session.flash])
+    paths, notes = export_lights(folder, name, lights, camera, files=job.frame_files)
+    return [*paths, *[sfm] * (name == "meshroom")], [*said, *notes]
 
 
 def _scene(scene: TwinScene, folder: Path) -> Made:

@@ -20,6 +20,12 @@ Array = NDArray[np.float64]
 SAME = 0.01  # relative, of focal lengths and of pictures' sides, where nothing else is known of them
 
 
+def to_opencv(vectors: ArrayLike) -> Array:
+    """Return vectors (..., 3) of the camera frame in OpenCV's; the same turn leads back."""
+    # Plus nothing: -0.0 in a file makes people look for a fault.
+    return np.asarray(vectors, np.float64) @ FROM_OPENCV + 0.0
+
+
 @dataclass(frozen=True)
 class Camera:
     """A pinhole camera with lens distortion, or an orthographic one.

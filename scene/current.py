@@ -2,7 +2,6 @@
 
 import hashlib
 import importlib.util
-import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
@@ -30,8 +29,6 @@ LIBRARIES = (
 TICK_NS, COARSE_NS = 10_000_000, 2_000_000_000
 """A file that was changed so shortly before it was looked at may have been changed again within one tick of its clock;
 the second is for file systems that keep whole seconds."""
-BLOCK, BLOCKS = 1 << 13, 32
-"""Bytes and number of the blocks of `blocks_digest`; a file of 256 KiB or less is read whole."""
 
 
 def fingerprint(*values: Any, code: str = "", digest: Callable[[Path], str | None] | None = None) -> str:
@@ -72,20 +69,6 @@ def _feed(value: Any, update: Callable[[Any], Any], digest: Callable[[Path], str
         update(f"{value.name!r} {digest(value)} ".encode())
     else:
         update(f"{value!r} ".encode())
-
-
-def blocks_digest(path: Path) -> str | None:
-    """Return a hash of a file's size and of blocks all over it, which tells photographs apart; None without a file."""
-    try:
-        with open(path, "rb") as file:
-            size = os.fstat(file.fileno()).st_size
-            found = hashlib.sha256(str(size).encode())
-            for start in range(0, size, max(BLOCK, -(-size // BLOCKS))):
-                file.seek(start)
-                found.update(file.read(BLOCK))
-            return found.hexdigest()
-    except OSError:
-        return None
 
 
 def file_digest(path: Path) -> str | None:

@@ -3,11 +3,9 @@
 import os
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from scene.current import blocks_digest
 from scene.errors import SceneError
 from scene.record import Record
 
@@ -35,23 +33,18 @@ class Origin:
     place: Path
     files: tuple[Path, ...] = ()
 
-    @cached_property
-    def contents(self) -> dict[str, str]:
-        """The `blocks_digest` of each file that is there."""
-        found = {str(file): blocks_digest(file) for file in self.files}
-        return {file: digest for file, digest in found.items() if digest}
-
     def owns(self, record: Record) -> bool:
         """Whether the results of a folder are those of this origin, or of none."""
         note = record.notes.get(NOTE)
         if note is None or record.is_bare:
             return True
-        if note["kind"] != self.kind or (note["files"] and not self._shares(note["files"])):
+        shares = any(map(note["files"].__contains__, self._digests(record))) if self.files else _is_there(note, record)
+        if note["kind"] != self.kind or (note["files"] and not shares):
             return False
         if _is_one(self.place, Path(note["place"]), record.folder / note["relative"]) or self._is_within(record):
             return True
         # Moved: a copy beside the first one is another session.
-        return bool(note["files"]) and not (os.path.lexists(note["place"]) and _any_is_there(note["files"]))
+        return bool(note["files"]) and not (os.path.lexists(note["place"]) and _is_there(note, record))
 
     def claim(self, record: Record, said: Path) -> None:
         """Note in a record that is held that its folder belongs to this origin.
@@ -69,24 +62,26 @@ class Origin:
         """
         note = record.notes.get(NOTE)
         if note and not self.owns(record):
-            raise SceneError(f"--out {said}: {self._whose(note)} Choose another folder with --out; or remove this one, "
-                             "if its results are not needed. Nothing was written or removed.")  # fmt: skip
+            whose = f"of the {note['kind']} {note['place']}, not of the {self.kind} {self.place}."
+            if note["kind"] == self.kind and _is_one(self.place, Path(note["place"])):
+                whose = f"of other photographs, which lay in {self.place} before."
+            raise SceneError(
+                f"--out {said}: it holds the results {whose} Choose another folder with --out; or remove this one, if "
+                "its results are not needed. Nothing was written or removed."
+            )
         place, relative = str(self.place), os.path.relpath(self.place, record.folder)
         if note and self._is_within(record):
             place, relative = note["place"], note["relative"]
-        record.note(NOTE, {"kind": self.kind, "place": place, "relative": relative, "files": self.contents})
+        files = self._digests(record)
+        record.note(NOTE, {"kind": self.kind, "place": place, "relative": relative, "files": files})
 
-    def _shares(self, files: dict[str, str]) -> bool:
-        return bool(set(files.values()) & set(self.contents.values())) if self.files else _any_is_there(files)
+    def _digests(self, record: Record) -> dict[str, str]:
+        """Return the path of each photograph that is there by its digest."""
+        return {digest: str(file) for file in self.files if (digest := record.digest(file))}
 
     def _is_within(self, record: Record) -> bool:
         """Whether this is a correction of the session, which lies in the output folder itself."""
         return self.place.is_relative_to(record.folder)
-
-    def _whose(self, note: dict[str, Any]) -> str:
-        if note["kind"] == self.kind and _is_one(self.place, Path(note["place"])):
-            return f"it holds the results of other photographs, which lay in {self.place} before."
-        return f"it holds the results of the {note['kind']} {note['place']}, not of the {self.kind} {self.place}."
 
 
 def _is_one(place: Path, *others: Path) -> bool:
@@ -98,5 +93,6 @@ def _is_one(place: Path, *others: Path) -> bool:
     return False
 
 
-def _any_is_there(files: dict[str, str]) -> bool:
-    return any(blocks_digest(Path(file)) == digest for file, digest in files.items())
+def _is_there(note: dict[str, Any], record: Record) -> bool:
+    """Whether a photograph that was noted stands where it did."""
+    return any(record.digest(Path(file)) == digest for digest, file in note["files"].items())

@@ -82,13 +82,13 @@ def listed(words: Iterable[object], most: int = 5) -> str:
     return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
-def told(where: object, faults: Sequence[str], doing: str = "") -> str:
-    """Return all faults of a file or folder as one message; `doing`: what it was that they hinder."""
+def told(where: object, faults: Sequence[str]) -> str:
+    """Return all faults of a file or folder as one message."""
     lines = [shortened(fault, 600) for fault in faults[:MOST_FAULTS]]
     if len(faults) == 1:
-        return f"{where}: {doing}{lines[0]}"
+        return f"{where}: {lines[0]}"
     more = [f"and {len(faults) - MOST_FAULTS} more"] if len(faults) > MOST_FAULTS else []
-    return "\n  ".join([f"{where}: {doing}{len(faults)} faults.", *lines, *more])
+    return "\n  ".join([f"{where}: {len(faults)} faults.", *lines, *more])
 
 
 def text_of(

@@ -22,7 +22,7 @@ from scene.reading import reading
 PLACE = ".rgbn"
 """Folder in the output folder: the record, the lock, and what is not finished."""
 NAME = "record.json"
-FORMAT = 3
+FORMAT = 4
 
 
 @dataclass

@@ -17,7 +17,6 @@ from scene.errors import SceneError
 from scene.estimate import Estimate
 from scene.files import write_json, write_npy, write_png, write_text
 from scene.frames import Frames
-from scene.image_files import read_pixels
 from scene.light_text import light_tables, lights_json, lights_of_json, lp_file
 from scene.lights import Lights
 from scene.normals import encode_normals
@@ -173,8 +172,10 @@ class Store:
         write_png(self.path("mask.png"), mask)
 
     def load_mask(self) -> NDArray[np.bool_]:
-        values, white = read_pixels(self.path("mask.png"), do=REMADE)
-        mask = values.reshape(*values.shape[:2], -1)[..., :3].max(-1) > white / 2
+        from PIL import Image
+
+        with reading(self.path("mask.png"), "is damaged", do=REMADE), Image.open(self.path("mask.png")) as picture:
+            mask = np.asarray(picture.convert("L")) > 127
         self._of_frames_size(self.path("mask.png"), *mask.shape)
         return mask
 

@@ -38,20 +38,14 @@ def at_a_glance(
     light = pictures * by_room[:, None, None] - (0 if ambient is None else ambient)
     missing, dark = misfires(names, light, ambient)
     told = [*told, *mixed_settings(session, exif, ambient_exif), *dark, *doubles(names, facts, light)]
-    return gain * by_room, missing, [*told, *_blown(names, facts)]
-
-
-def _blown(names: tuple[str, ...], facts: list[FrameFacts]) -> list[str]:
-    """Name frames of which a large part is clipped."""
-    share = np.array([fact.blown_share for fact in facts])
-    blown = [names[i] for i in np.flatnonzero(share > BLOWN)]
-    if not blown:
-        return []
-    worst = int(np.argmax(share))
-    return [
-        f"{listed(blown)}: overexposed ({names[worst]}: {share[worst]:.1%} of the picture is clipped in large spots). "
-        "Those samples are left out; expose so that only a chrome ball's highlight clips."
-    ]
+    share = {name: fact.blown_share for name, fact in zip(names, facts, strict=True) if fact.blown_share > BLOWN}
+    if share:
+        worst = max(share, key=share.__getitem__)
+        told.append(
+            f"{listed(share)}: overexposed ({worst}: {share[worst]:.1%} of the picture is clipped in large spots). "
+            "Those samples are left out; expose so that only a chrome ball's highlight clips."
+        )
+    return gain * by_room, missing, told
 
 
 def movement_warnings(frames: Frames, facts: list[FrameFacts]) -> list[str]:

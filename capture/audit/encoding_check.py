@@ -1,10 +1,10 @@
 """Are values that are said to be linear really linear? What the files and their noise say against it."""
 
 import itertools
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.camera.exif import tags_in
 from capture.session.globs import kind_of
@@ -51,18 +51,15 @@ def stated_encoding(path: Path) -> str | None:
 
     if path.suffix.lower() in (".jpg", ".jpeg"):
         return "a JPEG file, which is sRGB-encoded by standard"
-    try:
-        with Image.open(path) as image:
-            info, color_space = dict(image.info), tags_in(path).get("ColorSpace")
-    except Exception:
-        # What it says beside its pixels may be damaged: then it says nothing.
-        return None
-    if "srgb" in info:
-        return "the file's sRGB chunk"
-    gamma = info.get("gamma")
-    if isinstance(gamma, float) and 0.2 < gamma < 0.9:
-        return f"the file's gAMA chunk ({gamma})"
-    return "EXIF's color space sRGB" if color_space == 1 else None
+    # What it says beside its pixels may be damaged: then it says nothing.
+    with suppress(Exception), Image.open(path) as image:
+        gamma = image.info.get("gamma")
+        if "srgb" in image.info:
+            return "the file's sRGB chunk"
+        if isinstance(gamma, float) and 0.2 < gamma < 0.9:
+            return f"the file's gAMA chunk ({gamma})"
+        return "EXIF's color space sRGB" if tags_in(path).get("ColorSpace") == 1 else None
+    return None
 
 
 def speaks_for_gamma(slope: float, sigma: float) -> bool:
@@ -94,18 +91,14 @@ def noise_slope(frames: Frames, *, step: float = 0.0) -> tuple[float, float] | N
         usable = (cv2.dilate(picture, np.ones((9, 9), np.uint8)) < 0.9) & (level > 1e-4)
         levels.append(level[usable][::3])
         variances.append(noise[usable][::3])
-    return _slope(np.concatenate(levels), np.concatenate(variances), step**2 / 12)
-
-
-def _slope(level: NDArray, variance: NDArray, rounding: float) -> tuple[float, float] | None:
+    level, variance, points = np.concatenate(levels), np.concatenate(variances), []
     if len(level) < 2000:
         return None
-    points = []
     for low, high in itertools.pairwise(np.quantile(level, np.linspace(0.05, 0.98, 17))):
         inside = (level >= low) & (level < high)
         if inside.sum() >= 100 and high > low:
             quiet = np.quantile(variance[inside], 0.1)
-            if quiet > rounding:
+            if quiet > step**2 / 12:
                 points.append((np.log((low + high) / 2), np.log(quiet)))
     x, y = np.array(points).reshape(-1, 2).T
     # Over less than a factor of 1.8 in brightness, four before encoding, there is no lever for a slope.

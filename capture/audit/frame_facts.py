@@ -40,10 +40,6 @@ class FrameFacts:
     white: float = 1.0
     is_mosaic: bool = False
 
-    @property
-    def mean(self) -> float:
-        return float(self.small.mean())
-
 
 def facts_of(codes: NDArray, *, white: float = 1.0, is_mosaic: bool = False) -> FrameFacts:
     """Return the facts of one frame's codes (H, W, 3)."""
@@ -111,14 +107,25 @@ def sensor_ceiling(facts: list[FrameFacts]) -> float | None:
     return level if agreeing >= max(2, len(piles) / 2) and level < SATURATION else None
 
 
-def one_clip_level(facts: list[FrameFacts]) -> tuple[list[FrameFacts], float]:
-    """Return the facts of floating-point frames that have one clip level, and it: the highest of the frames' own.
+def saturation_of(facts: list[FrameFacts], dtype: np.dtype) -> tuple[list[FrameFacts], float, tuple[str, ...]]:
+    """Return the facts; `Frames.saturation`, from the files' white levels or where the sensor is seen to clip; why.
 
-    It is infinite where a frame is brighter: then samples pile up for another reason, as on flat faces of a rendering.
+    Floating-point frames have one clip level, the highest of their own, and so get other facts. It is infinite where a
+    frame is brighter: then samples pile up for another reason, as on flat faces of a rendering.
     """
-    level = max((fact.white for fact in facts if np.isfinite(fact.white)), default=np.inf)
-    if any(fact.small.max() > level for fact in facts):
-        level = np.inf
-    others = [fact.white < SATURATION * level for fact in facts]
-    unclipped = [replace(fact, clipped_share=0.0, blown_share=0.0) for fact in facts]
-    return [clean if other else fact for fact, clean, other in zip(facts, unclipped, others, strict=True)], level
+    if dtype != np.uint16:
+        level = max((fact.white for fact in facts if np.isfinite(fact.white)), default=np.inf)
+        if any(fact.small.max() > level for fact in facts):
+            level = np.inf
+        unclipped = [replace(fact, clipped_share=0.0, blown_share=0.0) for fact in facts]
+        others = [fact.white < SATURATION * level for fact in facts]
+        facts = [clean if other else fact for fact, clean, other in zip(facts, unclipped, others, strict=True)]
+        return facts, min(SATURATION * level, FLOAT16_MAX), ()
+    white, ceiling = min(fact.white for fact in facts), sensor_ceiling(facts)
+    if ceiling is None or ceiling >= SATURATION * white:
+        return facts, SATURATION * white, ()
+    told = (
+        f"frames: pixels pile up at {ceiling:.4f} of the stated white level, in several frames: the sensor clips "
+        "there, and samples above are treated as saturated."
+    )
+    return facts, SATURATION * ceiling, (told,)

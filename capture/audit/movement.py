@@ -122,8 +122,7 @@ def _jolts(small: list[NDArray], floor: NDArray) -> Movement:
     near = tuple(slice(max(side - REACH_PX // 2, 0), side + REACH_PX // 2 + 1) for side in reach)
     others = (units.sum(0) - units) / (len(units) - 1)
     for i, plane in enumerate(correlations(units, others, reach)):
-        row, column, _, _ = peak(plane)
-        down, right = row - reach[0], column - reach[1]
+        right, down = np.rint(peak(plane)).astype(int) - reach[::-1]
         shift[i] = 2 * right, 2 * down
         moved = np.roll(units[i], (-down, -right), (0, 1)) - units[i]
         gain = np.real(np.conj(others[i]) * np.abs(others[i]) ** 2 * moved)
@@ -147,15 +146,9 @@ def _by_tiles(tiles: list[NDArray], places: NDArray[np.int_], middle: NDArray[np
     step = find_step(planes[:, count:], places + TILE_PX / 2 - middle, max(GAIN, gains.max()))
     if step is not None:
         return replace(still, step=step)
-    shift = np.array([_shift(plane) for plane in frames])
+    shift = np.array([peak(plane) for plane in frames]) - REACH_PX
     # A frame that moved draws the others' mean along a little.
     return Movement(shift, (gains > max(GAIN, gains.max() / 3)) & (np.linalg.norm(shift, axis=1) > LEAST_PX))
-
-
-def _shift(plane: NDArray) -> NDArray[np.float64]:
-    """Return (u, v) of the top of votes."""
-    row, column, down, right = peak(plane)
-    return np.array([column + right - REACH_PX, row + down - REACH_PX])
 
 
 def _of_either_half(units: NDArray[np.complex64]) -> NDArray[np.float64]:
@@ -205,7 +198,7 @@ def find_step(planes: NDArray, middles: NDArray[np.float64], gain: float) -> Cam
     _, k, rate, plane = best
     if k < 0:
         return None
-    shift = _shift(plane)
+    shift = peak(plane) - REACH_PX
     moved = shift @ [1, 1j] + rate * (middles @ [1, 1j])
     if np.sqrt(np.mean(np.abs(moved) ** 2)) < LEAST_PX:
         return None

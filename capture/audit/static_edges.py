@@ -80,10 +80,10 @@ def correlations(units: NDArray, references: NDArray, reach: tuple[int, int]) ->
     return np.maximum(correlation / highest, 0) ** 2
 
 
-def peak(plane: NDArray) -> tuple[int, int, float, float]:
-    """Return the row and column of a plane's highest place, and how far beside it (rows, columns) the top lies."""
+def peak(plane: NDArray) -> NDArray[np.float64]:
+    """Return (column, row) of a plane's top, to a part of a pixel."""
     row, column = (int(k) for k in np.unravel_index(np.argmax(plane), plane.shape))
-    return row, column, _vertex(plane[:, column], row), _vertex(plane[row], column)
+    return np.array([column + _vertex(plane[row], column), row + _vertex(plane[:, column], row)])
 
 
 def _vertex(values: NDArray, i: int) -> float:

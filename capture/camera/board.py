@@ -46,12 +46,11 @@ def calibrate_board(board: BoardTable, session: CaptureSession) -> tuple[Camera,
             missed.append(f"{file.name} ({0 if corners is None else len(corners[0])} corners)")
         else:
             matched.append(corners)
-    checked = "squares" if board.dictionary is None else "squares and dictionary"
     if len(matched) < 3 or size is None:
         raise SessionError(
             f"{key}: the board was found in {len(matched)} of {len(session.board_shots)} shots, at least 3 are "
-            f"needed (too few corners in {', '.join(missed[:6])}). Check {checked}, "
-            "light it evenly, fill the picture with it, tilt it differently in each shot."
+            f"needed (too few corners in {', '.join(missed[:6])}). Check [camera] board, light it evenly, fill the "
+            "picture with it, tilt it differently in each shot."
         )
     do = "Tilt the board differently in each shot, and fill the picture with it."
     with reading(key, "gives no camera", SessionError, do=do):

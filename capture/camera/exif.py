@@ -8,6 +8,7 @@ import io
 import logging
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -58,11 +59,10 @@ class Exif:
 
 def read_exif(path: Path) -> Exif:
     """Return the EXIF of a photograph, all None where there is none. Never raises for what it cannot read."""
-    try:
+    # The picture is what counts.
+    with suppress(Exception):
         return _exif_of_tags(tags_in(path))
-    except Exception:
-        # The picture is what counts.
-        return Exif()
+    return Exif()
 
 
 def _exif_of_tags(tags: Mapping[str, Any]) -> Exif:
@@ -105,6 +105,8 @@ def _number(tags: Mapping[str, Any], *names: str) -> float | None:
 
 def tags_in(path: Path) -> dict[str, Any]:
     """Return {EXIF's name: value}: a number, a text, (numerator, denominator), or a tuple of numbers."""
+    import tifffile
+
     with open(path, "rb") as file:
         data = file.read(HEAD)
         blocks: list[BinaryIO] = [file] if data[:2] in (b"II", b"MM") else []
@@ -116,19 +118,10 @@ def tags_in(path: Path) -> dict[str, Any]:
         found: dict[str, Any] = {}
         for block in reversed(blocks):
             block.seek(0)
-            found |= _tags_of_tiff(block)
+            # A maker's malformed block breaks parsers in many ways; the others still count.
+            with suppress(Exception), tifffile.TiffFile(block) as file:
+                tags = file.pages.first.tags
+                exif = tags.valueof("ExifTag", {})
+                plain = {PANASONIC_ISO.get(tag.name, tag.name): tag.value for tag in tags if tag.count < MOST}
+                found |= plain | dict(exif if isinstance(exif, Mapping) else {})
         return found
-
-
-def _tags_of_tiff(block: BinaryIO) -> dict[str, Any]:
-    import tifffile
-
-    try:
-        with tifffile.TiffFile(block) as file:
-            tags = file.pages.first.tags
-            plain = {PANASONIC_ISO.get(tag.name, tag.name): tag.value for tag in tags if tag.count < MOST}
-            exif = tags.valueof("ExifTag", {})
-            return plain | dict(exif if isinstance(exif, Mapping) else {})
-    except Exception:
-        # A maker's malformed block breaks parsers in many ways; the others still count.
-        return {}

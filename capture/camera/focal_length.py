@@ -6,9 +6,7 @@ Lenses are not what is engraved on them, and focusing changes them.
 import re
 import tomllib
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -30,15 +28,6 @@ UNIT = 4.0
 """Ratio of a length to EXIF's from which it is taken for one in another unit."""
 USUAL_DISTANCE_MM = 1000.0
 """Sensor to object, where EXIF does not tell: the balls and the object fill the picture."""
-
-
-class _Focal(NamedTuple):
-    """A focal length, pixels of the full-size picture; its relative sigma; how it is known, in words."""
-
-    fx: float
-    fy: float
-    sigma: float
-    what: str
 
 
 def camera_from_lens(
@@ -80,43 +69,45 @@ def camera_from_lens(
     if focal is None:
         return Camera.orthographic(*decoded), (
             "camera: unknown (no [camera] in session.toml, no focal length in EXIF): taken as orthographic. Then no "
-            "light has a position, and a ball away from the centre gives a direction that is off by about as much as "
-            "it lies off the axis, 5 to 15 degrees with usual lenses. Add [camera] with focal_mm and sensor_mm, or "
-            "shots of a ChArUco board or a chessboard.",
+            "light has a position, and a ball away from the centre gives directions that are off by 5 to 15 degrees. "
+            "Add [camera] with focal_mm and sensor_mm, or shots of a ChArUco board or a chessboard.",
         )
-    if not 0.2 <= focal.fx / width <= 1000:
+    fx, fy, sigma, what = focal
+    if not 0.2 <= fx / width <= 1000:
         raise SessionError(
-            f"camera: the focal length is {focal.fx:g} px ({focal.what}) for a picture of {width} px; lenses have 0.2 "
+            f"camera: the focal length is {fx:g} px ({what}) for a picture of {width} px; lenses have 0.2 "
             "to 1000 times the picture. Correct it in [camera]; a focal length in millimetres is focal_mm."
         )
     known = lens.cx is not None and lens.cy is not None
     camera = Camera(
-        *(width, height, focal.fx, focal.fy),
+        *(width, height, fx, fy),
         (width - 1) / 2 if lens.cx is None else lens.cx,
         (height - 1) / 2 if lens.cy is None else lens.cy,
         tuple(lens.distortion or (0.0,) * 5),
         source=source,
-        focal_sigma=focal.sigma,
+        focal_sigma=sigma,
         center_sigma_px=0.0 if known else CENTER_SIGMA * width,
     )
-    if known and not focal.sigma:
+    if known and not sigma:
         return camera, ()
     doubts = _doubts(lens, exif, width, height)
     middle = "" if known else f" The principal point is taken as the centre, +- {camera.center_sigma_px:.0f} px."
     by = "focal length from EXIF, " if source == "EXIF" else "focal length "
     return camera, (
         *doubts,
-        f"camera: {by}{focal.what}: {camera.fx:.1f} px, good to {share(focal.sigma, 1)} %.{middle} Shots of a ChArUco "
+        f"camera: {by}{what}: {camera.fx:.1f} px, good to {share(sigma, 1)} %.{middle} Shots of a ChArUco "
         "board or a chessboard would measure all of it, and the distortion.",
     )
 
 
-def _focal_of(lens: SessionCameraTable, exif: Sequence[Exif], width: int, height: int) -> _Focal | None:
-    """Return the focal length by the first that tells it; None where nothing does."""
+def _focal_of(
+    lens: SessionCameraTable, exif: Sequence[Exif], width: int, height: int
+) -> tuple[float, float, float, str] | None:
+    """Return the focal length, px, along rows and columns; its relative sigma; what tells it. None: nothing does."""
     if lens.fx is not None:
         # A calibration gives the principal point too: without it this is a figure that somebody worked out.
         sigma = ENGRAVED_SIGMA if lens.cx is None else 0.0
-        return _Focal(lens.fx, lens.fy or lens.fx, sigma, "as session.toml says")
+        return lens.fx, lens.fy or lens.fx, sigma, "as session.toml says"
     engraved = sorted((e for e in exif if e.focal_mm), key=lambda e: e.focal_mm or 0)
     equivalent = sorted((e for e in exif if e.focal_35mm), key=lambda e: e.focal_35mm or 0)
     e = engraved[len(engraved) // 2] if engraved else Exif()
@@ -146,7 +137,7 @@ def _focal_of(lens: SessionCameraTable, exif: Sequence[Exif], width: int, height
     longer, breathing = _breathing(focal_mm, e.subject_mm)
     sigma = float(np.linalg.norm([ENGRAVED_SIGMA, STEP_SIGMA_MM / stated_mm, breathing, convention]))
     what += f", focused at {e.subject_mm:.0f} mm" if e.subject_mm else ""
-    return _Focal(stated_mm * x * longer, stated_mm * y * longer, sigma, what)
+    return stated_mm * x * longer, stated_mm * y * longer, sigma, what
 
 
 def _doubts(lens: SessionCameraTable, exif: Sequence[Exif], width: int, height: int) -> list[str]:
@@ -217,23 +208,13 @@ def _sensor_width_mm(camera: str) -> float | None:
     camera : str
         Maker and model in any case, as EXIF has them: "NIKON CORPORATION NIKON D850".
     """
-    text = _words(camera)
-    found = {model: width for (maker, model), width in _widths().items() if f" {maker} " in text and model in text}
+    text, tables = _words(camera), tomllib.loads(Path(__file__).with_name("sensors.toml").read_text())
+    known = [widths for maker, widths in tables.items() if f" {maker} " in text]
+    models = {_words(model): float(width) for widths in known for width, names in widths.items() for model in names}
     # "EOS R5 Mark II" names "EOS R5" too.
-    return found[max(found, key=len)] if found else None
+    return models.get(max((model for model in models if model in text), key=len, default=""))
 
 
 def _words(text: str) -> str:
     """Return the words of a text, small, each between two blanks."""
     return f" {' '.join(re.findall(r'[a-z0-9]+', text.lower()))} "
-
-
-@cache
-def _widths() -> dict[tuple[str, str], float]:
-    tables = tomllib.loads(Path(__file__).with_name("sensors.toml").read_text())
-    return {
-        (maker, _words(model)): float(width)
-        for maker, widths in tables.items()
-        for width, models in widths.items()
-        for model in models
-    }

@@ -58,11 +58,9 @@ def camera_of(session: CaptureSession, exif: Sequence[Exif], width: int, height:
 
 def usual_camera(width: int, height: int) -> Camera:
     """Return a camera as most are."""
-    focal, middle = USUAL_FOCAL * max(width, height), ((width - 1) / 2, (height - 1) / 2)
-    sigma_px = CENTER_SIGMA * max(width, height)
-    return Camera(
-        width, height, focal, focal, *middle, source="assumed", focal_sigma=USUAL_SIGMA, center_sigma_px=sigma_px
-    )
+    longer, middle = max(width, height), ((width - 1) / 2, (height - 1) / 2)
+    known = {"source": "assumed", "focal_sigma": USUAL_SIGMA, "center_sigma_px": CENTER_SIGMA * longer}
+    return Camera(width, height, USUAL_FOCAL * longer, USUAL_FOCAL * longer, *middle, **known)
 
 
 def _off_middle(camera: Camera) -> tuple[str, ...]:
@@ -73,8 +71,8 @@ def _off_middle(camera: Camera) -> tuple[str, ...]:
     return (
         f"camera.cx, camera.cy: ({camera.cx:g}, {camera.cy:g}) lies {abs(off[0]):.0%} of the width and "
         f"{abs(off[1]):.0%} of the height off the middle of {camera.width} x {camera.height} px; lenses stay within "
-        f"{OFF_MIDDLE:.0%}. Right only for photographs that were cropped on one side: each percent turns all lights "
-        "and normals by half a degree or so. Give pixels of the photographs' size, not mm; or leave cx and cy out.",
+        f"{OFF_MIDDLE:.0%}. Right only for photographs that were cropped on one side. Give pixels of the photographs' "
+        "size, not mm; or leave cx and cy out.",
     )
 
 

@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,20 +15,11 @@ from numpy.typing import NDArray
 from capture.audit.audit import at_a_glance, movement_warnings
 from capture.audit.camera_settings import exposure_gains
 from capture.audit.encoding_check import encoding_warnings
-from capture.audit.frame_facts import FrameFacts, one_clip_level, reduced, sensor_ceiling
+from capture.audit.frame_facts import reduced, saturation_of
 from capture.camera.exif import Exif, read_exif
 from capture.camera.session_camera import fitted
-from capture.photographs.develop import (
-    DevelopJob,
-    DevelopRecipe,
-    develop,
-    flat_field,
-    mean_photograph,
-    read_photograph,
-    recoded,
-)
+from capture.photographs.develop import DevelopRecipe, develop, flat_field, mean_photograph, read_photograph, recoded
 from capture.photographs.kept import Kept, kept_folder
-from capture.photographs.photograph import FLOAT16_MAX, SATURATION
 from capture.session.session_types import CaptureSession
 from scene.camera import Camera
 from scene.errors import CaptureError
@@ -116,21 +108,19 @@ def decode(
         shape = (len(session.flash), height, width, 3)
         with create_array(store.path("frames", "codes.npy"), shape, first.codes.dtype) as codes:
             frame_bytes = codes.nbytes // len(codes)
+            out = Path(str(codes.filename))
             jobs = [
-                DevelopJob(
-                    path, recipe, Path(str(codes.filename)), codes.offset + i * frame_bytes, first if i == 0 else None
-                )
-                for i, path in enumerate(session.flash)
+                (path, codes.offset + i * frame_bytes, None if i else first) for i, path in enumerate(session.flash)
             ]
             # A unit holds its file, its codes, and the decoder's own copies.
             threads = max(1, DECODING_BYTES // (2 * frame_bytes))
-            facts = fan_out(develop, jobs, executor=executor, done=done, threads=threads)
-            facts, saturation, told = _saturation(facts, first.codes.dtype)
-            if told and recipe.is_corrected:
+            facts = fan_out(partial(develop, recipe, out), jobs, executor=executor, done=done, threads=threads)
+            facts, saturation, told = saturation_of(facts, first.codes.dtype)
+            if told and (recipe.dark or recipe.flat):
                 # Divided by the flat field, what clips at that ceiling is not to be found any more: once more.
                 total += len(jobs)
-                jobs = [replace(job, recipe=replace(recipe, saturation=saturation)) for job in jobs]
-                facts = fan_out(develop, jobs, executor=executor, done=done, threads=threads)
+                again = partial(develop, replace(recipe, saturation=saturation), out)
+                facts = fan_out(again, jobs, executor=executor, done=done, threads=threads)
             is_mosaic = any(fact.is_mosaic for fact in facts)
             small = None if ambient is None else reduced(ambient)
             gain, missing, found = at_a_glance(session, exif, ambient_exif, facts, small)
@@ -145,7 +135,8 @@ def decode(
         for path in scratch.values():
             remove(path)
     table = [
-        {"name": name, "brightness": fact.mean * factor, "saturated_share": fact.clipped_share, "gain": factor}
+        {"name": name, "brightness": float(fact.small.mean()) * factor, "saturated_share": fact.clipped_share}
+        | {"gain": factor}
         | {key: value for key, value in asdict(written).items() if value is not None}
         for name, fact, factor, written in zip(session.names, facts, gain.tolist(), exif, strict=True)
     ]
@@ -179,22 +170,3 @@ def _ambient(
     if recipe.flat:
         mean /= np.load(recipe.flat, mmap_mode="r")
     return recoded(mean, np.dtype(recipe.dtype))
-
-
-def _saturation(facts: list[FrameFacts], dtype: np.dtype) -> tuple[list[FrameFacts], float, tuple[str, ...]]:
-    """Return the facts; `Frames.saturation`, from the files' white levels or where the sensor is seen to clip; why."""
-    if dtype != np.uint16:
-        facts, level = one_clip_level(facts)
-        return facts, min(SATURATION * level, FLOAT16_MAX), ()
-    white = min(fact.white for fact in facts)
-    ceiling = sensor_ceiling(facts)
-    if ceiling is None or ceiling >= SATURATION * white:
-        return facts, SATURATION * white, ()
-    return (
-        facts,
-        SATURATION * ceiling,
-        (
-            f"frames: pixels pile up at {ceiling:.4f} of the stated white level, in several frames: the sensor clips "
-            "there, and samples above are treated as saturated.",
-        ),
-    )

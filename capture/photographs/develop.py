@@ -56,21 +56,6 @@ class DevelopRecipe:
     kept: Kept | None = None
     is_first: bool = False
 
-    @property
-    def is_corrected(self) -> bool:
-        return self.dark is not None or self.flat is not None
-
-
-@dataclass(frozen=True)
-class DevelopJob:
-    """A work unit: one photograph into its place in the codes' file, `offset` bytes from its start."""
-
-    file: Path
-    recipe: DevelopRecipe
-    out: Path
-    offset: int
-    read: Photograph | None = None
-
 
 def read_photograph(file: Path, recipe: DevelopRecipe) -> Photograph:
     """Read one file, uncorrected; CaptureError if unreadable, or of another size or kind than `recipe.like`."""
@@ -100,25 +85,26 @@ def read_photograph(file: Path, recipe: DevelopRecipe) -> Photograph:
     return photograph
 
 
-def develop(job: DevelopJob) -> FrameFacts:
-    """Decode a photograph into the store; see `DevelopJob`. Doing it twice gives the same file."""
-    photograph = job.read or read_photograph(job.file, job.recipe)
-    codes, recipe = photograph.codes, job.recipe
+def develop(recipe: DevelopRecipe, out: Path, job: tuple[Path, int, Photograph | None]) -> FrameFacts:
+    """Decode a photograph into the codes' file `out`; doing it twice gives the same file.
+
+    `job`: its file, how many bytes after the start of `out` its place is, and the photograph, where it was read before.
+    """
+    file, offset, photograph = job
+    photograph = photograph or read_photograph(file, recipe)
+    codes = photograph.codes
     # Where the sensor ends shows only before each pixel is divided by a number of its own.
     facts = facts_of(codes, white=photograph.white, is_mosaic=photograph.is_mosaic)
-    if recipe.is_corrected:
+    if recipe.dark or recipe.flat:
         limit = min(recipe.saturation, SATURATION * photograph.white)
-        codes = corrected(codes, _load(recipe.dark), _load(recipe.flat), limit)
+        dark, flat = (path and np.load(path, mmap_mode="r") for path in (recipe.dark, recipe.flat))
+        codes = corrected(codes, dark, flat, limit)
         facts = replace(facts, small=reduced(codes))
     # Written, not mapped: on a network's file system others see what was written when the file is closed.
-    with open(job.out, "r+b") as file:
-        file.seek(job.offset)
-        file.write(np.ascontiguousarray(codes).data)
+    with open(out, "r+b") as place:
+        place.seek(offset)
+        place.write(np.ascontiguousarray(codes).data)
     return facts
-
-
-def _load(path: Path | None) -> NDArray | None:
-    return None if path is None else np.load(path, mmap_mode="r")
 
 
 def corrected(codes: NDArray, dark: NDArray | None, flat: NDArray | None, saturation: float) -> NDArray:

@@ -2,6 +2,7 @@
 
 import io
 import struct
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -78,14 +79,12 @@ def compression_of(path: Path) -> str:
     """Return in words how a RAW file is compressed, as far as its tags tell."""
     import tifffile
 
-    try:
-        with tifffile.TiffFile(path) as file:
-            page = pictures_in(file)[0]
-            kind = f"compression {int(page.compression)}, {named(page.compression)}"
-            return kind + ", values bent by a curve" * bool({TABLE, POLYNOMIAL} & _operations(page))
-    except Exception:
-        # No TIFF file, or a damaged one.
-        return "its tags do not tell which"
+    with suppress(Exception), tifffile.TiffFile(path) as file:
+        page = pictures_in(file)[0]
+        kind = f"compression {int(page.compression)}, {named(page.compression)}"
+        return kind + ", values bent by a curve" * bool({TABLE, POLYNOMIAL} & _operations(page))
+    # No TIFF file, or a damaged one.
+    return "its tags do not tell which"
 
 
 def _is_for_libraw(page: Any) -> bool:

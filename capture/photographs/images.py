@@ -41,20 +41,12 @@ def read_image(path: Path, encoding: Encoding, *, half: bool = False, sensor_ran
     return Photograph(halve(codes, level) if half else codes, level, sensor_range)
 
 
-def linear_of_values(values: NDArray, encoding: Encoding) -> NDArray[np.float64]:
-    """Return linear light of coded values, both 0 to 1."""
-    values = np.asarray(values, np.float64)
-    if encoding == "linear":
-        return values
-    if encoding == "srgb":
-        return linear_from_srgb(values)
-    return values**encoding
-
-
 def _codes_of_values(dtype: np.dtype, encoding: Encoding, white: int) -> NDArray[np.uint16]:
     """Return the table that takes every possible value of the file to its code."""
-    values = np.arange(np.iinfo(dtype).max + 1) / white
-    return encode(linear_of_values(np.minimum(values, 1.0), encoding))
+    values = np.minimum(np.arange(np.iinfo(dtype).max + 1) / white, 1.0)
+    return encode(
+        linear_from_srgb(values) if encoding == "srgb" else values if encoding == "linear" else values**encoding
+    )
 
 
 def _fitting_range(values: NDArray) -> float:

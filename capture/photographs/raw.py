@@ -58,7 +58,9 @@ def read_raw(path: Path, *, sensor_range: float | None = None, half: bool = Fals
         scale = sensor_range * unit
         pattern = raw.raw_pattern
         if raw.raw_type == rawpy.RawType.Stack:
-            codes, is_mosaic = _codes_of_stack(raw.raw_image_visible, black, scale), False
+            # Every colour at every pixel: LinearRaw DNG, Foveon.
+            image, is_mosaic = raw.raw_image_visible, False
+            codes = np.stack([_code_table(black[i], scale)[image[..., i]] for i in range(3)], axis=-1)
             codes = halve(codes) if half else codes
         elif pattern is not None and pattern.shape == (2, 2) and raw.color_desc == b"RGBG":
             mosaic, site_black = raw.raw_image_visible, np.asarray(black)[pattern]
@@ -119,11 +121,6 @@ def _superpixels(mosaic: NDArray, site_black: NDArray, letters: str, scale: floa
     return np.stack([sites[letters.index("R")], mean_of(greens), sites[letters.index("B")]], axis=-1)
 
 
-def _codes_of_stack(image: NDArray, black: list[float], scale: float) -> NDArray[np.uint16]:
-    """Return codes of a RAW file that holds every colour at every pixel (LinearRaw DNG, Foveon)."""
-    return np.stack([_code_table(black[i], scale)[image[..., i]] for i in range(3)], axis=-1)
-
-
 def _codes_by_libraw(raw: Any, black: list[float], white: float, scale: float) -> NDArray[np.uint16]:
     """Return codes of any other mosaic (X-Trans, monochrome) by LibRaw's own linear interpolation, locked.
 
@@ -131,10 +128,8 @@ def _codes_by_libraw(raw: Any, black: list[float], white: float, scale: float) -
     """
     import rawpy
 
-    level = max(black[:3])
-    if np.ptp(black[:3]) > 0:
-        # One level for all is exact only if the channels agree; the others keep their offset of a few DN.
-        level = float(np.mean(black[:3]))
+    # One level for all is exact only if the channels agree; else they keep their offset of a few DN.
+    level = float(np.mean(black[:3]))
     image = raw.postprocess(
         demosaic_algorithm=rawpy.DemosaicAlgorithm.LINEAR,
         user_black=0,

@@ -12,10 +12,6 @@ from formats.toml_documents import TomlTable
 from scene.length_units import Unit
 
 
-def _as_list(value: Any) -> Any:
-    return [value] if isinstance(value, str) else value
-
-
 def _between(low: float, high: float, why: str) -> AfterValidator:
     """Return the check of a number's physical range, ends included."""
 
@@ -47,7 +43,9 @@ Crop = Annotated[PositiveFloat, _between(0.1, 30, "1 for 36 x 24 mm, 1.5 or 1.6 
 Reflectance = Annotated[PositiveFloat, _between(0.2, 1, "a matte white ball gives back 0.7 to 0.99")]
 Angle = Annotated[float, Field(gt=0, lt=90)]
 Names = Annotated[
-    list[Annotated[str, Field(min_length=1, max_length=4096)]], Field(max_length=1000), BeforeValidator(_as_list)
+    list[Annotated[str, Field(min_length=1, max_length=4096)]],
+    Field(max_length=1000),
+    BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
 ]
 Globs = Annotated[Names, Field(min_length=1)]
 Two, Four, Five = (Field(min_length=n, max_length=n) for n in (2, 4, 5))

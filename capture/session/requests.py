@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 
 from capture.photographs.decode import decode
 from capture.photographs.images import read_image
-from capture.session.session_types import CaptureSession, SphereSpec
+from capture.session.session_types import CaptureSession
 from scene.camera import Camera
-from scene.current import look_of
 from scene.errors import SceneError, SessionError
-from scene.files import write_json
 from scene.frames import PEDESTAL, Frames
 from scene.spheres import SphereRequest
 from scene.store import Store
@@ -25,8 +23,7 @@ def sphere_requests(
     """Return the session's `[[spheres]]`, with masks read and balls' own photographs decoded, and warnings.
 
     The store holds the session's frames already. A ball that was shot apart gets frames of its own in
-    spheres/<n>/frames, decoded by `executor`; they are used again while neither its photographs nor the session's
-    frames change. What the audit says of them comes after the ball's key.
+    spheres/<n>/frames, decoded by `executor`. What the audit says of them comes after the ball's key.
 
     Raises
     ------
@@ -41,8 +38,10 @@ def sphere_requests(
     for i, spec in enumerate(session.spheres):
         key = f"spheres[{i}]"
         if spec.frames and spec.frames not in decoded:
-            decoded[spec.frames], found = _frames_apart(session, spec, i, store, executor)
-            warnings += [f"{key}: {text}" for text in found]
+            # The session's ambient frame shows the object's scene, not the ball's.
+            own, place = replace(session, flash=spec.frames, ambient=(), spheres=()), store.path("spheres", str(i))
+            decoded[spec.frames], report = decode(own, Store(place), executor=executor)
+            warnings += [f"{key}: {text}" for text in report.warnings]
         frames = decoded.get(spec.frames)
         if frames is not None and (frames.height, frames.width) != (header.height, header.width):
             raise SessionError(
@@ -81,26 +80,6 @@ def object_box(session: CaptureSession, width: int) -> tuple[float, ...] | None:
     """Return the session's box about the object in pixels of frames that are `width` wide."""
     scale = hint_scale(session, width)
     return None if session.box is None else tuple((place + 0.5) / scale - 0.5 for place in session.box)
-
-
-def _frames_apart(
-    session: CaptureSession, spec: SphereSpec, place: int, whole: Store, executor: Executor | None
-) -> tuple[Frames, list[str]]:
-    """Return the photographs of a ball that was shot apart, decoded as the session's own, and the audit's warnings."""
-    # The session's own frames are decoded again whenever a setting changes; these follow. Compared as equal or not:
-    # a photograph that replaces another may well be the older file.
-    stamps = [[str(path), *(look_of(path) or ())] for path in (*spec.frames, whole.path("frames", "frames.json"))]
-    store = Store(whole.path("spheres", str(place)))
-    source = store.path("source.json")
-    if store.path("frames", "frames.json").exists() and source.exists():
-        known = store.read_json("source.json")
-        if isinstance(known, dict) and known.get("files") == stamps:
-            return store.load_frames(), list(map(str, known.get("warnings", ())))
-    # The session's ambient frame shows the object's scene, not the ball's.
-    own = replace(session, flash=spec.frames, ambient=(), spheres=())
-    frames, report = decode(own, store, executor=executor)
-    write_json(source, {"files": stamps, "warnings": report.warnings})
-    return frames, list(report.warnings)
 
 
 def read_mask(path: Path, height: int, width: int) -> NDArray[np.bool_]:

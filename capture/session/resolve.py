@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from capture.session.globs import expand, frame_names, kind_of, meant, near_name
-from capture.session.manifest import FramesTable, Manifest, SessionCameraTable, SessionObjectTable, SphereTable
+from capture.session.manifest import FramesTable, Manifest, SessionCameraTable, SphereTable
 from capture.session.session_types import CaptureSession, Encoding, SphereSpec
 from formats.light_files.light_formats import SUFFIXES as LIGHTS_SUFFIXES
 from formats.meshes.scan_files import SUFFIXES as SCAN_SUFFIXES
@@ -15,12 +15,7 @@ from scene.camera import Camera
 from scene.reading import shortened
 
 SENSOR = ("sensor_mm", "pixel_um", "crop_factor", "model")
-MILLIMETRES = ("focal_mm", *SENSOR)
 BOARD = ("charuco", "chessboard", "board")
-LENSES = 0.2, 1000.0
-"""Focal lengths of lenses, in the picture's side."""
-FEWEST_SQUARES = 4
-"""Of a chessboard, each way."""
 
 
 class Resolver:
@@ -35,14 +30,7 @@ class Resolver:
         frames, known = manifest.frames, manifest.object
         self._check_name(manifest.name)
         flash = self._photographs("frames.flash", frames.flash)
-        others = {
-            key: tuple(self._photographs(f"frames.{key}", getattr(frames, key) or [], like=flash))
-            for key in ("ambient", "dark", "flat")
-        }
-        for key, files in others.items():
-            for file in (file for file in files if file in flash):
-                text = f'{file.name} is also among frames.flash. Narrow frames.flash, as in "flash_*.dng".'
-                self._fault(f"frames.{key}", text)
+        ambient, dark, flat = (self._without_flash(key, frames, flash) for key in ("ambient", "dark", "flat"))
         kept, names = self._kept(flash, frames.skip), frame_names(flash)
         if known.picks and not known.scan:
             text = 'picks are points of a scan, and there is none. Add scan = "...", or drop it.'
@@ -51,6 +39,8 @@ class Resolver:
             self._fault(
                 "object.box", f"found {known.box}; expected left, top, right, bottom: left < right, top < bottom."
             )
+        # The metres that GLB's standard asks for.
+        in_metres = (known.scan or "").lower().endswith(".glb") and "scan_unit" not in known.model_fields_set
         lights = manifest.lights and self._file("lights.file", manifest.lights.file, LIGHTS_SUFFIXES)
         session = CaptureSession(
             name=manifest.name or self.folder.name,
@@ -58,9 +48,9 @@ class Resolver:
             flash=tuple(flash[i] for i in kept),
             names=tuple(names[i] for i in kept),
             kept=tuple(kept),
-            ambient=others["ambient"],
-            dark=others["dark"],
-            flat=others["flat"],
+            ambient=ambient,
+            dark=dark,
+            flat=flat,
             chart=self._file("frames.chart", frames.chart, tuple({path.suffix.lower() for path in flash})),
             encoding=self._encoding(frames, flash),
             encoding_stated=frames.linear is not None or frames.gamma is not None,
@@ -74,7 +64,7 @@ class Resolver:
             mask=self._file("object.mask", known.mask),
             box=tuple(known.box) if known.box else None,
             scan=self._file("object.scan", known.scan, SCAN_SUFFIXES),
-            scan_unit=_scan_unit(known),
+            scan_unit="m" if in_metres else known.scan_unit,
             scan_ball_diameter_mm=known.scan_ball_diameter_mm,
             normals=self._file("object.normals", known.normals, NORMALS_SUFFIXES),
             picks=self._file("object.picks", known.picks),
@@ -129,6 +119,14 @@ class Resolver:
                 "compared: give files of the same kind.",
             )
         return files
+
+    def _without_flash(self, key: str, frames: FramesTable, flash: list[Path]) -> tuple[Path, ...]:
+        """Return the photographs of a key of [frames]: of the flash frames' kind, and none of them."""
+        files = self._photographs(f"frames.{key}", getattr(frames, key) or [], like=flash)
+        for file in (file for file in files if file in flash):
+            text = f'{file.name} is also among frames.flash. Narrow frames.flash, as in "flash_*.dng".'
+            self._fault(f"frames.{key}", text)
+        return tuple(files)
 
     def _kept(self, flash: list[Path], skip: list[str]) -> list[int]:
         """Return the places of the flash frames that are not skipped."""
@@ -190,7 +188,7 @@ class Resolver:
         if set(BOARD) & set(given):
             return table
         sized, centred = (self._check_together("camera", table, *pair) for pair in (("width", "height"), ("cx", "cy")))
-        self._check_focal(table, given)
+        self._check_focal(given)
         if not given:
             return None
         width, height, cx, cy = table.width or 0, table.height or 0, table.cx or 0.0, table.cy or 0.0
@@ -204,7 +202,7 @@ class Resolver:
         if not (sized and centred and table.fx):
             return table
         for key, focal, side in (("fx", table.fx, width), ("fy", table.fy or table.fx, height)):
-            if not LENSES[0] <= focal / side <= LENSES[1]:
+            if not 0.2 <= focal / side <= 1000:
                 self._fault(
                     f"camera.{key}",
                     f"found {focal:g} px for a picture of {side:g} px; lenses have 0.2 to 1000 times the picture. Give "
@@ -222,13 +220,13 @@ class Resolver:
             )
         return camera
 
-    def _check_focal(self, table: SessionCameraTable, given: list[str]) -> None:
+    def _check_focal(self, given: list[str]) -> None:
         """The focal length is said once, and a part of it is said wholly."""
-        millimetres, sensors = ([name for name in some if name in given] for some in (MILLIMETRES, SENSOR))
-        if table.fx is not None and millimetres:
-            text = f"found fx beside {', '.join(millimetres)}. Both tell the focal length: keep one of them."
+        sensors = [name for name in SENSOR if name in given]
+        if "fx" in given and (others := [name for name in ("focal_mm", *SENSOR) if name in given]):
+            text = f"found fx beside {', '.join(others)}. Both tell the focal length: keep one of them."
             self._fault("camera", text)
-        elif table.fx is None and table.fy is not None:
+        elif "fy" in given and "fx" not in given:
             self._fault("camera.fx", "missing. Where there is fy, give fx; where they are the same, fx alone.")
         if len(sensors) > 1:
             self._fault("camera", f"found {', '.join(sensors)}. Each tells the size of the sensor: keep one of them.")
@@ -254,7 +252,7 @@ class Resolver:
             )
             return ()
         files = tuple(self._photographs(key, shots))
-        if plain and min(board.squares) < FEWEST_SQUARES:
+        if plain and min(board.squares) < 4:
             self._fault("camera.board.squares", f"found {board.squares}; a chessboard needs 4 or more each way.")
         text = "missing. A ChArUco board has it; a plain one is given as chessboard."
         for name in ("marker_mm", "dictionary"):
@@ -268,9 +266,3 @@ class Resolver:
 
 def _given(table: SessionCameraTable) -> list[str]:
     return [name for name in type(table).model_fields if getattr(table, name) is not None]
-
-
-def _scan_unit(known: SessionObjectTable) -> str:
-    """Return the unit that is written; else the metres that GLB's standard asks for, else millimetres."""
-    is_said = "scan_unit" in known.model_fields_set
-    return "m" if not is_said and (known.scan or "").lower().endswith(".glb") else known.scan_unit

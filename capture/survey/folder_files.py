@@ -142,12 +142,9 @@ def _escaped(name: str) -> str:
 def _without_doubles(files: list[Path], folder: Path) -> tuple[list[Path], list[str]]:
     """Leave out a photograph that another of the same name shows better: a JPEG beside its RAW file."""
     kept: dict[Path, Path] = {}
-    doubles: list[Path] = []
+    ranked = sorted(filter(kind_of, files), key=rank_of)
+    doubles = [path for path in ranked if kept.setdefault(path.with_suffix(""), path) != path]
     others = [path for path in files if kind_of(path) is None]
-    for path in sorted((path for path in files if kind_of(path)), key=rank_of):
-        first = kept.setdefault(path.with_suffix(""), path)
-        if first != path:
-            doubles.append(path)
     raw = [path for path in kept.values() if kind_of(path) == "raw"]
     told = []
     if doubles:

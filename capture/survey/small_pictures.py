@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -85,17 +85,16 @@ def read_small(
         # Superpixels are faster, and enough where there are many.
         half = max(first.codes.shape) > 2 * LONGEST_PX
         recipe = replace(recipe, half=half, sensor_range=first.sensor_range, is_first=False)
-    read = partial(_read, recipe=recipe)
+
+    def read(path: Path) -> Small | str:
+        half = recipe.half and kind_of(path) == "raw"
+        try:
+            return small_of(path, read_photograph(path, replace(recipe, half=half)), full=2 if half else 1)
+        except SceneError as error:
+            return str(error)
+
     found = fan_out(read, files, done=lambda: tell(next(count), len(files)), threads=4)
     return [one for one in found if isinstance(one, Small)], [one for one in found if isinstance(one, str)]
-
-
-def _read(path: Path, recipe: DevelopRecipe) -> "Small | str":
-    half = recipe.half and kind_of(path) == "raw"
-    try:
-        return small_of(path, read_photograph(path, replace(recipe, half=half)), full=2 if half else 1)
-    except SceneError as error:
-        return str(error)
 
 
 def small_of(path: Path, photograph: Photograph, *, full: int = 1) -> Small:
@@ -117,8 +116,7 @@ def _reduced(codes: NDArray, step: int) -> NDArray:
 
 def of_one_size(pictures: list[Small]) -> tuple[list[Small], list[Small]]:
     """Return the pictures of the commonest size, and the others."""
-    sizes = Counter((one.width, one.height) for one in pictures)
-    size = max(sizes, key=lambda size: sizes[size])
+    ((size, _),) = Counter((one.width, one.height) for one in pictures).most_common(1)
     same = [one for one in pictures if (one.width, one.height) == size]
     return same, [one for one in pictures if one not in same]
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from compare.report import page, pictures
 from compare.report.facts import Material, Summary, is_seen, read_optional, there
 from compare.report.pictures import Exposure, Image, PixelBox
+from formats.picture_files import read_values
 from scene.files import write_png
 from scene.frames import Frames
-from scene.image_files import read_pixels
 from scene.lights import Lights
 from scene.map_pictures import known_pixels
 from scene.spheres import Sphere
@@ -99,7 +99,7 @@ def write_pictures(
 def read_picture(store: Store, name: str) -> Image | None:
     """Return a picture of align/, None where it is not there."""
     path = store.path(FOLDER, f"{name}.png")
-    return read_pixels(path)[0] if path.exists() else None
+    return read_values(path)[0] if path.exists() else None
 
 
 def zoom_picture(frames: Frames, exposure: Exposure, directions: NDArray, strokes: NDArray) -> Image:

@@ -1,4 +1,4 @@
-"""Lights in other programs' files: AliceVision's JSON, RelightLab's `.dome`, `light.mat` of near_ps [Queau2018].
+"""Lights in other programs' files: AliceVision's JSON, RelightLab's `.dome`, and `light.mat` of near_ps [Queau2018].
 
 | file | axes | origin | lengths |
 |---|---|---|---|
@@ -9,14 +9,14 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from formats.light_files.light_names import nameless, places
-from formats.mat_files import arrays_of_mat, bytes_of_mat
-from scene.camera import FROM_OPENCV, Camera
+from formats.light_files.light_names import nameless
+from formats.mat_files import arrays_of_mat
+from scene.camera import Camera, to_opencv
 from scene.errors import CalibrationError, SceneError
 from scene.light_text import BY_COLUMN, lights_of_json
 from scene.lights import Lights
@@ -29,20 +29,6 @@ USUAL_DEPTH_MM = 700.0
 """Where near_ps takes the object to stand when it is not told."""
 
 
-class BesideLights(NamedTuple):
-    """What a format may say beside the lights: camera, the photographs' file names, AliceVision's .sfm of them."""
-
-    camera: Camera
-    files: tuple[str, ...]
-    sfm: Path | None = None
-
-
-def to_opencv(vectors: ArrayLike) -> Array:
-    """Return vectors (..., 3) of the camera frame in OpenCV's; the same turn leads back."""
-    # Plus nothing: -0.0 in a file makes people look for a fault.
-    return np.asarray(vectors, np.float64) @ FROM_OPENCV + 0.0
-
-
 def parsed(path: Path) -> dict[str, Any]:
     """Return the object that a JSON file holds."""
     data = json_of(path, error=CalibrationError, do="Write or export the file again.")
@@ -51,7 +37,7 @@ def parsed(path: Path) -> dict[str, Any]:
     return data
 
 
-def read_json(path: Path, camera: Camera | None = None) -> Lights:
+def read_json(path: Path, camera: Camera | None) -> Lights:
     """Read a lights.json: ours, or a rig's with its camera, if it has `frames`; AliceVision's if it has `lights`."""
     data = parsed(path)
     if "frames" not in data and "lights" not in data:
@@ -82,7 +68,10 @@ def _alicevision(path: Path, data: dict[str, Any]) -> Lights:
     if all("name" in row for row in rows):
         names = tuple(str(row["name"]) for row in rows)
     elif any("viewId" in row for row in rows):
-        known = {view: file for one in sorted(path.parent.glob("*.sfm")) for file, view in view_paths(one).items()}
+        known: dict[str, str] = {}
+        for one in sorted(path.parent.glob("*.sfm")):
+            with reading(one, "not an AliceVision .sfm", CalibrationError):
+                known |= {str(int(view["viewId"])): str(view["path"]) for view in parsed(one)["views"]}
         unknown = [str(row.get("viewId")) for row in rows if str(row.get("viewId")) not in known]
         if unknown:
             raise CalibrationError(
@@ -94,47 +83,6 @@ def _alicevision(path: Path, data: dict[str, Any]) -> Lights:
         order = np.argsort([int(row["lightId"]) for row in rows], kind="stable")
         directions, intensities = directions[order], intensities[order]
     return Lights(names, directions, intensities)
-
-
-def view_paths(path: Path) -> dict[str, str]:
-    """Return {photograph's path: view id} of an AliceVision .sfm file."""
-    with reading(path, "not an AliceVision .sfm", CalibrationError):
-        return {str(view["path"]): str(int(view["viewId"])) for view in parsed(path)["views"]}
-
-
-def write_alicevision(lights: Lights, shot: BesideLights) -> tuple[dict[str, Any], list[str]]:
-    """Return what AliceVision's PhotometricStereo reads: distant lights, its camera frame.
-
-    Without an .sfm `lightId` instead of `viewId`, which AliceVision takes in the order of its view ids.
-    """
-    ids, notes = None, []
-    if shot.sfm is None:
-        notes.append(
-            "lights_alicevision.json numbers its lights, and AliceVision takes them in the order of its own view ids: "
-            "give its cameraInit.sfm with --sfm, or use the .lp file, which it matches by file name."
-        )
-    else:
-        views = view_paths(shot.sfm)
-        found = places(lights.names, list(views))
-        wrong = [(name, len(rows)) for name, rows in zip(lights.names, found, strict=True) if len(rows) != 1]
-        if wrong:
-            raise CalibrationError(
-                f"{shot.sfm}: has {wrong[0][1] or 'no'} view{'s' * (wrong[0][1] > 1)} for the frame {wrong[0][0]!r} "
-                f"({len(wrong)} of {len(lights)} lack one of their own). Give the .sfm of the same photographs."
-            )
-        ids = [int(list(views.values())[row]) for (row,) in found]
-    rows = [
-        {
-            **({"lightId": i} if ids is None else {"viewId": ids[i]}),
-            "type": "directional",
-            "direction": to_opencv(lights.directions[i]),
-            "intensity": lights.intensities[i],
-            "name": name,
-        }
-        for i, name in enumerate(lights.names)
-    ]
-    # Not lights.json: beside ours it would be taken for it.
-    return {"lights_alicevision.json": {"lights": rows}}, notes
 
 
 def read_dome(path: Path, camera: Camera | None) -> Lights:
@@ -184,9 +132,9 @@ def read_dome(path: Path, camera: Camera | None) -> Lights:
     return Lights(names, directions, intensities, positions + origin, origin)
 
 
-def write_dome(lights: Lights, shot: BesideLights) -> tuple[dict[str, Any], list[str]]:
-    """Return a `.dome` of lights: positions where they and the camera are known, else directions."""
-    camera, notes = shot.camera, []
+def dome_of(lights: Lights, camera: Camera) -> tuple[dict[str, Any], list[str]]:
+    """Return lights.dome, and notes: positions where they and the camera are known, else directions."""
+    notes = []
     if lights.model == "near" and camera.is_orthographic:
         notes.append("nothing is known of the camera: the dome has directions only.")
     origin, width_mm = np.zeros(3), 0.0
@@ -227,14 +175,13 @@ def _objects(rows: Array, keys: str) -> list[dict[str, float]]:
     return [dict(zip(keys, map(float, row), strict=True)) for row in rows]
 
 
-def read_mat(path: Path, camera: Camera | None = None) -> Lights:
+def read_mat(path: Path, camera: Camera | None) -> Lights:
     """Read `light.mat`: S (n, 3), mm, and where there Phi (n, 3) or (n, 1), mu (n, 1), Dir (n, 3).
 
     Notes
     -----
-    Near lights: a white surface at x has Phi n.(S - x) / |S - x|^3. The file does not say where the object is; a
-    variable `reference` (1, 3), which this program adds, does. Without it the object is taken to stand 700 mm before
-    the camera, and each light is flagged.
+    Near lights: a white surface at x has Phi n.(S - x) / |S - x|^3. The file does not say where the object is: it is
+    taken to stand 700 mm before the camera, and each light is flagged.
     """
     data = arrays_of_mat(path, error=CalibrationError)
     if "S" not in data:
@@ -248,46 +195,18 @@ def read_mat(path: Path, camera: Camera | None = None) -> Lights:
         raise ValueError(f"S {places.shape}, Phi {phi.shape}")
     power = np.broadcast_to(phi, positions.shape)
     bent = float(np.max(np.abs(np.asarray(data.get("mu", 0.0), np.float64)), initial=0.0))
-    names = tuple(str(name) for name in np.ravel(data.get("names", ())))
-    known = "reference" in data
-    reference = to_opencv(numbers(np.ravel(data.get("reference", [0, 0, USUAL_DEPTH_MM])), 3))
-    flag = (f"{path.name} {BY_COLUMN}",) if by_column else ()
-    flag += () if known else (f"the object is taken to stand {USUAL_DEPTH_MM:g} mm away: {path.name} does not tell",)
+    reference = to_opencv([0, 0, USUAL_DEPTH_MM])
+    flag = (f"the object is taken to stand {USUAL_DEPTH_MM:g} mm away: {path.name} does not tell",)
+    flag += (f"{path.name} {BY_COLUMN}",) if by_column else ()
     if bent:
         flag += (f"taken as shining alike to all sides: mu up to {bent:g} is not used",)
     offset = positions - reference
     square = np.sum(offset**2, axis=1, keepdims=True)
     return Lights(
-        names if len(names) == len(positions) else nameless(len(positions)),
+        nameless(len(positions)),
         offset,
         power / np.maximum(square, 1e-12),
         positions,
         reference,
         flags=(flag,) * len(positions),
     )
-
-
-def write_mat(lights: Lights, shot: BesideLights) -> tuple[dict[str, bytes], list[str]]:
-    """Return `light.mat` of near lights, and `camera.mat`: K, whose pixels count from 1."""
-    camera = shot.camera
-    if lights.positions_mm is None or camera.is_orthographic:
-        raise CalibrationError(
-            "--format mat: near_ps wants positions in mm and a perspective camera, but these lights are "
-            f"{lights.model} and the camera is {camera.projection}. Give two chrome balls of known diameter_mm, and "
-            "[camera]; or export lp or diligent."
-        )
-    square = np.sum((lights.positions_mm - lights.reference_point_mm) ** 2, axis=1, keepdims=True)
-    white = np.ones(3) if lights.white_value is None else lights.white_value
-    light = {
-        "S": to_opencv(lights.positions_mm),
-        "Phi": lights.intensities * white * square,
-        "mu": np.zeros((len(lights), 1)),
-        "Dir": np.tile([0.0, 0.0, 1.0], (len(lights), 1)),
-        "reference": to_opencv(lights.reference_point_mm)[None],
-        "names": np.array(lights.names, dtype=object)[:, None],
-    }
-    notes = ["camera.mat has no lens distortion: undistort the photographs before near_ps."]
-    # MATLAB's centre of the upper left pixel is (1, 1).
-    matrix = camera.matrix + [[0, 0, 1], [0, 0, 1], [0, 0, 0]]
-    files = {"light.mat": bytes_of_mat(light), "camera.mat": bytes_of_mat({"K": matrix})}
-    return files, notes if any(camera.distortion) else []

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats.meshes.polygons import places, table, whole
-from scene.errors import AlignError
 from scene.files import write_whole
 from scene.reading import shortened
 
@@ -45,23 +44,9 @@ View = Callable[[str], tuple[NDArray, int]]
 
 
 def read_ply(path: Path) -> Columns:
-    """Return all that a file holds.
-
-    Raises
-    ------
-    AlignError
-        It is a range grid.
-    ValueError
-        It is no PLY, or holds less or more than its header says.
-    """
+    """Return all that a file holds; ValueError where it is no PLY, or holds less or more than its header says."""
     data = path.read_bytes()
     encoding, elements, at = _header(data)
-    names = [element.name for element in elements]
-    if "range_grid" in names and "face" not in names and "tristrips" not in names:
-        raise AlignError(
-            f"{path}: a range grid, one view as the scanner saw it, without faces. Merge and mesh the views first "
-            "(for example with VripPack or MeshLab), and give the merged mesh."
-        )
     for element in elements:
         # A row takes at least its single values and its lists' lengths; in a text a digit and a space for each.
         sizes = [2 if encoding == "ascii" else np.dtype(n or kind).itemsize for _, kind, n in element.properties]

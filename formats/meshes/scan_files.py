@@ -18,6 +18,7 @@ from formats.meshes.ply import Columns, Element, read_ply, read_rows, write_ply
 from formats.meshes.polygons import check_corners, lines_of, places, read_text, strips, table, triangles, whole
 from formats.picture_files import linear_from_srgb
 from scene.errors import AlignError
+from scene.files import write_whole
 from scene.mesh import first_of_same
 from scene.reading import reading
 
@@ -104,8 +105,8 @@ def read_mesh_file(path: Path, *, attributes: bool = True) -> ObjectMesh:
         check_corners(found.faces, len(found.vertices))
     vertices, faces = found.vertices, found.faces
     if not len(faces):
-        what = f"{len(vertices)} points, but no faces: a point cloud" if len(vertices) else "it is empty"
-        raise AlignError(f"{path}: {what}. Mesh it in the scanner's program, and export triangles.")
+        what = f"{len(vertices)} points, but no faces: a point cloud or range grid" if len(vertices) else "it is empty"
+        raise AlignError(f"{path}: {what}. Merge and mesh its views in the scanner's program, and export triangles.")
     # Grids of ranges leave vertices without a position behind; only those that a face names are wrong.
     bad = np.zeros(len(vertices), bool)
     bad[faces] = True
@@ -124,6 +125,24 @@ def write_mesh(path: Path, mesh: ObjectMesh) -> None:
     columns = {"x y z": mesh.vertices, "nx ny nz": mesh.normals, "s t": texcoords, "r g b": mesh.colours}
     known = {names: np.asarray(values, float) for names, values in columns.items() if values is not None}
     write_ply(path, known, mesh.faces)
+
+
+def write_glb(path: Path, mesh: ObjectMesh, picture: NDArray[np.uint8]) -> None:
+    """Write a mesh, mm, with an sRGB picture (h, w, 3) on it as binary glTF [Khronos2021]: no metal, of roughness 1.
+
+    The camera's frame is glTF's own: x right, y up, z toward the viewer.
+    """
+    import trimesh
+    from PIL import Image
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import PBRMaterial
+
+    material = PBRMaterial(metallicFactor=0.0, roughnessFactor=1.0, baseColorTexture=Image.fromarray(picture))
+    visual = None if mesh.texcoords is None else TextureVisuals(_turned_over(mesh.texcoords), material=material)
+    # glTF counts in metres.
+    options = {"vertex_normals": mesh.normals, "visual": visual, "process": False}
+    with write_whole(path) as file:
+        trimesh.Trimesh(1e-3 * mesh.vertices, mesh.faces, **options).export(file, file_type="glb")
 
 
 def _turned_over(texcoords: Array) -> Array:

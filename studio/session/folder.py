@@ -16,11 +16,11 @@ from capture.session.session_types import CaptureSession, Encoding
 from capture.survey.small_pictures import read_small
 from compare.report.facts import Material, all_warnings, read_optional
 from compare.report.pictures import Exposure, thumbnail
+from formats.picture_files import read_values
 from lab.options import Settings
 from lab.session_place import session_of
 from scene.errors import SceneError
 from scene.frames import Frames, decode
-from scene.image_files import read_pixels
 from scene.lights import Lights
 from scene.map_pictures import Image
 from scene.mesh import Mesh
@@ -157,7 +157,7 @@ class Review:
         """A picture for as long as no photograph is decoded: of a shoot, what `rgbn init` saw, the first; or None."""
         for path in map(self.store.path, (MAP, SHEET)):
             if path.is_file():
-                return _readable(lambda path=path: read_pixels(path)[0])
+                return _readable(lambda path=path: read_values(path)[0])
         return first_look(self.session.flash[0], self.session.encoding) if self.session else None
 
     @cached_property

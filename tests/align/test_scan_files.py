@@ -408,7 +408,7 @@ def test_damaged_files_are_refused_with_what_was_found(tmp_path):
         "face: values are missing, or several rows": tmp_path / "less.ply",
         "0.5 where a whole number belongs": tmp_path / "half.ply",
         "face has no vertex_indices or vertex_index, only corners": tmp_path / "names.ply",
-        "a range grid, one view": write("range.ply", grid),
+        "1 points, but no faces: a point cloud or range grid": write("range.ply", grid),
     }
     for words, path in cases.items():
         with pytest.raises(AlignError, match=words) as caught:

@@ -7,7 +7,7 @@ import pytest
 import scipy.io
 
 from calibrate.known_lights.read_known import lacks_intensities, read_lights
-from formats.light_files.light_formats import FORMATS, export_lights
+from formats.light_files.light_formats import WRITTEN, export_lights
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
@@ -126,22 +126,18 @@ def random_lights(rng, near):
 
 
 @pytest.mark.parametrize("near", [False, True])
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("name", WRITTEN)
 @pytest.mark.parametrize("seed", range(3))
 def test_there_and_back(tmp_path, name, near, seed):
     """The light that falls on any point is the same, up to the unit of each channel."""
     lights = random_lights(np.random.default_rng(10000 + seed), near)
-    if name == "mat" and not near:
-        with pytest.raises(CalibrationError, match="wants positions"):
-            export_lights(tmp_path, name, lights, CAMERA, files=lights.names)
-        return
     files = tuple(f"{name}.dng" for name in lights.names)
     paths, notes = export_lights(tmp_path, name, lights, CAMERA, files=files)
     assert all(path.is_file() for path in paths)
     # In another order than written: names are kept.
     names = lights.names[::-1]
     back = read_lights(paths[0], names, camera=CAMERA)
-    keeps_positions = near and name in ("dome", "mat")
+    keeps_positions = near and name == "dome"
     assert (back.model == "near") == keeps_positions
     assert any("no positions" in note for note in notes) == (near and not keeps_positions)
     assert not any(flag for flags in back.flags for flag in flags if not flag.endswith("has no intensities"))
@@ -155,29 +151,6 @@ def test_there_and_back(tmp_path, name, near, seed):
     np.testing.assert_allclose(found * scale[:, None], want, atol=3e-7)
     if not near:
         np.testing.assert_allclose(scale, 1, atol=1e-6)
-
-
-def test_alicevision_with_its_view_ids(tmp_path):
-    lights = random_lights(np.random.default_rng(3), False)
-    views = [{"viewId": str(9000 - 7 * i), "path": f"/shots/{name}.dng"} for i, name in enumerate(lights.names)]
-    (tmp_path / "cameraInit.sfm").write_text(json.dumps({"views": views}))
-    sfm = tmp_path / "cameraInit.sfm"
-    (path,), notes = export_lights(tmp_path, "alicevision", lights, CAMERA, files=lights.names, sfm=sfm)
-    assert notes == []
-    rows = json.loads(path.read_text())["lights"]
-    for row, view, direction in zip(rows, views, lights.directions, strict=True):
-        assert str(row["viewId"]) == view["viewId"]
-        np.testing.assert_allclose(row["direction"], direction * [1, -1, -1])
-    sfm.write_text(json.dumps({"views": views[:-1]}))
-    with pytest.raises(CalibrationError, match="no view for the frame 'shot 06'"):
-        export_lights(tmp_path, "alicevision", lights, CAMERA, files=lights.names, sfm=sfm)
-    # A RAW file and its JPEG are two views: which of them is meant is not told.
-    sfm.write_text(json.dumps({"views": [*views, {"viewId": "3", "path": "/shots/SHOT 05.JPG"}]}))
-    with pytest.raises(CalibrationError, match="2 views for the frame 'shot 05'"):
-        export_lights(tmp_path, "alicevision", lights, CAMERA, files=lights.names, sfm=sfm)
-    sfm.write_text(json.dumps({"views": [*views[:-1], {**views[-1], "viewId": "q"}]}))
-    with pytest.raises(CalibrationError, match=r"not an AliceVision \.sfm"):
-        export_lights(tmp_path, "alicevision", lights, CAMERA, files=lights.names, sfm=sfm)
 
 
 KNOWN = ("flash_000", "flash_001", "flash_002")

@@ -167,20 +167,6 @@ def test_an_interrupt_leaves_nothing(raw_session, tmp_path):
     assert files_of(tmp_path / "out") == []
 
 
-def test_a_sensor_that_clips_below_its_stated_white(tmp_path, write_dng, mosaic, scene_pictures):
-    """The header says 16383, the sensor ends at 15200: 5 % of samples would be believed that are no light."""
-    light = np.minimum(scene_pictures(6, shape=(96, 128)) * 3, (15200 - 512) * DN)
-    for i, picture in enumerate(light):
-        write_dng(tmp_path / f"flash_{i}.dng", mosaic(picture))
-    (tmp_path / "session.toml").write_text('[frames]\nflash = "*.dng"\n')
-    frames, report = decode(load_session(tmp_path), Store(tmp_path / "out"))
-    ceiling = (15200 - 512) * DN
-    assert 0.95 * ceiling < frames.saturation < ceiling
-    assert any("the sensor clips there" in text for text in report.warnings)
-    clipped = (light >= ceiling - 1e-9).all(-1)
-    assert frames.saturated()[clipped].all()
-
-
 def test_the_diligent_ball_keeps_its_values(shared, tmp_path):
     """Not divided by the lights' intensities, and within half a code of the file."""
     import cv2

@@ -4,7 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from capture.photographs.images import linear_of_values, read_image
+from capture.photographs.images import read_image
+from formats.picture_files import linear_from_srgb
 from scene.errors import CaptureError
 from scene.frames import PEDESTAL, WHITE, decode
 
@@ -41,7 +42,7 @@ def test_orientation_is_not_applied(tmp_path):
 
 def test_srgb_is_undone():
     """Against the standard's own points: 0.5 encoded is 21.4 % of the light."""
-    assert linear_of_values(np.array([0.0, 0.04045, 0.5, 1.0]), "srgb") == pytest.approx(
+    assert linear_from_srgb(np.array([0.0, 0.04045, 0.5, 1.0])) == pytest.approx(
         [0, 0.04045 / 12.92, 0.21404114, 1], abs=1e-7
     )
 

@@ -1,6 +1,5 @@
 """What calibration and alignment are given: balls asked for, balls shot apart, masks."""
 
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -51,34 +50,14 @@ def test_a_ball_shot_apart_has_frames_of_its_own(apart):
     assert store.load_frames().names == ("flash_000", "flash_002", "flash_003"), "the session's own are untouched"
 
 
-def test_it_is_decoded_again_only_when_something_changed(apart):
-    session, store, balls = apart()
-    codes = store.path("spheres", "0", "frames", "codes.npy")
-    sphere_requests(session, store)
-    first = codes.stat().st_mtime_ns
-    sphere_requests(session, store)
-    assert codes.stat().st_mtime_ns == first
-    # An older photograph replaces a newer one.
-    linear_png(session.spheres[0].frames[1], balls[0] * 0.5)
-    os.utime(session.spheres[0].frames[1], ns=(10**18, 10**18))
-    (request,), _ = sphere_requests(session, store)
-    assert request.frames is not None
-    assert np.abs(request.frames.frame(1) - balls[0] * 0.5).max() < 2e-5
-    second = codes.stat().st_mtime_ns
-    decode(session, store)
-    sphere_requests(session, store)
-    assert codes.stat().st_mtime_ns > second, "the session was decoded anew: a setting may have changed"
-
-
-def test_what_is_suspicious_about_a_ball_is_said_each_time(apart):
+def test_what_is_suspicious_about_a_ball_is_said(apart):
     session, store, _ = apart()
     ball = session.spheres[0]
     session = replace(session, spheres=(SphereSpec("white"), ball, ball))
     ball.frames[2].write_bytes(ball.frames[0].read_bytes())
-    for _ in ("decoded", "used again"):
-        _, warnings = sphere_requests(session, store)
-        (same,) = [text for text in warnings if "the same photograph" in text]
-        assert same.startswith("spheres[1]: flash_000 and flash_003 ")
+    _, warnings = sphere_requests(session, store)
+    (same,) = [text for text in warnings if "the same photograph" in text]
+    assert same.startswith("spheres[1]: flash_000 and flash_003 ")
 
 
 def test_a_ball_of_another_size(apart):

@@ -1,14 +1,17 @@
 """`session.toml` and DiLiGenT folders: every fault at once, nothing guessed."""
 
 import json
+from typing import get_args
 
 import numpy as np
 import pytest
 
+from capture.session.manifest import SessionObjectTable
 from capture.session.session import load_session
 from scene.camera import Camera
 from scene.errors import SessionError
 from scene.files import write_png
+from scene.length_units import UNITS_MM
 
 
 @pytest.fixture
@@ -112,6 +115,7 @@ def test_every_key_arrives(folder):
     ],
 )
 def test_the_unit_of_a_scan_is_what_is_written_else_the_format_s(folder, scan, unit, expected):
+    assert set(get_args(SessionObjectTable.model_fields["scan_unit"].annotation)) == set(UNITS_MM)
     (folder / scan).write_text("mesh")
     line = f'scan_unit = "{unit}"' if unit else ""
     assert load(folder, FLASH + f'[object]\nscan = "{scan}"\n{line}').scan_unit == expected
@@ -201,13 +205,6 @@ def test_faults_say_where_and_what_to_do(folder, text, parts):
     message = faults_of(folder, text)
     for part in [*parts, "session.toml"]:
         assert part in message
-
-
-def test_no_session(tmp_path):
-    with pytest.raises(SessionError, match=r"neither session\.toml"):
-        load_session(tmp_path)
-    with pytest.raises(SessionError, match="no such session"):
-        load_session(tmp_path / "elsewhere")
 
 
 def test_the_shared_captures_load(shared):

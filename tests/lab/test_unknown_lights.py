@@ -87,7 +87,7 @@ def test_a_method_that_needs_lights_is_refused_before_anything_is_solved(dome, p
     assert "ldr,entropy,tv" in str(error.value)
     assert "[[spheres]]" in str(error.value)
     with pytest.raises(CalibrationError, match="directions are unknown"):
-        export_session(dome[0], "lp", processed[0], None, "http://a")
+        export_session(dome[0], "lp", processed[0], "http://a")
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,7 @@ def session(tmp_path_factory):
 def exported(session, tmp_path_factory):
     """The output folder, the bag's data/, and what was said."""
     out = tmp_path_factory.mktemp("made") / "out"
-    (folder,), notes = export_session(session, "heritage", out, None, f"{BASE}/")
+    (folder,), notes = export_session(session, "heritage", out, f"{BASE}/")
     assert folder == out / "export" / "heritage"
     return out, folder / "data", notes
 

@@ -49,7 +49,7 @@ def test_what_cannot_be_exported_is_refused(export, tmp_path):
     for source, form, message in (
         (tmp_path / "box.toml", "mitsuba", "camera.focal: unknown key"),
         (tmp_path / "no.toml", "mitsuba", "not found"),
-        (tmp_path / "box.toml", "mat", "no session"),
+        (tmp_path / "box.toml", "dome", "no session"),
     ):
         code, _, said = export(source, tmp_path / "out", form)
         assert code == 2, said

@@ -6,9 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from formats.light_files.light_formats import export_lights
 from formats.sfm_data import write_sfm
 from scene.camera import FROM_OPENCV, Camera
 from scene.errors import CalibrationError
+from scene.lights import Lights
 
 CAMERA = Camera(640, 480, 900.0, 985.0, 330.7, 228.1, (0.1, -0.05, 0.0, 0.0, 0.02))
 
@@ -47,6 +49,19 @@ def test_the_camera_projects_as_ours(tmp_path, tangential):
     points = np.random.default_rng(1).uniform([-90, -70, -600], [90, 70, -400], (50, 3))
     seen = as_projected(tmp_path / "out" / "cameras.sfm", points @ FROM_OPENCV)
     np.testing.assert_allclose(seen, camera.project(points), atol=1e-6)
+
+
+def test_the_lights_are_of_its_views(tmp_path):
+    """A light before the object has z < 0 there, one above it y < 0; views count from 1 in the frames' order."""
+    toward = np.array([[0.6, 0.0, 0.8], [0.0, 0.6, 0.8], [0.0, 0.0, 1.0]])
+    lights = Lights(("b", "a", "c"), toward, np.ones((3, 3)), 500 * toward)
+    (path,), (note,) = export_lights(tmp_path, "meshroom", lights, CAMERA, files=("b.dng", "a.dng", "c.dng"))
+    assert "no positions" in note
+    rows = json.loads(path.read_text())["lights"]
+    assert [(row["viewId"], row["name"], row["type"]) for row in rows] == [
+        (1, "b", "directional"), (2, "a", "directional"), (3, "c", "directional")
+    ]  # fmt: skip
+    np.testing.assert_allclose([row["direction"] for row in rows], toward * [1, -1, -1])
 
 
 def test_what_it_cannot_say_is_refused(tmp_path):

@@ -11,9 +11,8 @@ import pytest
 import scipy.io
 
 from formats.mat_files import arrays_of_mat
-from formats.picture_files import read_values
+from formats.picture_files import MOST_PIXELS, read_values
 from scene.errors import AlignError, CalibrationError, CaptureError, SceneError
-from scene.image_files import MOST_PIXELS
 from scene.reading import array_of, json_of, numbers, positive, reading, text_of
 
 

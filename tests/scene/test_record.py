@@ -322,4 +322,4 @@ def test_a_file_of_the_users_that_is_named_is_not_written_over(tmp_path):
         write_text(tmp_path / "mesh.ply", "second")
     assert (tmp_path / "scan.ply").read_text() == "mine"
     assert (tmp_path / "mesh.ply").read_text() == "second"
-    assert json.loads((tmp_path / "out" / ".rgbn" / "record.json").read_text())["format"] == 3
+    assert json.loads((tmp_path / "out" / ".rgbn" / "record.json").read_text())["format"] == 4
