@@ -20,8 +20,7 @@ from compare.statistics.statistics import (
     four_ways,
     is_measured_so,
 )
-from scene.errors import SceneError
-from scene.files import remove, write_npy, write_png
+from scene.files import write_npy, write_png
 from scene.map_pictures import known_pixels
 from scene.normals import angular_error_deg
 from scene.pose import Pose
@@ -76,15 +75,10 @@ def compare(
         between_methods: a, b, pixels and statistics of the angle between each two methods on the real frames; lights,
         spheres, pose for the report; notes (plain statements, such as that there is no truth); warnings.
 
-    Raises
-    ------
-    SceneError
-        Two maps in the folder have different sizes.
     """
     names = [name for name in method_names(store) if methods is None or name in methods]
     mask = store.load_mask() if store.path("mask.png").exists() else None
     truth = _open(store, "normals", "truth")
-    _require_one_size(store, names, mask, truth)
     between = _between_methods(store, names, mask)
     result: dict[str, Any] = {
         "has_truth": truth is not None,
@@ -106,7 +100,6 @@ def compare(
     for name, row in result["methods"].items():
         if apart := [pair["median_deg"] for pair in between if name in (pair["a"], pair["b"])]:
             row["median_to_others_deg"] = float(np.median(apart))
-    written: set[str] = set()
     if truth is None:
         # A plain statement: that there is no truth was warned of where it should have come from.
         result["notes"].append(
@@ -125,16 +118,12 @@ def compare(
         if maps:
             # The median over maps: one method that fails everywhere must not darken all the others.
             spread = [float(np.nanquantile(error, 0.95)) for error in maps.values()]
-            written = _histograms(store, result, maps, colour_scale_end(float(np.median(spread))))
+            _histograms(store, result, maps, colour_scale_end(float(np.median(spread))))
             real = {name: thinned(error) for (name, kind), error in maps.items() if kind == "real"}
             result["level"] = level_methods(real, result["truth"]["sigma_deg_median"])
             for name, sigma in result["level"].pop("median_sigma_deg").items():
                 result["methods"][name]["median_sigma_deg"] = sigma
             result["tolerance"] = None if tolerance_deg is None else _tolerance(result["methods"], tolerance_deg)
-    # A map that a former run left would speak of normals that are gone.
-    for stale in store.path("compare").glob("error_*"):
-        if stale.name not in written:
-            remove(stale)
     return result
 
 
@@ -187,19 +176,19 @@ def _albedo_statistics(store: Store, kind: str, name: str, mask: Mask | None) ->
 
 def _histograms(
     store: Store, result: dict[str, Any], maps: dict[tuple[str, str], NDArray[np.float32]], end: float
-) -> set[str]:
-    """Fill in the histograms and write the pictures, all on one scale; return the names of all files of errors."""
-    edges, written = np.linspace(0, end, HISTOGRAM_BINS + 1), set()
+) -> None:
+    """Fill in the histograms and write the pictures, all on one scale."""
+    edges = np.linspace(0, end, HISTOGRAM_BINS + 1)
     result["error_scale_deg"], result["histogram_edges_deg"] = end, edges.tolist()
     for row in result["methods"].values():
         row["histogram"] = {}
     for (name, kind), error in maps.items():
         counts = np.histogram(error[np.isfinite(error)], np.append(edges, np.inf))[0]
         result["methods"][name]["histogram"][kind] = counts.tolist()
-        caption, stem = f"angular error, {name}, {kind}; pale grey: unknown", f"error_{kind}_{name}"
-        write_png(store.path("compare", f"{stem}.png"), with_colour_scale(error_picture(error, end), end, caption))
-        written |= {f"{stem}.npy", f"{stem}.png"}
-    return written
+        picture = with_colour_scale(
+            error_picture(error, end), end, f"angular error, {name}, {kind}; pale grey: unknown"
+        )
+        write_png(store.path("compare", f"error_{kind}_{name}.png"), picture)
 
 
 def _tolerance(rows: dict[str, dict[str, Any]], tolerance_deg: float) -> dict[str, Any] | None:
@@ -216,25 +205,7 @@ def _tolerance(rows: dict[str, dict[str, Any]], tolerance_deg: float) -> dict[st
 
 def _open(store: Store, place: str, name: str) -> Normals | None:
     """Return a normal map as a memory map; None where it does not exist."""
-    path = store.path(place, f"{name}.npy")
-    if not path.exists():
-        return None
-    normals = store.read_array(place, f"{name}.npy")
-    if normals.ndim != 3 or normals.shape[2] != 3:
-        raise SceneError(f"{path}: found an array {normals.shape}, expected (height, width, 3). Run its step again.")
-    return normals
-
-
-def _require_one_size(store: Store, names: list[str], mask: Mask | None, truth: Normals | None) -> None:
-    maps: dict[str, Any] = {"mask.png": mask, "normals/truth.npy": truth}
-    maps |= {f"{place}/{name}.npy": _open(store, place, name) for name in names for place in PLACES.values()}
-    sizes = {name: found.shape[:2] for name, found in maps.items() if found is not None}
-    if len(set(sizes.values())) > 1:
-        found = ", ".join(f"{name} {width} x {height}" for name, (height, width) in sizes.items())
-        raise SceneError(
-            f"{store.folder}: maps of different sizes: {found} px; expected one. "
-            "Files of two sessions are mixed: process into an empty folder."
-        )
+    return store.read_array(place, f"{name}.npy") if store.path(place, f"{name}.npy").exists() else None
 
 
 def _bands(shape: tuple[int, ...]) -> Iterator[slice]:
@@ -277,8 +248,6 @@ def _truth_facts(store: Store, truth: Normals, mask: Mask | None) -> dict[str, A
     path = store.path("normals", "truth_sigma.npy")
     if path.exists():
         sigma = store.read_array("normals", "truth_sigma.npy")
-        if sigma.shape != known.shape:
-            raise SceneError(f"{path}: {sigma.shape}, expected {known.shape} like truth.npy. Run `align` again.")
         sigma = sigma[known & np.isfinite(sigma)]
         if sigma.size:
             facts["sigma_deg_median"], facts["sigma_deg_q3"] = map(float, np.quantile(sigma, [0.5, 0.75]))

@@ -46,15 +46,15 @@ def plan(
 ) -> None:
     """Plan a shoot: where flashes and balls go, and which error to expect after each flash."""
     from lab.terminal_tables import number_table, show
-    from shoot.plan.run_plan import BALLS, FLASHES, answer_of, lights_of, run_plan
+    from shoot.plan.run_plan import answer_of, lights_of, run_plan
 
     facts = run_plan(source, options, out=out)
     if json:
         print(dumps(facts, indent=1))
         return
-    tables = [number_table("flashes, the most useful first", FLASHES, facts["flashes"])]
+    tables = [number_table("flashes, the most useful first", "flashes", facts["flashes"])]
     if facts["balls"]:
-        tables.append(number_table("balls, from the object's middle", BALLS, facts["balls"]))
+        tables.append(number_table("balls, from the object's middle", "planned balls", facts["balls"]))
     show(*tables, lights_of(facts), answer_of(facts))
     for name in () if is_quiet() else ("plan.html", "plan.json"):
         print(f"written  {Path(facts['folder']) / name}")

@@ -1,6 +1,5 @@
 """Pictures that show whether balls and scan lie where they are in the photographs: outlines, wipe, sigma."""
 
-from collections.abc import Callable
 from itertools import zip_longest
 from typing import Any
 
@@ -33,62 +32,30 @@ SIDES = {"left": (-1.0, 0.0), "top": (0.0, -1.0), "right": (1.0, 0.0), "bottom":
 """Image axes (u, v)."""
 
 
-def shown_pixels(box: PixelBox, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return (h, w, 2), the pixels (u, v) of the photographs at the middles of a picture (h, w) of the box."""
-    height, width = shape[:2]
-    u = box.left - 0.5 + (np.arange(width) + 0.5) * box.width / width
-    v = box.top - 0.5 + (np.arange(height) + 0.5) * box.height / height
-    return np.stack(np.meshgrid(u, v), -1)
-
-
-def views(
-    frames: Frames, exposure: Exposure, lights: Lights, index: int, box: PixelBox, shading: Callable[[NDArray], NDArray]
-) -> tuple[Image, Image]:
-    """Return one photograph, and the scan shaded by its light, pixel by pixel alike, through the same tone curve.
-
-    `shading`: pixels (h, w, 2) -> what a white matte object would show there (h, w), NaN off the scan.
-
-    One albedo for the whole scan, the median over its lit pixels in each channel. Not the recovered albedo map: it
-    was measured at the photographs' pixels, and would paint their edges onto the shading wherever the scan lies.
-    Off the scan the shaded picture is the photograph.
-    """
-    import cv2
-
-    linear = pictures.thumbnail(frames, index, box.shown_width(WIDTH), box)
-    grow = max(1, WIDTH // linear.shape[1])
-    size = (grow * linear.shape[1], grow * linear.shape[0])
-    linear = np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_CUBIC))
-    factor = shading(shown_pixels(box, linear.shape))[..., None] * lights.intensities[index]
-    lit = np.isfinite(factor[..., 0]) & (factor[..., 0] > 0.2 * np.nanmax(factor[..., 0], initial=1e-6))
-    albedo = np.median(linear[lit] / factor[lit], axis=0) if lit.any() else np.zeros(3)
-    rendered = np.where(np.isfinite(factor), factor * albedo, linear)
-    return exposure.develop(linear), exposure.develop(rendered)
-
-
 def write_pictures(
     store: Store,
     frames: Frames,
     lights: Lights,
     *,
     strokes: NDArray,
-    shading: Callable[[int, NDArray], NDArray],
     mask: NDArray[np.bool_],
     sigma_deg: NDArray,
 ) -> None:
-    """Write the pictures of a registration to align/: photograph, shaded, outline, outline_zoom, sigma.
+    """Write the pictures of a registration to align/: outline, outline_zoom, sigma.
 
-    `strokes` (K, 2, 2): both ends, pixels, of short strokes along the scan's outline. `shading`: frame, pixels
-    (h, w, 2) -> shading (h, w); see `views`. `mask` (H, W): the object. `sigma_deg` (H, W): of the ground-truth
-    normals, NaN where unknown.
+    `strokes` (K, 2, 2): both ends, pixels, of short strokes along the scan's outline. `mask` (H, W): the object.
+    `sigma_deg` (H, W): of the ground-truth normals, NaN where unknown.
     """
+    import cv2
+
     exposure = Exposure.for_frames(frames, white_value=lights.white_value)
     box = PixelBox.of_mask(mask, margin=0.12)
-    index = pictures.raking_frame(lights.directions)
-    photograph, shaded = views(frames, exposure, lights, index, box, lambda pixels: shading(index, pixels))
+    linear = pictures.thumbnail(frames, pictures.raking_frame(lights.directions), box.shown_width(WIDTH), box)
+    grow = max(1, WIDTH // linear.shape[1])
+    size = (grow * linear.shape[1], grow * linear.shape[0])
+    photograph = exposure.develop(np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_CUBIC)))
     images = {
-        "photograph": photograph,
-        "shaded": shaded,
-        "outline": draw_strokes(photograph.copy(), strokes, [box.left, box.top], photograph.shape[1] / box.width),
+        "outline": draw_strokes(photograph, strokes, [box.left, box.top], photograph.shape[1] / box.width),
         "outline_zoom": zoom_picture(frames, exposure, lights.directions, strokes),
         "sigma": sigma_picture(sigma_deg, mask, box),
     }

@@ -29,15 +29,6 @@ from twin.description.object_mesh import built_in
 
 MOST_ROWS = 36
 """Flashes in the page's table: a page has no room for more; plan.json has all."""
-FLASHES = {
-    "no.": "{number}", "from axis": "{zenith_deg:0}°", "o'clock": "{clock}", "height, cm": "{height_cm:0}",
-    "aside, cm": "{aside_cm:0}", "error after": "{error_median_deg:2}°", "": "{there}",
-}  # fmt: skip
-BALLS = {
-    "ball": "{kind}", "diameter": "{diameter_mm:g} mm", "right, cm": "{right_cm:0}", "up, cm": "{up_cm:0}",
-    "radius": "{radius_px:0} px",
-}  # fmt: skip
-"""Right and up: from the object's middle, as the camera sees it."""
 
 
 def run_plan(source: Path | None, options: PlanOptions, *, out: Path | None = None) -> dict[str, Any]:
@@ -214,7 +205,7 @@ def plan_page(facts: dict[str, Any]) -> str:
     """Return the page of a plan's facts."""
     template = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
     rows = [row for row in facts["flashes"] if not row["there"] or len(facts["flashes"]) <= MOST_ROWS]
-    tables = {"flashes": cells_of(FLASHES, rows[:MOST_ROWS]), "balls": cells_of(BALLS, facts["balls"])}
+    tables = {"flashes": cells_of("flashes", rows[:MOST_ROWS]), "balls": cells_of("planned balls", facts["balls"])}
     text = Path(__file__).with_name("plan_page.html").read_text("utf-8")
     return template.from_string(text).render(
         facts,
