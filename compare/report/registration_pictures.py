@@ -1,7 +1,6 @@
 """Pictures that show whether balls and scan lie where they are in the photographs: outlines, wipe, sigma."""
 
-from itertools import zip_longest
-from typing import Any
+from itertools import chain, repeat
 
 import numpy as np
 from markupsafe import Markup, escape
@@ -125,18 +124,15 @@ def sigma_picture(sigma_deg: NDArray, mask: NDArray[np.bool_], box: PixelBox) ->
 def ball_figures(material: Material) -> Summary:
     """Return each ball's crop with its fitted outline and highlights, and the candidates that were refused."""
     calibration = read_optional(material.store, "calibration.json") or {}
-    spheres = there(material.store.load_spheres) or []
-    rows = zip_longest(range(len(material.spheres)), spheres, calibration.get("highlights_px") or [])
-    found = [_ball(material, *row) for row in rows if row[0] is not None]
+    seen = chain(calibration.get("highlights_px") or (), repeat(None))
+    found = [_ball(material, n, ball, next(seen)) for n, ball in enumerate(there(material.store.load_spheres) or ())]
     return {"ball_figures": found, "refused": calibration.get("rejected")}
 
 
-def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | None) -> Summary:
-    """Return what is told of a ball, its outline as a drawing, and its crop; the latter two where they are there."""
+def _ball(material: Material, index: int, sphere: Sphere, seen: list | None) -> Summary:
+    """Return what is told of a ball, its outline as a drawing, and its crop where it is there."""
     row, camera = {"kind": "", **material.spheres[index], "number": str(index + 1)}, material.camera
     frames, exposure = material.photographs_of_ball(index)
-    if camera is None or sphere is None:
-        return {"row": row}
     outline = sphere.outline(camera)
     box = pictures.ball_box(sphere, outline, width=camera.width, height=camera.height)
     corner = np.array([box.left - 0.5, box.top - 0.5])
@@ -151,7 +147,7 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
         shapes += f'<g>{title}<path class="highlight-halo" d="{cross}"/><path class="highlight" d="{cross}"/></g>'
     lines = [(kind, outline - corner) for kind in ("outline-halo", "outline")]
     found = {"row": row, "overlay": page.overlay(box, lines, "fitted outline and highlights", shapes)}
-    if frames is None or exposure is None or (frames.width, frames.height) != (camera.width, camera.height):
+    if frames is None or exposure is None:
         return found
     mean = pictures.shrink(pictures.ball_picture(frames, box, brightest=False), BALL_WIDTH)
     image = exposure.develop(mean)
@@ -162,22 +158,13 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
 
 
 def placed(material: Material) -> Summary:
-    """Return the pictures that show whether the scan lies where the object is, or under `missing` why there are none.
+    """Return the pictures that show whether the scan lies where the object is.
 
     registered: there is a pose; outline, as HTML; zoom and sigma, as `align` drew them, or None.
     """
     frames, mask, truth = material.frames, material.mask, material.map_of("normals", "truth")
     registered = material.store.path("pose.json").exists()
-    found: dict[str, Any] = {"registered": registered}
-    if frames is None or (mask is None and truth is None):
-        return found | {"missing": "No scan and no mask: nothing to lay over the photographs."}
-    size = (frames.height, frames.width)
-    known = None if truth is None or truth.shape[:2] != size else known_pixels(truth)
-    mask = mask if mask is not None and mask.shape == size else None
-    shape = mask if mask is not None else known
-    if shape is None:
-        return found | {"missing": page.words("registration")["sizes"]}
-    box = PixelBox.of_mask(shape, margin=0.12)
+    box = PixelBox.of_mask(mask, margin=0.12)
     drawn, zoom, sigma = (
         read_picture(material.store, name) if registered else None for name in ("outline", "outline_zoom", "sigma")
     )
@@ -186,17 +173,17 @@ def placed(material: Material) -> Summary:
         # Where the outline itself is not there to a fraction of a pixel, the truth ends a pixel inside it. The dashed
         # line last: where the two agree, the other shows between the dashes.
         what = "the registered scan's ground truth" if registered else "the given ground truth"
-        regions.insert(0, (known, "scan", what))
+        regions[:0] = [] if truth is None else [(known_pixels(truth), "scan", what)]
         drawn = material.photograph(material.raking, box, box.shown_width(PHOTOGRAPH_WIDTH))
     else:
         legend = ['<span class="key scan"></span> the registered scan']
     lines = []
     for region, kind, shown in regions:
-        if region is not None and region.any():
+        if region.any():
             lines += [(kind, line) for line in pictures.contours(region, box)]
             legend.append(f'<span class="key {kind}"></span> {shown}')
     overlay = page.overlay(box, lines, "outline of the object")
     caption = f"{escape(frames.names[material.raking])} with the outline of {'; '.join(legend)}."
     alt = "photograph with the object's outline"
-    found["outline"] = Markup(page.picture(drawn, alt, caption, photograph=True, overlay=overlay))
-    return found | {"zoom": zoom, "sigma": sigma}
+    outline = Markup(page.picture(drawn, alt, caption, photograph=True, overlay=overlay))
+    return {"registered": registered, "outline": outline, "zoom": zoom, "sigma": sigma}
