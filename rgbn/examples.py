@@ -62,8 +62,7 @@ def tell_example(name: str = "fixture", folder: Path | None = None, /) -> None:
     Parameters
     ----------
     name : str
-        fixture: photographs, two chrome balls and a white one, a scan, the known truth. no-session-toml: photographs
-        and a scan alone, for `rgbn init` to describe.
+        fixture: with balls, scan, truth; no-session-toml: photographs and scan, for `rgbn init`.
     folder : Path, optional
         New or empty folder for it. Default: NAME.
     """
