@@ -127,7 +127,7 @@ def ball_table(balls: Iterable[Sphere], camera: Camera, frames: Frames) -> Table
             outline = ball.outline(camera) + 0.5
             told, width = f"{ball.kind} ball {number}", frames.width / 300
             parts.append(line([*outline, outline[0]], COLOURS[5], told, stroke_width=width))
-        return svg(*size.values(), parts, label="the first photograph with the balls' outlines")
+        return svg(frames.width, frames.height, parts, label="the first photograph with the balls' outlines")
 
     kinds = [ball.kind for ball in balls]
     counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
