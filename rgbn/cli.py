@@ -11,7 +11,7 @@ from cyclopts.validators import Number
 
 from experiments.commands import dataset, sweep
 from lab.options import AS_BEFORE, SHADED, Settings
-from lab.progress import check_words, is_quiet, keep_logs, keep_quiet, open_streams, say
+from lab.progress import check_words, keep_logs, keep_quiet, open_streams, say
 from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
 from studio.studio_command import studio
@@ -205,38 +205,6 @@ def compare(
 
 
 @app.command(sort_key=9)
-def export(
-    session: Annotated[Path, Parameter(help=f"{SESSION} Mitsuba also takes a scene's .toml.")],
-    /,
-    *,
-    format: Annotated[
-        str,
-        Parameter(
-            alias="-f",
-            help="Formats, with commas: alicevision, diligent, dome, lp, mat, meshroom, relight, heritage, mitsuba. "
-            "mat: for near_ps. meshroom: photographs and camera as SfMData, with AliceVision's lights. relight: "
-            "one picture for OpenLIME and RelightLab. heritage: a bag for an archive, with a IIIF manifest. "
-            "mitsuba: the twin's scene.",
-        ),
-    ],
-    out: Out = None,
-    sfm: Annotated[Path | None, Parameter(help="AliceVision's .sfm of the photographs, for its view ids.")] = None,
-    base_url: Annotated[
-        str, Parameter(help="Address at which data/ of heritage will be served. Its IIIF ids begin with it.")
-    ] = "http://localhost:8000",
-    said: Settings = AS_BEFORE,
-) -> None:
-    """Write lights, a relightable picture or the twin's scene for another program."""
-    from rgbn.export_command import export_session
-
-    paths, notes = export_session(session, format, out, sfm, base_url, said)
-    for note in notes:
-        say(f"note: {note}")
-    for path in () if is_quiet() else paths:
-        print(path)
-
-
-@app.command(sort_key=9)
 def rig(
     *folders: Annotated[
         Path, Parameter(help="Output folders of sessions with balls, in the order of their photographs.")
@@ -268,6 +236,8 @@ for name, place, told, key in (
      "Plan a shoot: where flashes and balls go, and which error to expect after each flash.", 0),
     ("watch", "shoot.watch.watch_folder:watch_folder",
      "Judge each photograph of a shoot within seconds, and write the session at the end.", 0),
+    ("export", "rgbn.export_command:export",
+     "Write lights, a relightable picture or the twin's scene for another program.", 9),
     ("doctor", "rgbn.doctor:tell_findings",
      "Say whether this machine can run rgbn, what to mend, and what makes it faster.", 11),
 ):  # fmt: skip
