@@ -8,9 +8,10 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 from jinja2 import Environment, StrictUndefined
+from markupsafe import escape
 
 from align.scan.mended_scan import SUFFIXES, load_scan
-from compare.report.page import table
+from compare.report.page import table, whole_page
 from draw.light_charts import directions
 from lab.progress import is_quiet, say
 from lab.run import open_job
@@ -244,11 +245,14 @@ def plan_page(facts: dict[str, Any]) -> str:
     rows = [row for row in facts["flashes"] if not row["there"] or len(facts["flashes"]) <= MOST_ROWS]
     tables = {"flashes": cells_of("flashes", rows[:MOST_ROWS]), "balls": cells_of("planned balls", facts["balls"])}
     text = Path(__file__).with_name("plan_page.html").read_text("utf-8")
-    return template.from_string(text).render(
+    body = template.from_string(text).render(
         facts,
-        answer=answer_of(facts),
         dome=directions({"frames": facts["flashes"]}),
-        tables={name: table(list(cells), zip(*cells.values(), strict=True)) for name, cells in tables.items()},
+        tables={
+            name: table(list(cells), zip(*cells.values(), strict=True), kind="numbers")
+            for name, cells in tables.items()
+        },
         left_out=len(rows) - MOST_ROWS,
         lights_told=lights_of(facts),
     )
+    return whole_page(facts["name"], "plan of a shoot", escape(answer_of(facts)), {"Plan": body})
