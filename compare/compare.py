@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report.facts import method_names, read_optional, sphere_rows, there
+from compare.report.facts import family, map_of, method_names, read_optional, sphere_rows, there
 from compare.report.pictures import colour_scale_end, error_picture, with_colour_scale
 from compare.statistics.counterparts import difference, level_methods, thinned
 from compare.statistics.frames_alike import frames_alike
 from compare.statistics.statistics import (
     COVERAGE,
+    LOW_RANK,
     albedo_statistics,
     angular_statistics,
     common_rotation,
     four_ways,
-    is_measured_so,
 )
 from scene.files import write_npy, write_png
 from scene.map_pictures import known_pixels
@@ -78,7 +78,7 @@ def compare(
     """
     names = [name for name in method_names(store) if methods is None or name in methods]
     mask = store.load_mask() if store.path("mask.png").exists() else None
-    truth = _open(store, "normals", "truth")
+    truth = map_of(store, "normals", "truth")
     between = _between_methods(store, names, mask)
     result: dict[str, Any] = {
         "has_truth": truth is not None,
@@ -141,7 +141,7 @@ def _errors(
     """Write a method's error maps and fill in its row; return the maps, as they are on the disk, by (method, kind)."""
     row, maps, written, pixels = result["methods"][name], {}, {}, result["truth"]["pixels"]
     for kind, place in PLACES.items():
-        estimate = _open(store, place, name)
+        estimate = map_of(store, place, name)
         if estimate is None:
             continue
         error = maps[kind] = _error_map(estimate, truth, mask)
@@ -153,7 +153,7 @@ def _errors(
         row[COVERAGE[kind]] = statistics["pixels"] / pixels if pixels else None
         angle, median = _without_common_rotation(estimate, truth, error)
         row[f"{kind}_rotation_deg"], row[f"{kind}_median_unrotated_deg"] = angle, median
-        if is_measured_so(name):
+        if name in LOW_RANK or family(name) == "external":
             row[f"{kind}_four_ways"] = asdict(four_ways(estimate, truth, mask))
         if tolerance_deg is not None:
             row[f"{kind}_within_tolerance"] = 1000 * np.count_nonzero(error <= tolerance_deg) // pixels / 1000
@@ -167,11 +167,10 @@ def _errors(
 
 def _albedo_statistics(store: Store, kind: str, name: str, mask: Mask | None) -> dict[str, float]:
     """Return how far a method's albedo is off where the truth is known: on the twin alone."""
-    found, truth = store.path("twin", "albedo", f"{name}.npy"), store.path("twin", "truth_albedo.npy")
-    if kind != "twin" or not found.exists() or not truth.exists():
+    found, truth = map_of(store, "twin/albedo", name), map_of(store, "twin", "truth_albedo")
+    if kind != "twin" or found is None or truth is None:
         return {}
-    maps = (np.load(path, mmap_mode="r") for path in (found, truth))
-    return albedo_statistics(*(one.reshape(-1, 3) if mask is None else one[mask] for one in maps))
+    return albedo_statistics(*(one.reshape(-1, 3) if mask is None else one[mask] for one in (found, truth)))
 
 
 def _histograms(
@@ -201,11 +200,6 @@ def _tolerance(rows: dict[str, dict[str, Any]], tolerance_deg: float) -> dict[st
         "deg": tolerance_deg, "method": method, "share": shares[method], "least_share": LEAST_SHARE,
         "passes": shares[method] >= LEAST_SHARE,
     }  # fmt: skip
-
-
-def _open(store: Store, place: str, name: str) -> Normals | None:
-    """Return a normal map as a memory map; None where it does not exist."""
-    return store.read_array(place, f"{name}.npy") if store.path(place, f"{name}.npy").exists() else None
 
 
 def _bands(shape: tuple[int, ...]) -> Iterator[slice]:
@@ -245,9 +239,8 @@ def _without_common_rotation(
 def _truth_facts(store: Store, truth: Normals, mask: Mask | None) -> dict[str, Any]:
     known = known_pixels(truth) if mask is None else known_pixels(truth) & mask
     facts: dict[str, Any] = {"pixels": int(known.sum()), "sigma_deg_median": None, "sigma_deg_q3": None}
-    path = store.path("normals", "truth_sigma.npy")
-    if path.exists():
-        sigma = store.read_array("normals", "truth_sigma.npy")
+    sigma = map_of(store, "normals", "truth_sigma")
+    if sigma is not None:
         sigma = sigma[known & np.isfinite(sigma)]
         if sigma.size:
             facts["sigma_deg_median"], facts["sigma_deg_q3"] = map(float, np.quantile(sigma, [0.5, 0.75]))
@@ -256,6 +249,6 @@ def _truth_facts(store: Store, truth: Normals, mask: Mask | None) -> dict[str, A
 
 def _between_methods(store: Store, names: list[str], mask: Mask | None) -> list[dict[str, Any]]:
     """Return the statistics of the angle between each two methods' normals of the real frames."""
-    maps = {name: normals for name in names if (normals := _open(store, "normals", name)) is not None}
+    maps = {name: normals for name in names if (normals := map_of(store, "normals", name)) is not None}
     found = ((a, b, angular_statistics(_error_map(maps[a], maps[b], mask))) for a, b in combinations(maps, 2))
     return [{"a": a, "b": b, **statistics} for a, b, statistics in found if statistics["pixels"]]

@@ -87,6 +87,11 @@ def read_optional(store: Store, name: str) -> Any:
     return there(store.read_json, name)
 
 
+def map_of(store: Store, place: str, name: str) -> NDArray[np.float32] | None:
+    """Return a map of the folder as a memory map, None where it is not there."""
+    return store.read_array(place, f"{name}.npy") if store.path(place, f"{name}.npy").exists() else None
+
+
 def sphere_rows(store: Store) -> list[dict[str, Any]]:
     """Return spheres.json with what calibration.json adds: in how many frames each ball's highlight was found."""
     highlights = (read_optional(store, "calibration.json") or {}).get("highlights_px") or []
@@ -200,5 +205,4 @@ class Material:
         return frames, Exposure.for_frames(frames)
 
     def map_of(self, place: str, name: str) -> NDArray[np.float32] | None:
-        path = self.store.path(place, f"{name}.npy")
-        return self.store.read_array(place, f"{name}.npy") if path.exists() else None
+        return map_of(self.store, place, name)
