@@ -79,7 +79,8 @@ def compare(
     names = [name for name in method_names(store) if methods is None or name in methods]
     mask = store.load_mask() if store.path("mask.png").exists() else None
     truth = map_of(store, "normals", "truth")
-    between = _between_methods(store, names, mask)
+    between, twin = _between_methods(store, names, mask), Store(store.path("twin"))
+    has_twin = twin.path("frames", "frames.json").exists()
     result: dict[str, Any] = {
         "has_truth": truth is not None,
         "truth": None,
@@ -93,7 +94,9 @@ def compare(
         "lights": there(lambda: store.load_lights().facts()),
         "spheres": sphere_rows(store),
         "pose": read_optional(store, "pose.json"),
-        "frames_alike": _frames_alike(store, mask),
+        "frames_alike": frames_alike(store.load_frames(), twin.load_frames(), mask)
+        if has_twin and mask is not None
+        else None,
         "notes": [],
         "warnings": [],
     }
@@ -125,14 +128,6 @@ def compare(
                 result["methods"][name]["median_sigma_deg"] = sigma
             result["tolerance"] = None if tolerance_deg is None else _tolerance(result["methods"], tolerance_deg)
     return result
-
-
-def _frames_alike(store: Store, mask: Mask | None) -> dict[str, Any] | None:
-    """Return how alike photographs and twin look; nothing where one of the two is not there."""
-    twin = Store(store.path("twin"))
-    if mask is None or not all(one.path("frames", "frames.json").exists() for one in (store, twin)):
-        return None
-    return frames_alike(store.load_frames(), twin.load_frames(), mask)
 
 
 def _errors(

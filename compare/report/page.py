@@ -93,8 +93,6 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = 
 
 Rows = Iterable[Mapping[str, Any]] | Mapping[str, Any]
 """Of a table: by name, or with the name in them; each has its number, from 1, too."""
-Fill = Callable[[str, Mapping[str, Any]], str]
-"""Fills a row into a sentence."""
 
 
 def table_of(name: str, rows: Rows, *, caption: str = "", kind: str = "numbers") -> str:
@@ -103,7 +101,7 @@ def table_of(name: str, rows: Rows, *, caption: str = "", kind: str = "numbers")
     return table(head, lines, caption=caption, kind=kind)
 
 
-def cells_of(name: str, rows: Rows, fill: Fill | None = None) -> tuple[list[str], list[list[str]]]:
+def cells_of(name: str, rows: Rows, fill: Callable[[str, Any], str] | None = None) -> tuple[list[str], list[list[str]]]:
     """Return a table's headings and cells: its columns, (heading, sentence to fill in), stand in report_words.toml."""
     columns, fill = words("tables")[name], fill or (lambda sentence, row: Sentence().vformat(sentence, (), row))
     named = [{"name": key, **row} for key, row in rows.items()] if isinstance(rows, Mapping) else rows
