@@ -8,20 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report.facts import method_names, read_optional, sphere_rows, there
+from compare.report.facts import family, map_of, method_names, read_optional, sphere_rows, there
 from compare.report.pictures import colour_scale_end, error_picture, with_colour_scale
 from compare.statistics.counterparts import difference, level_methods, thinned
 from compare.statistics.frames_alike import frames_alike
 from compare.statistics.statistics import (
     COVERAGE,
+    LOW_RANK,
     albedo_statistics,
     angular_statistics,
     common_rotation,
     four_ways,
-    is_measured_so,
 )
-from scene.errors import SceneError
-from scene.files import remove, write_npy, write_png
+from scene.files import write_npy, write_png
 from scene.map_pictures import known_pixels
 from scene.normals import angular_error_deg
 from scene.pose import Pose
@@ -76,16 +75,12 @@ def compare(
         between_methods: a, b, pixels and statistics of the angle between each two methods on the real frames; lights,
         spheres, pose for the report; notes (plain statements, such as that there is no truth); warnings.
 
-    Raises
-    ------
-    SceneError
-        Two maps in the folder have different sizes.
     """
     names = [name for name in method_names(store) if methods is None or name in methods]
     mask = store.load_mask() if store.path("mask.png").exists() else None
-    truth = _open(store, "normals", "truth")
-    _require_one_size(store, names, mask, truth)
-    between = _between_methods(store, names, mask)
+    truth = map_of(store, "normals", "truth")
+    between, twin = _between_methods(store, names, mask), Store(store.path("twin"))
+    has_twin = twin.path("frames", "frames.json").exists()
     result: dict[str, Any] = {
         "has_truth": truth is not None,
         "truth": None,
@@ -99,14 +94,15 @@ def compare(
         "lights": there(lambda: store.load_lights().facts()),
         "spheres": sphere_rows(store),
         "pose": read_optional(store, "pose.json"),
-        "frames_alike": _frames_alike(store, mask),
+        "frames_alike": frames_alike(store.load_frames(), twin.load_frames(), mask)
+        if has_twin and mask is not None
+        else None,
         "notes": [],
         "warnings": [],
     }
     for name, row in result["methods"].items():
         if apart := [pair["median_deg"] for pair in between if name in (pair["a"], pair["b"])]:
             row["median_to_others_deg"] = float(np.median(apart))
-    written: set[str] = set()
     if truth is None:
         # A plain statement: that there is no truth was warned of where it should have come from.
         result["notes"].append(
@@ -125,25 +121,13 @@ def compare(
         if maps:
             # The median over maps: one method that fails everywhere must not darken all the others.
             spread = [float(np.nanquantile(error, 0.95)) for error in maps.values()]
-            written = _histograms(store, result, maps, colour_scale_end(float(np.median(spread))))
+            _histograms(store, result, maps, colour_scale_end(float(np.median(spread))))
             real = {name: thinned(error) for (name, kind), error in maps.items() if kind == "real"}
             result["level"] = level_methods(real, result["truth"]["sigma_deg_median"])
             for name, sigma in result["level"].pop("median_sigma_deg").items():
                 result["methods"][name]["median_sigma_deg"] = sigma
             result["tolerance"] = None if tolerance_deg is None else _tolerance(result["methods"], tolerance_deg)
-    # A map that a former run left would speak of normals that are gone.
-    for stale in store.path("compare").glob("error_*"):
-        if stale.name not in written:
-            remove(stale)
     return result
-
-
-def _frames_alike(store: Store, mask: Mask | None) -> dict[str, Any] | None:
-    """Return how alike photographs and twin look; nothing where one of the two is not there."""
-    twin = Store(store.path("twin"))
-    if mask is None or not all(one.path("frames", "frames.json").exists() for one in (store, twin)):
-        return None
-    return frames_alike(store.load_frames(), twin.load_frames(), mask)
 
 
 def _errors(
@@ -152,7 +136,7 @@ def _errors(
     """Write a method's error maps and fill in its row; return the maps, as they are on the disk, by (method, kind)."""
     row, maps, written, pixels = result["methods"][name], {}, {}, result["truth"]["pixels"]
     for kind, place in PLACES.items():
-        estimate = _open(store, place, name)
+        estimate = map_of(store, place, name)
         if estimate is None:
             continue
         error = maps[kind] = _error_map(estimate, truth, mask)
@@ -164,7 +148,7 @@ def _errors(
         row[COVERAGE[kind]] = statistics["pixels"] / pixels if pixels else None
         angle, median = _without_common_rotation(estimate, truth, error)
         row[f"{kind}_rotation_deg"], row[f"{kind}_median_unrotated_deg"] = angle, median
-        if is_measured_so(name):
+        if name in LOW_RANK or family(name) == "external":
             row[f"{kind}_four_ways"] = asdict(four_ways(estimate, truth, mask))
         if tolerance_deg is not None:
             row[f"{kind}_within_tolerance"] = 1000 * np.count_nonzero(error <= tolerance_deg) // pixels / 1000
@@ -178,28 +162,27 @@ def _errors(
 
 def _albedo_statistics(store: Store, kind: str, name: str, mask: Mask | None) -> dict[str, float]:
     """Return how far a method's albedo is off where the truth is known: on the twin alone."""
-    found, truth = store.path("twin", "albedo", f"{name}.npy"), store.path("twin", "truth_albedo.npy")
-    if kind != "twin" or not found.exists() or not truth.exists():
+    found, truth = map_of(store, "twin/albedo", name), map_of(store, "twin", "truth_albedo")
+    if kind != "twin" or found is None or truth is None:
         return {}
-    maps = (np.load(path, mmap_mode="r") for path in (found, truth))
-    return albedo_statistics(*(one.reshape(-1, 3) if mask is None else one[mask] for one in maps))
+    return albedo_statistics(*(one.reshape(-1, 3) if mask is None else one[mask] for one in (found, truth)))
 
 
 def _histograms(
     store: Store, result: dict[str, Any], maps: dict[tuple[str, str], NDArray[np.float32]], end: float
-) -> set[str]:
-    """Fill in the histograms and write the pictures, all on one scale; return the names of all files of errors."""
-    edges, written = np.linspace(0, end, HISTOGRAM_BINS + 1), set()
+) -> None:
+    """Fill in the histograms and write the pictures, all on one scale."""
+    edges = np.linspace(0, end, HISTOGRAM_BINS + 1)
     result["error_scale_deg"], result["histogram_edges_deg"] = end, edges.tolist()
     for row in result["methods"].values():
         row["histogram"] = {}
     for (name, kind), error in maps.items():
         counts = np.histogram(error[np.isfinite(error)], np.append(edges, np.inf))[0]
         result["methods"][name]["histogram"][kind] = counts.tolist()
-        caption, stem = f"angular error, {name}, {kind}; pale grey: unknown", f"error_{kind}_{name}"
-        write_png(store.path("compare", f"{stem}.png"), with_colour_scale(error_picture(error, end), end, caption))
-        written |= {f"{stem}.npy", f"{stem}.png"}
-    return written
+        picture = with_colour_scale(
+            error_picture(error, end), end, f"angular error, {name}, {kind}; pale grey: unknown"
+        )
+        write_png(store.path("compare", f"error_{kind}_{name}.png"), picture)
 
 
 def _tolerance(rows: dict[str, dict[str, Any]], tolerance_deg: float) -> dict[str, Any] | None:
@@ -212,29 +195,6 @@ def _tolerance(rows: dict[str, dict[str, Any]], tolerance_deg: float) -> dict[st
         "deg": tolerance_deg, "method": method, "share": shares[method], "least_share": LEAST_SHARE,
         "passes": shares[method] >= LEAST_SHARE,
     }  # fmt: skip
-
-
-def _open(store: Store, place: str, name: str) -> Normals | None:
-    """Return a normal map as a memory map; None where it does not exist."""
-    path = store.path(place, f"{name}.npy")
-    if not path.exists():
-        return None
-    normals = store.read_array(place, f"{name}.npy")
-    if normals.ndim != 3 or normals.shape[2] != 3:
-        raise SceneError(f"{path}: found an array {normals.shape}, expected (height, width, 3). Run its step again.")
-    return normals
-
-
-def _require_one_size(store: Store, names: list[str], mask: Mask | None, truth: Normals | None) -> None:
-    maps: dict[str, Any] = {"mask.png": mask, "normals/truth.npy": truth}
-    maps |= {f"{place}/{name}.npy": _open(store, place, name) for name in names for place in PLACES.values()}
-    sizes = {name: found.shape[:2] for name, found in maps.items() if found is not None}
-    if len(set(sizes.values())) > 1:
-        found = ", ".join(f"{name} {width} x {height}" for name, (height, width) in sizes.items())
-        raise SceneError(
-            f"{store.folder}: maps of different sizes: {found} px; expected one. "
-            "Files of two sessions are mixed: process into an empty folder."
-        )
 
 
 def _bands(shape: tuple[int, ...]) -> Iterator[slice]:
@@ -274,11 +234,8 @@ def _without_common_rotation(
 def _truth_facts(store: Store, truth: Normals, mask: Mask | None) -> dict[str, Any]:
     known = known_pixels(truth) if mask is None else known_pixels(truth) & mask
     facts: dict[str, Any] = {"pixels": int(known.sum()), "sigma_deg_median": None, "sigma_deg_q3": None}
-    path = store.path("normals", "truth_sigma.npy")
-    if path.exists():
-        sigma = store.read_array("normals", "truth_sigma.npy")
-        if sigma.shape != known.shape:
-            raise SceneError(f"{path}: {sigma.shape}, expected {known.shape} like truth.npy. Run `align` again.")
+    sigma = map_of(store, "normals", "truth_sigma")
+    if sigma is not None:
         sigma = sigma[known & np.isfinite(sigma)]
         if sigma.size:
             facts["sigma_deg_median"], facts["sigma_deg_q3"] = map(float, np.quantile(sigma, [0.5, 0.75]))
@@ -287,6 +244,6 @@ def _truth_facts(store: Store, truth: Normals, mask: Mask | None) -> dict[str, A
 
 def _between_methods(store: Store, names: list[str], mask: Mask | None) -> list[dict[str, Any]]:
     """Return the statistics of the angle between each two methods' normals of the real frames."""
-    maps = {name: normals for name in names if (normals := _open(store, "normals", name)) is not None}
+    maps = {name: normals for name in names if (normals := map_of(store, "normals", name)) is not None}
     found = ((a, b, angular_statistics(_error_map(maps[a], maps[b], mask))) for a, b in combinations(maps, 2))
     return [{"a": a, "b": b, **statistics} for a, b, statistics in found if statistics["pixels"]]

@@ -1,19 +1,18 @@
-"""What was found of the object: histograms of the errors, a map with its pixels counted at the axes."""
+"""Histograms of the errors."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from draw.readable import readable
-from draw.svg import COLOURS, Axes, Axis, Drawing, legend, shape, svg, text
+from draw.svg import COLOURS, Axes, Axis, Drawing, svg, text
 
 PANEL = (208, 150)
 """Width and height, pixels."""
 STEP = (230, 200)
 """From one panel's corner to the next one's, right and down, pixels."""
 PANELS_ABREAST = 4
-MAP_WIDTH = 640
 
 
 def error_histograms(compared: dict[str, Any], names: Sequence[str]) -> Drawing | None:
@@ -53,37 +52,3 @@ def error_histograms(compared: dict[str, Any], names: Sequence[str]) -> Drawing 
     columns, rows = min(len(shares), PANELS_ABREAST), -(-len(shares) // PANELS_ABREAST)
     label = "Histogram of the angular error of each method; filled: photographs, line: twin"
     return svg(52 + columns * STEP[0], 30 + rows * STEP[1], parts, label=label)
-
-
-def map_chart(
-    picture: str, *, width: int, height: int, label: str, outlines: Mapping[str, Iterable[tuple[float, float]]]
-) -> Drawing:
-    """Return a map of the object, its columns and rows counted at the axes, and outlines on it.
-
-    Parameters
-    ----------
-    picture : str
-        The map's picture, perhaps smaller than the map, as a data URI.
-    width, height : int
-        Size of the map in pixels: what the axes count.
-    label : str
-        What it is, for who cannot see it.
-    outlines : mapping
-        By name, points (column, row).
-    """
-    # The middle of the first pixel is at 0: the picture begins half a pixel before it.
-    high = MAP_WIDTH * height / width
-    x, y = (
-        Axis(first, last, start, end, False, Axis.over([[0.0, size - 1.0]], 0, 1, log=False).ticks)
-        for size, first, last, start, end in (
-            (width, -0.5, width - 0.5, 64, 64 + MAP_WIDTH), (height, height - 0.5, -0.5, 12 + high, 12)
-        )
-    )  # fmt: skip
-    on = Axes(x, y)
-    parts = on.drawn("column (px)", "row (px)")
-    place = {"x": 64, "y": 12, "width": MAP_WIDTH, "height": high}
-    parts.append(shape("image", **place, preserveAspectRatio="none", href=picture))
-    colours = {name: COLOURS[number % len(COLOURS)] for number, name in enumerate(outlines)}
-    parts += [on.line(points, colours[name], name, stroke_width=2) for name, points in outlines.items()]
-    parts += legend(colours, x.end + 14, 26)[0]
-    return svg(x.end + (170 if outlines else 14), round(high + 64), parts, label=label)

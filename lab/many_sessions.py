@@ -33,11 +33,6 @@ from scene.store import Store
 
 PAGE, TABLE = "index.html", "sessions.csv"
 PICTURE_PX = 160
-COLUMNS = {
-    "session": "{name}", "normals": "{badge}", "method": "{method}", "median error, deg": "{median_deg:2}",
-    "warnings": "{warnings:0}", "seconds": "{seconds:0}",
-}  # fmt: skip
-"""Of the table on the terminal."""
 
 
 def sessions_below(parent: Path) -> list[Path]:
@@ -124,7 +119,7 @@ def process_all(
         if more:
             more(record.folder)
     lost = [f"{name} ({fault})" for name, fault in faults.items() if fault]
-    show(number_table("sessions", COLUMNS, rows), hidden=as_json)
+    show(number_table("sessions", "sessions", rows), hidden=as_json)
     if as_json:
         print(json.dumps(rows, indent=1))
     say(f"written: {record.folder / PAGE}, {record.folder / TABLE}")

@@ -25,10 +25,6 @@ if TYPE_CHECKING:
 
 EVERY_S = 15.0
 """Seconds from one line of work under way to the next, off a terminal."""
-LONGEST = 1_000_000
-"""Characters of the log; the oldest runs are left out."""
-HEAD = "=== "
-"""Begins the line that begins a run."""
 
 _open: list[Path] = []
 
@@ -111,7 +107,7 @@ def logged(record: "Record") -> Iterator[None]:
 
     now, command = record.scratch("running.log"), shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
     versions = ", ".join(f"{name} {version}" for name, version in libraries().items())
-    header = f"{HEAD}{datetime.now().astimezone().isoformat(timespec='seconds')}  {command}\n{versions}\n"
+    header = f"=== {datetime.now().astimezone().isoformat(timespec='seconds')}  {command}\n{versions}\n"
     with suppress(OSError, ValueError), open(now, "a", encoding="utf-8", errors="backslashreplace") as file:
         file.write(header)
     _open.append(now)
@@ -134,11 +130,7 @@ def _put_behind(record: "Record", now: Path) -> None:
 
     path = record.folder / "rgbn.log"
     before = path.read_text("utf-8", "replace") if record.is_intact(path) else ""
-    text = before + now.read_text("utf-8", "replace")
-    if len(text) > LONGEST:
-        start = text.find(f"\n{HEAD}", len(text) - LONGEST)
-        text = text[start + 1 :] if start >= 0 else text[-LONGEST:]
-    write_text(path, text)
+    write_text(path, before + now.read_text("utf-8", "replace"))
     now.unlink()
 
 

@@ -14,7 +14,6 @@ from align.pose.picks import read_picks
 from align.pose.register import Registration, register
 from align.pose.scan_scale import register_unknown_scale, scaled_pose
 from align.pose.scan_view import outline_strokes
-from align.pose.shading import scan_shading
 from align.scan.smooth_normals import smooth_normals
 from align.truth import ground_truth
 from capture.session.requests import hint_scale
@@ -73,18 +72,8 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     store.save_mask(final_mask.mask)
     lights = lights.seen_from(found.pose.apply(mesh.center_mm))
     store.save_lights(lights, files=job.frame_files)
-    if lights.is_unknown:
-        # The scan is shown as if lit from the camera.
-        lights = replace(lights, directions=np.tile([0.0, 0.0, 1.0], (len(lights), 1)))
-    write_pictures(
-        store,
-        frames,
-        lights,
-        strokes=outline_strokes(mesh, found.pose, camera),
-        shading=lambda index, pixels: scan_shading(mesh, found.pose, camera, lights, index, pixels),
-        mask=final_mask.mask,
-        sigma_deg=truth.sigma_deg,
-    )
+    strokes = outline_strokes(mesh, found.pose, camera)
+    write_pictures(store, frames, lights, strokes=strokes, mask=final_mask.mask, sigma_deg=truth.sigma_deg)
     result = {
         "residual_px": found.residual_px,
         "sigma_mm": found.sigma_mm,

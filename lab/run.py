@@ -203,8 +203,8 @@ def summed_up(job: Job, last: str) -> dict[str, Any]:
     write_json(job.store.path("summary.json"), summary)
     write_tables(job.store, compared)
     summary = job.store.read_json("summary.json")
-    # A report that is still right is filed with the checksum of summary.json.
-    if last == "compare" or job.record.is_intact(job.store.path("report.pdf")):
+    # A report that is still right is filed with the checksum of summary.json; it is made of a whole folder only.
+    if last == "compare" or job.is_current(STEPS, "compare"):
         from compare.report.report import write_report
 
         with job.record.part_of(REPORTED):

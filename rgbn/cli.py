@@ -11,10 +11,9 @@ from cyclopts.validators import Number
 
 from experiments.commands import dataset, sweep
 from lab.options import AS_BEFORE, Settings
-from lab.progress import check_words, is_quiet, keep_logs, keep_quiet, open_streams, say
+from lab.progress import check_words, keep_logs, keep_quiet, open_streams, say
 from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
-from rgbn.shoot_commands import init, plan, watch
 from studio.studio_command import studio
 
 app = App(
@@ -206,36 +205,6 @@ def compare(
 
 
 @app.command(sort_key=9)
-def export(
-    session: Annotated[Path, Parameter(help=f"{SESSION} Mitsuba also takes a scene's .toml.")],
-    /,
-    *,
-    format: Annotated[
-        str,
-        Parameter(
-            alias="-f",
-            help="Formats, with commas: diligent, dome, lp, meshroom, relight, heritage, mitsuba. meshroom: "
-            "photographs and camera as SfMData, with AliceVision's lights. relight: one picture for OpenLIME and "
-            "RelightLab. heritage: a bag for an archive, with a IIIF manifest. mitsuba: the twin's scene.",
-        ),
-    ],
-    out: Out = None,
-    base_url: Annotated[
-        str, Parameter(help="Address at which data/ of heritage will be served. Its IIIF ids begin with it.")
-    ] = "http://localhost:8000",
-    said: Settings = AS_BEFORE,
-) -> None:
-    """Write lights, a relightable picture or the twin's scene for another program."""
-    from rgbn.export_command import export_session
-
-    paths, notes = export_session(session, format, out, base_url, said)
-    for note in notes:
-        say(f"note: {note}")
-    for path in () if is_quiet() else paths:
-        print(path)
-
-
-@app.command(sort_key=9)
 def rig(
     *folders: Annotated[
         Path, Parameter(help="Output folders of sessions with balls, in the order of their photographs.")
@@ -259,21 +228,24 @@ def rig(
     say(f"written: {out}. In session.toml of a session without balls: [lights] file = {file}")
 
 
-app.command(init, sort_key=0)
-app.command(plan, sort_key=0)
-app.command(watch, sort_key=0)
+# Loaded when they are called: what their options are stands beside what they do.
+for name, place, told, key in (
+    ("init", "shoot.init.init_session:init_sessions",
+     "Look at a folder of photographs, ask what no file tells, and write its session.toml.", 0),
+    ("plan", "shoot.plan.run_plan:plan",
+     "Plan a shoot: where flashes and balls go, and which error to expect after each flash.", 0),
+    ("watch", "shoot.watch.watch_folder:watch_folder",
+     "Judge each photograph of a shoot within seconds, and write the session at the end.", 0),
+    ("export", "rgbn.export_command:export",
+     "Write lights, a relightable picture or the twin's scene for another program.", 9),
+    ("doctor", "rgbn.doctor:tell_findings",
+     "Say whether this machine can run rgbn, what to mend, and what makes it faster.", 11),
+):  # fmt: skip
+    app.command(place, name=name, help=told, sort_key=key, group_parameters=Group.create_default_parameters())
 app.command(sweep, sort_key=10)
 app.command(studio, sort_key=12)
 app.command(dataset)
 app.command(tell_example, name="example", sort_key=2)
-
-
-@app.command(sort_key=11)
-def doctor() -> None:
-    """Say whether this machine can run rgbn, what to mend, and what makes it faster."""
-    from rgbn.doctor import tell_findings
-
-    tell_findings()
 
 
 def main() -> None:

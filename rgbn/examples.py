@@ -6,13 +6,8 @@ from pathlib import Path
 
 from scene.errors import SceneError
 
-EXAMPLES = {
-    "fixture": ((), "photographs, two chrome balls and a white one, a scan, and the known truth"),
-    "no-session-toml": (
-        ("session.toml", "truth.json", "truth.npz"), "photographs and a scan alone, for `rgbn init` to describe"
-    ),
-}  # fmt: skip
-"""What is left out of each, and what it shows."""
+EXAMPLES = {"fixture": (), "no-session-toml": ("session.toml", "truth.json", "truth.npz")}
+"""What is left out of each."""
 
 
 def fixture_folder() -> Path:
@@ -53,7 +48,7 @@ def example(name: str, folder: str | Path | None = None) -> Path:
         raise SceneError(f"{place}: is there already, and is no empty folder. Name another one for the example.")
     try:
         # Files alone: an installed package may be read-only, and its modes are not the user's.
-        left_out = shutil.ignore_patterns(*EXAMPLES[name][0])
+        left_out = shutil.ignore_patterns(*EXAMPLES[name])
         shutil.copytree(fixture_folder(), place, copy_function=shutil.copyfile, ignore=left_out, dirs_exist_ok=True)
         place.chmod(0o755)
     except OSError as error:
@@ -61,20 +56,15 @@ def example(name: str, folder: str | Path | None = None) -> Path:
     return place
 
 
-def tell_example(name: str | None = None, folder: Path | None = None, /) -> None:
-    """Unpack a small session to try rgbn on. Without NAME, list them.
+def tell_example(name: str = "fixture", folder: Path | None = None, /) -> None:
+    """Unpack a small session to try rgbn on.
 
     Parameters
     ----------
-    name : str, optional
-        One of those that are listed.
+    name : str
+        fixture: with balls, scan, truth; no-session-toml: photographs and scan, for `rgbn init`.
     folder : Path, optional
         New or empty folder for it. Default: NAME.
     """
-    if name is None:
-        for known, (_, words) in EXAMPLES.items():
-            print(f"{known:16} {words}")
-        return
     place = example(name, folder)
-    verb = "init" if name == "no-session-toml" else "process"
-    print(f"{place}: {EXAMPLES[name][1]}\nnext: rgbn {verb} {place}")
+    print(f"next: rgbn {'init' if name == 'no-session-toml' else 'process'} {place}")

@@ -2,9 +2,10 @@
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from cyclopts import Parameter
 from numpy.typing import NDArray
 
 from compare.report.pictures import Exposure
@@ -13,10 +14,12 @@ from formats.picture_files import srgb_from_linear
 from formats.relight_files import tell, terms, write_relight
 from formats.sfm_data import write_sfm
 from lab.job import Job
-from lab.options import AS_BEFORE, Solving, named
+from lab.options import AS_BEFORE, Settings, named
+from lab.progress import is_quiet, say
 from lab.results import pixel_size_mm
 from lab.run import EXPORTED, STEPS, is_description, open_job, summed_up
 from lab.twin_step import twin_scene
+from rgbn.cli import SESSION, Out
 from scene.errors import SceneError
 from scene.origin import Origin
 from scene.output_folder import open_record, own_folder
@@ -35,31 +38,44 @@ MOST_CONDITION = 1e3
 """Of the terms at the lights; beyond it they cannot be told apart."""
 
 
-def export_session(source: Path, text: str, out: Path | None, base_url: str, said: Solving = AS_BEFORE) -> Made:
-    """Write what is asked for into OUT/export, after the steps that it needs.
-
-    Parameters
-    ----------
-    source, text, out, base_url, said
-        As `rgbn export` has them; `text`: formats with commas.
+def export(
+    session: Annotated[Path, Parameter(help=f"{SESSION} Mitsuba also takes a scene's .toml.")],
+    /,
+    *,
+    format: Annotated[
+        str,
+        Parameter(
+            alias="-f",
+            help="Formats, with commas: diligent, dome, lp, meshroom, relight, heritage, mitsuba. meshroom: "
+            "photographs and camera as SfMData, with AliceVision's lights. relight: one picture for OpenLIME and "
+            "RelightLab. heritage: a bag for an archive, with a IIIF manifest. mitsuba: the twin's scene.",
+        ),
+    ],
+    out: Out = None,
+    base_url: Annotated[
+        str, Parameter(help="Address at which data/ of heritage will be served. Its IIIF ids begin with it.")
+    ] = "http://localhost:8000",
+    said: Settings = AS_BEFORE,
+) -> Made:
+    """Write what is asked for into OUT/export, after the steps that it needs: `rgbn export`; and print what it is.
 
     Raises
     ------
     SceneError
         Unknown format, or one that cannot hold these lights or this scene; a session without a scan has none.
     """
-    names = named("--format", text, FORMATS)
+    names = named("--format", format, FORMATS)
     if not re.fullmatch(r"https?://[^\s/?#]+(/[^\s?#]*)?", base_url):
         raise SceneError(
             f"--base-url {base_url}: expected a whole address, such as http://localhost:8000: IIIF asks for such ids."
         )
-    if is_description(source) and names == (SCENE,):
-        scene, origin = read_scene(source), Origin("scene", source.resolve())
-        out = out or own_folder(Path("out") / source.stem, origin)
-        with open_record(out, origin=origin, inputs=[source]) as record:
-            return _scene(scene, record.folder / "export")
+    if is_description(session) and names == (SCENE,):
+        scene, origin = read_scene(session), Origin("scene", session.resolve())
+        out = out or own_folder(Path("out") / session.stem, origin)
+        with open_record(out, origin=origin, inputs=[session]) as record:
+            return _told([_scene(scene, record.folder / "export")])
     made: list[Made] = []
-    with open_job(source, out=out, said=said) as job:
+    with open_job(session, out=out, said=said) as job:
         # First what may take steps that remove what the others wrote.
         if HERITAGE in names:
             from rgbn.heritage_export import export_heritage
@@ -76,7 +92,16 @@ def export_session(source: Path, text: str, out: Path | None, base_url: str, sai
             if name != HERITAGE:
                 with job.record.part_of(EXPORTED):
                     made.append(_one(job, name))
-    return [path for paths, _ in made for path in paths], [note for _, notes in made for note in notes]
+    return _told(made)
+
+
+def _told(made: list[Made]) -> Made:
+    paths, notes = ([one for part in parts for one in part] for parts in zip(*made, strict=True))
+    for note in notes:
+        say(f"note: {note}")
+    for path in () if is_quiet() else paths:
+        print(path)
+    return paths, notes
 
 
 def _one(job: Job, name: str) -> Made:

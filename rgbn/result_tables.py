@@ -4,14 +4,13 @@ import math
 from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
-import numpy as np
 import pandas
 
 from compare.report.pictures import Exposure, thumbnail
 from compare.statistics.statistics import statistics_rows
-from draw.object_charts import error_histograms, map_chart
+from draw.object_charts import error_histograms
 from draw.readable import readable
-from draw.svg import Drawing
+from draw.svg import COLOURS, Drawing, line, shape, svg
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
@@ -116,16 +115,19 @@ def ball_rows(balls: Iterable[Sphere], camera: Camera) -> list[dict[str, Any]]:
 def ball_table(balls: Iterable[Sphere], camera: Camera, frames: Frames) -> Table[Sphere]:
     """Return the calibration balls with the camera that saw them, a row each: see `ball_rows`.
 
-    The drawing is the first photograph with the balls' outlines; axes in px.
+    The drawing is the first photograph, in its pixels, with the balls' outlines.
     """
     balls = list(balls)
 
     def draw() -> "Drawing":
         picture = Exposure.for_frames(frames).develop(thumbnail(frames, 0, PLOTTED_WIDTH))
-        lines = {f"{ball.kind} ball {n}": ball.outline(camera) for n, ball in enumerate(balls, 1)}
-        outlines = {name: np.concatenate([line, line[:1]]) for name, line in lines.items()}
-        uri, label = data_uri(picture, photograph=True), "the first photograph with the balls' outlines"
-        return map_chart(uri, width=frames.width, height=frames.height, label=label, outlines=outlines)
+        size = {"width": frames.width, "height": frames.height}
+        parts = [shape("image", **size, href=data_uri(picture, photograph=True))]
+        for number, ball in enumerate(balls, 1):
+            outline = ball.outline(camera) + 0.5
+            told, width = f"{ball.kind} ball {number}", frames.width / 300
+            parts.append(line([*outline, outline[0]], COLOURS[5], told, stroke_width=width))
+        return svg(frames.width, frames.height, parts, label="the first photograph with the balls' outlines")
 
     kinds = [ball.kind for ball in balls]
     counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))

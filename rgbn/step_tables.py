@@ -30,50 +30,6 @@ NEXT = {
     "align": "rgbn solve {0}", "solve": "rgbn twin {0}", "twin": "rgbn compare {0}",
     "compare": "look at {0}/report.html; rgbn studio {0}",
 }  # fmt: skip
-LIGHTS = {
-    "frame\n": "{name}", "elevation\ndeg": "{elevation_deg:1}", "azimuth\ndeg": "{azimuth_deg:1}",
-    "distance\nmm": "{distance_mm:0}", "intensity\nmean 1": "{intensity:3}",
-    "sigma\ndeg": "{direction_sigma_deg:2}", "flags\n": "{flags}",
-}  # fmt: skip
-BALLS = {
-    "ball\n": "{kind}", "centre\npx": "({column_px:1}, {row_px:1})", "radius\npx": "{radius_px:2}",
-    "diameter\nmm": "{diameter_mm:g}", "distance\nmm": "{distance_mm:0}", "sigma\npx": "{sigma_px:3}",
-}  # fmt: skip
-METHODS = {
-    "method": "{method}",
-    "seconds": "{seconds:1}",
-    "sigma of a normal, deg (median)": "{sigma_deg_median:2}",
-}
-TRUST = {
-    "method": "{method}", "unexplained, of the albedo": "{unexplained:1%}",
-    "from the one taken, deg (mean)": "{apart_deg:1}",
-}  # fmt: skip
-ERRORS = {
-    "method": "{method}", "frames": "{frames}", "mean": "{mean_deg:2}", "median": "{median_deg:2}",
-    "under 5": "{under_5_deg:0%}", "under 10": "{under_10_deg:0%}",
-}  # fmt: skip
-KNOWN_TRUTH = {"figure": "{text}", "value": "{value:3} {unit}"}
-CHECK = {
-    "frames": "{frames} of {width} x {height} px, {ambient_words}",
-    "brightness": "{dark[brightness]:1%} ({dark[name]}) to {bright[brightness]:1%} ({bright[name]}) of white (mean)",
-    "clipped": "{clipped}",
-    "camera": "{camera_words}; colours: {colour[words]}",
-}
-ALIGN = {
-    "scan": "{scan}",
-    "residual": "{residual_px:2} px, of the outline",
-    "pose, sigma": "{sigma_mm:2} mm, {sigma_deg:2} deg",
-    "object": "{size_mm[0]:1} x {size_mm[1]:1} x {size_mm[2]:1} mm, along the scan's axes",
-    "scan's unit": "{mm_per_unit:g} mm",
-    "distance": "{distance_mm:0} mm from the camera",
-    "true normals": "sigma {truth_sigma_deg_median:2} deg (median)",
-}
-TWIN = {
-    "material": "{model}",
-    "misfit": "{relative_rmse:1%} of the photographs, rms",
-    "predicted": "{relative_rmse_lit:1%} of frames not fitted to, where lit",
-    "rendering": "engine {engine}, {seconds:0} s, error {error:1%}",
-}
 
 
 def check_tables(job: Job, summary: Values) -> Iterator[Any]:
@@ -93,7 +49,7 @@ def check_tables(job: Job, summary: Values) -> Iterator[Any]:
         "clipped": most if clipped["saturated_share"] else "no pixel",
         "camera_words": camera_text(camera) + (by_balls if told.fx != camera.fx and not told.is_orthographic else ""),
     }
-    yield fact_table(f"{summary['name']}: check", CHECK, found | words)
+    yield fact_table(f"{summary['name']}: check", "check", found | words)
 
 
 def camera_text(camera: Camera) -> str:
@@ -120,7 +76,7 @@ def calibrate_tables(job: Job, summary: Values) -> Iterator[Any]:
     seen = "the object" if "align" in job.done else "amid the balls"
     yield light_table(f"calibrate: {len(lights)} {lights.model} lights, seen from {seen}", lights)
     if store.path("spheres.json").exists() and (spheres := store.load_spheres()):
-        yield number_table("calibrate: balls", BALLS, ball_rows(spheres, store.load_camera()))
+        yield number_table("calibrate: balls", "told balls", ball_rows(spheres, store.load_camera()))
 
 
 def light_table(title: str, lights: Lights) -> Any:
@@ -135,7 +91,7 @@ def light_table(title: str, lights: Lights) -> Any:
             f"sigma {readable(float(np.nanmedian(sigmas)))} deg (median), {readable(float(np.nanmax(sigmas)))} deg at "
             f"worst ({worst}); {caption}"
         )
-    return number_table(title, LIGHTS, rows, caption)
+    return number_table(title, "told lights", rows, caption)
 
 
 def align_tables(job: Job, summary: Values) -> Iterator[Any]:
@@ -145,23 +101,23 @@ def align_tables(job: Job, summary: Values) -> Iterator[Any]:
         known = "given normals" if session.normals else "none: the session names no scan and no normals"
         yield fact_table("align", {"ground truth": known})
         return
-    yield fact_table("align", ALIGN, found | {"scan": session.scan.name})
+    yield fact_table("align", "align", found | {"scan": session.scan.name})
 
 
 def solve_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield the methods; where they were asked to, how well each predicts photographs, and what to take."""
     methods = summary["solve"]["methods"]
-    yield number_table("solve", METHODS, [{"method": name, **row} for name, row in methods.items()])
+    yield number_table("solve", "solved", methods)
 
     if found := summary["trust"]:
-        yield number_table("trust", TRUST, [{"method": name, **row} for name, row in found["methods"].items()])
+        yield number_table("trust", "trust", found["methods"])
         yield fact_table("", {"trust": plain(trust_sentence(found)).strip()})
 
 
 def twin_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield the rendering, or that there is none."""
     if twin := summary["twin"]:
-        yield fact_table("twin", TWIN, twin["material"] | (twin.get("held_out") or {}) | twin)
+        yield fact_table("twin", "twin", twin["material"] | (twin.get("held_out") or {}) | twin)
     else:
         yield fact_table("twin", {"not rendered": "no scan is registered, or no material fits it"})
 
@@ -169,11 +125,11 @@ def twin_tables(job: Job, summary: Values) -> Iterator[Any]:
 def compare_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield the errors, and against a known truth what each step is off."""
     if rows := statistics_rows(summary["compare"]):
-        yield number_table("compare: angular error, degrees", ERRORS, rows)
+        yield number_table("compare: angular error, degrees", "told errors", rows)
     else:
         yield fact_table("compare", {"no errors": "there is no ground truth: no scan, no given normals"})
     if check := summary.get("truth_check"):
-        yield number_table("against the known truth", KNOWN_TRUTH, check.values())
+        yield number_table("against the known truth", "known truth", check)
     statements = verdict(dict(summary))
     said = {"verdict": f"{statements[0].word}: {statements[0].text}", "do": plain(advice(dict(summary), statements))}
     surface = (summary.get("results") or {}).get("surface")

@@ -9,12 +9,8 @@ from numpy.typing import NDArray
 from align.pose.appearance import Appearance, Lit, albedo_of, freed_of_appearance
 from align.pose.photographed import FEWEST
 from align.pose.scan_view import View
-from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
-from scene.mesh import Mesh
-from scene.pose import Pose
-from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
 
@@ -145,25 +141,3 @@ def explain(
 def cosines(vectors: Array, normals: NDArray) -> Array:
     """Return (N, P) light . normal, 0 where the normal is unknown."""
     return np.einsum("npk,pk->np", vectors, np.nan_to_num(normals))
-
-
-def scan_shading(
-    mesh: Mesh, pose: Pose, camera: Camera, lights: Lights, index: int, pixels: NDArray
-) -> NDArray[np.float32]:
-    """Return what a white matte scan would show at pixels (..., 2) under light `index`, (...), NaN off the scan.
-
-    max(0, vector . normal), the light's fall-off in the vector, 0 in cast shadows; the light's intensity is not in it.
-    """
-    one, view = lights.only([index]), View(RayCaster(mesh), camera, pose)
-    flat = np.asarray(pixels, np.float64).reshape(-1, 2)
-    out = np.full(len(flat), np.nan, np.float32)
-    step = 1 << 19
-    for first in range(0, len(flat), step):
-        part = slice(first, first + step)
-        points, normals = view.surface(*camera.rays(flat[part]))
-        seen = np.isfinite(points[:, 0])
-        points, normals = points[seen], normals[seen]
-        cosine = np.maximum(np.einsum("pk,pk->p", one.toward(points)[0], normals), 0)
-        values = out[part]
-        values[seen] = np.where(find_shadows(view, one, points, normals)[0], 0, cosine)
-    return out.reshape(np.shape(pixels)[:-1])

@@ -87,6 +87,11 @@ def read_optional(store: Store, name: str) -> Any:
     return there(store.read_json, name)
 
 
+def map_of(store: Store, place: str, name: str) -> NDArray[np.float32] | None:
+    """Return a map of the folder as a memory map, None where it is not there."""
+    return store.read_array(place, f"{name}.npy") if store.path(place, f"{name}.npy").exists() else None
+
+
 def sphere_rows(store: Store) -> list[dict[str, Any]]:
     """Return spheres.json with what calibration.json adds: in how many frames each ball's highlight was found."""
     highlights = (read_optional(store, "calibration.json") or {}).get("highlights_px") or []
@@ -164,18 +169,20 @@ def speed_points(summary: Summary) -> list[SpeedPoint]:
 
 
 class Material:
-    """What the folder holds to be shown; None where it is not there. `summary` may lack any part.
+    """What the folder holds to be shown, None where it is not there: a report is made once all is.
 
-    lights: `scene.lights.Lights.facts`; raking: the frame that shows shape best.
+    `summary` may lack any part. lights: `scene.lights.Lights.facts`; raking: the frame that shows shape best.
     """
 
     def __init__(self, store: Store, summary: Summary) -> None:
         compared, lights, self.store = summary.get("compare") or {}, there(store.load_lights), store
-        self.frames, self.camera = there(store.load_frames), there(store.load_camera)
+        self.frames: Any = there(store.load_frames)
+        self.camera: Any = there(store.load_camera)
         self.twin_frames = there(Store(store.path("twin")).load_frames)
-        self.mask = there(store.load_mask) if store.path("mask.png").exists() else None
+        self.mask: Any = there(store.load_mask) if store.path("mask.png").exists() else None
         white_value = None if lights is None else lights.white_value
-        self.exposure = None if self.frames is None else Exposure.for_frames(self.frames, white_value=white_value)
+        exposure = None if self.frames is None else Exposure.for_frames(self.frames, white_value=white_value)
+        self.exposure: Any = exposure
         count = None if self.frames is None else len(self.frames)
         self.raking = 0 if lights is None else pictures.raking_frame(lights.directions[:count])
         self.lights: Summary | None = compared.get("lights") or there(lambda: store.load_lights().facts())
@@ -183,8 +190,6 @@ class Material:
         self.methods = by_error(compared) if "methods" in compared else method_names(store)
 
     def photograph(self, index: int, box: PixelBox, width: int) -> pictures.Image:
-        assert self.frames is not None
-        assert self.exposure is not None
         return self.exposure.develop(pictures.thumbnail(self.frames, index, width, box))
 
     def photographs_of_ball(self, index: int) -> tuple[Frames | None, Exposure | None]:
@@ -200,5 +205,4 @@ class Material:
         return frames, Exposure.for_frames(frames)
 
     def map_of(self, place: str, name: str) -> NDArray[np.float32] | None:
-        path = self.store.path(place, f"{name}.npy")
-        return self.store.read_array(place, f"{name}.npy") if path.exists() else None
+        return map_of(self.store, place, name)

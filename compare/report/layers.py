@@ -19,7 +19,7 @@ from compare.report.pictures import Exposure, PixelBox
 from draw.readable import is_number
 from formats.picture_files import linear_from_srgb
 from scene.frames import Frames
-from scene.map_pictures import PAPER, data_uri, known_pixels, normal_picture
+from scene.map_pictures import PAPER, data_uri, normal_picture
 
 LEVELS = 255
 """Of an angle's palette; one more stands for unknown."""
@@ -57,27 +57,22 @@ class ViewerLayers:
     scales: Summary
 
     @classmethod
-    def of(cls, material: Material, summary: Summary) -> "ViewerLayers | None":
-        """Return the folder's pictures; None where there are neither photographs nor normals."""
-        shape = _shape(material)
-        if shape is None:
-            return None
+    def of(cls, material: Material, summary: Summary) -> "ViewerLayers":
+        """Return the folder's pictures."""
         sides = {"real": material.frames, "twin": material.twin_frames}
-        there = {side: frames for side, frames in sides.items() if frames is not None and len(frames)}
-        there = {side: frames for side, frames in there.items() if (frames.height, frames.width) == shape.shape}
-        grid, scales = _grid(material, PixelBox.of_mask(shape, margin=0.04), sum(map(len, there.values()))), {}
+        there = {side: frames for side, frames in sides.items() if frames is not None}
+        grid, scales = _grid(material, PixelBox.of_mask(material.mask, margin=0.04), sum(map(len, there.values()))), {}
         layers = [one for side, frames in there.items() for one in _photographs(material, frames, side, grid, scales)]
         end = (summary.get("compare") or {}).get("error_scale_deg")
-        layers += _maps(material, grid, end if is_number(end) else None, shape.shape, scales)
+        layers += _maps(material, grid, end if is_number(end) else None, scales)
         return cls(grid, layers, scales)
 
 
 def _photographs(material: Material, frames: Frames, side: str, grid: PixelBox, scales: Summary) -> Iterator[Layer]:
     """Yield a side's photographs; its scale has what JPEG costs 95 % of samples at most, as a share of white."""
     exposure, words = material.exposure, "photograph"
-    if side == "twin" or exposure is None:
-        balance = None if exposure is None else exposure.balance
-        exposure, words = Exposure.for_frames(frames, white_value=balance), "twin"
+    if side == "twin":
+        exposure, words = Exposure.for_frames(frames, white_value=exposure.balance), "twin"
     for index, name in enumerate(frames.names):
         values = grid.frame(frames, index)
         uri = data_uri(exposure.develop(values), photograph=True)
@@ -97,16 +92,14 @@ def _jpeg_error(uri: str, share: NDArray) -> float:
     return float(np.quantile(np.abs(read - np.clip(np.nan_to_num(share), 0, 1).mean(-1)), 0.95))
 
 
-def _maps(
-    material: Material, grid: PixelBox, error_end: float | None, shape: tuple[int, ...], scales: Summary
-) -> Iterator[Layer]:
+def _maps(material: Material, grid: PixelBox, error_end: float | None, scales: Summary) -> Iterator[Layer]:
     """Yield normals, and the errors, albedo and sigma that belong to them, of the truth and of every method."""
 
     def there(place: str, name: str) -> NDArray | None:
         found = material.map_of(place, name)
-        return grid.of(found) if found is not None and found.shape[:2] == shape[:2] else None
+        return None if found is None else grid.of(found)
 
-    balance = np.ones(3) if material.exposure is None else material.exposure.balance
+    balance = material.exposure.balance
     sigmas: list[tuple[str, str, str, NDArray]] = []
     for name, side in [("truth", "truth"), *product(material.methods, ("real", "twin"))]:
         normals = there("twin/normals" if side == "twin" else "normals", name)
@@ -122,7 +115,7 @@ def _maps(
         if sigma and (found := there(*sigma)) is not None:
             sigmas.append((side, name, f"sigma, {of}", found))
         albedo = there("albedo", name) if side == "real" else None
-        if albedo is not None and albedo.ndim == 3:
+        if albedo is not None:
             known = (albedo / balance)[np.isfinite(albedo).all(-1)]
             white = max(float(np.quantile(known, ALBEDO_QUANTILE)) if known.size else 1.0, 1e-6)
             image = Exposure(white, balance).develop(np.maximum(albedo, 0))
@@ -156,12 +149,12 @@ def angle_uri(angle_deg: NDArray, end_deg: float) -> str:
 
 def _surface(material: Material, grid: PixelBox) -> Summary | None:
     """Return the scan's depth z, mm, at every `step`-th pixel: 16 bits from `low` on over `span`, 0 where unknown."""
-    z, mask, (width, height) = material.map_of("twin", "truth_z_mm"), material.mask, grid.size
-    if z is None or z.ndim != 2 or (mask is not None and z.shape != mask.shape):
+    z, (width, height) = material.map_of("twin", "truth_z_mm"), grid.size
+    if z is None:
         return None
     grid = replace(grid, step=grid.step * max(1, round((width * height / SURFACE_POINTS) ** 0.5)))
     z = grid.of(z).astype(np.float64)
-    known = (z < 0) & (True if mask is None else grid.of(mask))
+    known = (z < 0) & grid.of(material.mask)
     if not known.any():
         return None
     low, span = float(z[known].min()), max(float(np.ptp(z[known])), 1e-6)
@@ -170,25 +163,12 @@ def _surface(material: Material, grid: PixelBox) -> Summary | None:
     return {**shown, "width": z.shape[1], "step": grid.step}
 
 
-def _shape(material: Material) -> NDArray[np.bool_] | None:
-    """Return the mask (H, W) of the object: given, or where normals are known, or all of the photographs."""
-    frames, mask = material.frames, material.mask
-    maps = (material.map_of("normals", name) for name in ("truth", *material.methods))
-    normals = next((found for found in maps if found is not None), None)
-    if mask is not None and (normals is not None if frames is None else mask.shape == (frames.height, frames.width)):
-        return mask
-    if frames is not None:
-        return np.ones((frames.height, frames.width), bool)
-    return None if normals is None or mask is not None else known_pixels(normals)
-
-
 def _grid(material: Material, box: PixelBox, frames: int) -> PixelBox:
     """Return every n-th pixel of the box, n the least by which all pictures fit, by the size of one of each."""
     step = int(np.ceil(np.sqrt(max(1.0, box.width * box.height / MOST_PIXELS))))
     grid, size = replace(box, step=step), 0
-    if material.frames is not None and len(material.frames) and material.exposure is not None:
-        image = material.exposure.develop(grid.frame(material.frames, 0))
-        size += frames * len(data_uri(image, photograph=True))
+    image = material.exposure.develop(grid.frame(material.frames, 0))
+    size += frames * len(data_uri(image, photograph=True))
     normals = material.map_of("normals", material.methods[0]) if material.methods else None
     if normals is not None:
         image = normal_picture(grid.of(normals), grid.size[0])
@@ -197,10 +177,8 @@ def _grid(material: Material, box: PixelBox, frames: int) -> PixelBox:
     return replace(box, step=max(step, int(np.ceil(step * np.sqrt(size * 0.75 / MOST_BYTES)))))
 
 
-def viewer_facts(material: Material, layers: ViewerLayers | None, best: str | None) -> Summary:
-    """Return what viewer.html is filled in with; no options where there is nothing to be shown."""
-    if layers is None or not layers.layers:
-        return {"options": {}}
+def viewer_facts(material: Material, layers: ViewerLayers, best: str | None) -> Summary:
+    """Return what viewer.html is filled in with."""
     found: dict[str, dict[str, str]] = {group: {} for group in GROUPS}
     for layer in layers.layers:
         key, label = f"{layer.kind}:{layer.side}:{layer.name}", layer.label
@@ -210,17 +188,16 @@ def viewer_facts(material: Material, layers: ViewerLayers | None, best: str | No
         if layer.kind == "albedo":
             found["relit"][f"relit:real:{layer.name}"] = f"relit, {layer.name}"
     keys = [key for group in found.values() for key in group]
-    left = "photograph:real" if "photograph:real" in keys else keys[0]
     wanted = [f"error:real:{best}", f"normals:real:{best}", *found["normals"], keys[-1]]
     (width, height), grid = layers.grid.size, layers.grid
     parts = {name: read_optional(material.store, f"{name}.json") for name in ("camera", "lights", "spheres")}
     data = {
         "width": width, "height": height, "left": grid.left, "top": grid.top, "step": grid.step,
-        "frames": [] if material.frames is None else list(material.frames.names), "scales": layers.scales,
+        "frames": list(material.frames.names), "scales": layers.scales,
         "frame": material.raking,
         "palette": palette().tolist(), "surface": _surface(material, grid), "best": best, **parts,
     }  # fmt: skip
     return {
         "options": {GROUPS[group]: [*rows.items()] for group, rows in found.items() if rows},
-        "chosen": (left, next(key for key in wanted if key in keys)), "viewer_data": data,
+        "chosen": ("photograph:real", next(key for key in wanted if key in keys)), "viewer_data": data,
     }  # fmt: skip

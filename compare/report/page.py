@@ -4,7 +4,7 @@ import functools
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -101,12 +101,12 @@ def table_of(name: str, rows: Rows, *, caption: str = "", kind: str = "numbers")
     return table(head, lines, caption=caption, kind=kind)
 
 
-def cells_of(name: str, rows: Rows) -> tuple[list[str], list[list[str]]]:
+def cells_of(name: str, rows: Rows, fill: Callable[[str, Any], str] | None = None) -> tuple[list[str], list[list[str]]]:
     """Return a table's headings and cells: its columns, (heading, sentence to fill in), stand in report_words.toml."""
-    columns, sentence = words("tables")[name], Sentence()
+    columns, fill = words("tables")[name], fill or (lambda sentence, row: Sentence().vformat(sentence, (), row))
     named = [{"name": key, **row} for key, row in rows.items()] if isinstance(rows, Mapping) else rows
     counted = ({"number": str(number), **row} for number, row in enumerate(named, 1))
-    return [head for head, _ in columns], [[sentence.vformat(cell, (), row) for _, cell in columns] for row in counted]
+    return [head for head, _ in columns], [[fill(cell, row) for _, cell in columns] for row in counted]
 
 
 def folded(title: str, body: str) -> Markup:

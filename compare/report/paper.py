@@ -162,12 +162,9 @@ class _Paper:
         lit = lights.get("frames") and lights.get("model") != "unknown"
         self.head("The set-up" + ("; the lights, as the camera sees them" if lit else ""))
         top = self.pdf.get_y()
-        if frames is None:
-            self.say("The decoded frames are not in this folder any more.", w=wide)
-        else:
-            whole = PixelBox(0, 0, frames.width, frames.height)
-            shown = material.photograph(material.raking, whole, PICTURE_PX)
-            self.picture(shown, MARGIN_MM, wide, frames.names[material.raking], photograph=True)
+        whole = PixelBox(0, 0, frames.width, frames.height)
+        shown = material.photograph(material.raking, whole, PICTURE_PX)
+        self.picture(shown, MARGIN_MM, wide, frames.names[material.raking], photograph=True)
         if lit:
             chart = light_charts.directions(lights).replace("system-ui, 'DejaVu Sans', sans-serif", "text")
             self.pdf.image(BytesIO(chart.encode()), MARGIN_MM + wide + GAP_MM, top, HIGHEST_MM, alt_text="the lights")

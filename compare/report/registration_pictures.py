@@ -1,8 +1,6 @@
 """Pictures that show whether balls and scan lie where they are in the photographs: outlines, wipe, sigma."""
 
-from collections.abc import Callable
-from itertools import zip_longest
-from typing import Any
+from itertools import chain, repeat
 
 import numpy as np
 from markupsafe import Markup, escape
@@ -33,62 +31,30 @@ SIDES = {"left": (-1.0, 0.0), "top": (0.0, -1.0), "right": (1.0, 0.0), "bottom":
 """Image axes (u, v)."""
 
 
-def shown_pixels(box: PixelBox, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return (h, w, 2), the pixels (u, v) of the photographs at the middles of a picture (h, w) of the box."""
-    height, width = shape[:2]
-    u = box.left - 0.5 + (np.arange(width) + 0.5) * box.width / width
-    v = box.top - 0.5 + (np.arange(height) + 0.5) * box.height / height
-    return np.stack(np.meshgrid(u, v), -1)
-
-
-def views(
-    frames: Frames, exposure: Exposure, lights: Lights, index: int, box: PixelBox, shading: Callable[[NDArray], NDArray]
-) -> tuple[Image, Image]:
-    """Return one photograph, and the scan shaded by its light, pixel by pixel alike, through the same tone curve.
-
-    `shading`: pixels (h, w, 2) -> what a white matte object would show there (h, w), NaN off the scan.
-
-    One albedo for the whole scan, the median over its lit pixels in each channel. Not the recovered albedo map: it
-    was measured at the photographs' pixels, and would paint their edges onto the shading wherever the scan lies.
-    Off the scan the shaded picture is the photograph.
-    """
-    import cv2
-
-    linear = pictures.thumbnail(frames, index, box.shown_width(WIDTH), box)
-    grow = max(1, WIDTH // linear.shape[1])
-    size = (grow * linear.shape[1], grow * linear.shape[0])
-    linear = np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_CUBIC))
-    factor = shading(shown_pixels(box, linear.shape))[..., None] * lights.intensities[index]
-    lit = np.isfinite(factor[..., 0]) & (factor[..., 0] > 0.2 * np.nanmax(factor[..., 0], initial=1e-6))
-    albedo = np.median(linear[lit] / factor[lit], axis=0) if lit.any() else np.zeros(3)
-    rendered = np.where(np.isfinite(factor), factor * albedo, linear)
-    return exposure.develop(linear), exposure.develop(rendered)
-
-
 def write_pictures(
     store: Store,
     frames: Frames,
     lights: Lights,
     *,
     strokes: NDArray,
-    shading: Callable[[int, NDArray], NDArray],
     mask: NDArray[np.bool_],
     sigma_deg: NDArray,
 ) -> None:
-    """Write the pictures of a registration to align/: photograph, shaded, outline, outline_zoom, sigma.
+    """Write the pictures of a registration to align/: outline, outline_zoom, sigma.
 
-    `strokes` (K, 2, 2): both ends, pixels, of short strokes along the scan's outline. `shading`: frame, pixels
-    (h, w, 2) -> shading (h, w); see `views`. `mask` (H, W): the object. `sigma_deg` (H, W): of the ground-truth
-    normals, NaN where unknown.
+    `strokes` (K, 2, 2): both ends, pixels, of short strokes along the scan's outline. `mask` (H, W): the object.
+    `sigma_deg` (H, W): of the ground-truth normals, NaN where unknown.
     """
+    import cv2
+
     exposure = Exposure.for_frames(frames, white_value=lights.white_value)
     box = PixelBox.of_mask(mask, margin=0.12)
-    index = pictures.raking_frame(lights.directions)
-    photograph, shaded = views(frames, exposure, lights, index, box, lambda pixels: shading(index, pixels))
+    linear = pictures.thumbnail(frames, pictures.raking_frame(lights.directions), box.shown_width(WIDTH), box)
+    grow = max(1, WIDTH // linear.shape[1])
+    size = (grow * linear.shape[1], grow * linear.shape[0])
+    photograph = exposure.develop(np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_CUBIC)))
     images = {
-        "photograph": photograph,
-        "shaded": shaded,
-        "outline": draw_strokes(photograph.copy(), strokes, [box.left, box.top], photograph.shape[1] / box.width),
+        "outline": draw_strokes(photograph, strokes, [box.left, box.top], photograph.shape[1] / box.width),
         "outline_zoom": zoom_picture(frames, exposure, lights.directions, strokes),
         "sigma": sigma_picture(sigma_deg, mask, box),
     }
@@ -158,18 +124,15 @@ def sigma_picture(sigma_deg: NDArray, mask: NDArray[np.bool_], box: PixelBox) ->
 def ball_figures(material: Material) -> Summary:
     """Return each ball's crop with its fitted outline and highlights, and the candidates that were refused."""
     calibration = read_optional(material.store, "calibration.json") or {}
-    spheres = there(material.store.load_spheres) or []
-    rows = zip_longest(range(len(material.spheres)), spheres, calibration.get("highlights_px") or [])
-    found = [_ball(material, *row) for row in rows if row[0] is not None]
+    seen = chain(calibration.get("highlights_px") or (), repeat(None))
+    found = [_ball(material, n, ball, next(seen)) for n, ball in enumerate(there(material.store.load_spheres) or ())]
     return {"ball_figures": found, "refused": calibration.get("rejected")}
 
 
-def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | None) -> Summary:
-    """Return what is told of a ball, its outline as a drawing, and its crop; the latter two where they are there."""
+def _ball(material: Material, index: int, sphere: Sphere, seen: list | None) -> Summary:
+    """Return what is told of a ball, its outline as a drawing, and its crop where it is there."""
     row, camera = {"kind": "", **material.spheres[index], "number": str(index + 1)}, material.camera
     frames, exposure = material.photographs_of_ball(index)
-    if camera is None or sphere is None:
-        return {"row": row}
     outline = sphere.outline(camera)
     box = pictures.ball_box(sphere, outline, width=camera.width, height=camera.height)
     corner = np.array([box.left - 0.5, box.top - 0.5])
@@ -184,7 +147,7 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
         shapes += f'<g>{title}<path class="highlight-halo" d="{cross}"/><path class="highlight" d="{cross}"/></g>'
     lines = [(kind, outline - corner) for kind in ("outline-halo", "outline")]
     found = {"row": row, "overlay": page.overlay(box, lines, "fitted outline and highlights", shapes)}
-    if frames is None or exposure is None or (frames.width, frames.height) != (camera.width, camera.height):
+    if frames is None or exposure is None:
         return found
     mean = pictures.shrink(pictures.ball_picture(frames, box, brightest=False), BALL_WIDTH)
     image = exposure.develop(mean)
@@ -195,22 +158,13 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
 
 
 def placed(material: Material) -> Summary:
-    """Return the pictures that show whether the scan lies where the object is, or under `missing` why there are none.
+    """Return the pictures that show whether the scan lies where the object is.
 
     registered: there is a pose; outline, as HTML; zoom and sigma, as `align` drew them, or None.
     """
     frames, mask, truth = material.frames, material.mask, material.map_of("normals", "truth")
     registered = material.store.path("pose.json").exists()
-    found: dict[str, Any] = {"registered": registered}
-    if frames is None or (mask is None and truth is None):
-        return found | {"missing": "No scan and no mask: nothing to lay over the photographs."}
-    size = (frames.height, frames.width)
-    known = None if truth is None or truth.shape[:2] != size else known_pixels(truth)
-    mask = mask if mask is not None and mask.shape == size else None
-    shape = mask if mask is not None else known
-    if shape is None:
-        return found | {"missing": page.words("registration")["sizes"]}
-    box = PixelBox.of_mask(shape, margin=0.12)
+    box = PixelBox.of_mask(mask, margin=0.12)
     drawn, zoom, sigma = (
         read_picture(material.store, name) if registered else None for name in ("outline", "outline_zoom", "sigma")
     )
@@ -219,17 +173,17 @@ def placed(material: Material) -> Summary:
         # Where the outline itself is not there to a fraction of a pixel, the truth ends a pixel inside it. The dashed
         # line last: where the two agree, the other shows between the dashes.
         what = "the registered scan's ground truth" if registered else "the given ground truth"
-        regions.insert(0, (known, "scan", what))
+        regions[:0] = [] if truth is None else [(known_pixels(truth), "scan", what)]
         drawn = material.photograph(material.raking, box, box.shown_width(PHOTOGRAPH_WIDTH))
     else:
         legend = ['<span class="key scan"></span> the registered scan']
     lines = []
     for region, kind, shown in regions:
-        if region is not None and region.any():
+        if region.any():
             lines += [(kind, line) for line in pictures.contours(region, box)]
             legend.append(f'<span class="key {kind}"></span> {shown}')
     overlay = page.overlay(box, lines, "outline of the object")
     caption = f"{escape(frames.names[material.raking])} with the outline of {'; '.join(legend)}."
     alt = "photograph with the object's outline"
-    found["outline"] = Markup(page.picture(drawn, alt, caption, photograph=True, overlay=overlay))
-    return found | {"zoom": zoom, "sigma": sigma}
+    outline = Markup(page.picture(drawn, alt, caption, photograph=True, overlay=overlay))
+    return {"registered": registered, "outline": outline, "zoom": zoom, "sigma": sigma}

@@ -20,7 +20,7 @@ WHITE = 0.999
 def frames_alike(photographs: Frames, twin: Frames, mask: NDArray[np.bool_]) -> dict[str, Any] | None:
     """Return how alike photographs and twin are: psnr_db and ssim, medians, and the same of each of `frames`, by name.
 
-    None where no photograph has a twin of its name and size.
+    None of an object of hardly any pixels. The twin has the photographs' names and size.
 
     Parameters
     ----------
@@ -37,28 +37,24 @@ def frames_alike(photographs: Frames, twin: Frames, mask: NDArray[np.bool_]) -> 
     import cv2
     from skimage.metrics import structural_similarity
 
-    names = [name for name in photographs.names if name in twin.names]
-    if not names or not mask.any() or not mask.shape == photographs.codes.shape[1:3] == twin.codes.shape[1:3]:
-        return None
     box = PixelBox.of_mask(mask, margin=0.02)
 
-    def pair(name: str) -> tuple[NDArray, NDArray]:
-        real, made = (thumbnail(one, one.names.index(name), WIDTH_PX, box) for one in (photographs, twin))
-        return real, made
+    def pair(index: int) -> tuple[NDArray, NDArray]:
+        return thumbnail(photographs, index, WIDTH_PX, box), thumbnail(twin, index, WIDTH_PX, box)
 
-    size = pair(names[0])[0].shape[1::-1]
+    size = pair(0)[0].shape[1::-1]
     inside = np.asarray(cv2.resize(box.of(mask).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT)) > 0
     if min(inside.shape) < WINDOW_PX or not inside.any():
         return None
     products, squares, white = np.zeros(3), np.full(3, 1e-12), 1e-6
     # One frame after the other, twice: a stack of them is not held in memory.
-    for name in names:
-        real, made = (image[inside] for image in pair(name))
+    for index in range(len(photographs)):
+        real, made = (image[inside] for image in pair(index))
         products, squares = products + np.sum(real * made, 0), squares + np.sum(made**2, 0)
         white = max(white, float(np.quantile(real, WHITE)))
     found = []
-    for name in names:
-        photograph, rendering = pair(name)
+    for index, name in enumerate(photographs.names):
+        photograph, rendering = pair(index)
         both = photograph, rendering * (products / squares)
         a, b = (srgb_from_linear(np.clip(image / white, 0, 1)) for image in both)
         square = float(np.mean((a - b)[inside] ** 2))

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report.facts import family
 from scene.method_names import UNCALIBRATED
 from scene.normals import angular_error_deg, unit
 
@@ -15,7 +14,8 @@ COVERAGE = {"real": "coverage", "twin": "twin_coverage"}
 """Under which key a method's row says which share of the true pixels it answered."""
 ALBEDO = tuple(f"albedo_{name}_percent" for name in ("min", "max", "mean", "median", "std"))
 LOW_RANK = ("rpca", *UNCALIBRATED)
-"""They all start from a factorisation of the samples, which leaves a linear ambiguity to be settled."""
+"""They all start from a factorisation of the samples, which leaves a linear ambiguity to be settled: they are measured
+in four ways, and so are other programs: whether these were told the lights' directions is not known."""
 MIRROR = np.array([-1.0, -1.0, 1.0])
 MOST_PIXELS = 4000
 """Transforms are fitted to every so many pixels, to have at most about these, and measured on all."""
@@ -86,8 +86,6 @@ def error_correlation(real_error: NDArray, twin_error: NDArray) -> dict[str, flo
     from scipy.stats import rankdata
 
     real_error, twin_error = np.asarray(real_error), np.asarray(twin_error)
-    if real_error.shape != twin_error.shape:
-        raise ValueError(f"error maps of different shape: {real_error.shape} and {twin_error.shape}")
     both = np.isfinite(real_error) & np.isfinite(twin_error)
     real, twin = real_error[both].astype(np.float64), twin_error[both].astype(np.float64)
     if real.size == 0:
@@ -173,14 +171,6 @@ class FourWays:
     oracle_relief_deg: float
     oracle_linear_deg: float
     mirrored: bool
-
-
-def is_measured_so(method: str) -> bool:
-    """Tell whether a method's result is measured in four ways: those of `LOW_RANK`, and other programs.
-
-    Whether another program was told the lights' directions is not known here.
-    """
-    return method in LOW_RANK or family(method) == "external"
 
 
 def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_] | None) -> FourWays:

@@ -3,16 +3,15 @@
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from capture.session.manifest import Manifest
+from capture.session.manifest_file import table_of
 from scene.errors import SceneError, SessionError
 from scene.length_units import Unit
-
-if TYPE_CHECKING:
-    from capture.session.manifest import Manifest
-    from scene.spheres import Kind
+from scene.spheres import Kind
 
 LENS = {
     "focal_mm": "Focal length engraved on the lens, mm",
@@ -62,9 +61,6 @@ class Answers:
     """Values of 8-bit files are proportional to light. Default: they are sRGB."""
 
     def __post_init__(self) -> None:
-        if self.camera:
-            # Here: the command line's help needs no manifest.
-            from capture.session.manifest_file import table_of
         for key, value in self.camera.items():
             try:
                 table_of("camera", {key: float(value)})
@@ -78,7 +74,7 @@ class Answers:
         return {key: value for key in LENS if (value := getattr(self, key)) is not None}
 
     @classmethod
-    def said_in(cls, manifest: "Manifest") -> "Answers":
+    def said_in(cls, manifest: Manifest) -> "Answers":
         """Return what an earlier session.toml says already."""
         balls: dict[str, Any] = {}
         for kind in ("chrome", "white"):
@@ -111,7 +107,7 @@ class Asking:
     earlier: Answers = field(default_factory=Answers)
     _asked: set[str] = field(default_factory=set)
 
-    def diameters(self, kind: "Kind", places: Sequence[Sequence[float]], balls: int) -> tuple[float, ...]:
+    def diameters(self, kind: Kind, places: Sequence[Sequence[float]], balls: int) -> tuple[float, ...]:
         """Return the diameters of balls that stand at `places`, mm; empty where they are not known."""
         what = f"Diameter in mm of the {balls} {kind} balls" if balls > 1 else f"Diameter in mm of the {kind} ball"
         what += f" at {', '.join(f'({u:.0f}, {v:.0f})' for u, v in places)} px" if places else ""

@@ -4,10 +4,11 @@ import os
 import shlex
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
+from cyclopts import Parameter
 from numpy.typing import NDArray
 
 from capture.session.manifest_file import parse, toml_tables
@@ -44,15 +45,20 @@ class Made(NamedTuple):
     sheet: Path
 
 
-def init_sessions(folder: Path, *, yes: bool = False, told: Answers = NOTHING) -> list[Made]:
+def init_sessions(
+    folder: Path, /, *, yes: Annotated[bool, Parameter(alias="-y", negative="")] = False, told: Answers = NOTHING
+) -> list[Made]:
     """Write a session.toml for a folder, or one for each object's subfolder: `rgbn init`.
 
     One that rgbn wrote and nobody changed is written anew: what it says holds where nothing else is said.
 
     Parameters
     ----------
-    folder, yes, told
-        As `rgbn init` has them.
+    folder : Path
+        Folder with the photographs, or with a folder of them for each object.
+    yes : bool
+        Ask nothing. What is not known is assumed, and named.
+    told : Answers
 
     Raises
     ------

@@ -1,18 +1,22 @@
 """`rgbn plan`: the set-up read or put together, the flashes chosen; plan.json, tables, words, and one page to print."""
 
 from dataclasses import replace
+from json import dumps
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from cyclopts import Parameter
 from jinja2 import Environment, StrictUndefined
+from markupsafe import escape
 
 from align.scan.mended_scan import SUFFIXES, load_scan
-from compare.report.page import table
+from compare.report.page import table, whole_page
 from draw.light_charts import directions
+from lab.progress import is_quiet, say
 from lab.run import open_job
 from lab.session_place import is_output, is_session
-from lab.terminal_tables import cells_of
+from lab.terminal_tables import cells_of, number_table, show
 from scene.errors import SceneError
 from scene.files import plain, write_json, write_text
 from scene.lights import known_median
@@ -20,7 +24,7 @@ from scene.mesh import Mesh
 from scene.origin import Origin
 from scene.output_folder import open_record, own_folder
 from scene.record import Record
-from shoot.plan.plan_options import PlanOptions
+from shoot.plan.plan_options import AS_USUAL, PlanOptions
 from shoot.plan.set_up import EXPOSURE, GOOD_PX, LEAST_PX, SetUp, before_camera, corner_balls, lens_camera, pixels_of
 from shoot.plan.shoot_plan import ShootPlan, plan_shoot
 from shoot.plan.under_way import UnderWay, session_so_far
@@ -29,15 +33,40 @@ from twin.description.object_mesh import built_in
 
 MOST_ROWS = 36
 """Flashes in the page's table: a page has no room for more; plan.json has all."""
-FLASHES = {
-    "no.": "{number}", "from axis": "{zenith_deg:0}°", "o'clock": "{clock}", "height, cm": "{height_cm:0}",
-    "aside, cm": "{aside_cm:0}", "error after": "{error_median_deg:2}°", "": "{there}",
-}  # fmt: skip
-BALLS = {
-    "ball": "{kind}", "diameter": "{diameter_mm:g} mm", "right, cm": "{right_cm:0}", "up, cm": "{up_cm:0}",
-    "radius": "{radius_px:0} px",
-}  # fmt: skip
-"""Right and up: from the object's middle, as the camera sees it."""
+
+
+def plan(
+    source: Path | None = None,
+    /,
+    *,
+    options: PlanOptions = AS_USUAL,
+    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Plan a shoot, and print the plan: `rgbn plan`.
+
+    Parameters
+    ----------
+    source : Path, optional
+        The scan; or a session under way or its output folder: where the next flash helps. Default: a sphere.
+    options : PlanOptions
+    out : Path, optional
+        Output folder. Default: a session's own, or out/plan-NAME.
+    json : bool
+        Print the results as JSON.
+    """
+    facts = run_plan(source, options, out=out)
+    if json:
+        print(dumps(facts, indent=1))
+        return
+    tables = [number_table("flashes, the most useful first", "flashes", facts["flashes"])]
+    if facts["balls"]:
+        tables.append(number_table("balls, from the object's middle", "planned balls", facts["balls"]))
+    show(*tables, lights_of(facts), answer_of(facts))
+    for name in () if is_quiet() else ("plan.html", "plan.json"):
+        print(f"written  {Path(facts['folder']) / name}")
+    for text in facts["warnings"]:
+        say(f"warning: {text}", always=True)
 
 
 def run_plan(source: Path | None, options: PlanOptions, *, out: Path | None = None) -> dict[str, Any]:
@@ -214,13 +243,16 @@ def plan_page(facts: dict[str, Any]) -> str:
     """Return the page of a plan's facts."""
     template = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
     rows = [row for row in facts["flashes"] if not row["there"] or len(facts["flashes"]) <= MOST_ROWS]
-    tables = {"flashes": cells_of(FLASHES, rows[:MOST_ROWS]), "balls": cells_of(BALLS, facts["balls"])}
+    tables = {"flashes": cells_of("flashes", rows[:MOST_ROWS]), "balls": cells_of("planned balls", facts["balls"])}
     text = Path(__file__).with_name("plan_page.html").read_text("utf-8")
-    return template.from_string(text).render(
+    body = template.from_string(text).render(
         facts,
-        answer=answer_of(facts),
         dome=directions({"frames": facts["flashes"]}),
-        tables={name: table(list(cells), zip(*cells.values(), strict=True)) for name, cells in tables.items()},
+        tables={
+            name: table(list(cells), zip(*cells.values(), strict=True), kind="numbers")
+            for name, cells in tables.items()
+        },
         left_out=len(rows) - MOST_ROWS,
         lights_told=lights_of(facts),
     )
+    return whole_page(facts["name"], "plan of a shoot", escape(answer_of(facts)), {"Plan": body})

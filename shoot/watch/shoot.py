@@ -33,7 +33,7 @@ from shoot.init.answers import Asking
 from shoot.init.prepare import drafted, with_diameters
 from shoot.plan.shoot_plan import next_flash
 from shoot.plan.under_way import under_way
-from shoot.watch.taken import Shot, mean_codes, sort_shots
+from shoot.watch.taken import Shot, sort_shots
 from solve.solve import solve
 
 LOOKED_BACK = 12
@@ -156,7 +156,12 @@ class Shoot:
         saturation = SATURATION * min(shot.facts.white for shot in self.flash) if is_integer else np.inf
         stack: NDArray = KeptStack([shot.codes for shot in self.flash])  # type: ignore[assignment]
         is_mosaic = any(shot.facts.is_mosaic for shot in self.flash)
-        return Frames(names, stack, gain, mean_codes(self.roles["ambient"]), saturation, is_mosaic)
+        dims = [shot.codes for shot in self.roles["ambient"]]
+        dim = next(iter(dims), None)
+        if len(dims) > 1:
+            mean = np.mean(dims, 0, np.float32)
+            dim = (np.round(mean) if is_integer else mean).astype(dims[0].dtype)
+        return Frames(names, stack, gain, dim, saturation, is_mosaic)
 
     def _camera(self, small: Frames, flash: Sequence[Shot]) -> Camera:
         """Return the camera of the small frames as it is known; one as most are where it is not."""

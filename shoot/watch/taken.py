@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
-import numpy as np
 from numpy.typing import NDArray
 
 from capture.audit.frame_facts import FrameFacts, facts_of
@@ -108,17 +107,6 @@ def sort_shots(shots: Sequence[Shot], folder: Path) -> tuple[dict[str, list[Shot
         )
     roles["flash"] = [by_path[path] for path in sorted((one.path for one in lit), key=natural_key)]
     return roles | {"ambient": roles.get("ambient") or unlit}, told
-
-
-def mean_codes(shots: Sequence[Shot]) -> NDArray | None:
-    """Return the mean of photographs as codes (H, W, 3); None of none."""
-    if len(shots) < 2:
-        return shots[0].codes if shots else None
-    total = np.zeros(shots[0].codes.shape, np.float32)
-    for shot in shots:
-        total += shot.codes
-    mean = total / np.float32(len(shots))
-    return (np.round(mean) if shots[0].codes.dtype == np.uint16 else mean).astype(shots[0].codes.dtype)
 
 
 class Taken:

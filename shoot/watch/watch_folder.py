@@ -12,9 +12,11 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from cyclopts import Parameter
+from cyclopts.validators import Number
 
 from capture.photographs.kept import kept_folder
 from capture.session.globs import kind_of
@@ -132,10 +134,11 @@ def whole_photographs(folder: Path) -> tuple[Path, ...]:
 
 def watch_folder(
     folder: Path,
+    /,
     *,
-    out: Path | None = None,
-    until_idle: float | None = None,
-    wanted_deg: float = 1.0,
+    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    until_idle: Annotated[float | None, Parameter(validator=Number(gt=0, lt=1e7))] = None,
+    wanted_deg: Annotated[float, Parameter(validator=Number(gt=0, lt=90))] = 1.0,
     told: Answers = NOTHING,
 ) -> None:
     """Watch a folder until it is ended, or no photograph has come for a while; then write its session, and decode it.
@@ -144,8 +147,15 @@ def watch_folder(
 
     Parameters
     ----------
-    folder, out, until_idle, wanted_deg, told
-        As `rgbn watch` has them.
+    folder : Path
+        Folder that the camera's program writes into.
+    out : Path, optional
+        Output folder. Default: out/NAME, by the folder's name.
+    until_idle : float, optional
+        The shoot ends after so many seconds without a new photograph. Default: it ends by Ctrl-C.
+    wanted_deg : float
+        Sigma of the normals that is good enough, degrees.
+    told : Answers
 
     Raises
     ------

@@ -8,7 +8,6 @@ import pytest
 import compare.compare as module
 from compare.compare import compare
 from compare.statistics.statistics import ALBEDO, statistics_rows
-from scene.errors import SceneError
 from scene.files import write_npy
 from scene.normals import unit
 from scene.pose import rotation_from_vector
@@ -177,32 +176,6 @@ def test_a_tolerance_counts_what_is_not_answered_as_outside(store, write_normals
     write_normals(store, "iterative", short)
     found = compare(store, methods=["iterative"], tolerance_deg=3.0)["tolerance"]
     assert (found["share"], found["passes"]) == (0.899, False)
-
-
-def test_maps_of_a_former_run_do_not_stay(store, write_normals):
-    save_truth(store, some_truth())
-    for name in ("ls", "hsh"):
-        write_normals(store, name, some_truth())
-    compare(store)
-    store.path("normals", "hsh.npy").unlink()
-    compare(store)
-    assert {path.name for path in store.path("compare").iterdir()} == {"error_real_ls.npy", "error_real_ls.png"}
-
-
-def test_maps_of_two_sessions_in_one_folder_are_refused(store, write_normals):
-    save_truth(store, some_truth())
-    write_normals(store, "ls", some_truth(24, 31))
-    with pytest.raises(SceneError, match=r"normals/truth.npy 32 x 24, normals/ls.npy 31 x 24"):
-        compare(store)
-
-
-def test_a_file_that_is_no_normal_map_is_named(store):
-    write_npy(store.path("normals", "ls.npy"), np.zeros((4, 5)))
-    with pytest.raises(SceneError, match=r"ls.npy: found an array \(4, 5\)"):
-        compare(store)
-    store.path("normals", "ls.npy").write_bytes(b"half a file")
-    with pytest.raises(SceneError, match=r"ls.npy: is no array"):
-        compare(store)
 
 
 def test_bands_give_what_the_whole_gives(store, write_normals, monkeypatch):

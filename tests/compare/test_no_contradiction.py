@@ -14,7 +14,6 @@ from compare.report.page import plain
 from compare.report.report import write_report
 from compare.report.verdict import ranking, verdict
 from rgbn.step_tables import TABLES
-from scene.store import Store
 
 STEPS = ("check", "calibrate", "align", "solve", "twin", "results")
 SAID = ("camera: focal length from EXIF", "no white ball. Put one there", "mask: {n} % of it lies beside the scan",
@@ -206,9 +205,9 @@ def test_what_is_said_of_300_summaries_contradicts_nothing():
     assert words == {"good", "take care", "do not rely on it", "not known", "pass", "fail"}
 
 
-def keep_the_page(tmp_path, summary):
+def keep_the_page(store, summary):
     """Assert what must hold of a page's first screen and its warnings."""
-    html = write_report(Store(tmp_path), summary).read_text("utf-8")
+    html = write_report(store, summary).read_text("utf-8")
     sections = dict(re.findall(r'<section id="([\w-]+)">(.*?)</section>', html, re.DOTALL))
     first, statements, warnings = sections["verdict"], verdict(summary), all_warnings(summary)
     assert f'big">{statements[0].word.capitalize()}</span>' in first
@@ -235,10 +234,10 @@ def keep_the_page(tmp_path, summary):
 
 
 @pytest.mark.parametrize("count", [12, pytest.param(150, marks=pytest.mark.full)])
-def test_pages_of_such_summaries_contradict_nothing(tmp_path, count):
+def test_pages_of_such_summaries_contradict_nothing(session, count):
     rng = np.random.default_rng(count)
     for _ in range(count):
-        keep_the_page(tmp_path, random_summary(rng))
+        keep_the_page(session.store, random_summary(rng))
 
 
 def test_warnings_of_one_cause_are_one():

@@ -100,17 +100,10 @@ def with_an_odd_name(store, summary):
     summary["name"] = "漢 Δίας Пингвин הר <b>& “x”"
 
 
-def with_hardly_anything(store, summary):
-    summary.clear()
-    shutil.rmtree(store.path("frames"))
-    store.path("lights.json").unlink()
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [(without_truth, "no scan, no known normals"), (without_twin_and_scan, "Calibration balls"),
-     (with_long_warnings, "flash_029"), (with_an_odd_name, r"\u6f22 Δίας Пингвин \u05d4\u05e8 <b>& “x”"),
-     (with_hardly_anything, "The decoded frames are not in this folder any more")],
+     (with_long_warnings, "flash_029"), (with_an_odd_name, r"\u6f22 Δίας Пингвин \u05d4\u05e8 <b>& “x”")],
 )  # fmt: skip
 def test_whatever_a_session_lacks(printed, change, words):
     assert squeezed(words) in squeezed(printed(change)[0])

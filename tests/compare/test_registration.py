@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from compare.report import registration_pictures
-from compare.report.pictures import Exposure, PixelBox
+from compare.report.pictures import Exposure
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.store import Store
@@ -14,7 +14,7 @@ ALBEDO = np.array([0.6, 0.5, 0.3])
 
 
 def scene(width, height):
-    """Four frames of a disc lit from four sides on grey, and what a white disc would show."""
+    """Four frames of a disc lit from four sides on grey, its mask, and its outline in strokes."""
     directions = np.array([[-0.6, 0, 0.8], [0, 0.6, 0.8], [0.6, 0, 0.8], [0, -0.6, 0.8]])
     intensities = np.array([[1.1, 1.0, 0.9], [0.9, 1.0, 1.1], [1.0, 1.2, 1.0], [1.0, 0.8, 1.0]])
     lights = Lights(("left", "top", "right", "bottom"), directions, intensities)
@@ -32,22 +32,7 @@ def scene(width, height):
     angle = np.linspace(0, 2 * np.pi, 1500, endpoint=False)
     points = center + radius * np.stack([np.cos(angle), np.sin(angle)], -1)
     strokes = np.stack([points, np.roll(points, -1, 0)], 1)
-    return Frames.from_linear(lights.names, np.nan_to_num(images, nan=0.1)), lights, shading, mask, strokes
-
-
-@pytest.mark.full
-@pytest.mark.parametrize(("width", "height"), [(300, 200), (2700, 1800)], ids=["enlarged", "shrunk"])
-def test_the_shaded_scan_is_the_photograph_where_it_is_of_one_colour_and_in_place(width, height):
-    frames, lights, shading, mask, _ = scene(width, height)
-    exposure = Exposure.for_frames(frames)
-    box = PixelBox.of_mask(mask, margin=0.12)
-    for shift, least, most in ((0.0, 0, 2), (0.02 * width, 21, 255)):
-        photograph, shaded = registration_pictures.views(
-            frames, exposure, lights, 1, box, lambda pixels, by=shift: shading(1, pixels + by)
-        )
-        # But for the rim, where the photograph's pixels are mixed.
-        difference = np.quantile(np.abs(photograph.astype(int) - shaded).max(-1), 0.95)
-        assert least <= difference <= most
+    return Frames.from_linear(lights.names, np.nan_to_num(images, nan=0.1)), lights, mask, strokes
 
 
 def test_strokes_lie_where_their_pixels_are_to_a_tenth_of_a_pixel():
@@ -62,7 +47,7 @@ def test_strokes_lie_where_their_pixels_are_to_a_tenth_of_a_pixel():
 
 
 def test_the_zooms_show_each_side_in_the_frame_that_lights_it_and_the_line_on_its_edge():
-    frames, lights, _, _, strokes = scene(600, 400)
+    frames, lights, _, strokes = scene(600, 400)
     image = registration_pictures.zoom_picture(frames, Exposure.for_frames(frames), lights.directions, strokes)
     side = registration_pictures.WINDOW_PX * registration_pictures.ZOOM
     assert image.shape == (26 + side + 4 + side, 4 * side + 18, 3)
@@ -76,15 +61,12 @@ def test_the_zooms_show_each_side_in_the_frame_that_lights_it_and_the_line_on_it
 
 
 def test_all_pictures_are_written_and_read_back(tmp_path):
-    frames, lights, shading, mask, strokes = scene(300, 200)
+    frames, lights, mask, strokes = scene(300, 200)
     store = Store(tmp_path)
     sigma = np.where(mask, 0.2, np.nan)
-    registration_pictures.write_pictures(
-        store, frames, lights, strokes=strokes, shading=shading, mask=mask, sigma_deg=sigma
-    )
+    registration_pictures.write_pictures(store, frames, lights, strokes=strokes, mask=mask, sigma_deg=sigma)
     shapes = {path.stem: cv2.imread(str(path)).shape for path in (tmp_path / "align").glob("*.png")}
-    assert set(shapes) == {"photograph", "shaded", "outline", "outline_zoom", "sigma"}
-    assert len({shapes[name] for name in ("photograph", "shaded", "outline")}) == 1
+    assert set(shapes) == {"outline", "outline_zoom", "sigma"}
     read = registration_pictures.read_picture(store, "outline")
     assert read is not None
     # Red, green, blue, as it was drawn.

@@ -10,7 +10,6 @@ from compare.report.advice import advice, limits
 from compare.report.page import Sentence, number, plain, words
 from compare.report.report import write_report
 from compare.report.verdict import ranking, verdict
-from scene.store import Store
 
 
 def statistics(median: float) -> dict[str, Any]:
@@ -109,12 +108,12 @@ def test_few_answers_suspicious_lights_an_uncertain_truth_and_a_common_tilt_lowe
     assert "the truth's own" in text_of(summary, "Ground truth")
 
 
-def test_the_first_screen_says_why_or_that_nothing_tells_and_no_comfort_beside_what_is_marked(tmp_path):
+def test_the_first_screen_says_why_or_that_nothing_tells_and_no_comfort_beside_what_is_marked(session):
     def why(summary):
         return plain(limits(summary, verdict(summary)))
 
     def first(summary):
-        page = write_report(Store(tmp_path), summary).read_text("utf-8")
+        page = write_report(session.store, summary).read_text("utf-8")
         return plain(page[page.index('<section id="verdict"') : page.index('<section id="viewer"')])
 
     assert "rendered twin fails at the same pixels" in why(summary_of())

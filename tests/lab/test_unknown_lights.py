@@ -14,7 +14,7 @@ from fixtures.lit_surfaces import even_cap
 from lab.job import Job
 from lab.options import Settings, Solving
 from lab.run import run_session
-from rgbn.export_command import export_session
+from rgbn.export_command import export
 from scene.errors import CalibrationError, SceneError
 from scene.method_names import UNCALIBRATED
 from scene.normals import angular_error_deg, unit
@@ -87,7 +87,7 @@ def test_a_method_that_needs_lights_is_refused_before_anything_is_solved(dome, p
     assert "ldr,entropy,tv" in str(error.value)
     assert "[[spheres]]" in str(error.value)
     with pytest.raises(CalibrationError, match="directions are unknown"):
-        export_session(dome[0], "lp", processed[0], "http://a")
+        export(dome[0], format="lp", out=processed[0])
 
 
 @pytest.mark.parametrize(

@@ -62,9 +62,9 @@ def test_balls_are_drawn_where_they_are():
     assert np.isnan(table["z_mm"][1])
     paths = re.findall(r'<path d="M([^"]*)"[^>]*><title>', found.plot())
     for path, ball in zip(paths, balls, strict=True):
-        # Drawn 6.4 times as wide, from the first pixel's corner on.
-        points = (np.array([pair.split() for pair in path.split("L")], float) - [64, 12]) / 6.4 - 0.5
-        np.testing.assert_allclose(points[:-1], ball.outline(camera), atol=0.02)
+        # In pixels, from the first one's corner on.
+        points = np.array([pair.split() for pair in path.split("L")], float) - 0.5
+        np.testing.assert_allclose(points[:-1], ball.outline(camera), atol=0.051)
     assert repr(ball_table([], camera, frames)) == "no balls"
 
 

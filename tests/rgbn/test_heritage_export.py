@@ -13,7 +13,7 @@ from PIL import Image
 
 from formats.picture_files import linear_from_srgb
 from rgbn import heritage_export
-from rgbn.export_command import export_session
+from rgbn.export_command import export
 from scene.errors import SceneError
 from scene.files import write_png
 from scene.normals import angular_error_deg, unit
@@ -60,7 +60,7 @@ def session(tmp_path_factory):
 def exported(session, tmp_path_factory):
     """The output folder, the bag's data/, and what was said."""
     out = tmp_path_factory.mktemp("made") / "out"
-    (folder,), notes = export_session(session, "heritage", out, f"{BASE}/")
+    (folder,), notes = export(session, format="heritage", out=out, base_url=f"{BASE}/")
     assert folder == out / "export" / "heritage"
     return out, folder / "data", notes
 

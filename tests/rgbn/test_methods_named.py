@@ -5,8 +5,7 @@ from typing import get_args, get_type_hints
 import pytest
 
 from lab.options import Solving, TwinSettings, named
-from rgbn.cli import export
-from rgbn.export_command import FORMATS
+from rgbn.export_command import FORMATS, export
 from scene.errors import SceneError
 from solve.methods import METHODS
 
