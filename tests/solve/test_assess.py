@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fixtures.lit_surfaces import as_floats, even_cap, lights_along, spiral
+from fixtures.lit_surfaces import as_floats, dome, even_cap, lights_along, matte, spiral
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -63,17 +63,14 @@ def test_sigma_is_what_noise_does_to_the_normals(method, heights):
 def test_sigma_holds_for_methods_that_choose_their_samples_among_gloss_and_shadows(method, count):
     """A ball with attached shadows, and one sample in ten too bright: two errors in three are within sigma."""
     size, rng = 44, np.random.default_rng(count)
-    v, u = (np.mgrid[:size, :size] - (size - 1) / 2) / (size / 2)
-    mask = u**2 + v**2 < 0.85
-    normals = np.stack([u, -v, np.sqrt(np.maximum(1 - u**2 - v**2, 0.1))], -1)
+    normals, mask = dome(size, radius=0.5, rim=0.15**0.5)
     seen = lights_along(even_cap(count, 50.0))
-    shade = 0.5 * np.maximum(np.einsum("hwi,fi->fhw", normals, seen.directions), 0)
+    shade = matte(seen, normals, normals, 0.5)[..., :1]
     shade += np.where(rng.random(shade.shape) < 0.1, rng.uniform(0.1, 0.4, shade.shape), 0)
-    images = (shade + rng.normal(0, 0.006, shade.shape))[..., None].repeat(3, -1)
+    images = (shade + rng.normal(0, 0.006, shade.shape)).repeat(3, -1)
     found = solve(method, as_floats(seen, images), seen, Camera.orthographic(size, size), mask)
     assert found.sigma_deg is not None
-    aside = np.cross(normals, [0.0, 1.0, 0.0])
-    aside /= np.linalg.norm(aside, axis=-1, keepdims=True)
+    aside = unit(np.cross(normals, [0.0, 1.0, 0.0]))
     error = np.degrees(np.abs(np.einsum("hwi,hwi->hw", found.normals, aside)))
     within = np.nanquantile((error / found.sigma_deg)[mask], 0.683)
     # With few samples sigma itself scatters, as Student's distribution has it.

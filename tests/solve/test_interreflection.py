@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from fixtures.lit_surfaces import even_cap
+from fixtures.lit_surfaces import as_samples, even_cap
 from scene.camera import Camera
 from scene.normals import angular_error_deg, unit
-from solve.samples import Geometry, Samples
 from solve.whole.interreflection import Relief
 from solve.whole.reflectance import ReflectanceSettings, fit_to_views
 
@@ -77,7 +76,7 @@ def test_normals_of_a_matte_bowl(reflectance):
     thrown = reflectance * share_of_the_sphere() * mean / (1 - reflectance * share_of_the_sphere())
     noise = 0.001 * np.random.default_rng(20_010).standard_normal(direct.shape)
     gray = (0.5 * (direct + thrown) + noise).astype(np.float32)
-    samples = Samples(gray, np.ones(gray.shape, bool), np.zeros((len(gray), 3)), Geometry.distant(LIGHTS))
+    samples = as_samples(gray, LIGHTS)
     views = np.tile([0.0, 0.0, 1.0], (len(gray), 1))
     errors = [
         angular_error_deg(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fixtures.lit_surfaces import even_cap, lights_along
+from fixtures.lit_surfaces import even_cap, gloss, lights_along, matte
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -21,16 +21,14 @@ def surface(height):
     return unit(np.stack([-right, -up, np.ones_like(height)], -1))
 
 
-def shot(normals, mask, *, gloss=0.0, noise=0.0, count=14):
+def shot(normals, mask, *, glossy=0.0, noise=0.0, count=14):
     """(frames, lights, camera, mask) of a surface of two albedos, with gloss, under lights of unlike strength."""
     rng = np.random.default_rng(731)
     lights = lights_along(even_cap(count, 45), rng.uniform(0.7, 1.3, (count, 1)))
     v, u = np.mgrid[:SIZE, :SIZE]
     albedo = np.where(np.sin(u / 9) * np.sin(v / 8) > 0, 0.6, 0.35)
-    half = unit(lights.directions + [0, 0, 1])
-    image = albedo * np.maximum(np.einsum("hwi,fi->fhw", normals, lights.directions), 0)
-    image = image + gloss * np.maximum(np.einsum("hwi,fi->fhw", normals, half), 0) ** 40
-    image = (image * lights.intensities[:, :1, None] * mask)[..., None] + np.zeros(3)
+    shine = lights.intensities[:, None, None] * gloss(normals, lights.directions, 40)[..., None]
+    image = (matte(lights, normals, normals, albedo[..., None]) + glossy * shine) * mask[..., None]
     image = np.maximum(image + noise * rng.normal(size=image.shape), 0)
     return Frames.from_linear(lights.names, image), lights, Camera.orthographic(SIZE, SIZE), mask
 
@@ -41,10 +39,10 @@ def bumps():
     return surface(9 * np.sin(u / 12) * np.cos(v / 10) + 5 * np.sin((u + 2 * v) / 17)), np.ones((SIZE, SIZE), bool)
 
 
-@pytest.mark.parametrize(("gloss", "noise"), [(0.0, 0.0), (0.4, 0.01)], ids=["matte", "glossy, noisy"])
-def test_an_inverted_relief_is_told_from_the_right_one(gloss, noise):
+@pytest.mark.parametrize(("glossy", "noise"), [(0.0, 0.0), (0.4, 0.01)], ids=["matte", "glossy, noisy"])
+def test_an_inverted_relief_is_told_from_the_right_one(glossy, noise):
     normals, mask = bumps()
-    scene = shot(normals, mask, gloss=gloss, noise=noise)
+    scene = shot(normals, mask, glossy=glossy, noise=noise)
     assert not relief_cautions(normals, *scene)
     (said,) = relief_cautions(normals @ INVERTED, *scene)
     assert "convex for concave" in said

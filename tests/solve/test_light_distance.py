@@ -11,12 +11,6 @@ from solve.solve import solve
 from solve.whole.near import find_positions
 
 
-@pytest.fixture(scope="module", params=["blob", pytest.param("potato", marks=pytest.mark.full)])
-def near_session(request):
-    """Flashes 0.5 to 0.9 m away; (frames, true lights, camera, mask, normals)."""
-    return photographed(request.param, {"blob": 20_400, "potato": 20_401}[request.param], 1.5)[:5]
-
-
 def directions_only(lights: Lights) -> Lights:
     return Lights(lights.names, lights.directions, lights.intensities).normalised()
 
@@ -26,8 +20,10 @@ def problem_of(frames, lights, camera, mask):
 
 
 @pytest.mark.full
-def test_distances_and_normals(near_session):
-    frames, lights, camera, mask, normals = near_session
+@pytest.mark.parametrize(("shape", "seed"), [("blob", 20_400), ("potato", 20_401)])
+def test_distances_and_normals(shape, seed):
+    """Flashes 0.5 to 0.9 m away."""
+    frames, lights, camera, mask, normals, *_ = photographed(shape, seed, 1.5)
     given = directions_only(lights)
     placed = find_positions(problem_of(frames, given, camera, mask))
     found = placed.lights
@@ -52,10 +48,4 @@ def test_distances_and_normals(near_session):
 def test_distant_lights_stay_distant():
     frames, lights, camera, mask, *_ = photographed("blob", 20_402, 40.0)
     problem = problem_of(frames, directions_only(lights), camera, mask)
-    assert find_positions(problem) is problem
-
-
-def test_known_positions_are_kept(near_session):
-    frames, lights, camera, mask, _ = near_session
-    problem = problem_of(frames, lights, camera, mask)
     assert find_positions(problem) is problem

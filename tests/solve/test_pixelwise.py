@@ -19,7 +19,7 @@ def cap(low=0.6, high=0.95, count=COUNT):
 
 
 def facing(pixels, seed=0):
-    """b (P, 3) of pixels that all lights of a cap reach."""
+    """B (P, 3) of pixels that all lights of a cap reach."""
     rng = np.random.default_rng(seed)
     b = np.stack([*rng.uniform(-0.2, 0.2, (2, pixels)), np.ones(pixels)], -1)
     return b * rng.uniform(0.3, 0.6, (pixels, 1))

@@ -3,45 +3,31 @@
 import numpy as np
 import pytest
 
+from fixtures.lit_surfaces import as_samples, dome, even_cap
 from scene.normals import angular_error_deg, unit
 from solve.pixelwise import iterative
-from solve.samples import Geometry, Samples
 from solve.whole.reflectance import ReflectanceSettings, fit_to_views
 
 FRONT = np.array([0.0, 0.0, 1.0])
 
 
-def around(count, zenith_deg=55.0):
-    k = np.arange(count) + 0.5
-    z = 1 - k / count * (1 - np.cos(np.radians(zenith_deg)))
-    turn = np.pi * (1 + 5**0.5) * k
-    return np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], -1)
-
-
 def photographs(lobe, *, count=32, size=44, noise=0.001, seed=20_000):
     """Samples (P, F), normals (P, 3) and directions (F, 3): a ball, f = lobe(cos theta_h, cos theta_d)."""
     generator = np.random.default_rng(seed)
-    v, u = np.mgrid[:size, :size]
-    x, y = 2.1 * (u - size / 2 + 0.5) / size, -2.1 * (v - size / 2 + 0.5) / size
-    mask = x**2 + y**2 < 0.9
-    normals = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], -1)[mask]
-    lights = around(count)
+    normals, mask = dome(size, rim=0.32)
+    normals, lights = normals[mask], even_cap(count, 55.0)
     half = unit(lights + FRONT)
     albedo = generator.uniform(0.2, 0.6, (len(normals), 1))
     gray = albedo * np.maximum(normals @ lights.T, 0) * lobe(np.clip(normals @ half.T, 0, 1), half @ FRONT)
     return (gray + noise * generator.standard_normal(gray.shape)).astype(np.float32), normals, lights
 
 
-def seen(gray, lights):
-    return Samples(gray, np.ones(gray.shape, bool), np.zeros((len(gray), 3)), Geometry.distant(lights))
-
-
 def fit(gray, lights, **changes):
-    return fit_to_views(seen(gray, lights), np.tile(FRONT, (len(gray), 1)), ReflectanceSettings(**changes))[0]
+    return fit_to_views(as_samples(gray, lights), np.tile(FRONT, (len(gray), 1)), ReflectanceSettings(**changes))[0]
 
 
 def of_iterative(gray, lights):
-    return iterative.fit(seen(gray, lights), float(np.percentile(gray, 99)), iterative.IterativeSettings())[0]
+    return iterative.fit(as_samples(gray, lights), float(np.percentile(gray, 99)), iterative.IterativeSettings())[0]
 
 
 LOBES = {
@@ -93,7 +79,7 @@ def test_a_view_from_the_side_is_not_one_from_the_front():
     """Half angles count from the direction to the camera: with the wrong one, the table explains nothing."""
     gray, normals, lights = photographs(LOBES["satin"])
     views = np.tile(unit(np.array([0.6, 0.0, 0.8])), (len(gray), 1))
-    wrong, *_ = fit_to_views(seen(gray, lights), views, ReflectanceSettings())
+    wrong, *_ = fit_to_views(as_samples(gray, lights), views, ReflectanceSettings())
     right = fit(gray, lights)
     error = [angular_error_deg(unit(found.b), normals).mean() for found in (wrong, right)]
     assert error[1] < 0.1 * error[0]

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from fixtures.lit_surfaces import as_floats, even_cap, lights_along
+from fixtures.lit_surfaces import as_floats, dome, even_cap, gloss, lights_along, matte
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.lights import Lights
-from scene.normals import angular_error_deg, unit
+from scene.normals import angular_error_deg
 from solve.solve import solve
 from solve.trust import LIMIT, trust
 
@@ -16,29 +16,25 @@ CAMERA = Camera.orthographic(SIZE, SIZE)
 
 
 @pytest.fixture(scope="module")
-def dome():
+def glossy():
     """Frames, lights, mask and true normals (H, W, 3) of a dome with gloss, shadowed at its foot."""
-    v, u = (np.mgrid[:SIZE, :SIZE] - (SIZE - 1) / 2) / (SIZE / 2)
-    mask = u**2 + v**2 < 0.8
-    normals = unit(np.stack([u, -v, np.sqrt(np.maximum(1 - u**2 - v**2, 0.1))], -1))
+    normals, mask = dome(SIZE, radius=0.5, rim=0.45)
     lights = lights_along(even_cap(COUNT, 45.0))
-    shade = 0.5 * np.maximum(np.einsum("hwi,fi->fhw", normals, lights.directions), 0)
-    half = unit(lights.directions + [0.0, 0.0, 1.0])
-    shade += 0.3 * np.maximum(np.einsum("hwi,fi->fhw", normals, half), 0) ** 40
-    shade += np.random.default_rng(3).normal(0, 0.002, shade.shape)
-    return as_floats(lights, (shade * mask)[..., None].repeat(3, -1)), lights, mask, normals
+    images = matte(lights, normals, normals, 0.5) + 0.3 * gloss(normals, lights.directions, 40)[..., None]
+    images += np.random.default_rng(3).normal(0, 0.002, (COUNT, SIZE, SIZE, 1))
+    return as_floats(lights, images), lights, mask, normals
 
 
 @pytest.fixture(scope="module")
-def answers(dome):
+def answers(glossy):
     """Each method's normals, and those of another program, which are flat."""
-    frames, lights, mask, _ = dome
+    frames, lights, mask, _ = glossy
     found = {name: solve(name, frames, lights, CAMERA, mask).normals for name in ("ls", "iterative", "hsh")}
     return {**found, "Flat": np.where(mask[..., None], [0.0, 0.0, 1.0], np.nan)}
 
 
-def test_the_method_that_errs_least_is_recommended_and_the_others_follow(dome, answers):
-    frames, lights, mask, normals = dome
+def test_the_method_that_errs_least_is_recommended_and_the_others_follow(glossy, answers):
+    frames, lights, mask, normals = glossy
     true = {name: np.nanmean(angular_error_deg(found, normals)[mask]) for name, found in answers.items()}
     judged = trust(frames, lights, CAMERA, mask, answers)
     assert list(judged.methods) == sorted(true, key=lambda name: true[name])
@@ -56,16 +52,16 @@ def test_the_method_that_errs_least_is_recommended_and_the_others_follow(dome, a
 
 
 @pytest.mark.full
-def test_lights_that_are_anothers_are_doubted(dome, answers):
-    frames, lights, mask, _ = dome
+def test_lights_that_are_anothers_are_doubted(glossy, answers):
+    frames, lights, mask, _ = glossy
     rolled = Lights(lights.names, np.roll(lights.directions, 3, axis=0), lights.intensities)
     judged = trust(frames, rolled, CAMERA, mask, {"iterative": answers["iterative"]})
     assert judged.relative_rmse > LIMIT
     assert "not to be believed" in judged.doubts[0]
 
 
-def test_without_lights_methods_of_ours_or_frames_nothing_is_judged(dome, answers):
-    frames, lights, mask, _ = dome
+def test_without_lights_methods_of_ours_or_frames_nothing_is_judged(glossy, answers):
+    frames, lights, mask, _ = glossy
     with pytest.raises(SceneError, match=r"calibrated lights; found none"):
         trust(frames, Lights.unknown(lights.names), CAMERA, mask, answers)
     with pytest.raises(SceneError, match="found none"):

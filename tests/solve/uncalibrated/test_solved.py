@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fixtures.lit_surfaces import as_floats, lights_along, spiral
+from fixtures.lit_surfaces import as_floats, dome, lights_along, matte, spiral
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
@@ -11,22 +11,16 @@ from solve.methods import UNCALIBRATED
 from solve.solve import solve
 
 
-def ball(count=24, dark=()):
-    """Return frames of a ball, some of which missed the flash, with mask, lights, normals and color."""
+def ball(count=24):
+    """Return frames of a ball, with mask, lights, normals and color."""
     size = 64
     directions = spiral(1 - 0.4 * (np.arange(count) + 0.5) / count, first=0.5)
     rng = np.random.default_rng(20_020)
     intensities = rng.uniform(0.5, 1.5, (count, 3))
     truth = lights_along(directions, intensities).normalised()
-    v, u = np.mgrid[:size, :size]
-    x, y = 2.3 * (u - size / 2) / size, -2.3 * (v - size / 2) / size
-    mask = x**2 + y**2 < 0.93
-    normals = unit(np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 1e-9))], -1))
-    shade = np.maximum(np.einsum("hwi,fi->fhw", normals, directions), 0) * mask
+    normals, mask = dome(size, radius=0.44, rim=0.26)
     color = np.array([0.5, 0.3, 0.2])
-    images = shade[..., None] * color * truth.intensities[:, None, None]
-    images[list(dark)] = 0
-    return as_floats(truth, images), mask, truth, normals, color
+    return as_floats(truth, matte(truth, normals, normals, color)), mask, truth, normals, color
 
 
 def solved(method, frames, mask, truth):

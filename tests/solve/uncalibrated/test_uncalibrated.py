@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fixtures.lit_surfaces import even_cap
+from fixtures.lit_surfaces import as_samples, even_cap, gloss
 from scene.errors import CalibrationError
 from scene.normals import angular_error_deg, unit
 from solve.problem import Problem
-from solve.samples import Geometry, Samples
 from solve.uncalibrated import entropy, ldr, tv
 from solve.uncalibrated.front_end import FrontEnd, family
 
@@ -37,12 +36,6 @@ def scene():
     return photographs(normals, mask, directions), normals[mask], directions, mask
 
 
-def samples_of(gray):
-    """All valid, under lights that nobody knows."""
-    nowhere = Geometry.distant(np.full((gray.shape[1], 3), np.nan))
-    return Samples(gray, np.ones(gray.shape, bool), np.zeros((len(gray), 3)), nowhere)
-
-
 def run(name, gray, mask, **changes):
     """The method's result; `changes` are settings, its own or the front end's."""
     module = METHODS[name]
@@ -50,7 +43,8 @@ def run(name, gray, mask, **changes):
     own = {key: value for key, value in changes.items() if key not in FrontEnd._fields}
     front_end = FrontEnd(**{key: value for key, value in changes.items() if key in FrontEnd._fields})
     settings = front_end if isinstance(settings, FrontEnd) else settings._replace(front_end=front_end, **own)
-    return module.fit_whole(Problem(None, None, None, mask, slice(0, len(mask))), samples_of(gray), settings)
+    samples = as_samples(gray, np.full((gray.shape[1], 3), np.nan))  # under lights that nobody knows
+    return module.fit_whole(Problem(None, None, None, mask, slice(0, len(mask))), samples, settings)
 
 
 def error(b, normals):
@@ -120,8 +114,7 @@ def test_ldr_and_entropy_need_no_equal_intensities_and_tv_says_that_it_does(scen
 
 def test_gloss_and_cast_shadow_are_cleaned_away(scene):
     gray, normals, directions, mask = scene
-    half = unit(directions + [0, 0, 1.0])
-    spoilt = gray + 0.6 * np.maximum(normals @ half.T, 0) ** 150
+    spoilt = gray + 0.6 * gloss(normals, directions, 150).T
     spoilt[: len(gray) // 4, ::6] = 0
     spoilt = spoilt.astype(np.float32)
     for name in METHODS:
