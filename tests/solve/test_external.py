@@ -14,7 +14,6 @@ from scene.lights import Lights
 from scene.normals import angular_error_deg
 from solve.external import External
 from solve.given_normals import solve_external
-from solve.plausible_axes import AXES, axes_words
 
 HEIGHT, WIDTH = 52, 72
 
@@ -184,10 +183,3 @@ def test_a_word_may_be_longer_than_a_files_name():
     found = External.parse(f'LINO={sys.executable} -c "{program}" {{data}} {{out}}', 5)
     assert found.words == (sys.executable, "-c", program, "{data}", "{out}")
     assert [str(path) for path in found.files] == [sys.executable]
-
-
-def test_the_48_axes_are_all_and_name_themselves():
-    assert len({axes_words(matrix) for matrix in AXES}) == 48
-    assert axes_words(AXES[0]) == "(x, y, z)"
-    for matrix in AXES:
-        np.testing.assert_array_equal(matrix @ matrix.T, np.eye(3))
