@@ -7,6 +7,7 @@ import pytest
 
 from calibrate.calibrate import calibrate
 from calibrate.known_lights.read_known import read_lights
+from fixtures.ball_scene import World, render
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
@@ -180,13 +181,13 @@ def test_fewer_than_three_lights(table, count):
     assert angular_error_deg(lights.directions, directions).max() < 2.5
 
 
-def test_coplanar_lights(tracer):
+def test_coplanar_lights():
     angles = np.deg2rad([-40, -15, 20, 45])
-    world = tracer.World(Camera(240, 160, 400.0, 400.0, 120.0, 80.0), [], np.zeros((4, 3)), np.full((4, 3), 0.6))
+    world = World(Camera(240, 160, 400.0, 400.0, 120.0, 80.0), [], np.zeros((4, 3)), np.full((4, 3), 0.6))
     world.stand("white", 0, 0, 60)
     # Lights on a circle around the ball, in the plane y = the ball's own.
     center = world.balls[0].center
     world.lights = center + 3000 * np.stack([np.sin(angles), 0 * angles, np.cos(angles)], -1)
     world.powers = np.full((4, 3), 5.0)
     with pytest.raises(CalibrationError, match="in one plane"):
-        calibrate(tracer.render(world), world.camera, [SphereRequest("white", 120.0)])
+        calibrate(render(world), world.camera, [SphereRequest("white", 120.0)])

@@ -4,35 +4,29 @@ import numpy as np
 import pytest
 
 from calibrate.calibrate import calibrate
+from fixtures.lit_surfaces import dome, lights_along, matte
 from scene.camera import Camera
 from scene.frames import Frames
-from scene.lights import Lights
 from scene.normals import unit
 
 COUNT = 10
-NAMES = tuple(f"flash_{i:03d}" for i in range(COUNT))
 
 
 @pytest.fixture(scope="module")
-def session():
-    """Photographs of a round body whose flashes differ in power, and the true lights."""
-    v, u = np.mgrid[:80, :80]
-    x, y = (u - 40) / 36, (40 - v) / 36
-    z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
-    normals = np.where((z > 0.1)[..., None], np.stack([x, y, z], -1), 0)
-    rng = np.random.default_rng(4)
-    lights = unit(rng.normal(size=(COUNT, 3)) * [1, 1, 0.2] + [0, 0, 1.6])
-    power = rng.uniform(0.7, 1.3, COUNT)
-    shade = np.maximum(np.einsum("hwk,fk->fhw", normals, lights), 0) * power[:, None, None] * 0.5
-    shade += 0.002 * rng.standard_normal(shade.shape)
-    return Frames.from_linear(NAMES, np.repeat(shade[..., None], 3, -1)), lights, power
+def said():
+    """Return what is said of lights in an order, of strengths other than told; the photographs' flashes differ too."""
+    rng, (normals, _) = np.random.default_rng(4), dome(80, rim=0.1)
+    ways = unit(rng.normal(size=(COUNT, 3)) * [1, 1, 0.2] + [0, 0, 1.6])
+    lights = lights_along(ways, rng.uniform(0.7, 1.3, (COUNT, 1)))
+    images = matte(lights, normals, normals, 0.5)
+    frames = Frames.from_linear(lights.names, images + 0.002 * rng.standard_normal((COUNT, 80, 80, 1)))
 
+    def warnings(order=range(COUNT), factor=1.0):
+        told = lights_along(ways[list(order)], lights.intensities[list(order)] * factor).normalised()
+        found = calibrate(frames, Camera.orthographic(80, 80), [], known_lights=told)
+        return [text for text in found.warnings if text.startswith("lights.file")]
 
-def said(session, order):
-    frames, lights, power = session
-    known = Lights(NAMES, lights[order], np.repeat(power[order, None], 3, 1)).normalised()
-    found = calibrate(frames, Camera.orthographic(80, 80), [], known_lights=known)
-    return [text for text in found.warnings if text.startswith("lights.file")]
+    return warnings
 
 
 @pytest.mark.parametrize(
@@ -44,19 +38,16 @@ def said(session, order):
         ([4, 9, 2, 0, 7, 1, 8, 6, 3, 5], "do not belong to these photographs, or their order is lost"),
     ],
 )
-def test_another_order_is_named(session, order, words):
-    assert said(session, np.arange(COUNT)) == []
-    (text,) = said(session, np.array(order))
+def test_another_order_is_named(said, order, words):
+    assert said() == []
+    (text,) = said(order)
     assert words in text
     assert "Correct lights.file" in text
 
 
-def test_other_strengths_are_not_another_order(session):
+@pytest.mark.parametrize("odd", [np.where(np.arange(COUNT) % 3, 1, 2), 1 / np.linspace(0.4, 1.6, COUNT)])
+def test_other_strengths_are_not_another_order(said, odd):
     """Some frames of half the exposure, which nothing tells: the lights' directions and order are not to blame."""
-    frames, lights, power = session
-    for odd in (np.where(np.arange(COUNT) % 3, 1, 2), 1 / np.linspace(0.4, 1.6, COUNT)):
-        known = Lights(NAMES, lights, np.repeat((power * odd)[:, None], 3, 1)).normalised()
-        found = calibrate(frames, Camera.orthographic(80, 80), [], known_lights=known)
-        (text,) = [text for text in found.warnings if text.startswith("lights.file")]
-        assert "if the flashes' strengths are others than the file's" in text
-        assert not any(word in text for word in ("order", "belong", "axes"))
+    (text,) = said(factor=odd[:, None])
+    assert "if the flashes' strengths are others than the file's" in text
+    assert not any(word in text for word in ("order", "belong", "axes"))

@@ -13,6 +13,7 @@ from calibrate.lights.directions import SURROUNDINGS_DEG, Shading, mirrored_at
 from calibrate.lights.light_model import choose_model
 from calibrate.lights.positions import fit_lights
 from calibrate.silhouette.outline import moved, offset_jacobian, outline_with_normals
+from fixtures.ball_scene import flashes
 from scene.camera import Camera
 from scene.normals import angular_error_deg, unit
 from scene.spheres import Sphere
@@ -44,8 +45,8 @@ def _spheres(count, rng=None, sigma=0.0):
 
 
 @pytest.fixture(scope="module")
-def scene(tracer):
-    lights = tracer.flashes(8, seed=3)
+def scene():
+    lights = flashes(8, seed=3)
     return lights, np.array([[fermat(center, light) for light in lights] for center in CENTERS])
 
 

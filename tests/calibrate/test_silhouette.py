@@ -5,6 +5,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from calibrate.silhouette.ball_silhouette import fit_mask, fit_outline
+from fixtures.ball_scene import Ball, World, distant, radiance
+from fixtures.lit_surfaces import spiral
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Sphere
@@ -17,27 +19,6 @@ def test_no_outline_is_said():
     assert fit_outline(frames, camera, Sphere("chrome", np.array([60.0, 60.0]), 30.0), search_px=3.0) is None
 
 
-def _lit_ball(camera, center, radius, lights, background, rng, *, blur_px=0.7, oversample=8):
-    """Photographs of a Lambertian ball before a flat background, by asking rays where they meet it."""
-    step = (np.arange(oversample) + 0.5) / oversample - 0.5
-    v, u = np.mgrid[0 : camera.height, 0 : camera.width]
-    images = np.zeros((len(lights), camera.height, camera.width))
-    for dv in step:
-        for du in step:
-            ray = np.stack([(u + du - camera.cx) / camera.fx, -(v + dv - camera.cy) / camera.fy, 0 * u - 1.0], -1)
-            ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
-            along = ray @ center
-            inside = along**2 - center @ center + radius**2
-            normal = (ray * (along - np.sqrt(np.maximum(inside, 0)))[..., None] - center) / radius
-            shade = np.maximum(np.einsum("ijk,fk->fij", normal, lights), 0)
-            images += np.where(inside > 0, shade, background[:, None, None])
-    images = gaussian_filter(images / oversample**2, (0, blur_px, blur_px))
-    images += rng.normal(size=images.shape) * 2e-3
-    return Frames.from_linear(
-        tuple(f"f{i}" for i in range(len(lights))), np.repeat(images[..., None], 3, -1).astype(np.float32)
-    )
-
-
 @pytest.mark.parametrize(("radius", "near"), [(15.0, 0.03), (67.0, 0.015)])
 def test_limb_darkening_does_not_shrink_a_matte_ball(radius, near):
     """Its steepest gradient lies a fifth of a pixel inside the outline."""
@@ -45,10 +26,12 @@ def test_limb_darkening_does_not_shrink_a_matte_ball(radius, near):
     camera = Camera(size, size, 900.0, 900.0, size / 2 + 0.3, size / 2 - 0.4)
     rng = np.random.default_rng(10001)
     center = np.array([1.3, -0.7, -900.0])
-    azimuth = 2 * np.pi * np.arange(8) / 8
-    polar = np.deg2rad(rng.uniform(20, 60, 8))
-    lights = 0.6 * np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], -1)
-    frames = _lit_ball(camera, center, radius, lights, rng.uniform(0.02, 0.15, 8), rng)
+    # The table stands so far behind that no shadow is in the picture.
+    table = {"table_point": 4 * center, "table_normal": np.array([0, 0, 1.0]), "table_half": 9000.0, "bounce": False}
+    world = World(camera, [Ball("white", center, radius, albedo=1.0)], np.zeros((8, 3)), np.ones((8, 3)), **table)
+    toward = spiral(np.cos(np.deg2rad(rng.uniform(20, 60, 8))), turn=np.pi / 4)
+    images, _ = radiance(distant(world, toward, np.full((8, 3), 0.6)), blur_px=0.7)
+    frames = Frames.from_linear(tuple("abcdefgh"), images + 2e-3 * rng.normal(size=images.shape))
     start = Sphere("white", camera.project(center) + [0.6, -0.5], radius + 0.7)
     fit = fit_outline(frames, camera, start, search_px=2.0)
     assert fit is not None
@@ -82,9 +65,8 @@ def test_a_mirror_is_as_large_as_it_is(facing):
         images.append(gaussian_filter(fine.reshape(size, 8, size, 8).mean((1, 3)), 0.7))
     noisy = np.stack(images) + rng.normal(size=(6, size, size)) * 2e-3
     frames = Frames.from_linear(tuple("abcdef"), np.repeat(noisy[..., None], 3, -1).astype(np.float32))
-    fit = fit_outline(
-        frames, camera, Sphere("chrome", np.array([camera.cx + 0.5, camera.cy - 0.6]), radius - 0.5), search_px=2
-    )
+    start = Sphere("chrome", np.array([camera.cx + 0.5, camera.cy - 0.6]), radius - 0.5)
+    fit = fit_outline(frames, camera, start, search_px=2)
     assert fit is not None
     np.testing.assert_allclose(fit.sphere.center_px, [camera.cx, camera.cy], atol=0.05)
     # An orthographic picture of the ball: its outline is a circle of this radius.

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fixtures.lit_surfaces import ball_seen, lights_along, spiral
 from scene.camera import Camera
 from scene.errors import RenderError
 from scene.frames import Frames
-from scene.lights import Lights
 from scene.mesh import Mesh
 from tests.twin.twin_scenes import placed
 from twin.description.description import Sampling, TwinScene
@@ -31,23 +31,16 @@ WHITE = np.array([0.5, 0.6, 0.4])
 
 
 def dome(count, white=WHITE):
-    k = np.arange(count)
-    z = 1 - 0.45 * (k + 0.5) / count
-    across = np.sqrt(1 - z**2)
-    directions = np.stack([across * np.cos(2.4 * k), across * np.sin(2.4 * k), z], -1)
-    value = None if white is None else 0.8 * white
-    return Lights(tuple(f"f{i}" for i in k), directions, np.ones((count, 3)), white_value=value)
+    return lights_along(
+        spiral(1 - 0.45 * (np.arange(count) + 0.5) / count), white_value=None if white is None else 0.8 * white
+    )
 
 
 def ball():
     """Return an orthographic camera, the mask and the normals (H, W, 3) of a ball."""
     camera = Camera.orthographic(SIDE, SIDE)
-    offset = camera.grid() - (SIDE - 1) / 2
-    x, y = offset[..., 0] / RADIUS, -offset[..., 1] / RADIUS
-    inside = x**2 + y**2 < 1
-    z = np.sqrt(np.where(inside, 1 - x**2 - y**2, 0))
-    normals = np.where(inside[..., None], np.stack([x, y, z], -1), np.nan).astype(np.float32)
-    return camera, inside, normals
+    _, normals, inside = ball_seen(camera, (0, 0, -SIDE), RADIUS, rim=0)
+    return camera, inside, np.where(inside[..., None], normals, np.nan).astype(np.float32)
 
 
 def sight_of_ball(lights):

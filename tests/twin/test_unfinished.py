@@ -17,7 +17,7 @@ from tests.twin.twin_scenes import lights, placed
 from twin.description.description import Environment, Sampling, TwinScene
 from twin.description.materials import Diffuse, RoughPlastic
 from twin.engines import light_layers
-from twin.engines.light_layers import pieces_of, render_layers
+from twin.engines.light_layers import pieces_of
 from twin.engines.render import render_scene, rendering_mark
 from twin.engines.variant import SLOW, pick_variant
 
@@ -149,25 +149,3 @@ def test_light_is_kept_apart_and_adds_up(engine, tmp_path):
     assert shadow.sum() > 100
     assert np.median(direct[shadow]) < 1e-3 < np.median(indirect[shadow].mean(-1))
     assert indirect.min() > -1e-3
-
-
-@NEEDS_LLVM
-@pytest.mark.parametrize("sign", [1, -1])
-def test_a_lens_is_rendered_through_to_where_the_camera_projects(sign):
-    """Squares at known places: their middles in the picture are where the distorting camera projects them."""
-    camera = Camera(96, 80, 150.0, 158.0, 47.5 + sign * 6.3, 39.5 - sign * 5.7, (-0.9, 0.5, 0.03, -0.04, 0.0))
-    u, v = np.meshgrid([14.3, 40.8, 77.6], [11.7, 33.4, 66.2])
-    wanted, depths = np.stack([u, v], -1).reshape(-1, 2), np.linspace(-330, -270, 9)
-    places = [camera.points_at_depth(pixel, z) for pixel, z in zip(wanted, depths, strict=True)]
-    squares = tuple(placed("square", "square", "w", 3.0, place - [0, 0, -300]) for place in places)
-    scene = scene_for("many", camera=camera, objects=squares)
-    film = scene.film()
-    assert film.pixels is not None
-    image = film.whole(render_layers(scene, film, "many", 64).frames()[0])[..., 1]
-    rows, columns = np.mgrid[:80, :96]
-    for pixel in wanted:
-        weight = image * (np.hypot(columns - pixel[0], rows - pixel[1]) < 7)
-        found = np.array([(weight * columns).sum(), (weight * rows).sum()]) / weight.sum()
-        assert np.linalg.norm(found - pixel) < 0.1
-    bent = replace(camera, distortion=(0.0,) * 5).project(np.array(places)) - wanted
-    assert np.linalg.norm(bent, axis=1).max() > 1, "the lens makes a difference here"
