@@ -10,7 +10,7 @@ from calibrate.calibration import Notes
 from calibrate.photometry.from_white import intensities_from_white
 from calibrate.photometry.matte_shading import read_surface, shading_directions
 from calibrate.photometry.photometer import measure
-from fixtures.ball_scene import Ball, World, distant, radiance
+from fixtures.ball_scene import Ball, World, distant, flashes, radiance
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -21,31 +21,9 @@ CAMERA = Camera(200, 160, 900.0, 900.0, 96.0, 82.0)
 CENTER, RADIUS = np.array([20.0, -10.0, -800.0]), 45.0
 REFERENCE = np.array([0.0, 0.0, -800.0])
 NAMES = "abcdefg"
-LIGHTS = np.array(
-    [
-        [300.0, 200, -100],
-        [-400, 100, 0],
-        [100, -500, -50],
-        [-150, 350, 50],
-        [50, 50, 200],
-        [-300, -300, 0],
-        [350, -100, 100],
-    ]
-)
+LIGHTS = flashes(7, near_mm=700.0, far_mm=1000.0, center=REFERENCE, seed=5)
 LAMP = np.array([0.6, 0.0, 0.8])
-POWERS = np.array(
-    [
-        [1.0, 0.9, 1.1],
-        [0.7, 0.75, 0.7],
-        [1.3, 1.2, 1.3],
-        [0.9, 0.9, 0.95],
-        [0.6, 0.62, 0.6],
-        [1.1, 1.1, 1.1],
-        [0.8, 0.8, 0.9],
-    ]
-)
-
-
+POWERS = np.random.default_rng(6).uniform([[0.6]] * 7, 1.3) * [1.0, 0.95, 1.05]
 UP = np.array([0.1, -0.15, 1.0]) / np.linalg.norm([0.1, -0.15, 1.0])
 
 
