@@ -161,16 +161,15 @@ def test_alicevision_with_its_view_ids(tmp_path):
     for row, view, direction in zip(rows, views, lights.directions, strict=True):
         assert str(row["viewId"]) == view["viewId"]
         np.testing.assert_allclose(row["direction"], direction * [1, -1, -1])
-    sfm.write_text(json.dumps({"views": views[:-1]}))
-    with pytest.raises(CalibrationError, match="no view for the frame 'shot 06'"):
-        export_lights(tmp_path, "alicevision", lights, CAMERA, files=lights.names, sfm=sfm)
-    # A RAW file and its JPEG are two views: which of them is meant is not told.
-    sfm.write_text(json.dumps({"views": [*views, {"viewId": "3", "path": "/shots/SHOT 05.JPG"}]}))
-    with pytest.raises(CalibrationError, match="2 views for the frame 'shot 05'"):
-        export_lights(tmp_path, "alicevision", lights, CAMERA, files=lights.names, sfm=sfm)
-    sfm.write_text(json.dumps({"views": [*views[:-1], {**views[-1], "viewId": "q"}]}))
-    with pytest.raises(CalibrationError, match=r"not an AliceVision \.sfm"):
-        export_lights(tmp_path, "alicevision", lights, CAMERA, files=lights.names, sfm=sfm)
+    for wrong, told in (
+        (views[:-1], "no view for the frame 'shot 06'"),
+        # A RAW file and its JPEG are two views: which of them is meant is not told.
+        ([*views, {"viewId": "3", "path": "/shots/SHOT 05.JPG"}], "2 views for the frame 'shot 05'"),
+        ([*views[:-1], {**views[-1], "viewId": "q"}], r"not an AliceVision \.sfm"),
+    ):
+        sfm.write_text(json.dumps({"views": wrong}))
+        with pytest.raises(CalibrationError, match=told):
+            export_lights(tmp_path, "alicevision", lights, CAMERA, files=lights.names, sfm=sfm)
 
 
 KNOWN = ("flash_000", "flash_001", "flash_002")

@@ -7,15 +7,11 @@ import time
 import numpy as np
 import pytest
 
-from scene.camera import Camera
+from fixtures.lit_surfaces import matte
 from scene.errors import SceneError
-from scene.frames import Frames
-from scene.lights import Lights
 from scene.normals import angular_error_deg
 from solve.external import External
 from solve.given_normals import solve_external
-
-HEIGHT, WIDTH = 52, 72
 
 STAND_IN = """
 import subprocess, sys, time
@@ -70,21 +66,9 @@ else:
 
 
 @pytest.fixture
-def scene():
-    """A ball off the middle of the frame, with albedo of a varying colour, under lights of unlike strength."""
-    v, u = np.mgrid[:HEIGHT, :WIDTH].astype(float)
-    x, y = (u - 44) / 20, -(v - 22) / 20
-    mask = x**2 + y**2 < 0.8
-    normals = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0.05))], -1)
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    angle, zenith = 2.4 * np.arange(9), np.radians(np.linspace(8, 26, 9))
-    toward = np.stack([np.sin(zenith) * np.cos(angle), np.sin(zenith) * np.sin(angle), np.cos(zenith)], -1)
-    rng = np.random.default_rng(10071)
-    lights = Lights(tuple(f"flash_{k}" for k in range(9)), toward, rng.uniform(0.6, 1.4, (9, 3))).normalised()
-    albedo = 0.3 + 0.1 * np.sin(np.stack([u / 5, v / 7, (u + v) / 6], -1))
-    shade = np.maximum(np.einsum("hwi,fi->fhw", normals, lights.directions), 0) * mask
-    images = albedo * shade[..., None] * lights.intensities[:, None, None]
-    return Frames.from_linear(lights.names, images), lights, Camera(WIDTH, HEIGHT, 150.0, 150.0, 36, 26), mask, normals
+def scene(asked):
+    """An albedo of a varying colour, under lights of unlike strength."""
+    return asked(np.random.default_rng(10071).uniform(0.6, 1.4, (9, 3)), texture=0.25)
 
 
 @pytest.fixture
@@ -122,8 +106,8 @@ def test_normals_come_back_in_the_camera_frame_whatever_the_programs_axes(manner
     assert estimate.method == "StandIn"
     assert (estimate.samples[mask] >= 6).all()
     frames, lights, *_ = scene
-    shade = np.einsum("hwi,fi->fhw", normals, lights.directions)[..., None] * lights.intensities[:, None, None]
-    np.testing.assert_allclose((estimate.albedo * shade[0])[mask], frames.frame(0)[mask], rtol=0.01)
+    expected = matte(lights, normals, normals, np.nan_to_num(estimate.albedo))
+    np.testing.assert_allclose(expected[0][mask], frames.frame(0)[mask], rtol=0.01)
     assert not (tmp_path / "external" / "StandIn" / "object.data").exists()
 
 
