@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.compare_folders import NUMBERS, compare_folders, told
-from fixtures.lit_surfaces import lights_along, spiral
+from fixtures.lit_surfaces import dome, lights_along, matte, spiral
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.files import write_npy, write_text
@@ -17,10 +17,8 @@ from solve.solve import solve
 
 SIDE = 48
 CAMERA = Camera(SIDE, SIDE, 400.0, 400.0, (SIDE - 1) / 2, (SIDE - 1) / 2)
-V, U = np.mgrid[:SIDE, :SIDE]
-X, Y = (U - CAMERA.cx) / 21, -(V - CAMERA.cy) / 21
-MASK = X**2 + Y**2 < 0.9
-TRUTH = np.where(MASK[..., None], np.stack([X, Y, np.sqrt(np.maximum(1 - X**2 - Y**2, 0))], -1), np.nan).astype("f4")
+NORMALS, MASK = dome(SIDE, rim=0.32)
+TRUTH = np.where(MASK[..., None], NORMALS, np.nan).astype("f4")
 
 
 def lights(count=10, **more):
@@ -30,9 +28,8 @@ def lights(count=10, **more):
 
 def photographed(true, truth=TRUTH, noise=0.0, seed=0):
     """A matte object under its lights."""
-    shade = np.maximum(np.einsum("hwc,fc->fhw", np.nan_to_num(truth), true.directions), 0)
     grain = noise * np.random.default_rng(seed).standard_normal((len(true), SIDE, SIDE, 3))
-    return Frames.from_linear(true.names, 0.7 * shade[..., None] * np.ones(3) + grain)
+    return Frames.from_linear(true.names, matte(true, np.nan_to_num(truth), truth, 0.7) + grain)
 
 
 def folder_of(path, told, true, *, methods=("ls", "iterative"), rendered=False, truth=TRUTH, noise=0.0, seed=0):

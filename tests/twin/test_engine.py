@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from scene.camera import Camera
-from tests.twin.twin_scenes import lights, placed
-from twin.description.description import Environment, Sampling, TwinScene
+from tests.twin.twin_scenes import ball_and_wall, lights
+from twin.description.description import Environment, Sampling
 from twin.description.materials import Conductor, Diffuse, RoughPlastic, Subsurface
 from twin.engines import engine_choice
 from twin.engines.engine_choice import choose_engine
@@ -28,12 +28,8 @@ VECTORS = [[80, 60, 200], [-100, 40, 160]]
 
 
 def ball(material=GREY, **change):
-    objects = placed("ball", "sphere", "m", 25.0), placed("wall", "square", "w", 90.0, (0, 0, -26))
-    scene = TwinScene(
-        Camera(48, 40, 150.0, 150.0, 23.5, 19.5), objects, {"m": material, "w": Diffuse((0.8, 0.8, 0.8))},
-        lights(*VECTORS, intensities=[[1, 1, 1], [0.6, 0.8, 1.0]]), sampling=Sampling("auto", max_depth=4, error=0.01),
-    )  # fmt: skip
-    return replace(scene, **change)
+    given = lights(*VECTORS, intensities=[[1, 1, 1], [0.6, 0.8, 1.0]])
+    return replace(ball_and_wall(given, material, Sampling("auto", max_depth=4, error=0.01)), **change)
 
 
 def test_what_the_other_cannot_do_goes_to_stock_mitsuba_and_it_is_said_why(monkeypatch):

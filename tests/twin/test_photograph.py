@@ -11,6 +11,7 @@ from capture.photographs.images import read_image
 from capture.photographs.raw import read_raw
 from scene.errors import RenderError, SceneError
 from scene.frames import decode
+from tests.twin.test_description import BALL, HEAD, LIGHT, MATTE
 from twin.camera.virtual_camera import CFA_PATTERNS, Sensor, expose, write_dng
 from twin.camera.virtual_photograph import developed, write_photograph
 from twin.description.description_file import read_document, read_scene, write_document
@@ -136,27 +137,10 @@ def test_what_cannot_be_photographed_is_named(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-SCENE = """
-[camera]
-width = 32
-height = 24
-fx = 60.0
-{camera}
-[camera.sensor]
-{sensor}
-[[objects]]
-shape = "cube"
-scale = 30
-translate_mm = [0, 0, -300]
-material = "m"
-[materials.m]
-kind = "diffuse"
-reflectance = 0.5
-[[lights]]
-kind = "ring"
-count = 3
-polar_deg = 40
-"""
+def described(path, camera, sensor):
+    """Write a scene with more keys of its camera, and a sensor."""
+    path.write_text(f"{HEAD}{camera}\n[camera.sensor]\n{sensor}\n{BALL}{MATTE}{LIGHT}")
+    return path
 
 
 @pytest.mark.parametrize(
@@ -172,15 +156,14 @@ polar_deg = 40
     ],
 )
 def test_what_no_camera_can_do_is_named(camera, sensor, message, tmp_path):
-    (tmp_path / "a.toml").write_text(SCENE.format(camera=camera, sensor=sensor))
     with pytest.raises(RenderError, match=message):
-        read_scene(tmp_path / "a.toml")
+        read_scene(described(tmp_path / "a.toml", camera, sensor))
 
 
 def test_a_sensor_comes_from_the_description_and_goes_back_into_it(tmp_path):
     numbers = "iso = 800\nvignetting = [-0.3, 0, 0]\nneutral = [1, 1, 1]"
-    (tmp_path / "a.toml").write_text(SCENE.format(camera='files = "exr"', sensor=numbers))
-    again = write_document(read_document(tmp_path / "a.toml"), tmp_path / "out")
-    for scene in (read_scene(tmp_path / "a.toml"), read_scene(again)):
+    path = described(tmp_path / "a.toml", 'files = "exr"', numbers)
+    again = write_document(read_document(path), tmp_path / "out")
+    for scene in (read_scene(path), read_scene(again)):
         assert scene.sensor == Sensor(iso=800, vignetting=(-0.3, 0, 0), neutral=(1, 1, 1))
         assert scene.files == "exr"

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scene.camera import Camera
+from fixtures.lit_surfaces import spiral
 from scene.store import Store
-from tests.twin.twin_scenes import lights, placed
-from twin.description.description import Environment, Sampling, TwinScene
-from twin.description.materials import Diffuse, RoughPlastic
+from tests.twin.twin_scenes import ball_and_wall, lights
+from twin.description.description import Environment, Sampling
+from twin.description.materials import RoughPlastic
 from twin.engines import light_layers
 from twin.engines.light_layers import pieces_of
 from twin.engines.render import render_scene, rendering_mark
@@ -28,15 +28,9 @@ BAND = 3 * 48 * 6 * 8
 
 
 def scene_for(engine, **change):
-    angle = np.arange(6) * np.pi / 3
-    scene = TwinScene(
-        Camera(48, 40, 150.0, 150.0, 23.5, 19.5),
-        (placed("ball", "sphere", "m", 25.0), placed("wall", "square", "w", 90.0, (0, 0, -26))),
-        {"m": RoughPlastic((0.6, 0.5, 0.4), 0.3), "w": Diffuse((0.8, 0.8, 0.8))},
-        lights(*np.stack([0.6 * np.cos(angle), 0.6 * np.sin(angle), np.ones(6)], -1)),
-        sampling=Sampling(engine, samples=16, max_depth=4, error=0.02),
-    )
-    return replace(scene, **change)
+    given = lights(*spiral(np.full(6, 0.857), turn=np.pi / 3))
+    sampling = Sampling(engine, samples=16, max_depth=4, error=0.02)
+    return replace(ball_and_wall(given, RoughPlastic((0.6, 0.5, 0.4), 0.3), sampling), **change)
 
 
 def contents(folder):

@@ -2,10 +2,7 @@
 
 import json
 import re
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -129,11 +126,11 @@ def test_a_group_has_three_objects_apart_and_of_their_materials():
 
 
 @pytest.mark.full
-def test_the_list_at_the_command_line(tmp_path):
-    command = [str(Path(sys.executable).parent / "rgbn"), "dataset", "list", "--shelf", str(tmp_path)]
-
-    def lines(*words):
-        return subprocess.run([*command, *words], capture_output=True, text=True, check=True).stdout
+def test_the_list_at_the_command_line(tmp_path, rgbn_process):
+    def lines(*words, verb="list"):
+        done = rgbn_process("dataset", verb, "--shelf", tmp_path, *words)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
 
     found = json.loads(lines("--json"))
     assert [one["name"] for one in found] == list(KNOWN)
@@ -142,7 +139,7 @@ def test_the_list_at_the_command_line(tmp_path):
     assert "pear-roughness-0.30" in text
     assert text.strip().endswith("9 datasets and 2 other names; 9 of the benchmark's list; 0 on the shelf")
     assert sum(one["benchmark"] and not one["same_as"] for one in found) == 93
-    subprocess.run([*command[:2], "make", *command[3:], "pear-roughness-0.30", "--side", "16"], check=True)
+    lines("pear-roughness-0.30", "--side", "16", verb="make")
     text = lines("pear-roughness-*")
     assert text.strip().endswith("10 datasets and 2 other names; 9 of the benchmark's list; 1 on the shelf")
     assert {one["name"] for one in json.loads(lines("--json", "benchmark"))} >= set(benchmark_names())
