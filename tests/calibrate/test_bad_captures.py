@@ -229,7 +229,6 @@ def test_a_ball_of_the_other_kind_is_named():
         assert contradicts_kind(coarse, sphere) is None
         other = "chrome" if sphere.kind == "white" else "white"
         told = contradicts_kind(coarse, replace(sphere, kind=other))
-        assert told
         assert f"said to be {other}" in told
         assert f"If it is {sphere.kind}" in told
 

@@ -90,7 +90,6 @@ def test_the_mosaic_shows_in_its_pixels(left, top):
     ys, xs = np.mgrid[7:67, 4:64]
     row, column = np.mgrid[top : top + 60, left : left + 60] % 2
     sites = _sites(frame, xs, ys)
-    assert sites is not None
     np.testing.assert_array_equal(sites[1:-1, 1:-1], (row + column)[1:-1, 1:-1])
     assert _sites(_frames(PLACES, 3.0, 0.8).frame(0)[40:100, 40:100], xs, ys) is None
 

@@ -34,7 +34,6 @@ def test_limb_darkening_does_not_shrink_a_matte_ball(radius, near):
     frames = Frames.from_linear(tuple("abcdefgh"), images + 2e-3 * rng.normal(size=images.shape))
     start = Sphere("white", camera.project(center) + [0.6, -0.5], radius + 0.7)
     fit = fit_outline(frames, camera, start, search_px=2.0)
-    assert fit is not None
     error = np.array([*(fit.sphere.center_px - camera.project(center)), fit.sphere.radius_px - radius])
     np.testing.assert_allclose(error, 0, atol=near)
     assert np.all(np.abs(error) < 3 * np.sqrt(np.diag(fit.covariance)))
@@ -67,7 +66,6 @@ def test_a_mirror_is_as_large_as_it_is(facing):
     frames = Frames.from_linear(tuple("abcdef"), np.repeat(noisy[..., None], 3, -1).astype(np.float32))
     start = Sphere("chrome", np.array([camera.cx + 0.5, camera.cy - 0.6]), radius - 0.5)
     fit = fit_outline(frames, camera, start, search_px=2)
-    assert fit is not None
     np.testing.assert_allclose(fit.sphere.center_px, [camera.cx, camera.cy], atol=0.05)
     # An orthographic picture of the ball: its outline is a circle of this radius.
     off = fit.sphere.outline(camera, 90)[0, 0] - camera.cx - radius
@@ -81,6 +79,5 @@ def test_a_mask_of_a_ball_off_the_axis_gives_the_ball(radius_px):
     camera = Camera(600, 400, 840.0, 840.0, 304.3, 196.9)
     ball = Sphere("white", np.array([476.4, 302.2]), radius_px)
     fit = fit_mask(ball.mask(camera), camera, ball)
-    assert fit is not None
     np.testing.assert_allclose(fit.sphere.center_px, ball.center_px, atol=0.06)
     assert fit.sphere.radius_px == pytest.approx(radius_px, abs=0.05)

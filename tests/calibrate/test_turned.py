@@ -44,7 +44,6 @@ def blurred(rows, degrees, seed=1):
 def test_the_mistake_is_named(mistake, words, seed):
     true = directions(seed=seed)
     told = contradiction("chrome ball 1", names(true), blurred(true, 1.0), mistake(true))
-    assert told
     assert words in told
     assert told.startswith("lights.file: chrome ball 1 sees its lights")
 
@@ -56,7 +55,6 @@ def test_two_exchanged_lights_are_named():
     order = np.arange(12)
     order[[a, b]] = b, a
     told = contradiction("chrome ball 1", names(true), blurred(true, 1.0), true[order])
-    assert told
     assert told.startswith("lights.file: ")
     assert f"flash_{min(a, b):03d}, flash_{max(a, b):03d}" in told
     assert "exchanged" in told

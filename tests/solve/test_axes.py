@@ -71,7 +71,6 @@ def test_the_change_that_puts_lights_right_is_named(told, axes, words):
     """A flipped file was used without a word where no ball stood by."""
     assert told(lambda directions: directions) is None
     text = told(lambda directions: directions @ axes.T)
-    assert text
     assert text.startswith("lights.file: ")
     assert f"changed to {words};" in text
 

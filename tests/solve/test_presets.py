@@ -196,7 +196,6 @@ def test_without_any_light_its_normals_stay_and_the_lights_are_found_with_them(p
     known = mask & np.isfinite(estimate.normals[..., 0])
     assert angular_error_deg(estimate.normals, normals)[known].max() < 0.05
     assert any("lights are unknown" in text for text in estimate.warnings)
-    assert estimate.lights is not None
     assert angular_error_deg(estimate.lights.directions, lights.directions).max() < 1
     ratio = (estimate.albedo / [0.8, 0.5, 0.3])[known]
     np.testing.assert_allclose(ratio, np.median(ratio), rtol=0.05)

@@ -63,7 +63,6 @@ def test_a_killed_rendering_goes_on_where_it_was(engine, tmp_path, monkeypatch):
     # The band's size is no part of the mark: the victim cuts as this process does.
     command, root = [sys.executable, "-c", VICTIM, engine, str(killed)], Path(__file__).parents[2]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=root) as process:
-        assert process.stdout is not None
         assert any(line.startswith("piece 2 ") for line in process.stdout)
         os.kill(process.pid, signal.SIGKILL)
         assert process.wait() == -signal.SIGKILL

@@ -90,7 +90,6 @@ def test_patterns_choose_and_an_unknown_name_is_told():
 @pytest.mark.parametrize("distance", NEAR_MM)
 def test_near_lights_stand_at_their_distance(distance):
     lights = dataset_scene(KNOWN[f"blob-near-{distance:04d}"]).lights
-    assert lights.positions_mm is not None
     away = lights.positions_mm - lights.reference_point_mm
     np.testing.assert_allclose(np.linalg.norm(away, axis=1), distance)
     np.testing.assert_allclose(away / distance, lights.directions, atol=1e-12)
@@ -100,7 +99,6 @@ def test_near_lights_stand_at_their_distance(distance):
 def test_flashes_by_hand_are_uneven_and_fall_off(count):
     lights = dataset_scene(KNOWN[f"knot-hand-{count:02d}"]).lights
     assert len(lights) == count
-    assert lights.positions_mm is not None
     away = np.linalg.norm(lights.positions_mm - lights.reference_point_mm, axis=1) / 1000
     assert away.min() >= DISTANCES[0]
     assert away.max() <= DISTANCES[1]

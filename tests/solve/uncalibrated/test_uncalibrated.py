@@ -165,7 +165,6 @@ def test_through_the_common_door_of_the_lights_told_only_the_strength_is_read(me
     found = solve(method, frames, told, Camera(64, 64, 100.0, 100.0, 32, 32), mask)
     assert angular_error_deg(found.normals, normals)[mask].mean() < 0.5
     np.testing.assert_allclose(np.median(found.albedo[mask], 0), color, rtol=0.02)
-    assert found.lights is not None
     assert angular_error_deg(found.lights.directions, truth.directions).max() < 1
     np.testing.assert_allclose(found.lights.intensities, truth.intensities, rtol=0.03)
     assert np.nanmedian(found.sigma_deg) < 0.5
