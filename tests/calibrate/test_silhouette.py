@@ -1,10 +1,11 @@
-"""Outlines to a tenth of a pixel, on images whose truth is geometry."""
+"""Outlines to a tenth of a pixel, on images whose truth is geometry; a metal's reflectance rises towards its own."""
 
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
 from calibrate.silhouette.ball_silhouette import fit_mask, fit_outline
+from calibrate.silhouette.explained_profiles import LAWS, fresnel, index_of
 from fixtures.ball_scene import Ball, World, distant, radiance
 from fixtures.lit_surfaces import spiral
 from scene.camera import Camera
@@ -81,3 +82,22 @@ def test_a_mask_of_a_ball_off_the_axis_gives_the_ball(radius_px):
     fit = fit_mask(ball.mask(camera), camera, ball)
     np.testing.assert_allclose(fit.sphere.center_px, ball.center_px, atol=0.06)
     assert fit.sphere.radius_px == pytest.approx(radius_px, abs=0.05)
+
+
+@pytest.mark.parametrize("facing", [0.5, 0.67, 0.9])
+@pytest.mark.parametrize("law", LAWS)
+def test_none_facing_the_camera_all_at_the_outline(law, facing):
+    assert law(np.array([1.0, 0.0]), facing) == pytest.approx([0, 1], abs=1e-12)
+    assert np.all(np.diff(law(np.linspace(0.05, 0, 50), facing)) > 0)
+
+
+@pytest.mark.parametrize("facing", [0.45, 0.67, 0.9])
+def test_the_law_of_metals_is_fresnels(facing):
+    """As Mitsuba computes it, of a metal that reflects so much."""
+    import mitsuba as mi
+
+    mi.set_variant("llvm_ad_rgb")
+    cosine, index = np.linspace(0, 1, 100), index_of(facing)
+    there = np.array(mi.fresnel_conductor(mi.Float(cosine), mi.Complex2f(index.real, index.imag)))
+    assert there[-1] == pytest.approx(facing, abs=1e-5)
+    assert fresnel(cosine, facing) == pytest.approx((there - there[-1]) / (1 - there[-1]), abs=1e-4)
