@@ -1,4 +1,4 @@
-"""The whole room on rendered photographs: lights against the truth that the tracer used."""
+"""The whole room on rendered photographs: lights against the truth that the tracer used; what is told of flags."""
 
 from dataclasses import replace
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from calibrate.calibrate import calibrate
+from calibrate.calibration import flag_warnings
 from calibrate.known_lights.read_known import read_lights
 from fixtures.ball_scene import World, render
 from scene.camera import Camera
@@ -191,3 +192,25 @@ def test_coplanar_lights():
     world.powers = np.full((4, 3), 5.0)
     with pytest.raises(CalibrationError, match="in one plane"):
         calibrate(render(world), world.camera, [SphereRequest("white", 120.0)])
+
+
+NAMES = tuple(f"flash_{i:03d}" for i in range(12))
+ORDER = "taken in the file's order: its names are not the frames'"
+
+
+def test_many_frames_are_one_sentence_with_what_to_do():
+    (all_of_them,) = flag_warnings(NAMES, [(ORDER,)] * 12)
+    assert all_of_them.startswith(f"lights, all 12: {ORDER}. If the photographs are in another order")
+    (some,) = flag_warnings(NAMES, [(ORDER,)] * 7 + [()] * 5)
+    assert "flash_000, flash_001, flash_002, flash_003, flash_004 and 2 more" in some
+
+
+def test_a_kind_that_a_few_frames_may_have_is_a_warning_from_a_quarter_on():
+    flag = "glare beside the highlight on chrome ball 2: the middle of its core is taken"
+    assert not flag_warnings(NAMES, [(flag,)] * 2 + [()] * 10)
+    assert flag_warnings(NAMES, [(flag,)] * 3 + [()] * 9)
+
+
+def test_flags_that_a_file_brings_are_told_as_its_own():
+    (told,) = flag_warnings(NAMES, [("dim",)] + [()] * 11)
+    assert "flash_000 (dim)" in told
