@@ -20,16 +20,15 @@ def lights(low=0.5, high=0.95):
     return lights_along(spiral(np.linspace(low, high, COUNT)), np.linspace(0.7, 1.3, 3 * COUNT).reshape(-1, 3))
 
 
-def plane(lights, normal=(0.1, -0.2, 0.97), albedo=0.4):
+def plane(lights):
     """Linear images of a plane (F, H, W, 3), and its unit normal."""
-    normal = np.array(normal) / np.linalg.norm(normal)
-    shade = albedo * lights.intensities * (lights.directions @ normal)[:, None]
-    return np.broadcast_to(shade[:, None, None], (COUNT, HEIGHT, WIDTH, 3)).copy(), normal
+    normal = unit(np.array([0.1, -0.2, 0.97]))
+    normals = np.broadcast_to(normal, (HEIGHT, WIDTH, 3))
+    return matte(lights, normals, normals, 0.4), normal
 
 
-def run(method, frames, lights, mask=None):
-    camera = Camera.orthographic(WIDTH, HEIGHT)
-    return solve(method, frames, lights, camera, np.ones((HEIGHT, WIDTH), bool) if mask is None else mask)
+def run(method, frames, lights):
+    return solve(method, frames, lights, Camera.orthographic(WIDTH, HEIGHT), np.ones((HEIGHT, WIDTH), bool))
 
 
 @pytest.mark.parametrize("narrow", [[1, 0, 1], [0, 0, 1]], ids=["one plane", "one line"])

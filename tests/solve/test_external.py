@@ -37,31 +37,25 @@ normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
 normals[~mask] = 0
 if manner == "crash":
     raise RuntimeError("CUDA out of memory")
-if manner == "nan":
-    normals[:] = np.nan
-if manner == "part":
-    normals[: len(normals) // 2] = np.nan
-if manner == "size":
-    normals = normals[:-1]
-if manner == "elsewhere":
-    normals = np.roll(normals, 20, axis=(0, 1))
-if manner == "random":
-    normals = np.random.default_rng(0).standard_normal(normals.shape)
 if manner == "nothing":
     sys.exit(0)
-if manner == "opencv":
-    normals = normals * [1, -1, -1]
-if manner == "inverted":
-    normals = normals * [-1, -1, 1]
-if manner == "swapped":
-    normals = normals[..., [2, 0, 1]] * [-1, 1, 1]
+normals = {
+    "nan": normals * np.nan,
+    "size": normals[:-1],
+    "elsewhere": np.roll(normals, 20, axis=(0, 1)),
+    "random": np.random.default_rng(0).standard_normal(normals.shape),
+    "opencv": normals * [1, -1, -1],
+    "inverted": normals * [-1, -1, 1],
+    "swapped": normals[..., [2, 0, 1]] * [-1, 1, 1],
+    "lengths": 3 * normals,
+}.get(manner, normals)
 if manner == "mat":
     scipy.io.savemat(out / "result.mat", {"Normal_est": normals, "seconds": 3.0})
 elif manner == "png":
     cv2.imwrite(str(out / "normal.png"), np.round((normals[..., ::-1] + 1) / 2 * 65535).astype(np.uint16))
     cv2.imwrite(str(out / "albedo.png"), images[0])
 else:
-    np.save(out / "normals.npy", 3 * normals if manner == "lengths" else normals)
+    np.save(out / "normals.npy", normals)
 """
 
 
