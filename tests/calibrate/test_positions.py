@@ -93,8 +93,7 @@ def test_stated_sigmas_are_honest(scene, count, stated):
 )
 def test_balls_alone_differ_by_what_is_stated(scene, near, times, low, high):
     """The true noise of outlines and highlights is `times` the stated one: so is the difference, in the median."""
-    rng, lights = np.random.default_rng(17), scene[0]
-    highlights = scene[1]
+    rng, (lights, highlights) = np.random.default_rng(17), scene
     if not near:
         along = unit(lights - REFERENCE)
         highlights = np.stack([mirrored_at(CAMERA, ball, lambda points: along) for ball in _spheres(3)])
@@ -203,14 +202,12 @@ def test_derivatives(scene, near, exact):
     np.testing.assert_allclose(problem.slopes(x), difference, rtol=1e-3, atol=1e-5 * np.abs(difference).max())
 
 
-def _chosen(highlights, spheres, camera=CAMERA, outline_px=0.03):
-    notes = Notes()
-    count = len(spheres)
-    rng = np.random.default_rng(0)
-    noisy = highlights[:count] + 0.02 * rng.normal(size=highlights[:count].shape)
-    sigma = np.full(noisy.shape[:2], 0.02)
-    outlines = [outline_px**2 * np.eye(3)] * count
-    return choose_model(ObservedSpots(camera, spheres, outlines, noisy, sigma, REFERENCE), notes), notes
+def _chosen(highlights, spheres, outline_px=0.03):
+    notes, seen = Notes(), highlights[: len(spheres)]
+    noisy = seen + 0.02 * np.random.default_rng(0).normal(size=seen.shape)
+    outlines = [outline_px**2 * np.eye(3)] * len(spheres)
+    spots = ObservedSpots(CAMERA, spheres, outlines, noisy, np.full(seen.shape[:2], 0.02), REFERENCE)
+    return choose_model(spots, notes), notes
 
 
 FAULTS = {
@@ -293,8 +290,7 @@ def test_a_diameter_that_nobody_stated_is_found(scene):
 
 def test_distant_lights_need_no_ranges(scene):
     rng = np.random.default_rng(0)
-    directions = np.array([[0.3, 0.2, 0.9], [-0.4, 0.3, 0.8], [0.1, -0.5, 0.8], [0.0, 0.1, 1.0]])
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    directions = unit(np.array([[0.3, 0.2, 0.9], [-0.4, 0.3, 0.8], [0.1, -0.5, 0.8], [0.0, 0.1, 1.0]]))
     highlights = np.array([[fermat(c, c + 1e7 * d) for d in directions] for c in CENTERS[:2]])
     highlights += 0.1 * rng.normal(size=highlights.shape)
     args = (CAMERA, _spheres(2), [0.05**2 * np.eye(3)] * 2, highlights, np.full((2, 4), 0.1), REFERENCE)
