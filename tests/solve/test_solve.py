@@ -10,7 +10,7 @@ import pytest
 
 from fixtures.lit_surfaces import as_floats, ball_seen, gloss, lights_along, matte, spiral
 from scene.camera import Camera
-from scene.errors import SceneError
+from scene.errors import CalibrationError, SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
@@ -178,16 +178,16 @@ EVERYWHERE = np.ones((SIZE, SIZE), bool)
 
 
 @pytest.mark.parametrize(
-    ("method", "lights", "mask", "words"),
+    ("method", "lights", "mask", "fault", "words"),
     [
-        ("ls", FLAT, EVERYWHERE, "one plane"),
-        ("ls", GOOD.only(slice(2)), EVERYWHERE, "at least 3"),
-        ("ls", GOOD, ~EVERYWHERE, "mask is empty"),
-        ("magic", GOOD, EVERYWHERE, "unknown method"),
-        ("ls", GOOD, EVERYWHERE[:10, :10], "10 x 10"),
+        ("ls", FLAT, EVERYWHERE, CalibrationError, "one plane"),
+        ("ls", GOOD.only(slice(2)), EVERYWHERE, CalibrationError, "at least 3"),
+        ("ls", GOOD, ~EVERYWHERE, SceneError, "mask is empty"),
+        ("magic", GOOD, EVERYWHERE, SceneError, "unknown method"),
+        ("ls", GOOD, EVERYWHERE[:10, :10], SceneError, "10 x 10"),
     ],
 )
-def test_faults_are_named(method, lights, mask, words):
+def test_faults_are_named(method, lights, mask, fault, words):
     frames = Frames.from_linear(GOOD.names, np.full((3, SIZE, SIZE, 3), 0.5))
-    with pytest.raises(SceneError, match=words):
+    with pytest.raises(fault, match=words):
         solve(method, frames, lights, CAMERA, mask)
