@@ -119,5 +119,6 @@ def _adapt(
         agreeing[chosen[wrong < before]] = 1
         # Where one is plainly biased, no wider one is tried.
         active &= near.smooth(agreeing, 2) > 0
-    square = near.smooth(np.stack([np.where(where, variance + CHOSEN * bias, 0.0), 1.0 * where], -1), 1)
+    weighted = np.stack([np.where(where, variance + CHOSEN * bias, 0.0), 1.0 * where], -1)
+    square = near.smooth(np.asarray(weighted, np.float64), 1)
     return normals, np.sqrt(square[:, 0] / np.maximum(square[:, 1], 1e-12)), shape

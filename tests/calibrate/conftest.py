@@ -1,12 +1,9 @@
 """Scenes with known truth that calibrate must undo."""
 
-import types
-
 import numpy as np
 import pytest
 
-from fixtures import ball_scene
-from fixtures.ball_scene import World, flashes
+from fixtures.ball_scene import World, flashes, render
 from scene.camera import Camera
 
 
@@ -22,15 +19,7 @@ def table_scene(*, count=10, width=600, height=400, seed=0):
 
 
 @pytest.fixture(scope="session")
-def tracer():
-    """The tracer's names, for tests that build a world of their own."""
-    return types.SimpleNamespace(
-        Ball=ball_scene.Ball, World=World, render=ball_scene.render, flashes=flashes, table_scene=table_scene
-    )
-
-
-@pytest.fixture(scope="session")
-def table(tracer):
+def table():
     """(world, frames) of the usual scene."""
-    world = tracer.table_scene()
-    return world, tracer.render(world)
+    world = table_scene()
+    return world, render(world)

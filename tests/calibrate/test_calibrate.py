@@ -1,4 +1,4 @@
-"""The whole room on rendered photographs: lights against the truth that the tracer used."""
+"""The whole room on rendered photographs: lights against the truth that the tracer used; what is told of flags."""
 
 from dataclasses import replace
 
@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from calibrate.calibrate import calibrate
+from calibrate.calibration import flag_warnings
 from calibrate.known_lights.read_known import read_lights
+from fixtures.ball_scene import World, render
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
@@ -25,21 +27,9 @@ def found(table):
 
 
 def _truth(world, point=OBJECT):
-    toward = world.lights - point
-    distance = np.linalg.norm(toward, axis=1, keepdims=True)
-    intensity = world.powers / distance**2
-    return toward / distance, intensity / intensity.mean(0)
-
-
-def _hints(world, kinds):
-    """Where the balls are: detection has its own tests and costs seconds."""
-    requests = []
-    for ball in world.balls:
-        if ball.kind in kinds:
-            u, v = world.camera.project(ball.center)
-            radius = world.camera.fx * ball.radius / -ball.center[2]
-            requests.append(SphereRequest(ball.kind, 2 * ball.radius, (float(u), float(v)), float(radius)))
-    return requests
+    """Directions, and intensities as `Lights` has them: 1 in the mean of the flashes."""
+    directions, irradiances = world.truth(point)
+    return directions, irradiances / irradiances.mean(0)
 
 
 def test_lights_at_the_object(table, found):
@@ -79,7 +69,7 @@ def test_white_value_ties_albedo_to_the_ball(table, found):
 @pytest.mark.full
 def test_one_chrome_ball_claims_directions_only(table):
     world, frames = table
-    result = calibrate(frames, world.camera, _hints(world, ["chrome"])[:1])
+    result = calibrate(frames, world.camera, world.requests("chrome", hints=True)[:1])
     assert result.lights.model == "distant"
     directions, _ = _truth(world, world.balls[0].center)
     # The ball mirrors beside its centre: as if lights were at infinity they would be 1 degree off there.
@@ -87,8 +77,7 @@ def test_one_chrome_ball_claims_directions_only(table):
     assert np.median(error) < 0.3
     assert np.mean(error < 2.45 * result.lights.direction_sigma_deg) > 0.8
     # Without a white ball the object tells the strengths: far better than taking all flashes for equally bright.
-    truth = world.powers / np.linalg.norm(world.lights - world.table_point, axis=1)[:, None] ** 2
-    truth = truth / truth.mean(0)
+    _, truth = _truth(world, world.table_point)
     rms = np.sqrt(np.mean((result.lights.intensities / truth - 1) ** 2))
     assert rms < 0.5 * np.sqrt(np.mean((1 / truth - 1) ** 2))
     assert any("no white ball" in warning for warning in result.warnings)
@@ -98,7 +87,7 @@ def test_one_chrome_ball_claims_directions_only(table):
 def test_unknown_diameters_give_the_directions_at_the_balls_middle_and_no_ranges(table):
     """Taken as distant, the mean of what the balls see was a degree or two beside it."""
     world, frames = table
-    requests = [replace(request, diameter_mm=None) for request in _hints(world, ["chrome"])]
+    requests = [replace(request, diameter_mm=None) for request in world.requests("chrome", hints=True)]
     result = calibrate(frames, world.camera, requests)
     assert result.lights.positions_mm is None
     assert any("near" in warning and "State diameter_mm" in warning for warning in result.warnings)
@@ -109,7 +98,7 @@ def test_unknown_diameters_give_the_directions_at_the_balls_middle_and_no_ranges
 
 def test_white_ball_alone(table):
     world, frames = table
-    result = calibrate(frames, world.camera, _hints(world, ["white"]))
+    result = calibrate(frames, world.camera, world.requests("white", hints=True))
     directions, _ = _truth(world, world.balls[2].center)
     assert np.median(angular_error_deg(result.lights.directions, directions)) < 2.5
     assert "shading" in " ".join(result.evidence)
@@ -121,7 +110,7 @@ def test_white_ball_alone(table):
 def test_a_ball_shot_apart(table):
     """The chrome ball's photographs are other frames than the object's."""
     world, frames = table
-    (chrome, *_), white = _hints(world, ["chrome"]), _hints(world, ["white"])[0]
+    chrome, _, white = world.requests(hints=True)
     own = Frames(frames.names, frames.codes.copy(), frames.gain)
     result = calibrate(frames, world.camera, [replace(chrome, frames=own), white])
     assert {sphere.kind: sphere.apart for sphere in result.spheres} == {"chrome": True, "white": False}
@@ -159,7 +148,7 @@ def test_a_file_without_intensities_takes_them_from_the_white_ball(table, tmp_pa
     world, frames = table
     center = world.balls[2].center
     known = _written(tmp_path / "lights.lp", world, frames, center)
-    result = calibrate(frames, world.camera, _hints(world, ["white"]), known_lights=known)
+    result = calibrate(frames, world.camera, world.requests("white", hints=True), known_lights=known)
     np.testing.assert_array_equal(result.lights.directions, known.directions)
     _, intensities = _truth(world, center)
     assert np.sqrt(np.mean((result.lights.intensities / intensities - 1) ** 2)) < 0.03
@@ -168,11 +157,11 @@ def test_a_file_without_intensities_takes_them_from_the_white_ball(table, tmp_pa
     assert np.isfinite(result.lights.intensity_sigma).all()
 
 
-@pytest.mark.parametrize("kinds", [[], pytest.param(["chrome"], marks=pytest.mark.full)])
-def test_a_file_without_intensities_and_no_white_ball_is_said(table, tmp_path, kinds):
+@pytest.mark.parametrize("kind", ["none", pytest.param("chrome", marks=pytest.mark.full)])
+def test_a_file_without_intensities_and_no_white_ball_is_said(table, tmp_path, kind):
     world, frames = table
     known = _written(tmp_path / "lights.lp", world, frames, OBJECT)
-    result = calibrate(frames, world.camera, _hints(world, kinds), known_lights=known)
+    result = calibrate(frames, world.camera, world.requests(kind, hints=True), known_lights=known)
     # The object itself tells them; though its near flashes are taken as distant here, better than all as equal.
     _, intensities = _truth(world, OBJECT)
     rms = np.sqrt(np.mean((result.lights.intensities / intensities - 1) ** 2))
@@ -188,18 +177,40 @@ def test_fewer_than_three_lights(table, count):
     """They give no normals, and are told all the same: a scan finds its place by its outline."""
     world, frames = table
     few = Frames(frames.names[:count], frames.codes[:count], frames.gain[:count])
-    lights = calibrate(few, world.camera, _hints(world, ["white"])).lights
+    lights = calibrate(few, world.camera, world.requests("white", hints=True)).lights
     directions = _truth(world, lights.reference_point_mm)[0][:count]
     assert angular_error_deg(lights.directions, directions).max() < 2.5
 
 
-def test_coplanar_lights(tracer):
+def test_coplanar_lights():
     angles = np.deg2rad([-40, -15, 20, 45])
-    world = tracer.World(Camera(240, 160, 400.0, 400.0, 120.0, 80.0), [], np.zeros((4, 3)), np.full((4, 3), 0.6))
+    world = World(Camera(240, 160, 400.0, 400.0, 120.0, 80.0), [], np.zeros((4, 3)), np.full((4, 3), 0.6))
     world.stand("white", 0, 0, 60)
     # Lights on a circle around the ball, in the plane y = the ball's own.
     center = world.balls[0].center
     world.lights = center + 3000 * np.stack([np.sin(angles), 0 * angles, np.cos(angles)], -1)
     world.powers = np.full((4, 3), 5.0)
     with pytest.raises(CalibrationError, match="in one plane"):
-        calibrate(tracer.render(world), world.camera, [SphereRequest("white", 120.0)])
+        calibrate(render(world), world.camera, [SphereRequest("white", 120.0)])
+
+
+NAMES = tuple(f"flash_{i:03d}" for i in range(12))
+ORDER = "taken in the file's order: its names are not the frames'"
+
+
+def test_many_frames_are_one_sentence_with_what_to_do():
+    (all_of_them,) = flag_warnings(NAMES, [(ORDER,)] * 12)
+    assert all_of_them.startswith(f"lights, all 12: {ORDER}. If the photographs are in another order")
+    (some,) = flag_warnings(NAMES, [(ORDER,)] * 7 + [()] * 5)
+    assert "flash_000, flash_001, flash_002, flash_003, flash_004 and 2 more" in some
+
+
+def test_a_kind_that_a_few_frames_may_have_is_a_warning_from_a_quarter_on():
+    flag = "glare beside the highlight on chrome ball 2: the middle of its core is taken"
+    assert not flag_warnings(NAMES, [(flag,)] * 2 + [()] * 10)
+    assert flag_warnings(NAMES, [(flag,)] * 3 + [()] * 9)
+
+
+def test_flags_that_a_file_brings_are_told_as_its_own():
+    (told,) = flag_warnings(NAMES, [("dim",)] + [()] * 11)
+    assert "flash_000 (dim)" in told

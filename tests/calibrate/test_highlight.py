@@ -38,14 +38,11 @@ def _disc(u, v, degrees, blur=0.8):
     return image
 
 
-def _frames(places, degrees, brightness, extra=None, mosaic=False, colour=(1.0, 1.0, 1.0)):
+def _frames(places, degrees, brightness, mosaic=False, colour=(1.0, 1.0, 1.0)):
     rng = np.random.default_rng(0)
     images = []
     for u, v in places:
-        image = 0.02 + brightness * _disc(u, v, degrees)
-        if extra is not None:
-            image = image + extra
-        image = image[..., None] * colour
+        image = (0.02 + brightness * _disc(u, v, degrees))[..., None] * colour
         images.append(np.clip(image + 5e-4 * rng.normal(size=image.shape), 0, 1))
     names = tuple(str(i) for i in range(len(places)))
     if not mosaic:
@@ -59,9 +56,9 @@ def _frames(places, degrees, brightness, extra=None, mosaic=False, colour=(1.0, 
     return Frames(names, np.stack(codes), np.ones(len(names)), is_mosaic=True)
 
 
-def _errors(frames, places=PLACES):
+def _errors(frames):
     spots = find_spots(frames, CAMERA, shrink(frames, CAMERA), BALL)
-    return spots.pixels[:, 0] - places, spots.sigma_px[:, 0]
+    return spots.pixels[:, 0] - PLACES, spots.sigma_px[:, 0]
 
 
 @pytest.mark.parametrize("degrees", [1.0, 3.0, 8.0])
@@ -90,7 +87,6 @@ def test_the_mosaic_shows_in_its_pixels(left, top):
     ys, xs = np.mgrid[7:67, 4:64]
     row, column = np.mgrid[top : top + 60, left : left + 60] % 2
     sites = _sites(frame, xs, ys)
-    assert sites is not None
     np.testing.assert_array_equal(sites[1:-1, 1:-1], (row + column)[1:-1, 1:-1])
     assert _sites(_frames(PLACES, 3.0, 0.8).frame(0)[40:100, 40:100], xs, ys) is None
 

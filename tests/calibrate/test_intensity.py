@@ -1,6 +1,7 @@
-"""The white ball as photometer, on shading that is computed here pixel by pixel."""
+"""The white ball as photometer, on photographs that are traced."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from calibrate.calibration import Notes
 from calibrate.photometry.from_white import intensities_from_white
 from calibrate.photometry.matte_shading import read_surface, shading_directions
 from calibrate.photometry.photometer import measure
+from fixtures.ball_scene import Ball, World, distant, flashes, radiance
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -19,97 +21,28 @@ CAMERA = Camera(200, 160, 900.0, 900.0, 96.0, 82.0)
 CENTER, RADIUS = np.array([20.0, -10.0, -800.0]), 45.0
 REFERENCE = np.array([0.0, 0.0, -800.0])
 NAMES = "abcdefg"
-LIGHTS = np.array(
-    [
-        [300.0, 200, -100],
-        [-400, 100, 0],
-        [100, -500, -50],
-        [-150, 350, 50],
-        [50, 50, 200],
-        [-300, -300, 0],
-        [350, -100, 100],
-    ]
-)
+LIGHTS = flashes(7, near_mm=700.0, far_mm=1000.0, center=REFERENCE, seed=5)
 LAMP = np.array([0.6, 0.0, 0.8])
-POWERS = np.array(
-    [
-        [1.0, 0.9, 1.1],
-        [0.7, 0.75, 0.7],
-        [1.3, 1.2, 1.3],
-        [0.9, 0.9, 0.95],
-        [0.6, 0.62, 0.6],
-        [1.1, 1.1, 1.1],
-        [0.8, 0.8, 0.9],
-    ]
-)
-
-
+POWERS = np.random.default_rng(6).uniform([[0.6]] * 7, 1.3) * [1.0, 0.95, 1.05]
 UP = np.array([0.1, -0.15, 1.0]) / np.linalg.norm([0.1, -0.15, 1.0])
 
 
-def _thrown_back(normals, light, rng, rays=800):
-    """Follow random rays from the ball's skin to the table it stands on: what comes back, of a flash of 1 at 500 mm."""
-    up = UP
-    way = rng.normal(size=(rays, 3))
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
-    out = np.zeros(len(normals))
-    for i, normal in enumerate(normals):
-        # Unit vectors added to the normal: rays by the cosine.
-        ray = way + normal
-        ray = ray[ray @ up < -1e-9]
-        start = CENTER + RADIUS * normal
-        far = (CENTER - RADIUS * up - start) @ up / (ray @ up)
-        hit = start + far[:, None] * ray
-        toward = light - hit
-        distance = np.linalg.norm(toward, axis=1)
-        foot = np.sum((CENTER - hit) * toward, 1) / distance
-        dark = (foot > 0) & (np.sum((CENTER - hit) ** 2, 1) - foot**2 < RADIUS**2)
-        out[i] = np.sum(np.where(dark, 0, np.maximum(toward @ up, 0) * 500**2 / distance**3)) / rays
-    return out
-
-
-def _smooth(normals, values, everywhere):
-    """Spread values known at some normals over all, by polynomials of their components."""
-    x, y, z = (normals[..., i] for i in range(3))
-    terms = [x**i * y**j * z**k for i in range(4) for j in range(5 - i) for k in range(2)]
-    p, q, r = (np.nan_to_num(everywhere[..., i]) for i in range(3))
-    wide = [p**i * q**j * r**k for i in range(4) for j in range(5 - i) for k in range(2)]
-    return np.stack(wide, -1) @ np.linalg.lstsq(np.stack(terms, -1), values, rcond=None)[0]
-
-
 def _frames(*, near=True, ambient=0.0, gloss=0.0, bounce=0.0, shadow=None, lamp=None, gain=0.35):
-    """March each pixel's ray to the sphere by hand and shade it.
+    """Photographs of a white ball on a table of albedo `bounce`, traced.
 
     `shadow`: in this frame half of it is hidden; `lamp`: from this frame on one of a third of a flash shines.
     """
-    v, u = np.mgrid[0:160, 0:200]
-    ray = np.stack([(u - 96.0) / 900, -(v - 82.0) / 900, 0 * u - 1.0], -1)
-    ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
-    b = ray @ CENTER
-    disc = b * b - CENTER @ CENTER + RADIUS**2
-    hit = disc > 0
-    point = (b - np.sqrt(np.where(hit, disc, 0)))[..., None] * ray
-    normal = (point - CENTER) / RADIUS
-    rng = np.random.default_rng(0)
-    images = []
-    for light, power in zip(LIGHTS, POWERS, strict=True):
-        toward = light - point if near else np.broadcast_to(light - CENTER, point.shape)
-        distance = np.linalg.norm(toward, axis=-1)
-        cosine = np.sum(normal * toward, -1) / distance
-        fall = (500 / distance) ** 2 if near else 1.0
-        mirrored = 2 * np.sum(-ray * normal, -1)[..., None] * normal + ray
-        shine = gloss * np.maximum(np.sum(mirrored * toward, -1) / distance, 0) ** 200
-        value = fall * (np.maximum(cosine, 0) + shine * (cosine > 0))
-        if bounce:
-            some = normal[hit][:: max(1, hit.sum() // 250)]
-            value = value + bounce * _smooth(some, _thrown_back(some, light, rng), normal)
-        if shadow == len(images):
-            value = np.where(u > CAMERA.project(CENTER)[0], 0.02 * value, value)
-        image = np.where(hit, gain * value, 0.02)[..., None] * power + ambient * hit[..., None]
-        if lamp is not None and len(images) >= lamp:
-            image += 0.3 * gain * np.where(hit, np.maximum(normal @ LAMP, 0), 0)[..., None]
-        images.append(image + 1e-3 * rng.normal(size=image.shape))
-    return Frames.from_linear(tuple(NAMES), np.stack(images))
+    white = Ball("white", CENTER, RADIUS, albedo=1.0, gloss=gloss, shininess=200.0)
+    table = {"table_point": CENTER - RADIUS * UP, "table_normal": UP, "table_albedo": bounce}
+    world = World(CAMERA, [white], LIGHTS, gain * POWERS / 4, flash_radius=1.0, ambient=ambient, **table)
+    if not near:
+        distant(world, LIGHTS - CENTER, gain * POWERS)
+    images, _ = radiance(world)
+    if shadow is not None:
+        images[shadow, :, round(CAMERA.project(CENTER)[0]) :] *= 0.02
+    if lamp is not None:
+        images[lamp:] += radiance(distant(replace(world, ambient=0.0), LAMP[None], [[0.3 * gain] * 3]))[0]
+    return Frames.from_linear(tuple(NAMES), images + 1e-3 * np.random.default_rng(0).normal(size=images.shape))
 
 
 BALL = Sphere("white", CAMERA.project(CENTER), 900 * RADIUS / 800, 2 * RADIUS)

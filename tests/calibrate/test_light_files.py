@@ -40,13 +40,6 @@ def xyz(rows):
     return [{"x": x, "y": y, "z": z} for x, y, z in np.asarray(rows, float).tolist()]
 
 
-def test_lp_and_diligent_are_in_the_camera_frame(tmp_path):
-    (tmp_path / "l.lp").write_text("3\nright.jpg 0.6 0 0.8\nabove.jpg 0 0.6 0.8\nfront.jpg 0 0 1\n")
-    np.testing.assert_allclose(read_lights(tmp_path / "l.lp", NAMES).directions, DIRECTIONS)
-    (tmp_path / "light_directions.txt").write_text("0.6 0 0.8\n0 0.6 0.8\n0 0 1\n")
-    np.testing.assert_allclose(read_lights(tmp_path / "light_directions.txt", NAMES).directions, DIRECTIONS)
-
-
 def test_alicevision_looks_along_z_with_y_down(tmp_path):
     """A light before the object has z < 0 there, one above it y < 0."""
     rows = [as_boost_writes(row, lightId=str(i)) for i, row in enumerate(OPENCV)]

@@ -88,38 +88,31 @@ def table(path, values, count=None):
 
 
 FRAMES = [f"f{i}" for i in range(COUNT)]
-POWER = np.array([1.0, 2, 3, 4, 5])[:, None] * [1.0, 0.5, 0.25]
+POWER = np.array([[1.0, 2, 3], [2, 1, 4], [5, 6, 1], [4, 2, 2], [3, 3, 9]])
 
 
-@pytest.mark.parametrize("count", [None, COUNT])
+@pytest.mark.parametrize("lights", [COUNT, 3])
+@pytest.mark.parametrize("counted", [False, True])
 @pytest.mark.parametrize("by_column", [False, True])
 @pytest.mark.parametrize("gray", [False, True])
-def test_tables_in_other_shapes(tmp_path, count, by_column, gray):
-    """A first line that counts; a light a column; one intensity a light."""
-    turn = np.transpose if by_column else np.asarray
-    path = table(tmp_path / "light_directions.txt", turn(DIRECTIONS), count)
-    table(tmp_path / "light_intensities.txt", POWER[:, :1] if gray else turn(POWER), None if gray else count)
-    lights = read_lights(path, tuple(FRAMES))
-    np.testing.assert_allclose(lights.directions, DIRECTIONS, atol=1e-12)
-    np.testing.assert_allclose(lights.intensities, np.repeat(POWER[:, :1] / 3, 3, 1))
-    assert any("a light a column" in flag for flag in lights.flags[0]) == by_column
-    (tmp_path / "filenames.txt").write_text("".join(f"{name}.png\n" for name in FRAMES))
+def test_tables_in_other_shapes(tmp_path, lights, counted, by_column, gray):
+    """A first line that counts; a light a column, of three as well: unit vectors tell; one intensity a light."""
+    turn, count = np.transpose if by_column else np.asarray, lights if counted else None
+    directions, power, names = DIRECTIONS[:lights], POWER[:lights], tuple(FRAMES[:lights])
+    path = table(tmp_path / "light_directions.txt", turn(directions), count)
+    table(tmp_path / "light_intensities.txt", power[:, :1] if gray else turn(power), None if gray else count)
+    found = read_lights(path, names)
+    np.testing.assert_allclose(found.directions, directions, atol=1e-12)
+    power = np.repeat(power[:, :1], 3, 1) if gray else power
+    np.testing.assert_allclose(found.intensities, power / power.mean(0))
+    assert any("a light a column" in flag for flag in found.flags[0]) == by_column
+    (tmp_path / "filenames.txt").write_text("".join(f"{name}.png\n" for name in names))
     _, faults = read_list(tmp_path)
     assert all("not in the folder" in fault for fault in faults)
 
 
-@pytest.mark.parametrize("by_column", [False, True])
-def test_three_lights(tmp_path, by_column):
-    """Unit vectors tell lines from columns, for the intensities too; where they do not, that is said."""
-    turn = np.transpose if by_column else np.asarray
-    power = np.array([[1.0, 2, 3], [2, 1, 4], [5, 6, 1]])
-    path = table(tmp_path / "light_directions.txt", turn(DIRECTIONS[:3]))
-    table(tmp_path / "light_intensities.txt", turn(power))
-    lights = read_lights(path, tuple(FRAMES[:3]))
-    np.testing.assert_allclose(lights.directions, DIRECTIONS[:3], atol=1e-12)
-    np.testing.assert_allclose(lights.intensities, power / power.mean(0))
-    assert any("a light a column" in flag for flag in lights.flags[0]) == by_column
-    table(path, 2 * turn(DIRECTIONS[:3]))
+def test_three_lights_that_are_no_unit_vectors_are_taken_by_the_line_and_that_is_said(tmp_path):
+    path = table(tmp_path / "light_directions.txt", 2 * DIRECTIONS[:3])
     (flag, *_) = read_lights(path, tuple(FRAMES[:3])).flags[0]
     assert "a light a line or a column: taken as a line" in flag
 

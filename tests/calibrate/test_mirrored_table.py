@@ -41,7 +41,6 @@ def test_outline_plane_and_reflectance_of_a_ball_on_a_textured_table(texture: st
     true, frames = world.spheres()[0], seen(world, 20000)
     start = replace(true, center_px=true.center_px + [0.5, -0.4], radius_px=true.radius_px - 0.6)
     found = fit_mirrored_table(frames, CAMERA, start, blur_px=1.0)
-    assert found is not None
     off = np.array([*(found.sphere.center_px - true.center_px), found.sphere.radius_px - true.radius_px])
     assert np.abs(off).max() < 0.04
     assert found.explained > 0.99
@@ -60,7 +59,6 @@ def test_of_many_circles_the_one_that_mirrors_the_table_is_found() -> None:
     wrong = [replace(true, center_px=true.center_px + way, radius_px=0.9 * r, score=0.4) for way in ways]
     right = replace(true, center_px=true.center_px + [0.8, -0.6], radius_px=r + 0.9, score=0.3)
     found = by_mirrored_table(frames, CAMERA, [*wrong, right], blur_px=1.0)
-    assert found is not None
     assert np.abs(found.sphere.center_px - true.center_px).max() < 0.1
     assert found.sphere.radius_px == pytest.approx(r, abs=0.1)
 
@@ -73,7 +71,6 @@ def test_the_circle_that_mirrors_the_table_is_found_beside_one_of_twice_its_size
     near = replace(coarse.from_full(true), radius_px=coarse.from_full(true).radius_px + 0.6)
     change = changes(coarse)
     points = bright_points(change, near)
-    assert points is not None
     large = replace(near, radius_px=2.3 * near.radius_px, score=1.0)
     track = (near.center_px + near.radius_px * points.track - large.center_px) / large.radius_px
     suspects = _mirrors(frames, CAMERA, coarse, change, [(large, points._replace(track=track)), (near, points)])
@@ -91,7 +88,6 @@ def test_what_other_balls_show_of_the_table_counts_beside_thousands_of_samples()
     known = TablePlane(np.array([n[0] / n[2], n[1] / n[2], 1.0]), np.array([0.1, 0.1, 0.05]))
     start = replace(true, center_px=true.center_px + 0.5, radius_px=true.radius_px - 1.0)
     found = fit_mirrored_table(frames, CAMERA, start, blur_px=1.0, plane=known)
-    assert found is not None
     assert (np.abs(found.plane.values - known.values) < 2 * known.sigma).all()
     off = np.array([*(found.sphere.center_px - true.center_px), found.sphere.radius_px - true.radius_px])
     assert np.abs(off).max() < np.hypot(0.1, 2 * found.left_px)
@@ -105,7 +101,6 @@ def test_on_a_table_seen_aslant_the_fit_goes_to_its_end(off: tuple[float, float,
     true, frames = world.spheres()[0], seen(world, 20007)
     start = replace(true, center_px=true.center_px + off[:2], radius_px=true.radius_px + off[2])
     found = fit_mirrored_table(frames, CAMERA, start, blur_px=1.0)
-    assert found is not None
     assert np.abs(found.sphere.center_px - true.center_px).max() < 0.04
     assert found.sphere.radius_px == pytest.approx(true.radius_px, abs=0.04)
     assert found.explained > 0.999
@@ -120,7 +115,6 @@ def test_an_outline_is_found_from_three_hundredths_of_its_radius_away_and_its_si
         true, frames = world.spheres()[0], seen(world, seed)
         start = replace(true, center_px=true.center_px + [1.0, -1.2], radius_px=0.97 * true.radius_px)
         fit = fit_outline(frames, CAMERA, start, search_px=2.0)
-        assert fit is not None
         assert fit.by_table
         off = np.array([*(fit.sphere.center_px - true.center_px), fit.sphere.radius_px - true.radius_px])
         assert np.abs(off).max() < 0.06

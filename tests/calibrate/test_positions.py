@@ -13,6 +13,7 @@ from calibrate.lights.directions import SURROUNDINGS_DEG, Shading, mirrored_at
 from calibrate.lights.light_model import choose_model
 from calibrate.lights.positions import fit_lights
 from calibrate.silhouette.outline import moved, offset_jacobian, outline_with_normals
+from fixtures.ball_scene import flashes
 from scene.camera import Camera
 from scene.normals import angular_error_deg, unit
 from scene.spheres import Sphere
@@ -24,34 +25,28 @@ RADIUS = 38.0
 
 def fermat(center, light):
     """Return the pixel at which the ball mirrors the light: the path light - ball - camera is the shortest there."""
-    start = -center / np.linalg.norm(center) + (light - center) / np.linalg.norm(light - center)
-    start /= np.linalg.norm(start)
-    helper = np.cross(start, [0.3, 0.8, 0.5])
-    side = helper / np.linalg.norm(helper)
+    start = unit(unit(-center) + unit(light - center))
+    side = unit(np.cross(start, [0.3, 0.8, 0.5]))
     up = np.cross(start, side)
 
+    def mirror(x):
+        return center + RADIUS * unit(start + x[0] * side + x[1] * up)
+
     def path(x):
-        normal = start + x[0] * side + x[1] * up
-        point = center + RADIUS * normal / np.linalg.norm(normal)
-        return np.linalg.norm(point) + np.linalg.norm(light - point)
+        return np.linalg.norm(mirror(x)) + np.linalg.norm(light - mirror(x))
 
     x = minimize(path, [0.0, 0.0], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-13}).x
-    normal = start + x[0] * side + x[1] * up
-    return CAMERA.project(center + RADIUS * normal / np.linalg.norm(normal))
+    return CAMERA.project(mirror(x))
 
 
 def _spheres(count, rng=None, sigma=0.0):
-    out = []
-    for center in CENTERS[:count]:
-        values = np.array([*CAMERA.project(center), CAMERA.fx * RADIUS / -center[2]])
-        values += sigma * rng.normal(size=3) if rng is not None else 0
-        out.append(Sphere("chrome", values[:2], float(values[2]), 2 * RADIUS))
-    return out
+    out = [Sphere("chrome", CAMERA.project(c), CAMERA.fx * RADIUS / -c[2], 2 * RADIUS) for c in CENTERS[:count]]
+    return out if rng is None else [moved(ball, sigma * rng.normal(size=3)) for ball in out]
 
 
 @pytest.fixture(scope="module")
-def scene(tracer):
-    lights = tracer.flashes(8, seed=3)
+def scene():
+    lights = flashes(8, seed=3)
     return lights, np.array([[fermat(center, light) for light in lights] for center in CENTERS])
 
 
@@ -60,6 +55,12 @@ REFERENCE = CENTERS.mean(0)
 
 def _fit(*observed, near):
     return fit_lights(ObservedSpots(*observed), near=near)
+
+
+def _chi2(fit, lights):
+    """Return each light's miss (F,), squared, in sigmas: 7.815 is the 95 % region of three numbers."""
+    miss = fit.positions_mm - lights
+    return np.einsum("fi,fij,fj->f", miss, np.linalg.inv(fit.position_covariance_mm2), miss)
 
 
 @pytest.mark.full
@@ -79,9 +80,7 @@ def test_stated_sigmas_are_honest(scene, count, stated):
         # Two tangent axes of one sigma each: chi2 with 2 degrees of freedom; three of position.
         direction = angular_error_deg(fit.directions, truth / distance[:, None]) < 2.448 * fit.direction_sigma_deg
         off = np.log(np.linalg.norm(fit.positions_mm - REFERENCE, axis=1) / distance)
-        miss = fit.positions_mm - lights
-        square = np.einsum("fi,fij,fj->f", miss, np.linalg.inv(fit.position_covariance_mm2), miss)
-        inside.append([direction, np.abs(off) < 1.96 * fit.range_sigma, square < 7.815])
+        inside.append([direction, np.abs(off) < 1.96 * fit.range_sigma, _chi2(fit, lights) < 7.815])
     share = np.mean(inside, axis=(0, 2))
     assert (share > 0.88).all()
     # Sigmas that were stated too large are not wholly believed, but not wholly forgotten either.
@@ -94,12 +93,10 @@ def test_stated_sigmas_are_honest(scene, count, stated):
 )
 def test_balls_alone_differ_by_what_is_stated(scene, near, times, low, high):
     """The true noise of outlines and highlights is `times` the stated one: so is the difference, in the median."""
-    rng, lights = np.random.default_rng(17), scene[0]
-    highlights = scene[1]
+    rng, (lights, highlights) = np.random.default_rng(17), scene
     if not near:
-        far = [Sphere("chrome", CAMERA.project(c), CAMERA.fx * RADIUS / -c[2], 2 * RADIUS) for c in CENTERS]
         along = unit(lights - REFERENCE)
-        highlights = np.stack([mirrored_at(CAMERA, ball, lambda points: along) for ball in far])
+        highlights = np.stack([mirrored_at(CAMERA, ball, lambda points: along) for ball in _spheres(3)])
     ratios = []
     for _ in range(9):
         noisy = highlights + 0.1 * times * rng.normal(size=highlights.shape)
@@ -143,12 +140,8 @@ def test_an_uncertain_camera_is_part_of_the_sigma_and_is_adjusted(scene):
         middle = np.mean([s.center_mm(camera) for s in spheres], axis=0)
         args = (spheres, [0.03**2 * np.eye(3)] * 3, noisy, np.full((3, 8), 0.05), middle)
         fit = _fit(camera, *args, near=True)
-        miss = fit.positions_mm - lights
-        square = np.einsum("fi,fij,fj->f", miss, np.linalg.inv(fit.position_covariance_mm2), miss)
-        angle = angular_error_deg(
-            fit.directions, (lights - REFERENCE) / np.linalg.norm(lights - REFERENCE, axis=1)[:, None]
-        )
-        inside.append([square < 7.815, angle < 2.448 * fit.direction_sigma_deg])
+        angle = angular_error_deg(fit.directions, unit(lights - REFERENCE))
+        inside.append([_chi2(fit, lights) < 7.815, angle < 2.448 * fit.direction_sigma_deg])
         change.append([fit.camera.fx / CAMERA.fx - 1, fit.camera.cx - CAMERA.cx])
         assert fit.camera.focal_sigma < 0.01
         assert fit.camera.center_sigma_px < 7
@@ -175,14 +168,12 @@ def test_one_chrome_ball_and_white_balls_show_where_the_lights_are(scene):
         notes = Notes()
         fit = choose_model(ObservedSpots(*chrome, shading=_shading(lights, rng, sigma_deg)), notes)
         assert "near lights" in notes.evidence[0]
-        off = fit.positions_mm - lights
-        if not sigma_deg:
-            # The ranges' loose prior draws a little.
-            assert np.linalg.norm(off, axis=1).max() < 40
-            assert angular_error_deg(fit.directions, lights - REFERENCE).max() < 0.5
+        if sigma_deg:
+            inside.append(np.mean(_chi2(fit, lights) < 7.815))
         else:
-            square = np.einsum("fi,fij,fj->f", off, np.linalg.inv(fit.position_covariance_mm2), off)
-            inside.append(np.mean(square < 7.815))
+            # The ranges' loose prior draws a little.
+            assert np.linalg.norm(fit.positions_mm - lights, axis=1).max() < 40
+            assert angular_error_deg(fit.directions, lights - REFERENCE).max() < 0.5
     assert np.mean(inside) > 0.85
 
 
@@ -211,42 +202,42 @@ def test_derivatives(scene, near, exact):
     np.testing.assert_allclose(problem.slopes(x), difference, rtol=1e-3, atol=1e-5 * np.abs(difference).max())
 
 
-EACH_OF_THREE = [0, *(pytest.param(i, marks=pytest.mark.full) for i in (1, 2))]
+def _chosen(highlights, spheres, outline_px=0.03):
+    notes, seen = Notes(), highlights[: len(spheres)]
+    noisy = seen + 0.02 * np.random.default_rng(0).normal(size=seen.shape)
+    outlines = [outline_px**2 * np.eye(3)] * len(spheres)
+    spots = ObservedSpots(CAMERA, spheres, outlines, noisy, np.full(seen.shape[:2], 0.02), REFERENCE)
+    return choose_model(spots, notes), notes
 
 
-def _chosen(highlights, spheres, camera=CAMERA, outline_px=0.03):
-    notes = Notes()
-    count = len(spheres)
-    rng = np.random.default_rng(0)
-    noisy = highlights[:count] + 0.02 * rng.normal(size=highlights[:count].shape)
-    sigma = np.full(noisy.shape[:2], 0.02)
-    outlines = [outline_px**2 * np.eye(3)] * count
-    return choose_model(ObservedSpots(camera, spheres, outlines, noisy, sigma, REFERENCE), notes), notes
+FAULTS = {
+    "diameter": (
+        lambda ball: {"diameter_mm": 1.05 * ball.diameter_mm},
+        0.03,
+        ("unless chrome ball {} is 7", "not 79.8"),
+    ),
+    "rim": (lambda ball: {"radius_px": ball.radius_px - 3.0}, 0.03, ("chrome ball {}'s outline is",)),
+    # Small balls, whose outlines are known to a hundredth: all misses together are what is expected of so many.
+    "hidden": (lambda ball: {"radius_px": ball.radius_px - 6.0}, 0.5, ("chrome ball {}'s outline is",)),
+}
+"""What is wrong with one ball of three, how well outlines are known, px, and the words."""
 
 
-@pytest.mark.full
-@pytest.mark.parametrize("wrong", EACH_OF_THREE)
-def test_three_balls_name_the_wrong_diameter_and_the_lights_are_right_all_the_same(scene, wrong):
+@pytest.mark.parametrize("wrong", [0, *(pytest.param(i, marks=pytest.mark.full) for i in (1, 2))])
+@pytest.mark.parametrize("fault", ["hidden", *(pytest.param(f, marks=pytest.mark.full) for f in ("diameter", "rim"))])
+def test_three_balls_name_the_wrong_one_and_the_lights_are_right_all_the_same(scene, fault, wrong):
     lights, highlights = scene
+    change, outline_px, words = FAULTS[fault]
     spheres = _spheres(3)
-    spheres[wrong] = replace(spheres[wrong], diameter_mm=1.05 * spheres[wrong].diameter_mm)
-    fit, notes = _chosen(highlights, spheres)
+    spheres[wrong] = replace(spheres[wrong], **change(spheres[wrong]))
+    fit, notes = _chosen(highlights, spheres, outline_px=outline_px)
     (warning,) = notes.warnings
-    assert f"unless chrome ball {wrong + 1} is 7" in warning
-    assert "not 79.8" in warning
-    np.testing.assert_allclose(fit.positions_mm, lights, atol=12)
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("wrong", EACH_OF_THREE)
-def test_three_balls_name_the_outline_that_is_a_mirrored_rim(scene, wrong):
-    lights, highlights = scene
-    spheres = _spheres(3)
-    spheres[wrong] = replace(spheres[wrong], radius_px=spheres[wrong].radius_px - 3.0)
-    fit, notes = _chosen(highlights, spheres)
-    (warning,) = notes.warnings
-    assert f"chrome ball {wrong + 1}'s outline is" in warning
-    np.testing.assert_allclose(fit.positions_mm, lights, atol=12)
+    assert all(word.format(wrong + 1) in warning for word in words)
+    if fault == "hidden":
+        assert float(warning.split("miss by ")[1].split()[0]) > 2.5, "a number that contradicts the words"
+        assert angular_error_deg(fit.directions, unit(lights - fit.reference)).max() < 0.5
+    else:
+        np.testing.assert_allclose(fit.positions_mm, lights, atol=12)
 
 
 def test_healthy_balls_accuse_nobody(scene):
@@ -299,8 +290,7 @@ def test_a_diameter_that_nobody_stated_is_found(scene):
 
 def test_distant_lights_need_no_ranges(scene):
     rng = np.random.default_rng(0)
-    directions = np.array([[0.3, 0.2, 0.9], [-0.4, 0.3, 0.8], [0.1, -0.5, 0.8], [0.0, 0.1, 1.0]])
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    directions = unit(np.array([[0.3, 0.2, 0.9], [-0.4, 0.3, 0.8], [0.1, -0.5, 0.8], [0.0, 0.1, 1.0]]))
     highlights = np.array([[fermat(c, c + 1e7 * d) for d in directions] for c in CENTERS[:2]])
     highlights += 0.1 * rng.normal(size=highlights.shape)
     args = (CAMERA, _spheres(2), [0.05**2 * np.eye(3)] * 2, highlights, np.full((2, 4), 0.1), REFERENCE)
@@ -308,16 +298,3 @@ def test_distant_lights_need_no_ranges(scene):
     assert angular_error_deg(distant.directions, directions).max() < 0.6
     # The smaller model must win by BIC.
     assert distant.chi2_all - near.chi2_all < (near.unknowns - distant.unknowns) * np.log(near.observations) + 10
-
-
-@pytest.mark.parametrize("wrong", EACH_OF_THREE)
-def test_an_outline_that_hides_among_good_highlights_is_named(scene, wrong):
-    """Small balls, whose outlines are known to a hundredth: all misses together are what is expected of so many."""
-    lights, highlights = scene
-    spheres = _spheres(3)
-    spheres[wrong] = replace(spheres[wrong], radius_px=spheres[wrong].radius_px - 6.0)
-    fit, notes = _chosen(highlights, spheres, outline_px=0.5)
-    (warning,) = notes.warnings
-    assert f"chrome ball {wrong + 1}'s outline is" in warning
-    assert float(warning.split("miss by ")[1].split()[0]) > 2.5, "a number that contradicts the words"
-    assert angular_error_deg(fit.directions, unit(lights - fit.reference)).max() < 0.5

@@ -15,9 +15,9 @@ from calibrate.known_lights.measured_lights import MeasuredLights
 from calibrate.known_lights.read_known import lacks_intensities, read_lights
 from calibrate.known_lights.rig import against_balls, pool_sessions
 from fixtures.ball_scene import flashes, photograph
+from fixtures.lit_surfaces import flashes_at
 from scene.camera import Camera
 from scene.errors import CalibrationError
-from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
 from twin.camera.virtual_camera import Sensor
 
@@ -29,15 +29,11 @@ TURN_DEG, RANGE, LEVEL = 0.1, 0.003, 0.005
 """Sigmas of a direction along one axis, of a range and of a strength, relative."""
 
 
-def lamps(near, seed=3):
-    rng = np.random.default_rng(seed)
-    turn = 2 * np.pi * np.arange(COUNT) / COUNT
-    tilt = np.radians(rng.uniform(20, 55, COUNT))
-    toward = np.stack([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)], -1)
-    positions = REFERENCE + toward * rng.uniform(700, 1200, (COUNT, 1))
-    sigma = np.full(COUNT, TURN_DEG), np.full(COUNT, LEVEL)
-    levels = rng.uniform(0.7, 1.3, (COUNT, 3))
-    return Lights(NAMES, toward, levels, positions if near else None, REFERENCE, *sigma).normalised()
+def lamps(near):
+    positions = flashes(COUNT, near_mm=700, far_mm=1200, center=REFERENCE, seed=3)
+    levels = np.random.default_rng(3).uniform(0.7, 1.3, (COUNT, 3))
+    sigma = {"direction_sigma_deg": np.full(COUNT, TURN_DEG), "intensity_sigma": np.full(COUNT, LEVEL)}
+    return flashes_at(positions, REFERENCE, levels, near=near, **sigma).normalised()
 
 
 def covariance_of(lights):

@@ -1,10 +1,13 @@
-"""Outlines to a tenth of a pixel, on images whose truth is geometry."""
+"""Outlines to a tenth of a pixel, on images whose truth is geometry; a metal's reflectance rises towards its own."""
 
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
 from calibrate.silhouette.ball_silhouette import fit_mask, fit_outline
+from calibrate.silhouette.explained_profiles import LAWS, fresnel, index_of
+from fixtures.ball_scene import Ball, World, distant, radiance
+from fixtures.lit_surfaces import spiral
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Sphere
@@ -17,27 +20,6 @@ def test_no_outline_is_said():
     assert fit_outline(frames, camera, Sphere("chrome", np.array([60.0, 60.0]), 30.0), search_px=3.0) is None
 
 
-def _lit_ball(camera, center, radius, lights, background, rng, *, blur_px=0.7, oversample=8):
-    """Photographs of a Lambertian ball before a flat background, by asking rays where they meet it."""
-    step = (np.arange(oversample) + 0.5) / oversample - 0.5
-    v, u = np.mgrid[0 : camera.height, 0 : camera.width]
-    images = np.zeros((len(lights), camera.height, camera.width))
-    for dv in step:
-        for du in step:
-            ray = np.stack([(u + du - camera.cx) / camera.fx, -(v + dv - camera.cy) / camera.fy, 0 * u - 1.0], -1)
-            ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
-            along = ray @ center
-            inside = along**2 - center @ center + radius**2
-            normal = (ray * (along - np.sqrt(np.maximum(inside, 0)))[..., None] - center) / radius
-            shade = np.maximum(np.einsum("ijk,fk->fij", normal, lights), 0)
-            images += np.where(inside > 0, shade, background[:, None, None])
-    images = gaussian_filter(images / oversample**2, (0, blur_px, blur_px))
-    images += rng.normal(size=images.shape) * 2e-3
-    return Frames.from_linear(
-        tuple(f"f{i}" for i in range(len(lights))), np.repeat(images[..., None], 3, -1).astype(np.float32)
-    )
-
-
 @pytest.mark.parametrize(("radius", "near"), [(15.0, 0.03), (67.0, 0.015)])
 def test_limb_darkening_does_not_shrink_a_matte_ball(radius, near):
     """Its steepest gradient lies a fifth of a pixel inside the outline."""
@@ -45,13 +27,14 @@ def test_limb_darkening_does_not_shrink_a_matte_ball(radius, near):
     camera = Camera(size, size, 900.0, 900.0, size / 2 + 0.3, size / 2 - 0.4)
     rng = np.random.default_rng(10001)
     center = np.array([1.3, -0.7, -900.0])
-    azimuth = 2 * np.pi * np.arange(8) / 8
-    polar = np.deg2rad(rng.uniform(20, 60, 8))
-    lights = 0.6 * np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], -1)
-    frames = _lit_ball(camera, center, radius, lights, rng.uniform(0.02, 0.15, 8), rng)
+    # The table stands so far behind that no shadow is in the picture.
+    table = {"table_point": 4 * center, "table_normal": np.array([0, 0, 1.0]), "table_half": 9000.0, "bounce": False}
+    world = World(camera, [Ball("white", center, radius, albedo=1.0)], np.zeros((8, 3)), np.ones((8, 3)), **table)
+    toward = spiral(np.cos(np.deg2rad(rng.uniform(20, 60, 8))), turn=np.pi / 4)
+    images, _ = radiance(distant(world, toward, np.full((8, 3), 0.6)), blur_px=0.7)
+    frames = Frames.from_linear(tuple("abcdefgh"), images + 2e-3 * rng.normal(size=images.shape))
     start = Sphere("white", camera.project(center) + [0.6, -0.5], radius + 0.7)
     fit = fit_outline(frames, camera, start, search_px=2.0)
-    assert fit is not None
     error = np.array([*(fit.sphere.center_px - camera.project(center)), fit.sphere.radius_px - radius])
     np.testing.assert_allclose(error, 0, atol=near)
     assert np.all(np.abs(error) < 3 * np.sqrt(np.diag(fit.covariance)))
@@ -82,10 +65,8 @@ def test_a_mirror_is_as_large_as_it_is(facing):
         images.append(gaussian_filter(fine.reshape(size, 8, size, 8).mean((1, 3)), 0.7))
     noisy = np.stack(images) + rng.normal(size=(6, size, size)) * 2e-3
     frames = Frames.from_linear(tuple("abcdef"), np.repeat(noisy[..., None], 3, -1).astype(np.float32))
-    fit = fit_outline(
-        frames, camera, Sphere("chrome", np.array([camera.cx + 0.5, camera.cy - 0.6]), radius - 0.5), search_px=2
-    )
-    assert fit is not None
+    start = Sphere("chrome", np.array([camera.cx + 0.5, camera.cy - 0.6]), radius - 0.5)
+    fit = fit_outline(frames, camera, start, search_px=2)
     np.testing.assert_allclose(fit.sphere.center_px, [camera.cx, camera.cy], atol=0.05)
     # An orthographic picture of the ball: its outline is a circle of this radius.
     off = fit.sphere.outline(camera, 90)[0, 0] - camera.cx - radius
@@ -99,6 +80,24 @@ def test_a_mask_of_a_ball_off_the_axis_gives_the_ball(radius_px):
     camera = Camera(600, 400, 840.0, 840.0, 304.3, 196.9)
     ball = Sphere("white", np.array([476.4, 302.2]), radius_px)
     fit = fit_mask(ball.mask(camera), camera, ball)
-    assert fit is not None
     np.testing.assert_allclose(fit.sphere.center_px, ball.center_px, atol=0.06)
     assert fit.sphere.radius_px == pytest.approx(radius_px, abs=0.05)
+
+
+@pytest.mark.parametrize("facing", [0.5, 0.67, 0.9])
+@pytest.mark.parametrize("law", LAWS)
+def test_none_facing_the_camera_all_at_the_outline(law, facing):
+    assert law(np.array([1.0, 0.0]), facing) == pytest.approx([0, 1], abs=1e-12)
+    assert np.all(np.diff(law(np.linspace(0.05, 0, 50), facing)) > 0)
+
+
+@pytest.mark.parametrize("facing", [0.45, 0.67, 0.9])
+def test_the_law_of_metals_is_fresnels(facing):
+    """As Mitsuba computes it, of a metal that reflects so much."""
+    import mitsuba as mi
+
+    mi.set_variant("llvm_ad_rgb")
+    cosine, index = np.linspace(0, 1, 100), index_of(facing)
+    there = np.array(mi.fresnel_conductor(mi.Float(cosine), mi.Complex2f(index.real, index.imag)))
+    assert there[-1] == pytest.approx(facing, abs=1e-5)
+    assert fresnel(cosine, facing) == pytest.approx((there - there[-1]) / (1 - there[-1]), abs=1e-4)

@@ -1,9 +1,6 @@
 """`rgbn twin SCENE.toml`: what it writes is a session that `rgbn process` goes all the way with."""
 
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +11,6 @@ from scene.camera import Camera
 from scene.normals import angular_error_deg
 from scene.store import Store
 
-COMMAND = [str(Path(sys.executable).parent / "rgbn")]
 SCENE = """
 name = "plum"
 [camera]
@@ -47,10 +43,6 @@ max_depth = 2
 pytestmark = pytest.mark.render
 
 
-def rgbn(*words):
-    return subprocess.run([*COMMAND, *map(str, words)], capture_output=True, text=True, check=False)
-
-
 @pytest.fixture
 def plum(tmp_path):
     (tmp_path / "plum.toml").write_text(SCENE)
@@ -64,8 +56,8 @@ def as_written(folder):
 
 
 @pytest.mark.full
-def test_a_scene_is_rendered_photographed_and_processed(plum):
-    run = rgbn("twin", plum / "plum.toml", "--out", plum / "twin", "--layers")
+def test_a_scene_is_rendered_photographed_and_processed(plum, rgbn_process):
+    run = rgbn_process("twin", plum / "plum.toml", "--out", plum / "twin", "--layers")
     assert run.returncode == 0, run.stderr
     assert run.stdout.strip() == str(plum / "twin" / "session.toml")
     assert "engine mitsuba, 16 samples" in run.stderr
@@ -83,12 +75,12 @@ def test_a_scene_is_rendered_photographed_and_processed(plum):
         assert (plum / "twin" / f"truth_{name}.npy").is_file()
 
     before = as_written(plum / "twin")
-    again = rgbn("twin", plum / "plum.toml", "--out", plum / "twin", "--layers")
+    again = rgbn_process("twin", plum / "plum.toml", "--out", plum / "twin", "--layers")
     assert again.returncode == 0
     assert "rendered already" in again.stderr
     assert before == as_written(plum / "twin")
 
-    run = rgbn("process", plum / "twin", "--out", plum / "out", "--method", "near")
+    run = rgbn_process("process", plum / "twin", "--out", plum / "out", "--method", "near")
     assert run.returncode == 0, run.stderr
     assert (plum / "out" / "report.html").is_file()
     truth = np.load(plum / "twin" / "truth_normals.npy")
@@ -98,30 +90,25 @@ def test_a_scene_is_rendered_photographed_and_processed(plum):
     assert np.nanmedian(error) < 2
 
 
-def test_nothing_of_anybody_elses_is_written_over(plum):
-    (plum / "mine").mkdir()
-    (plum / "mine" / "session.toml").write_text('[frames]\nflash = "*.png"\n')
-    for out, message in ((plum, "rgbn did not make it"), (plum / "mine", "rgbn did not make it")):
-        run = rgbn("twin", plum / "plum.toml", "--out", out)
-        assert run.returncode == 2
-        assert message in run.stderr
-        assert "Traceback" not in run.stderr
-    assert sorted(path.name for path in plum.iterdir()) == ["mine", "plum.toml"]
-
-
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("out", "words", "message"),
     [
-        (["--photograph"], "[camera.sensor]"),
-        (["--error", "2"], "expected between 0 and 1"),
-        (["--engine", "fast"], "many"),
+        (".", [], "rgbn did not make it"),
+        ("mine", [], "rgbn did not make it"),
+        ("twin", ["--photograph"], "[camera.sensor]"),
+        ("twin", ["--error", "2"], "expected between 0 and 1"),
+        ("twin", ["--engine", "fast"], "many"),
     ],
 )
-def test_what_cannot_be_asked_for_is_refused(plum, words, message):
-    run = rgbn("twin", plum / "plum.toml", "--out", plum / "twin", *words)
+def test_what_cannot_be_asked_for_is_refused_and_nothing_is_written(plum, rgbn_process, out, words, message):
+    """Nor is anything of anybody else's written over."""
+    (plum / "mine").mkdir()
+    (plum / "mine" / "session.toml").write_text('[frames]\nflash = "*.png"\n')
+    run = rgbn_process("twin", plum / "plum.toml", "--out", plum / out, *words)
     assert run.returncode == 2
     assert message in run.stderr
-    assert not (plum / "twin").exists()
+    assert "Traceback" not in run.stderr
+    assert sorted(path.name for path in plum.rglob("*")) == ["mine", "plum.toml", "session.toml"]
 
 
 def test_a_scene_that_fills_the_picture_leaves_a_border_unmarked():

@@ -50,7 +50,6 @@ def test_a_scan_has_the_objects_shape_in_axes_of_its_own():
 def test_a_flash_shows_in_a_mirror_where_geometry_has_it():
     """Its image is smaller than a pixel: each pixel has the share of it that the law of reflection puts there."""
     scene = lab_scene(Setup(ring_deg=60.0, frames=2, seed=10001))
-    assert scene.lights.positions_mm is not None
     draw, count = np.random.default_rng(1), 20_000
     around, out = 2 * np.pi * draw.random(count), np.sqrt(draw.random(count))
     balls = [(radius, np.array(center)) for kind, radius, center in BALLS if kind == "chrome"]

@@ -1,15 +1,17 @@
-"""Sigma and albedo against numpy, against Monte Carlo, and against the other way to read samples."""
+"""How far an estimate is to be believed: sigma and albedo against numpy and Monte Carlo; the photographs as judge."""
 
 import numpy as np
 import pytest
 
-from fixtures.lit_surfaces import as_floats, even_cap, lights_along, spiral
+from fixtures.lit_surfaces import as_floats, dome, even_cap, gloss, lights_along, matte, spiral
 from scene.camera import Camera
+from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
 from solve.samples import GRAY, read_band
 from solve.solve import solve
+from solve.trust import LIMIT, trust
 
 COUNT, HEIGHT, WIDTH = 24, 40, 50
 
@@ -18,16 +20,15 @@ def lights(low=0.5, high=0.95):
     return lights_along(spiral(np.linspace(low, high, COUNT)), np.linspace(0.7, 1.3, 3 * COUNT).reshape(-1, 3))
 
 
-def plane(lights, normal=(0.1, -0.2, 0.97), albedo=0.4):
+def plane(lights):
     """Linear images of a plane (F, H, W, 3), and its unit normal."""
-    normal = np.array(normal) / np.linalg.norm(normal)
-    shade = albedo * lights.intensities * (lights.directions @ normal)[:, None]
-    return np.broadcast_to(shade[:, None, None], (COUNT, HEIGHT, WIDTH, 3)).copy(), normal
+    normal = unit(np.array([0.1, -0.2, 0.97]))
+    normals = np.broadcast_to(normal, (HEIGHT, WIDTH, 3))
+    return matte(lights, normals, normals, 0.4), normal
 
 
-def run(method, frames, lights, mask=None):
-    camera = Camera.orthographic(WIDTH, HEIGHT)
-    return solve(method, frames, lights, camera, np.ones((HEIGHT, WIDTH), bool) if mask is None else mask)
+def run(method, frames, lights):
+    return solve(method, frames, lights, Camera.orthographic(WIDTH, HEIGHT), np.ones((HEIGHT, WIDTH), bool))
 
 
 @pytest.mark.parametrize("narrow", [[1, 0, 1], [0, 0, 1]], ids=["one plane", "one line"])
@@ -51,7 +52,6 @@ def test_sigma_is_what_noise_does_to_the_normals(method, heights):
     images, normal = plane(seen)
     images += np.random.default_rng(1).normal(0, 0.004, images.shape)
     found = run(method, Frames.from_linear(seen.names, images), seen)
-    assert found.sigma_deg is not None
     error = angular_error_deg(found.normals, normal)
     scatter = np.sqrt(np.mean(error**2) / 2)
     stated = np.sqrt(np.mean(found.sigma_deg**2))
@@ -63,17 +63,13 @@ def test_sigma_is_what_noise_does_to_the_normals(method, heights):
 def test_sigma_holds_for_methods_that_choose_their_samples_among_gloss_and_shadows(method, count):
     """A ball with attached shadows, and one sample in ten too bright: two errors in three are within sigma."""
     size, rng = 44, np.random.default_rng(count)
-    v, u = (np.mgrid[:size, :size] - (size - 1) / 2) / (size / 2)
-    mask = u**2 + v**2 < 0.85
-    normals = np.stack([u, -v, np.sqrt(np.maximum(1 - u**2 - v**2, 0.1))], -1)
+    normals, mask = dome(size, radius=0.5, rim=0.15**0.5)
     seen = lights_along(even_cap(count, 50.0))
-    shade = 0.5 * np.maximum(np.einsum("hwi,fi->fhw", normals, seen.directions), 0)
+    shade = matte(seen, normals, normals, 0.5)[..., :1]
     shade += np.where(rng.random(shade.shape) < 0.1, rng.uniform(0.1, 0.4, shade.shape), 0)
-    images = (shade + rng.normal(0, 0.006, shade.shape))[..., None].repeat(3, -1)
+    images = (shade + rng.normal(0, 0.006, shade.shape)).repeat(3, -1)
     found = solve(method, as_floats(seen, images), seen, Camera.orthographic(size, size), mask)
-    assert found.sigma_deg is not None
-    aside = np.cross(normals, [0.0, 1.0, 0.0])
-    aside /= np.linalg.norm(aside, axis=-1, keepdims=True)
+    aside = unit(np.cross(normals, [0.0, 1.0, 0.0]))
     error = np.degrees(np.abs(np.einsum("hwi,hwi->hw", found.normals, aside)))
     within = np.nanquantile((error / found.sigma_deg)[mask], 0.683)
     # With few samples sigma itself scatters, as Student's distribution has it.
@@ -116,3 +112,62 @@ def test_samples_are_what_frames_reads(is_mosaic, coded):
     np.testing.assert_allclose(gray, expected, atol=2e-7)
     np.testing.assert_array_equal(valid, ~frames.saturated(rows)[:, inside].T)
     assert 0.001 < (~valid).mean() < 0.2
+
+
+SIZE, FLASHES = 40, 14
+CAMERA = Camera.orthographic(SIZE, SIZE)
+
+
+@pytest.fixture(scope="module")
+def glossy():
+    """Frames, lights, mask and true normals (H, W, 3) of a dome with gloss, shadowed at its foot."""
+    normals, mask = dome(SIZE, radius=0.5, rim=0.45)
+    lights = lights_along(even_cap(FLASHES, 45.0))
+    images = matte(lights, normals, normals, 0.5) + 0.3 * gloss(normals, lights.directions, 40)[..., None]
+    images += np.random.default_rng(3).normal(0, 0.002, (FLASHES, SIZE, SIZE, 1))
+    return as_floats(lights, images), lights, mask, normals
+
+
+@pytest.fixture(scope="module")
+def answers(glossy):
+    """Each method's normals, and those of another program, which are flat."""
+    frames, lights, mask, _ = glossy
+    found = {name: solve(name, frames, lights, CAMERA, mask).normals for name in ("ls", "iterative", "hsh")}
+    return {**found, "Flat": np.where(mask[..., None], [0.0, 0.0, 1.0], np.nan)}
+
+
+def test_the_method_that_errs_least_is_recommended_and_the_others_follow(glossy, answers):
+    frames, lights, mask, normals = glossy
+    true = {name: np.nanmean(angular_error_deg(found, normals)[mask]) for name, found in answers.items()}
+    judged = trust(frames, lights, CAMERA, mask, answers)
+    assert list(judged.methods) == sorted(true, key=lambda name: true[name])
+    assert judged.recommended == "iterative"
+    assert judged.methods["iterative"].apart_deg < 1e-3
+    assert judged.methods["Flat"].unexplained is None
+    assert judged.relative_rmse < LIMIT
+    assert not judged.doubts
+    error = angular_error_deg(answers["iterative"], normals)[mask]
+    assert np.mean(error < 2 * judged.sigma_deg[mask]) > 0.9
+    farther = angular_error_deg(answers["hsh"], answers["iterative"])[mask]
+    assert np.median(judged.sigma_deg[mask]) < 1.5 * np.median(farther), "not by being large"
+    assert np.isnan(judged.sigma_deg[~mask]).all()
+    assert np.isfinite(judged.sigma_deg[mask]).all(), "as the nearest judged pixel has it"
+
+
+@pytest.mark.full
+def test_lights_that_are_anothers_are_doubted(glossy, answers):
+    frames, lights, mask, _ = glossy
+    rolled = Lights(lights.names, np.roll(lights.directions, 3, axis=0), lights.intensities)
+    judged = trust(frames, rolled, CAMERA, mask, {"iterative": answers["iterative"]})
+    assert judged.relative_rmse > LIMIT
+    assert "not to be believed" in judged.doubts[0]
+
+
+def test_without_lights_methods_of_ours_or_frames_nothing_is_judged(glossy, answers):
+    frames, lights, mask, _ = glossy
+    with pytest.raises(SceneError, match=r"calibrated lights; found none"):
+        trust(frames, Lights.unknown(lights.names), CAMERA, mask, answers)
+    with pytest.raises(SceneError, match="found none"):
+        trust(frames, lights, CAMERA, mask, {"Flat": answers["Flat"]})
+    with pytest.raises(SceneError, match="found 5 frames"):
+        trust(frames.only(slice(5)), lights.only(slice(5)), CAMERA, mask, answers)

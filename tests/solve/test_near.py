@@ -1,15 +1,18 @@
-"""Near lights and depth in turn, on balls whose normals and depth the test made."""
+"""Near lights and depth in turn, on balls whose normals and depth the test made; how far lights are, by the object."""
 
 import numpy as np
 import pytest
 
+from benchmarks.unknown_lights import photographed
 from fixtures.lit_surfaces import as_floats, ball_seen, flashes_at, matte, spiral
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import angular_error_deg
+from solve.problem import Problem
 from solve.samples import Geometry, Samples
 from solve.solve import solve
 from solve.whole.depth_evidence import depth_evidence
+from solve.whole.near import find_positions
 
 SIZE = 64
 CAMERAS = {
@@ -47,7 +50,6 @@ def test_depth_and_normals_are_found_from_a_reference_that_is_centimetres_off(pr
     error = {one.method: np.median(angular_error_deg(one.normals, normals)[mask]) for one in (near, plain)}
     assert error["iterative"] > 1.0
     assert error["near"] < 0.2
-    assert near.z_mm is not None
     gap = (near.z_mm - points[..., 2])[mask]
     assert abs(np.median(gap)) < 1.0
     assert np.percentile(np.abs(gap), 90) < 2.0
@@ -109,3 +111,43 @@ def test_the_evidence_is_the_derivative_of_the_fit():
         assert count[0] == gray.shape[1]
         np.testing.assert_allclose(left, squares, rtol=1e-3)
         np.testing.assert_allclose(slope / information, -t, rtol=0.02)
+
+
+def directions_only(lights: Lights) -> Lights:
+    return Lights(lights.names, lights.directions, lights.intensities).normalised()
+
+
+def problem_of(frames, lights, camera, mask):
+    return Problem(frames, lights, camera, mask, slice(0, len(mask)))
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("shape", "seed"), [("blob", 20_400), ("potato", 20_401)])
+def test_distances_and_normals(shape, seed):
+    """Flashes 0.5 to 0.9 m away."""
+    frames, lights, camera, mask, normals, *_ = photographed(shape, seed, 1.5)
+    given = directions_only(lights)
+    placed = find_positions(problem_of(frames, given, camera, mask))
+    found = placed.lights
+    assert "without positions" in placed.cautions[0]
+    # Of perspective pictures without a scale, everything is told up to one: the object is put at 1000.
+    scale = -lights.reference_point_mm[2] / 1000
+    far = np.linalg.norm(found.positions_mm - found.reference_point_mm, axis=1) * scale
+    ratio = far / np.linalg.norm(lights.positions_mm - lights.reference_point_mm, axis=1)
+    assert np.mean(ratio) == pytest.approx(1, abs=0.15)
+    # Not one distance for all: theirs differ by a sixth.
+    assert np.std(ratio) < 0.06
+    estimate = solve("near", frames, given, camera, mask)
+    assert any("without positions" in doubt for doubt in estimate.warnings)
+    assert estimate.lights is not None
+    assert estimate.lights.positions_mm is not None
+    error = np.nanmedian(angular_error_deg(estimate.normals, normals)[mask])
+    distant = solve("iterative", frames, given, camera, mask)
+    assert error < 0.3 * np.nanmedian(angular_error_deg(distant.normals, normals)[mask])
+
+
+@pytest.mark.full
+def test_distant_lights_stay_distant():
+    frames, lights, camera, mask, *_ = photographed("blob", 20_402, 40.0)
+    problem = problem_of(frames, directions_only(lights), camera, mask)
+    assert find_positions(problem) is problem

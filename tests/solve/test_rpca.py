@@ -1,18 +1,14 @@
 """Robust principal components: the recursion against the textbook's, and normals that the test made."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from fixtures.lit_surfaces import even_cap, lights_along
+from fixtures.lit_surfaces import as_samples, dome, even_cap, gloss, lights_along
 from scene.normals import angular_error_deg, unit
 from solve.problem import Problem
-from solve.samples import Geometry, Samples
 from solve.whole import rpca
 from solve.whole.low_rank import low_rank
 
-CENTER = np.array([0.0, 0.0, -600.0])
 DEFAULT = rpca.RpcaSettings()
 
 
@@ -40,32 +36,18 @@ def textbook(data, there, weight, *, tolerance, rounds=100):
     return low, turn
 
 
-def distant(directions):
-    return lights_along(directions, reference_point_mm=CENTER)
-
-
-def ball(size=32, count=24, *, gloss=0.0, seed=20_000):
+def ball(size=32, count=24, *, shine=0.0, seed=20_000):
     """Gray samples (P, F), normals (P, 3), directions (F, 3) and mask of a ball with attached shadows."""
-    v, u = np.mgrid[:size, :size]
-    x, y = 2.2 * (u - size / 2) / size, -2.2 * (v - size / 2) / size
-    mask = x**2 + y**2 < 0.95
-    normals = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], -1)[mask]
-    directions = even_cap(count, 55.0)
+    normals, mask = dome(size, rim=0.22)
+    normals, directions = normals[mask], even_cap(count, 55.0)
     albedo = np.random.default_rng(seed).uniform(0.2, 0.6, len(normals))
-    gray = albedo[:, None] * np.maximum(normals @ directions.T, 0)
-    half = unit(directions + [0, 0, 1.0])
-    gray = gray + gloss * np.maximum(normals @ half.T, 0) ** 120
+    gray = albedo[:, None] * np.maximum(normals @ directions.T, 0) + shine * gloss(normals, directions, 120).T
     return gray.astype(np.float32), normals, directions, mask
 
 
-def run(gray, directions, mask, valid=None, lights=None, points=None, settings=DEFAULT, **changes):
-    valid = np.ones(gray.shape, bool) if valid is None else valid
-    points = np.zeros((len(gray), 3)) if points is None else points
-    lights = distant(directions) if lights is None else lights
-    lights = replace(lights, reference_point_mm=CENTER)
-    samples = Samples(gray, valid, points, Geometry.of(lights))
-    problem = Problem(None, lights, None, mask, slice(0, len(mask)))
-    return rpca.fit_whole(problem, samples, settings._replace(**changes))
+def run(gray, directions, mask, settings=DEFAULT):
+    problem = Problem(None, lights_along(directions), None, mask, slice(0, len(mask)))
+    return rpca.fit_whole(problem, as_samples(gray, directions), settings)
 
 
 def error(b, normals):
@@ -74,7 +56,7 @@ def error(b, normals):
 
 @pytest.mark.parametrize("shadows_are_missing", [True, False])
 def test_by_the_gram_matrix_it_is_the_recursion_by_singular_values(shadows_are_missing):
-    gray, _, _, _ = ball(gloss=0.8)
+    gray, _, _, _ = ball(shine=0.8)
     gray = gray.astype(np.float64)
     there = gray > 0.02 if shadows_are_missing else np.ones(gray.shape, bool)
     weight = 1 / np.sqrt(len(gray))
@@ -96,7 +78,7 @@ def test_a_low_rank_matrix_with_gross_corruptions_and_gaps_comes_back():
 
 
 def test_gloss_and_cast_shadow_leave_and_the_textbook_keeps_its_floor():
-    gray, normals, directions, mask = ball(count=32, gloss=0.8)
+    gray, normals, directions, mask = ball(count=32, shine=0.8)
     gray[200:300, ::9] = 0
     good, seed = run(gray, directions, mask), run(gray, directions, mask, settings=rpca.SEED)
     plain = np.linalg.lstsq(directions, gray.T, rcond=None)[0].T

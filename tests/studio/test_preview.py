@@ -12,8 +12,6 @@ from studio.widgets import display_mesh
 from twin.description.materials import Conductor, Diffuse, RoughPlastic, Texture
 from twin.description.object_mesh import ObjectMesh, built_in
 
-PICTURE = np.zeros((2, 2, 3), np.float32)
-
 
 class Shown:
     """What a browser was shown, in order."""

@@ -129,7 +129,6 @@ def test_a_studio_that_is_killed_while_it_saves_leaves_whole_files(tmp_path):
     pick = random.Random(1)
     for _ in range(25):
         process = subprocess.Popen([sys.executable, "-c", SAVES, tmp_path], stdout=subprocess.PIPE)
-        assert process.stdout is not None
         with process.stdout as said:
             assert said.readline() == b"begun\n"
             time.sleep(pick.uniform(0.005, 0.15))

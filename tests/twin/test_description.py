@@ -373,16 +373,14 @@ def test_an_obj_whose_corners_have_no_coordinates_or_some_that_are_not_there(tmp
     assert (mesh.texcoords, mesh.faces.tolist()) == (None, [[0, 1, 2]])
 
 
-def test_triangle_strips_and_coordinates_at_corners_are_read_from_a_ply(tmp_path):
+def test_coordinates_at_corners_are_read_from_a_ply(tmp_path):
     head = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    head += "element face 1\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
     places = "0 0 0\n1 0 0\n0 1 0\n1 1 0\n"
-    strip = "element tristrips 1\nproperty list int int vertex_indices\nend_header\n" + places + "4 0 1 2 3\n"
-    (tmp_path / "strip.ply").write_text(head + strip)
-    corners = "element face 1\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
-    (tmp_path / "corners.ply").write_text(head + corners + places + "4 0 1 3 2 8 0 0 1 0 1 1 0 0.25\n")
-    strip, corners = read_mesh(tmp_path / "strip.ply"), read_mesh(tmp_path / "corners.ply")
-    assert np.allclose(strip.normals, [0, 0, 1])
-    assert strip.faces.shape == corners.faces.shape == (2, 3)
+    (tmp_path / "corners.ply").write_text(head + places + "4 0 1 3 2 8 0 0 1 0 1 1 0 0.25\n")
+    corners = read_mesh(tmp_path / "corners.ply")
+    assert np.allclose(corners.normals, [0, 0, 1])
+    assert corners.faces.shape == (2, 3)
     at = {tuple(place[:2]): tuple(where) for place, where in zip(corners.vertices, corners.texcoords, strict=True)}
     assert at == {(0, 0): (0, 1), (1, 0): (1, 1), (1, 1): (1, 0), (0, 1): (0, 0.75)}
 

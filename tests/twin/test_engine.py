@@ -1,4 +1,4 @@
-"""The choice of an engine: what the scene asks for, and why; and the layers that it gives."""
+"""The engine `many`: closed forms, stock Mitsuba, what changes nothing; which engine is chosen, and why."""
 
 from dataclasses import replace
 
@@ -7,33 +7,114 @@ import numpy as np
 import pytest
 
 from scene.camera import Camera
-from tests.twin.twin_scenes import lights, placed
+from tests.twin.twin_scenes import ball_and_wall, lights, placed
 from twin.description.description import Environment, Sampling, TwinScene
 from twin.description.materials import Conductor, Diffuse, RoughPlastic, Subsurface
 from twin.engines import engine_choice
 from twin.engines.engine_choice import choose_engine
-from twin.engines.film import sensor_description
+from twin.engines.film import Film, sensor_description
 from twin.engines.light_layers import noise_of_one_sample, render_layers
+from twin.engines.many import Many
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.path_tracing import PathTracer
-from twin.engines.variant import SLOW, load, pick_variant
+from twin.engines.variant import SLOW, import_mitsuba, load, pick_variant
 
 pytestmark = [
     pytest.mark.render,
     pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here"),
 ]
 
+CAMERA = Camera(48, 40, 150.0, 150.0, 25.4, 18.2)
+WALLS = Diffuse((0.8, 0.5, 0.3))
+UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0.0]])
+WALL = placed("wall", "square", "walls", 70.0, (0, 0, -30))
+CORNER = (WALL, placed("floor", "square", "walls", 70.0, (0, -25, 0), UP),
+          placed("ball", "sphere", "ball", 20.0, (5, -3, 0)))  # fmt: skip
+"""Each throws light, and shadow, on the others."""
+TWO = [120, 60, 200], [-90, 150, 160]
+
+
+def scene_of(given, *, objects=CORNER, ball=WALLS, camera=CAMERA, max_depth=5):
+    return TwinScene(
+        camera, objects, {"walls": WALLS, "ball": ball}, given, sampling=Sampling("mitsuba", max_depth=max_depth)
+    )
+
+
+def whole(scene):
+    return Film.of_pinhole(scene.camera, slice(0, scene.camera.height), slice(0, scene.camera.width))
+
+
+def engine(scene):
+    import_mitsuba()
+    return Many(mitsuba_scene(scene), whole(scene), scene.lights, max_depth=scene.sampling.max_depth)
+
+
+def rendered(scene, samples=64, seed=10_000):
+    """Return light of one surface and of more, (2, F, h, w, 3)."""
+    return engine(scene).band(slice(0, 40), samples, seed)
+
+
+def stock(scene, samples):
+    tracer = PathTracer(scene, whole(scene))
+    return np.stack([tracer.image(index, samples, seed=10_001) for index in range(len(scene.lights))])
+
+
+@pytest.mark.parametrize(("near", "distribution"), [(False, "ggx"), (True, "ggx"), (True, "beckmann")])
+@pytest.mark.parametrize("flat", [False, True], ids=["perspective", "orthographic"])
+def test_the_mean_is_that_of_stock_mitsuba_shadows_gloss_and_all(near, flat, distribution):
+    camera = replace(CAMERA, fx=0.5, fy=0.5, projection="orthographic") if flat else CAMERA
+    given = lights(*TWO, near=near, intensities=[[1, 1, 1], [0.5, 0.8, 1.1]])
+    ball = RoughPlastic((0.4, 0.4, 0.6), 0.2, distribution=distribution)
+    scene = scene_of(given, ball=ball, camera=camera, max_depth=2)
+    ours, theirs = rendered(scene, 256)[0], stock(scene, 256)
+    assert np.allclose(ours.mean((1, 2)), theirs.mean((1, 2)), rtol=2e-3)
+    assert np.sqrt(np.mean((ours - theirs) ** 2)) < 0.006 * theirs.mean()
+
+
+@pytest.mark.full
+def test_light_that_went_on_is_what_stock_mitsuba_has_beyond_direct_light():
+    scene = scene_of(lights(*TWO, near=True))
+    straight, through = rendered(scene, samples=400)
+    all_of_it = stock(scene, 400)
+    beyond = all_of_it - straight
+    assert beyond.mean() > 0.05 * all_of_it.mean(), "the scene shows what is tested"
+    assert np.allclose(through.mean((1, 2)), beyond.mean((1, 2)), rtol=0.02)
+    assert np.sqrt(np.mean((through - beyond) ** 2)) < 0.02 * all_of_it.mean()
+    # What is not noise: means of 8 x 8 pixels.
+    blocks = (through - beyond).reshape(2, 5, 8, 6, 8, 3).mean((2, 4))
+    assert np.sqrt(np.mean(blocks**2)) < 0.004 * all_of_it.mean()
+
+
+def test_neither_bands_nor_threads_change_anything():
+    scene, threads = scene_of(lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8])), drjit.thread_count()
+    at_once, many = rendered(scene, samples=5), engine(scene)
+    try:
+        drjit.set_thread_count(3)
+        pieces = [many.band(slice(row, min(row + 7, 40)), 5, 10_000) for row in range(0, 40, 7)]
+    finally:
+        drjit.set_thread_count(threads)
+    assert np.array_equal(np.concatenate(pieces, 2), at_once)
+    assert not np.array_equal(rendered(scene, samples=5, seed=1), at_once)
+
+
+def test_light_behind_the_surface_and_a_hidden_light_give_nothing():
+    """A light from the upper right throws the ball's shadow to the lower left of it on the wall; each sign counts."""
+    objects = WALL, placed("ball", "sphere", "ball", 12.0, (0, 0, 10))
+    images = rendered(scene_of(lights([60, 45, 75], [0, 0, -1]), objects=objects, max_depth=2))[0][..., 0]
+    # From the ball's middle, 40 mm before the wall, along -(60, 45, 75): to (-32, -24) mm on the wall.
+    for x, y in ((-32, -24), (32, 24), (-32, 24), (32, -24)):
+        u, v = CAMERA.project(np.array([x, y, -330.0])).round().astype(int)
+        assert (images[0, v - 1 : v + 2, u - 1 : u + 2].max() == 0) == ((x, y) == (-32, -24))
+    assert images[1].max() == 0
+
+
 GREY = Diffuse((0.6, 0.6, 0.6))
 VECTORS = [[80, 60, 200], [-100, 40, 160]]
 
 
 def ball(material=GREY, **change):
-    objects = placed("ball", "sphere", "m", 25.0), placed("wall", "square", "w", 90.0, (0, 0, -26))
-    scene = TwinScene(
-        Camera(48, 40, 150.0, 150.0, 23.5, 19.5), objects, {"m": material, "w": Diffuse((0.8, 0.8, 0.8))},
-        lights(*VECTORS, intensities=[[1, 1, 1], [0.6, 0.8, 1.0]]), sampling=Sampling("auto", max_depth=4, error=0.01),
-    )  # fmt: skip
-    return replace(scene, **change)
+    given = lights(*VECTORS, intensities=[[1, 1, 1], [0.6, 0.8, 1.0]])
+    return replace(ball_and_wall(given, material, Sampling("auto", max_depth=4, error=0.01)), **change)
 
 
 def test_what_the_other_cannot_do_goes_to_stock_mitsuba_and_it_is_said_why(monkeypatch):

@@ -1,5 +1,6 @@
 """Photographs by the virtual camera in every format: each stated number is measured again on what was written."""
 
+from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
@@ -10,7 +11,10 @@ import tifffile
 from capture.photographs.images import read_image
 from capture.photographs.raw import read_raw
 from scene.errors import RenderError, SceneError
-from scene.frames import decode
+from scene.frames import Frames, decode
+from scene.store import Store
+from tests.twin.test_description import BALL, HEAD, LIGHT, MATTE
+from twin.camera.grain import sensor_like
 from twin.camera.virtual_camera import CFA_PATTERNS, Sensor, expose, write_dng
 from twin.camera.virtual_photograph import developed, write_photograph
 from twin.description.description_file import read_document, read_scene, write_document
@@ -136,27 +140,10 @@ def test_what_cannot_be_photographed_is_named(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-SCENE = """
-[camera]
-width = 32
-height = 24
-fx = 60.0
-{camera}
-[camera.sensor]
-{sensor}
-[[objects]]
-shape = "cube"
-scale = 30
-translate_mm = [0, 0, -300]
-material = "m"
-[materials.m]
-kind = "diffuse"
-reflectance = 0.5
-[[lights]]
-kind = "ring"
-count = 3
-polar_deg = 40
-"""
+def described(path, camera, sensor):
+    """Write a scene with more keys of its camera, and a sensor."""
+    path.write_text(f"{HEAD}{camera}\n[camera.sensor]\n{sensor}\n{BALL}{MATTE}{LIGHT}")
+    return path
 
 
 @pytest.mark.parametrize(
@@ -172,15 +159,46 @@ polar_deg = 40
     ],
 )
 def test_what_no_camera_can_do_is_named(camera, sensor, message, tmp_path):
-    (tmp_path / "a.toml").write_text(SCENE.format(camera=camera, sensor=sensor))
     with pytest.raises(RenderError, match=message):
-        read_scene(tmp_path / "a.toml")
+        read_scene(described(tmp_path / "a.toml", camera, sensor))
 
 
 def test_a_sensor_comes_from_the_description_and_goes_back_into_it(tmp_path):
     numbers = "iso = 800\nvignetting = [-0.3, 0, 0]\nneutral = [1, 1, 1]"
-    (tmp_path / "a.toml").write_text(SCENE.format(camera='files = "exr"', sensor=numbers))
-    again = write_document(read_document(tmp_path / "a.toml"), tmp_path / "out")
-    for scene in (read_scene(tmp_path / "a.toml"), read_scene(again)):
+    path = described(tmp_path / "a.toml", 'files = "exr"', numbers)
+    again = write_document(read_document(path), tmp_path / "out")
+    for scene in (read_scene(path), read_scene(again)):
         assert scene.sensor == Sensor(iso=800, vignetting=(-0.3, 0, 0), neutral=(1, 1, 1))
         assert scene.files == "exr"
+
+
+@pytest.mark.parametrize(("full_well_e", "read_noise_e"), [(45000, 5), (2000, 2), (20000, 30)])
+@pytest.mark.parametrize("mosaic", [True, False])
+def test_the_sensors_noise_is_found_again(tmp_path, full_well_e, read_noise_e, mosaic):
+    from capture.photographs.decode import decode
+    from capture.session.session_types import CaptureSession
+
+    sensor = Sensor(full_well_e=full_well_e, read_noise_e=read_noise_e, blur_px=0.6, neutral=(1.0, 1.0, 1.0))
+    rng = np.random.default_rng(10001)
+    v, u = np.mgrid[:240, :320]
+    image = np.repeat((0.02 + 0.6 * (u / 320) ** 2 * (1 + 0.2 * np.sin(v / 17)))[..., None], 3, -1)
+    if mosaic:
+        path = tmp_path / "a.dng"
+        mosaic_ = expose(image, sensor, rng)
+        write_dng(path, mosaic_, sensor, exposure_s=0.01, iso=100, aperture=8, focal_mm=50, time=datetime(2000, 1, 1))
+        frames, _ = decode(CaptureSession("x", tmp_path, (path,), ("a",), (0,)), Store(tmp_path / "out"))
+    else:
+        plain = replace(sensor, cfa="none", black_level=0, white_level=65535)
+        frames = Frames.from_linear(("a",), expose(image, plain, rng)[None] / np.float32(65535))
+    found = sensor_like(frames)
+    assert found.full_well_e == pytest.approx(full_well_e, rel=0.15)
+    dark = np.sqrt((found.read_noise_e / found.full_well_e) ** 2 + 0.02 / found.full_well_e)
+    assert dark == pytest.approx(np.sqrt((read_noise_e / full_well_e) ** 2 + 0.02 / full_well_e), rel=0.15)
+
+
+def test_frames_without_noise_are_no_fault():
+    ramp = np.linspace(0.05, 0.8, 160 * 180 * 3, dtype=np.float32).reshape(1, 160, 180, 3)
+    assert sensor_like(Frames.from_linear(("a",), ramp)).full_well_e > 1e5
+    # Nothing to measure: a usual sensor.
+    dark = Frames.from_linear(("a",), np.zeros((1, 40, 50, 3), np.float32))
+    assert sensor_like(dark).full_well_e == Sensor().full_well_e

@@ -2,9 +2,11 @@
 
 import numpy as np
 
+from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import unit
-from twin.description.description import TwinObject
+from twin.description.description import TwinObject, TwinScene
+from twin.description.materials import Diffuse
 from twin.description.object_mesh import built_in
 
 MIDDLE = np.array([0.0, 0.0, -300.0])
@@ -16,6 +18,13 @@ def placed(name, shape, material, size=40.0, at=(0, 0, 0), turn=None):
     matrix[:3, :3] = (np.eye(3) if turn is None else turn) * size
     matrix[:3, 3] = MIDDLE + at
     return TwinObject(name, built_in(shape) if isinstance(shape, str) else shape, material, matrix)
+
+
+def ball_and_wall(given, material, sampling):
+    """Return a ball of this material before a white wall: each throws light on the other."""
+    objects = placed("ball", "sphere", "m", 25.0), placed("wall", "square", "w", 90.0, (0, 0, -26))
+    camera, materials = Camera(48, 40, 150.0, 150.0, 23.5, 19.5), {"m": material, "w": Diffuse((0.8, 0.8, 0.8))}
+    return TwinScene(camera, objects, materials, given, sampling=sampling)
 
 
 def lights(*vectors, near=False, intensities=1.0, white=None, middle=MIDDLE):

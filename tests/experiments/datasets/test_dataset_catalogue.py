@@ -2,10 +2,7 @@
 
 import json
 import re
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -93,7 +90,6 @@ def test_patterns_choose_and_an_unknown_name_is_told():
 @pytest.mark.parametrize("distance", NEAR_MM)
 def test_near_lights_stand_at_their_distance(distance):
     lights = dataset_scene(KNOWN[f"blob-near-{distance:04d}"]).lights
-    assert lights.positions_mm is not None
     away = lights.positions_mm - lights.reference_point_mm
     np.testing.assert_allclose(np.linalg.norm(away, axis=1), distance)
     np.testing.assert_allclose(away / distance, lights.directions, atol=1e-12)
@@ -103,7 +99,6 @@ def test_near_lights_stand_at_their_distance(distance):
 def test_flashes_by_hand_are_uneven_and_fall_off(count):
     lights = dataset_scene(KNOWN[f"knot-hand-{count:02d}"]).lights
     assert len(lights) == count
-    assert lights.positions_mm is not None
     away = np.linalg.norm(lights.positions_mm - lights.reference_point_mm, axis=1) / 1000
     assert away.min() >= DISTANCES[0]
     assert away.max() <= DISTANCES[1]
@@ -129,11 +124,11 @@ def test_a_group_has_three_objects_apart_and_of_their_materials():
 
 
 @pytest.mark.full
-def test_the_list_at_the_command_line(tmp_path):
-    command = [str(Path(sys.executable).parent / "rgbn"), "dataset", "list", "--shelf", str(tmp_path)]
-
-    def lines(*words):
-        return subprocess.run([*command, *words], capture_output=True, text=True, check=True).stdout
+def test_the_list_at_the_command_line(tmp_path, rgbn_process):
+    def lines(*words, verb="list"):
+        done = rgbn_process("dataset", verb, "--shelf", tmp_path, *words)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
 
     found = json.loads(lines("--json"))
     assert [one["name"] for one in found] == list(KNOWN)
@@ -142,7 +137,7 @@ def test_the_list_at_the_command_line(tmp_path):
     assert "pear-roughness-0.30" in text
     assert text.strip().endswith("9 datasets and 2 other names; 9 of the benchmark's list; 0 on the shelf")
     assert sum(one["benchmark"] and not one["same_as"] for one in found) == 93
-    subprocess.run([*command[:2], "make", *command[3:], "pear-roughness-0.30", "--side", "16"], check=True)
+    lines("pear-roughness-0.30", "--side", "16", verb="make")
     text = lines("pear-roughness-*")
     assert text.strip().endswith("10 datasets and 2 other names; 9 of the benchmark's list; 1 on the shelf")
     assert {one["name"] for one in json.loads(lines("--json", "benchmark"))} >= set(benchmark_names())

@@ -3,7 +3,6 @@
 import csv
 import re
 import shlex
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -192,7 +191,6 @@ def test_the_citation_file_names_the_benchmark():
 
 
 @pytest.mark.full
-def test_a_dataset_is_added_at_the_command_line(dented, tmp_path):
-    rgbn = [str(Path(sys.executable).parent / "rgbn"), "dataset"]
-    words = ["add", str(dented), "--shelf", str(tmp_path / "shelf")]
-    assert "12" in subprocess.run([*rgbn, *words], capture_output=True, text=True, check=True).stdout
+def test_a_dataset_is_added_at_the_command_line(dented, tmp_path, rgbn_process):
+    done = rgbn_process("dataset", "add", dented, "--shelf", tmp_path / "shelf")
+    assert (done.returncode, "12" in done.stdout) == (0, True)

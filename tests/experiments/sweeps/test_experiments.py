@@ -16,6 +16,11 @@ from scene import current
 from scene.errors import SceneError
 
 
+def differing(recipes):
+    """Return the names of the fields in which recipes differ."""
+    return {f.name for f in fields(Recipe) if len({getattr(recipe, f.name) for recipe in recipes}) > 1}
+
+
 def test_each_experiment_varies_one_factor_over_eight_levels():
     assert len(ONE_FACTOR) == 9
     for one in ONE_FACTOR.values():
@@ -26,8 +31,7 @@ def test_each_experiment_varies_one_factor_over_eight_levels():
         assert one.seeds >= 5 if has_chance else one.seeds == 1
         for shape in one.shapes:
             recipes = [cell.recipe for cell in cells if cell.recipe.shape == shape and cell.recipe.seed == 0]
-            differing = {f.name for f in fields(Recipe) if len({getattr(recipe, f.name) for recipe in recipes}) > 1}
-            assert differing == {one.vary}
+            assert differing(recipes) == {one.vary}
 
 
 def test_the_benchmark_s_staging_is_its_text_and_its_lsq_column():
@@ -38,8 +42,7 @@ def test_the_benchmark_s_staging_is_its_text_and_its_lsq_column():
     (noise,) = (float(row["level"]) for row in fitted if row["experiment"] == NOISE)
     for name, one in staged.items():
         recipes = [cell.recipe for cell in one.cells() if cell.recipe.seed == 0]
-        differing = {f.name for f in fields(Recipe) if len({getattr(recipe, f.name) for recipe in recipes}) > 1}
-        assert differing == {one.vary}
+        assert differing(recipes) == {one.vary}
         assert {recipe.depth for recipe in recipes} == {32}, "light goes on from surface to surface everywhere"
         assert one.base.distribution == "beckmann" or one.base.material == "diffuse"
         assert one.base.noise == noise

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -68,18 +67,28 @@ if __name__ == "__main__":
 """
 
 
-@pytest.fixture
-def program(tmp_path):
-    path = tmp_path / "program.py"
+@pytest.fixture(scope="module")
+def program(tmp_path_factory):
+    path = tmp_path_factory.mktemp("sweep") / "program.py"
     path.write_text(PROGRAM)
     return [sys.executable, str(path)]
+
+
+@pytest.fixture(scope="module")
+def whole(program, tmp_path_factory):
+    """The folder of a run that nothing disturbed."""
+    return run(program, tmp_path_factory.mktemp("whole"))
+
+
+def table_of(root):
+    return (root / "ambient" / "results.parquet").read_bytes()
 
 
 def run(program, root, *words):
     root.mkdir(exist_ok=True)
     done = subprocess.run([*program, str(root), *words], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
-    return done
+    return root
 
 
 def times_run(root):
@@ -89,20 +98,19 @@ def times_run(root):
 
 @pytest.mark.full
 def test_a_worker_that_dies_costs_its_cell_a_second_try(program, tmp_path):
-    run(program, tmp_path / "a", "deaths")
-    cells = [json.loads(path.read_text()) for path in (tmp_path / "a" / "cells").iterdir()]
+    root = run(program, tmp_path / "a", "deaths")
+    cells = [json.loads(path.read_text()) for path in (root / "cells").iterdir()]
     assert len(cells) == 24
     died = [one["rows"][0] for one in cells if one["rows"][0]["status"] != "ok"]
     assert [(row["shape"], row["level"]) for row in died] == [("knot", 5)]
     assert died[0]["status"] == "failed: its worker process died 3 times"
     # Whoever was in work beside a killer ran again, but no more than that.
-    assert sorted(times_run(tmp_path / "a").values())[-1] <= 3
-    assert sum(times_run(tmp_path / "a").values()) <= 24 + 1 + 2 + 2
+    assert sorted(times_run(root).values())[-1] <= 3
+    assert sum(times_run(root).values()) <= 24 + 1 + 2 + 2
 
 
 @pytest.mark.full
-def test_a_run_killed_at_random_moments_ends_as_one_that_was_not(program, tmp_path):
-    run(program, tmp_path / "whole")
+def test_a_run_killed_at_random_moments_ends_as_one_that_was_not(program, whole, tmp_path):
     torn = tmp_path / "torn"
     torn.mkdir()
     generator = np.random.default_rng(10001)
@@ -120,11 +128,10 @@ def test_a_run_killed_at_random_moments_ends_as_one_that_was_not(program, tmp_pa
     for pid in pids:
         assert gone(pid), "workers leave with the run that started them"
     run(program, torn)
-    names = sorted(path.name for path in (tmp_path / "whole" / "cells").iterdir())
+    names = sorted(path.name for path in (whole / "cells").iterdir())
     assert sorted(path.name for path in (torn / "cells").iterdir() if path.suffix == ".json") == names
     assert len(names) == 24
-    tables = [(root / "ambient" / "results.parquet").read_bytes() for root in (tmp_path / "whole", torn)]
-    assert tables[0] == tables[1]
+    assert table_of(torn) == table_of(whole)
     # Only what was in work when a run was killed was done twice.
     assert sum(times_run(torn).values()) <= 24 + 2 * len(moments)
 
@@ -158,17 +165,14 @@ def test_a_rerun_with_nothing_changed_runs_nothing(program, tmp_path):
 
 
 @pytest.mark.full
-def test_a_full_disk_costs_what_was_in_work(program, tmp_path):
+def test_a_full_disk_costs_what_was_in_work(program, whole, tmp_path):
     torn = tmp_path / "torn"
     torn.mkdir()
     failed = subprocess.run([*program, str(torn), "full"], capture_output=True, text=True, timeout=120)
     assert failed.returncode
     assert "the disk is full" in failed.stderr
     assert len(list((torn / "cells").iterdir())) == 5
-    run(program, torn)
-    run(program, tmp_path / "whole")
-    tables = [(root / "ambient" / "results.parquet").read_bytes() for root in (tmp_path / "whole", torn)]
-    assert tables[0] == tables[1]
+    assert table_of(run(program, torn)) == table_of(whole)
 
 
 CLUSTER = """
@@ -182,16 +186,14 @@ if __name__ == "__main__":
 
 
 @pytest.mark.full
-def test_a_cluster_gives_what_processes_here_give(program, tmp_path):
+def test_a_cluster_gives_what_processes_here_give(program, whole, tmp_path):
     script = tmp_path / "cluster.py"
     script.write_text(CLUSTER)
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
     with subprocess.Popen([sys.executable, script], text=True, **pipes) as process:
-        run(program, tmp_path / "there", process.stdout.readline().strip())
+        there = run(program, tmp_path / "there", process.stdout.readline().strip())
         process.stdin.close()
-    run(program, tmp_path / "here")
-    tables = [Path(tmp_path / place / "ambient" / "results.parquet").read_bytes() for place in ("here", "there")]
-    assert tables[0] == tables[1]
+    assert table_of(there) == table_of(whole)
 
 
 def test_no_cell_is_kept_that_was_made_while_the_code_changed(tmp_path, monkeypatch):

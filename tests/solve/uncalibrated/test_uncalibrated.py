@@ -1,15 +1,17 @@
-"""Uncalibrated methods on a matte object that the test made: whatever the start, the same normals."""
+"""Uncalibrated methods on a matte object: whatever the start and the lights that are told, the same normals."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from fixtures.lit_surfaces import even_cap
+from fixtures.lit_surfaces import as_floats, as_samples, dome, even_cap, gloss, lights_along, matte
+from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.normals import angular_error_deg, unit
+from solve.methods import UNCALIBRATED
 from solve.problem import Problem
-from solve.samples import Geometry, Samples
+from solve.solve import solve
 from solve.uncalibrated import entropy, ldr, tv
 from solve.uncalibrated.front_end import FrontEnd, family
 
@@ -17,7 +19,7 @@ METHODS = {"ldr": ldr, "entropy": entropy, "tv": tv}
 SIZE = 72
 
 
-def dome(size=SIZE):
+def ellipsoid(size=SIZE):
     """Normals (H, W, 3) and mask of an ellipsoid that stands free."""
     v, u = np.mgrid[:size, :size]
     x, y = 2.3 * (u - size / 2) / size, -2.3 * (v - size / 2) / size
@@ -32,15 +34,9 @@ def photographs(normals, mask, directions, albedo=0.5, strength=1.0):
 
 @pytest.fixture(scope="module")
 def scene():
-    normals, mask = dome()
+    normals, mask = ellipsoid()
     directions = even_cap(40, 50)
     return photographs(normals, mask, directions), normals[mask], directions, mask
-
-
-def samples_of(gray):
-    """All valid, under lights that nobody knows."""
-    nowhere = Geometry.distant(np.full((gray.shape[1], 3), np.nan))
-    return Samples(gray, np.ones(gray.shape, bool), np.zeros((len(gray), 3)), nowhere)
 
 
 def run(name, gray, mask, **changes):
@@ -50,7 +46,8 @@ def run(name, gray, mask, **changes):
     own = {key: value for key, value in changes.items() if key not in FrontEnd._fields}
     front_end = FrontEnd(**{key: value for key, value in changes.items() if key in FrontEnd._fields})
     settings = front_end if isinstance(settings, FrontEnd) else settings._replace(front_end=front_end, **own)
-    return module.fit_whole(Problem(None, None, None, mask, slice(0, len(mask))), samples_of(gray), settings)
+    samples = as_samples(gray, np.full((gray.shape[1], 3), np.nan))  # under lights that nobody knows
+    return module.fit_whole(Problem(None, None, None, mask, slice(0, len(mask))), samples, settings)
 
 
 def error(b, normals):
@@ -100,7 +97,7 @@ def test_a_plain_object_comes_out_convex_from_a_concave_start_and_a_seed_says_wh
 def test_the_start_does_not_matter(name, start, scene, monkeypatch):
     _, _, directions, mask = scene
     rng = np.random.default_rng(20_010)
-    gray = photographs(dome()[0], mask, directions, strength=np.ones(40))
+    gray = photographs(ellipsoid()[0], mask, directions, strength=np.ones(40))
     gray = (gray + rng.normal(0, 0.01, gray.shape)).astype(np.float32)
     plain = run(name, gray, mask)
     started_elsewhere(monkeypatch, METHODS[name], *start)
@@ -110,7 +107,7 @@ def test_the_start_does_not_matter(name, start, scene, monkeypatch):
 def test_ldr_and_entropy_need_no_equal_intensities_and_tv_says_that_it_does(scene):
     _, normals, directions, mask = scene
     strength = np.random.default_rng(20_011).uniform(0.4, 1.6, len(directions))
-    gray = photographs(dome()[0], mask, directions, strength=strength)
+    gray = photographs(ellipsoid()[0], mask, directions, strength=strength)
     for name in ("ldr", "entropy"):
         found = run(name, gray, mask)
         assert error(found.b, normals).mean() < 0.5
@@ -120,8 +117,7 @@ def test_ldr_and_entropy_need_no_equal_intensities_and_tv_says_that_it_does(scen
 
 def test_gloss_and_cast_shadow_are_cleaned_away(scene):
     gray, normals, directions, mask = scene
-    half = unit(directions + [0, 0, 1.0])
-    spoilt = gray + 0.6 * np.maximum(normals @ half.T, 0) ** 150
+    spoilt = gray + 0.6 * gloss(normals, directions, 150).T
     spoilt[: len(gray) // 4, ::6] = 0
     spoilt = spoilt.astype(np.float32)
     for name in METHODS:
@@ -133,7 +129,7 @@ def test_gloss_and_cast_shadow_are_cleaned_away(scene):
 def test_each_says_when_it_should_not_be_believed(scene):
     gray, _, directions, mask = scene
     v, u = np.mgrid[:SIZE, :SIZE]
-    smooth = photographs(dome()[0], mask, directions, (0.4 + 0.2 * np.sin(u / 3) * np.cos(v / 4))[mask][:, None])
+    smooth = photographs(ellipsoid()[0], mask, directions, (0.4 + 0.2 * np.sin(u / 3) * np.cos(v / 4))[mask][:, None])
     assert any("texture" in doubt for doubt in run("ldr", smooth, mask).cautions)
     assert any("flat" in doubt for doubt in run("entropy", smooth, mask).cautions)
 
@@ -157,3 +153,18 @@ def test_three_frames_are_too_few(scene):
     gray, _, _, mask = scene
     with pytest.raises(CalibrationError, match="found 3 frames"):
         run("tv", gray[:, :3], mask)
+
+
+@pytest.mark.parametrize("method", UNCALIBRATED)
+def test_through_the_common_door_of_the_lights_told_only_the_strength_is_read(method):
+    """Normals, albedo and lights, whatever the directions that are given."""
+    (normals, mask), color, rng = dome(64, radius=0.44, rim=0.26), [0.5, 0.3, 0.2], np.random.default_rng(20_020)
+    truth = lights_along(even_cap(24, 53), rng.uniform(0.5, 1.5, (24, 3))).normalised()
+    told = replace(truth, directions=unit(rng.normal(size=(24, 3)) + [0, 0, 1]))
+    frames = as_floats(truth, matte(truth, normals, normals, color))
+    found = solve(method, frames, told, Camera(64, 64, 100.0, 100.0, 32, 32), mask)
+    assert angular_error_deg(found.normals, normals)[mask].mean() < 0.5
+    np.testing.assert_allclose(np.median(found.albedo[mask], 0), color, rtol=0.02)
+    assert angular_error_deg(found.lights.directions, truth.directions).max() < 1
+    np.testing.assert_allclose(found.lights.intensities, truth.intensities, rtol=0.03)
+    assert np.nanmedian(found.sigma_deg) < 0.5
