@@ -51,7 +51,6 @@ ADVICE: Mapping[str, str] = {
 A_FEW_ARE_USUAL, MANY = ("glare beside the highlight", "left out"), 0.25
 """Flags that a few frames may have, and the share of the frames from which they are a warning."""
 SAID_ELSEWHERE = (
-    "a brighter point on chrome ball",  # the other balls see the flash elsewhere, and agree: nothing is lost
     "small and dark: another reflection?",
     "no highlight seen: direction from the white ball's shading",
     "has no intensities",

@@ -101,7 +101,7 @@ def with_known_lights(
     shown = np.full((len(balls), len(frames), 2), np.nan)
     for i, ball in enumerate(balls):
         if ball.sphere.kind == "chrome":
-            shown[i] = find_spots(ball.frames, camera, ball.coarse, ball.sphere).pixels[:, 0]
+            shown[i] = find_spots(ball.frames, camera, ball.coarse, ball.sphere).pixels
             points, seen = mirrored_rays(camera, ball.sphere, shown[i])
             target = _toward(lights, ball.sphere, points)
             angle = np.nanmedian(angular_error_deg(seen, target))

@@ -1,7 +1,6 @@
 """What the chrome balls say together: one highlight a frame on each, and the lights that explain them."""
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +9,13 @@ from calibrate.calibration import CrossValidation, Notes, leave_out
 from calibrate.detection.balls import Ball
 from calibrate.lights.adjustment import ObservedSpots
 from calibrate.lights.cross_validation import cross_validate
-from calibrate.lights.directions import Shading, mean_directions, mirrored_rays, ray_meeting
-from calibrate.lights.highlight import Spots, find_spots, measure_spot
+from calibrate.lights.directions import Shading, mirrored_rays
+from calibrate.lights.highlight import find_spots
 from calibrate.lights.light_model import choose_model
 from calibrate.lights.positions import LightFit
 from scene.camera import Camera
 from scene.errors import CalibrationError
-from scene.normals import angular_error_deg, unit
+from scene.normals import angular_error_deg
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
@@ -27,10 +26,6 @@ STRAY_DEG = 45.0
 """How much farther than usual a highlight must point beside the white ball's shading to be another thing's: flashes a
 metre away are up to 30 degrees elsewhere for a ball 500 mm beside the white one."""
 CONTRADICTION_DEG = 2.0  # how far the lights of two balls must point apart in one frame for it to be named
-AGREE_DEG, USUAL_TIMES = 2.0, 4
-"""Miss between balls under which a frame's brightest points are the flash, and in that of the median frame."""
-BETTER, RANK_DEG = 0.4, 0.5  # share of the miss that other points may leave, and what each rank of brightness costs
-TRIED_BALLS, TRIED_SPOTS = 4, 3
 WIDER = 2.0  # times its stated doubt by which balls, each alone, may differ before somebody is told
 ODD = 0.6
 """Of the usual height and size: a point that is less than so much of both is a reflection of the flash in something
@@ -51,14 +46,8 @@ def lights_from_chrome(
     """
     spheres = [ball.sphere for ball in balls]
     spots = [find_spots(ball.frames, camera, ball.coarse, ball.sphere) for ball in balls]
-    chosen, sigma, picks = _agreeing_spots(camera, spheres, spots, notes)
-    extents = np.nan_to_num([spot.extent_px[:, 0] for spot in spots])
-    glare = np.stack([spot.glare[:, 0] for spot in spots])
-    for s, f in zip(*np.nonzero(picks), strict=True):
-        spot = measure_spot(balls[s].frames, f, camera, spheres[s], chosen[s, f])
-        if spot is not None:
-            chosen[s, f], sigma[s, f], extents[s, f], glare[s, f] = spot
-    strength = np.stack([spot.strength[np.arange(len(names)), pick] for spot, pick in zip(spots, picks, strict=True)])
+    chosen, sigma, extents, glare, strength = (np.stack(part) for part in zip(*spots, strict=True))
+    extents = np.nan_to_num(extents)
     usual = np.array([np.median(row[row > 0]) if row.any() else 0.0 for row in extents])[:, None]
     odd = (strength < ODD) & (extents < ODD * usual)
     sigma = np.where(odd, np.array([[sphere.radius_px] for sphere in spheres]), sigma)
@@ -126,49 +115,6 @@ def _name_unseen(names: tuple[str, ...], seen: NDArray[np.bool_], shading: Shadi
         notes.warnings.append(
             f"{listed}: no chrome ball shows the flash; the direction is from the white ball's shading."
         )
-
-
-def _agreeing_spots(
-    camera: Camera, spheres: list[Sphere], spots: list[Spots], notes: Notes
-) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Choose one bright point per ball and frame: the brightest, unless others agree between balls much better.
-
-    Returns pixels (S, F, 2), their sigma (S, F), and which was chosen (S, F), 0 for the brightest.
-    """
-    pixels, sigma = np.stack([s.pixels[:, 0] for s in spots]), np.stack([s.sigma_px[:, 0] for s in spots])
-    picks = np.zeros(sigma.shape, np.intp)
-    if len(spheres) < 2:
-        return pixels, sigma, picks
-    measurable = not camera.is_orthographic and all(s.diameter_mm for s in spheres)
-    rays = [mirrored_rays(camera, sphere, s.pixels) for sphere, s in zip(spheres, spots, strict=True)]
-
-    def miss_deg(f: int, pick: tuple[int, ...]) -> float:
-        points, directions = (np.stack([rays[s][part][f, k] for s, k in enumerate(pick)]) for part in (0, 1))
-        good = np.isfinite(directions[:, 0])
-        if good.sum() < 2:
-            return 0.0
-        points, directions = points[good], directions[good]
-        target = np.broadcast_to(mean_directions(directions[:, None])[0], directions.shape)
-        if measurable:
-            toward = ray_meeting(points, directions) - points
-            if np.isfinite(toward).all() and np.sum(toward * directions) > 0:
-                target = unit(toward)
-        return float(angular_error_deg(directions, target).max())
-
-    first = (0,) * len(spheres)
-    plain = [miss_deg(f, first) for f in range(pixels.shape[1])]
-    suspicious = max(AGREE_DEG, USUAL_TIMES * float(np.median(plain)))
-    for f in (f for f, miss in enumerate(plain) if miss >= suspicious):
-        options = [range(max(1, int(np.isfinite(s.pixels[f, :TRIED_SPOTS, 0]).sum()))) for s in spots[:TRIED_BALLS]]
-        options += [range(1)] * (len(spots) - TRIED_BALLS)
-        pick = min(product(*options), key=lambda p: miss_deg(f, p) + RANK_DEG * sum(p))
-        if miss_deg(f, pick) < BETTER * plain[f]:
-            picks[:, f] = pick
-            for s, k in enumerate(pick):
-                pixels[s, f], sigma[s, f] = spots[s].pixels[f, k], spots[s].sigma_px[f, k]
-                if k:
-                    notes.flags[f].append(f"a brighter point on chrome ball {s + 1} is not the flash")
-    return pixels, sigma, picks
 
 
 def _leave_out_strays(camera: Camera, spheres: list[Sphere], chosen: Array, shaded: Array, notes: Notes) -> None:

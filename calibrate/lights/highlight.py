@@ -13,7 +13,6 @@ from scene.frames import Frames, gray
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
-MOST_SPOTS = 4  # bright points looked at per ball and frame: the flash, and what else may outshine it
 GLOWING_PX = 40  # a clipped plateau of more pixels glows: its surroundings are the lens's, not the flash's
 LEVEL, GLOWING_LEVEL = 0.3, 0.7  # share of a spot's height above which its centroid is taken, also of one that glows
 INNER = 0.8  # share of its height above which its inner size is taken
@@ -21,7 +20,7 @@ FAINT = 0.1
 """A spot under this share of the ball's usual one, or of the frame's brightest, is no flash: the ball was in shadow, or
 the flash misfired."""
 FRONT = 0.9  # radii: beyond, a mirror shows what is behind it, never a flash that lights the object
-PEAK_SHARE = 0.04  # radii between two bright points
+PEAK_SHARE = 0.04  # radii around a point in which none is brighter
 SMOOTH_PX = 0.7
 WINDOW_PX, WINDOW_SHARE, LARGEST_WINDOW = 6, 0.12, 0.6  # half a window: px at least, radii, and radii at most
 CENTROID_PX, CENTROID_SHARE = 0.15, 0.06  # error of a centroid: px, and of the spot's size
@@ -41,63 +40,55 @@ class Spot(NamedTuple):
 
 
 class Spots(NamedTuple):
-    """The bright points of one ball in F frames, the brightest first of K; NaN where there are fewer."""
+    """The brightest point of one ball in F frames; NaN where there is none."""
 
-    pixels: Array  # (F, K, 2)
-    sigma_px: Array  # (F, K)
-    extent_px: Array  # (F, K)
-    glare: NDArray[np.bool_]  # (F, K)
-    strength: Array  # (F, K) height, in that of the ball's usual brightest point
+    pixels: Array  # (F, 2)
+    sigma_px: Array  # (F,)
+    extent_px: Array  # (F,)
+    glare: NDArray[np.bool_]  # (F,)
+    strength: Array  # (F,) height, in the ball's usual one
 
 
 def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -> Spots:
-    """Locate the bright points that come and go on a mirror ball.
+    """Locate the brightest point that comes and goes on a mirror ball, in each frame.
 
     Notes
     -----
     What a frame adds to the median over frames is the flash and its company: the table, a window and the
-    object that the ball mirrors do not move and drop out. Found on the shrunken ball, measured at full size: the
-    brightest by `fit_disc`, the others by their centroid, `measure_spot` for the one that proves to be the flash.
+    object that the ball mirrors do not move and drop out. Found on the shrunken ball, measured at full size.
     """
     rough, strength = _rough(frames, coarse, coarse.from_full(sphere))
-    pixels = np.full((len(frames), MOST_SPOTS, 2), np.nan)
-    sigma, extent = np.full((2, len(frames), MOST_SPOTS), np.nan)
-    glare = np.zeros(sigma.shape, bool)
-    usual = np.nanmedian(strength[:, 0]) if np.isfinite(strength[:, 0]).any() else np.inf
-    for f in range(len(frames)):
-        for k in range(MOST_SPOTS):
-            if np.isfinite(strength[f, k]) and strength[f, k] > FAINT * usual:
-                near = coarse.to_full(rough[f, k])
-                spot = measure_spot(frames, f, camera, sphere, near, factor=coarse.factor, fitted=k == 0)
-                if spot is not None:
-                    pixels[f, k], sigma[f, k], extent[f, k], glare[f, k] = spot
+    pixels, glare = np.full((len(frames), 2), np.nan), np.zeros(len(frames), bool)
+    sigma, extent = np.full((2, len(frames)), np.nan)
+    usual = np.nanmedian(strength) if np.isfinite(strength).any() else np.inf
+    for f in np.flatnonzero(np.nan_to_num(strength) > FAINT * usual).tolist():
+        spot = measure_spot(frames, f, camera, sphere, coarse.to_full(rough[f]), factor=coarse.factor)
+        if spot is not None:
+            pixels[f], sigma[f], extent[f], glare[f] = spot
     return Spots(pixels, sigma, extent, glare, strength / usual)
 
 
 def _rough(frames: Frames, coarse: Coarse, sphere: Sphere) -> tuple[Array, Array]:
-    """Return coarse pixels (F, K, 2) and strengths (F, K) of local maxima of the change over time."""
+    """Return the coarse pixels (F, 2) and strengths (F,) of the highest local maximum of the change over time."""
     (u, v), r = sphere.center_px, sphere.radius_px
     box = coarse.box(sphere)
     rows, columns = box.grid
     inside = np.hypot(columns - u, rows - v) < FRONT * r
     values = coarse.window(frames, box)
     change = values - np.median(values, axis=0)
-    pixels = np.full((len(values), MOST_SPOTS, 2), np.nan)
-    strength = np.full((len(values), MOST_SPOTS), np.nan)
+    pixels, strength = np.full((len(values), 2), np.nan), np.full(len(values), np.nan)
     size = 2 * max(1, round(PEAK_SHARE * r)) + 1
     for f, image in enumerate(change):
         smooth = cv2.GaussianBlur(image, (0, 0), SMOOTH_PX)
         peak = inside & (smooth >= cv2.dilate(smooth, np.ones((size, size), np.uint8))) & (smooth > 0)
-        y, x = np.nonzero(peak)
-        order = np.argsort(-smooth[y, x])[:MOST_SPOTS]
-        order = order[smooth[y, x][order] > FAINT * smooth[y, x].max(initial=0)]
-        pixels[f, : len(order)] = np.stack([x[order] + box.columns.start, y[order] + box.rows.start], -1)
-        strength[f, : len(order)] = smooth[y, x][order]
+        if peak.any():
+            y, x = np.unravel_index(np.where(peak, smooth, 0).argmax(), smooth.shape)
+            pixels[f], strength[f] = (x + box.columns.start, y + box.rows.start), smooth[y, x]
     return pixels, strength
 
 
 def measure_spot(
-    frames: Frames, f: int, camera: Camera, sphere: Sphere, near: Array, *, factor: int = 1, fitted: bool = True
+    frames: Frames, f: int, camera: Camera, sphere: Sphere, near: Array, *, factor: int = 1
 ) -> Spot | None:
     """Return the spot of frame `f` near a pixel that is known to `factor` pixels.
 
@@ -147,9 +138,6 @@ def measure_spot(
     inner = float(np.sqrt(np.sum(region & (image > floor + INNER * (peak - floor))) / np.pi))
     # Between a disc's radius and a blurred point's deviation.
     extent = float(np.sqrt(size * inner))
-    vague = Spot(center, CENTROID_PX + CENTROID_SHARE * size, extent)
-    if not fitted:
-        return vague
     patch = _patch(colours, white, (xs, ys), (y, x), near_by) if frames.is_mosaic else None
     if patch is None:
         patch = Patch(
@@ -159,7 +147,7 @@ def measure_spot(
             *np.zeros((2, np.count_nonzero(near_by)), bool),
         )
     fit = fit_disc(camera, sphere, patch, center, radius_px=size, skirt_px=size - inner)
-    spot = vague if fit is None else Spot(*fit, extent)
+    spot = Spot(center, CENTROID_PX + CENTROID_SHARE * size, extent) if fit is None else Spot(*fit, extent)
     if not glows:
         return spot
     core = _core(region) + [left, top]
