@@ -89,7 +89,7 @@ def intensities_from_white(
                 f"n.l by {light.misfit[f]:.0%} of the flash (median frame {usual:.1%}); {told}"
             )
     intensities, sigma = _together(read, shadowed)
-    sigma[hidden] = np.inf
+    intensities[hidden], sigma[hidden] = brightest[hidden, None] * np.median(intensities[~hidden], axis=0), np.inf
     ambient = read[0].ambient
     return replace(lights, intensities=intensities, intensity_sigma=sigma, ambient=ambient, white_value=np.ones(3))
 

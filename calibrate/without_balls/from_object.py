@@ -30,6 +30,7 @@ CONTRAST = 1.5  # of what the next best strengths leave to what the best ones do
 ARC = 2  # neighbours of `GROUPS` whose strengths scatter: parts of the pixels that face one way
 DRAWS = 8  # of the directions within their sigmas, whose strengths scatter
 RELIEF = 0.07  # how far, of its distance, a surface may lie off the reference point's plane
+USUALLY_BELIEVED = 0.5  # of the other frames' share of believed samples: under it a frame shows another object
 TOO_VAGUE = 0.25  # sigma of the strengths from which they are no better than taking all flashes for equally bright
 
 
@@ -73,7 +74,7 @@ def white_in_shadow(frames: Frames, camera: Camera, spheres: list[Sphere], light
     hidden = np.isinf(lights.intensity_sigma)
     names = [name for name, lacks in zip(lights.names, hidden, strict=True) if lacks]
     read, white, sigma = measured_on_object(frames, camera, spheres, lights), lights.intensities, np.inf
-    if read is not None and np.count_nonzero(~hidden) > 1 and np.isfinite(read.sigma[hidden]).all():
+    if read is not None and np.count_nonzero(~hidden) > 1 and _is_seen_in(read, hidden):
         ratio = np.log(white[~hidden] / read.intensities[~hidden])
         sigma = float(ratio.mean(1).std(ddof=1))
     if read is None or sigma > TOO_VAGUE:
@@ -85,6 +86,12 @@ def white_in_shadow(frames: Frames, camera: Camera, spheres: list[Sphere], light
     )
     intensities = np.where(hidden[:, None], read.intensities * np.exp(ratio.mean(0)), white)
     return replace(lights, intensities=intensities, intensity_sigma=np.where(hidden, sigma, lights.intensity_sigma))
+
+
+def _is_seen_in(read: "ObjectPhotometry", frames: NDArray[np.bool_]) -> bool:
+    """Whether the object is lit in frames (F,), and looks there as in the others: else they show something else."""
+    usual = np.median(read.believed[~frames])
+    return bool(np.isfinite(read.sigma[frames]).all() and (read.believed[frames] > USUALLY_BELIEVED * usual).all())
 
 
 def measured_on_object(
@@ -156,6 +163,7 @@ class ObjectPhotometry(NamedTuple):
     sigma: Array  # (F,) relative standard deviation, one frame
     residual: float  # relative misfit of the samples that were believed, robust standard deviation
     pixels: int  # how many spoke
+    believed: Array  # (F,) share of a frame's lit samples that keep to the same surface as in the other frames
 
 
 def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> ObjectPhotometry | None:
@@ -231,4 +239,5 @@ def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> Ob
         moved.append(solved(light + strength * off, used, energy)[0].mean(1) / relative.mean(1) - 1)
     if moved:
         sigma = np.hypot(sigma, np.sqrt(np.mean(np.square(moved), 0)))
-    return ObjectPhotometry(relative, sigma, scale, int(np.count_nonzero(used.any(1))))
+    share = used.sum(0) / np.maximum(believable.sum(0), 1)
+    return ObjectPhotometry(relative, sigma, scale, int(np.count_nonzero(used.any(1))), share)
