@@ -192,10 +192,11 @@ def check_sizes(summary, todo, why):
             assert summary["twin"]["material"]["relative_rmse"] >= 0.2
 
 
-def test_what_is_said_of_1500_summaries_contradicts_nothing():
-    rng = np.random.default_rng(0)
+def test_what_is_said_of_300_summaries_contradicts_nothing():
+    # Of this seed's summaries two are of an object that makes the error, which is rare.
+    rng = np.random.default_rng(5)
     words, todo = set(), ""
-    for _ in range(1500):
+    for _ in range(300):
         summary = random_summary(rng)
         keep_the_rules(summary)
         words.add(verdict(summary)[0].word)
