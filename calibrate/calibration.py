@@ -54,7 +54,6 @@ SAID_ELSEWHERE = (
     "small and dark: another reflection?",
     "no highlight seen: direction from the white ball's shading",
     "has no intensities",
-    "moved by the scan's shading",
 )
 """Words of flags that are no warning: what notices them warns itself, or nothing is lost."""
 

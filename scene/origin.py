@@ -38,7 +38,8 @@ class Origin:
         note = record.notes.get(NOTE)
         if note is None or record.is_bare:
             return True
-        shares = any(map(note["files"].__contains__, self._digests(record))) if self.files else _is_there(note, record)
+        own = self._digests(record) if self.files else None
+        shares = _is_there(note, record) if own is None else not own.keys().isdisjoint(note["files"])
         if note["kind"] != self.kind or (note["files"] and not shares):
             return False
         if _is_one(self.place, Path(note["place"]), record.folder / note["relative"]) or self._is_within(record):

@@ -261,7 +261,7 @@ class FinalEvidence:
         # by an amount that is much the same all round: an unknown of its own, known beforehand to some tenths of a
         # pixel. Taken for the outline, it would pass for depth; were it wholly unknown, depth would not be seen.
         offset = np.einsum("kp,kp->k", camera.project(points) - edges.pixels, edges.outward)
-        pivot = pose.apply(self.seen.caster.mesh.center_mm)
+        pivot = View(self.seen.caster, camera, pose).pivot
         # A point of the outline may slide along the surface: across the outline that moves nothing, to first order.
         jacobian = np.einsum("kp,kpt->kt", edges.outward, image_flow(camera, points, pivot))
         pull = 1 / (1 + ((offset - edges.bias_px) / unit) ** 2) ** 2

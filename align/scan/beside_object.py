@@ -83,10 +83,15 @@ def find_table(surface: Any) -> tuple[NDArray[np.bool_], str]:
         return nothing
     tall = float(np.quantile(face_height[_some(above)], 0.995))
     share = 100 * area[flat].sum() / area.sum()
-    if tall < SHALLOW * width or margin.min() < ALWAYS:
+    doubt = ""
+    if tall < SHALLOW * width:
+        doubt = "the rest is as shallow as a relief"
+    elif margin.min() < ALWAYS:
+        doubt = "not on every side"
+    if doubt:
         return nothing[0], (
-            f"a flat part ({share:.0f} % of the area) reaches beyond the rest, as a table does, but not on every side, "
-            "or the rest is as shallow as a relief: kept. Cut it off if it is a table"
+            f"a flat part ({share:.0f} % of the area) reaches beyond the rest, as a table does, but {doubt}: kept. "
+            "Cut it off if it is a table"
         )
     return flat, f"dropped a table ({flat.sum()} faces, {share:.0f} % of the area)"
 

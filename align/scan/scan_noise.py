@@ -30,6 +30,7 @@ GROWTH = np.geomspace(3.0, 16.0, 12)
 """From step to step a surface's own residuals squared grow by so much: r^8 = 16 if smooth, less if rough."""
 PREFERENCE = 0.7
 SHAKEN = 8
+"""How often the mesh is shaken: the mean square is then known to a third, before it is smoothed."""
 CHUNK = 1 << 14
 _NONE = np.zeros(0)
 

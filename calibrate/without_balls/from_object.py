@@ -90,8 +90,7 @@ def white_in_shadow(frames: Frames, camera: Camera, spheres: list[Sphere], light
 
 def _is_seen_in(read: "ObjectPhotometry", frames: NDArray[np.bool_]) -> bool:
     """Whether the object is lit in frames (F,), and looks there as in the others: else they show something else."""
-    usual = np.median(read.believed[~frames])
-    return bool(np.isfinite(read.sigma[frames]).all() and (read.believed[frames] > USUALLY_BELIEVED * usual).all())
+    return bool((read.believed[frames] > USUALLY_BELIEVED * np.median(read.believed[~frames])).all())
 
 
 def measured_on_object(
@@ -127,7 +126,6 @@ def measured_on_object(
         return None
     strengths = np.stack([one.intensities.mean(1) for one in good])
     sigma = np.hypot(good[0].sigma, np.abs(strengths / strengths[0] - 1).max(0))
-    sigma[probe.lit.sum(1) < FEWEST_PIXELS] = np.inf
     return good[0]._replace(sigma=sigma)
 
 
@@ -163,7 +161,7 @@ class ObjectPhotometry(NamedTuple):
     sigma: Array  # (F,) relative standard deviation, one frame
     residual: float  # relative misfit of the samples that were believed, robust standard deviation
     pixels: int  # how many spoke
-    believed: Array  # (F,) share of a frame's lit samples that keep to the same surface as in the other frames
+    believed: Array  # (F,) share of a frame's lit samples that keep to the surface of the other frames; of few less
 
 
 def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> ObjectPhotometry | None:
@@ -239,5 +237,5 @@ def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> Ob
         moved.append(solved(light + strength * off, used, energy)[0].mean(1) / relative.mean(1) - 1)
     if moved:
         sigma = np.hypot(sigma, np.sqrt(np.mean(np.square(moved), 0)))
-    share = used.sum(0) / np.maximum(believable.sum(0), 1)
+    share = used.sum(0) / np.maximum(believable.sum(0), 2 * FEWEST_PIXELS)
     return ObjectPhotometry(relative, sigma, scale, int(np.count_nonzero(used.any(1))), share)

@@ -12,6 +12,7 @@ import numpy as np
 
 from capture.camera.exif import Exif
 from capture.session.manifest import SessionCameraTable
+from capture.session.resolve import LENSES
 from draw.readable import share
 from scene.camera import Camera
 from scene.errors import SessionError
@@ -73,7 +74,7 @@ def camera_from_lens(
             "Add [camera] with focal_mm and sensor_mm, or shots of a ChArUco board or a chessboard.",
         )
     fx, fy, sigma, what = focal
-    if not 0.2 <= fx / width <= 1000:
+    if not LENSES[0] <= fx / width <= LENSES[1]:
         raise SessionError(
             f"camera: the focal length is {fx:g} px ({what}) for a picture of {width} px; lenses have 0.2 "
             "to 1000 times the picture. Correct it in [camera]; a focal length in millimetres is focal_mm."

@@ -16,6 +16,10 @@ from scene.reading import shortened
 
 SENSOR = ("sensor_mm", "pixel_um", "crop_factor", "model")
 BOARD = ("charuco", "chessboard", "board")
+LENSES = 0.2, 1000.0
+"""Focal lengths of lenses, in the picture's side."""
+FEWEST_SQUARES = 4
+"""Of a chessboard, each way."""
 
 
 class Resolver:
@@ -202,7 +206,7 @@ class Resolver:
         if not (sized and centred and table.fx):
             return table
         for key, focal, side in (("fx", table.fx, width), ("fy", table.fy or table.fx, height)):
-            if not 0.2 <= focal / side <= 1000:
+            if not LENSES[0] <= focal / side <= LENSES[1]:
                 self._fault(
                     f"camera.{key}",
                     f"found {focal:g} px for a picture of {side:g} px; lenses have 0.2 to 1000 times the picture. Give "
@@ -252,7 +256,7 @@ class Resolver:
             )
             return ()
         files = tuple(self._photographs(key, shots))
-        if plain and min(board.squares) < 4:
+        if plain and min(board.squares) < FEWEST_SQUARES:
             self._fault("camera.board.squares", f"found {board.squares}; a chessboard needs 4 or more each way.")
         text = "missing. A ChArUco board has it; a plain one is given as chessboard."
         for name in ("marker_mm", "dictionary"):

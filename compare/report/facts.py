@@ -181,8 +181,9 @@ class Material:
         self.twin_frames = there(Store(store.path("twin")).load_frames)
         self.mask: Any = there(store.load_mask) if store.path("mask.png").exists() else None
         white_value = None if lights is None else lights.white_value
-        exposure = None if self.frames is None else Exposure.for_frames(self.frames, white_value=white_value)
-        self.exposure: Any = exposure
+        self.exposure: Any = None
+        if self.frames is not None:
+            self.exposure = Exposure.for_frames(self.frames, white_value=white_value)
         count = None if self.frames is None else len(self.frames)
         self.raking = 0 if lights is None else pictures.raking_frame(lights.directions[:count])
         self.lights: Summary | None = compared.get("lights") or there(lambda: store.load_lights().facts())
