@@ -88,8 +88,8 @@ def test_a_flat_object_tells_no_strengths():
     assert intensities_from_object(probe, _toward(lights.directions, probe), np.full(COUNT, np.nan)) is None
 
 
-def _found_beside_a_mirror(powers):
-    """Strengths that three domes beside a mirror ball tell, traced; their sigma; the true ones."""
+def _found_beside_a_mirror(powers, dark=()):
+    """Strengths that three domes beside a mirror ball tell, traced, some frames dark; their sigma; the true ones."""
     center, distance = np.array([0.0, 0.0, -1000.0]), DISTANCES[:, None]
     lights = _lights(direction_sigma_deg=np.full(COUNT, 0.05), reference_point_mm=center)
     lights = replace(lights, positions_mm=center + lights.directions * distance, intensities=np.ones((COUNT, 3)))
@@ -98,6 +98,7 @@ def _found_beside_a_mirror(powers):
     world.stand("chrome", -215, -110, 38)
     world.stand("object", -40, -10, 62).stand("object", 40, -25, 60).stand("object", 0, 55, 58)
     frames = render(world, seed=10004)
+    frames.codes[list(dark)] = frames.codes.min()
     return *strengths_from_object(frames, camera, world.spheres(), lights, Notes()), world.truth(center)[1]
 
 
@@ -106,6 +107,13 @@ def test_near_flashes_are_told_as_well_as_is_said():
     relative = _relative(found, strength)
     assert _rms(relative) < 0.3 * _rms(_relative(np.ones((COUNT, 3)), strength))
     assert np.mean(np.abs(relative.mean(1)) < 1.96 * sigma) >= 0.8
+
+
+def test_a_dark_frame_leaves_the_strengths_of_the_others():
+    """Its sigma became infinite, and with that all flashes were taken for equally bright."""
+    found, sigma, strength = (value[1:] for value in _found_beside_a_mirror(_lights().intensities, dark=[0]))
+    assert _rms(_relative(found, strength)) < 0.3 * _rms(_relative(np.ones_like(found), strength))
+    assert np.isfinite(sigma).all()
 
 
 def test_one_flash_carried_around_keeps_its_power():
