@@ -13,7 +13,7 @@ from calibrate.detection.coarse import Progress
 from calibrate.detection.detect import Rejected
 from calibrate.detection.evidence import contradicts_kind
 from calibrate.known_lights.with_known import EQUALLY_BRIGHT, with_known_lights
-from calibrate.lights.directions import Shading, no_shading, unknown_view_deg
+from calibrate.lights.directions import SURROUNDINGS_DEG, Shading, no_shading, unknown_view_deg
 from calibrate.lights.from_chrome import lights_from_chrome
 from calibrate.photometry.from_white import APART_DEG, compare_with_chrome, intensities_from_white
 from calibrate.photometry.matte_shading import (
@@ -22,6 +22,7 @@ from calibrate.photometry.matte_shading import (
     read_surface,
     shading_directions,
 )
+from calibrate.photometry.table_normal import table_normal
 from calibrate.without_balls.from_object import strengths_from_object, white_in_shadow
 from scene.camera import Camera
 from scene.frames import Frames
@@ -97,7 +98,8 @@ def lights_of_balls(
     reference = _reference(camera, spheres)
     white = [i for i, sphere in enumerate(spheres) if sphere.kind == "white"]
     chrome = [i for i, sphere in enumerate(spheres) if sphere.kind == "chrome"]
-    surfaces = [read_surface(balls[i].frames, camera, spheres[i]) for i in white]
+    table = table_normal(camera, spheres)
+    surfaces = [read_surface(balls[i].frames, camera, spheres[i], table) for i in white]
     notes.warnings.extend(told for ball in balls if (told := contradicts_kind(ball.coarse, ball.sphere)))
     shading = _shading(camera, [(balls[i], spheres[i]) for i in white], surfaces, len(frames))
     shown = np.full((len(balls), len(frames), 2), np.nan)
@@ -117,7 +119,7 @@ def lights_of_balls(
         lights = replace(lights, direction_sigma_deg=np.hypot(lights.direction_sigma_deg, doubt))
         notes.evidence.append(f"nothing is known of the camera: directions to {doubt:.1f} degrees at best, all alike")
     if adjusted != camera:
-        surfaces = [read_surface(balls[i].frames, adjusted, spheres[i]) for i in white]
+        surfaces = [read_surface(balls[i].frames, adjusted, spheres[i], table) for i in white]
     _say_scale(adjusted, lights, spheres, notes)
     if lights.positions_mm is not None:
         notes.evidence.append(
@@ -166,7 +168,7 @@ def _from_shading(
             "object, and state diameter_mm."
         )
     equal = np.ones((len(names), 3))
-    return Lights(names, shading.directions[0], equal, None, reference, shading.stated_deg[0])
+    return Lights(names, shading.directions[0], equal, None, reference, np.hypot(shading.own_deg[0], SURROUNDINGS_DEG))
 
 
 def _with_intensities(

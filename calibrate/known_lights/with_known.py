@@ -24,6 +24,7 @@ from calibrate.lights.directions import mirrored_rays
 from calibrate.lights.highlight import find_spots
 from calibrate.photometry.from_white import intensities_from_white
 from calibrate.photometry.matte_shading import brightness_beside, read_surface, shading_directions
+from calibrate.photometry.table_normal import table_normal
 from calibrate.without_balls.from_object import strengths_from_object
 from calibrate.without_balls.probe import CANDIDATES, read_probe, varied
 from scene.camera import Camera
@@ -98,6 +99,7 @@ def with_known_lights(
             cautions = (str(error),)
         notes.warnings.extend(cautions)
     doubts: list[str | None] = []
+    table = table_normal(camera, [ball.sphere for ball in balls])
     shown = np.full((len(balls), len(frames), 2), np.nan)
     for i, ball in enumerate(balls):
         if ball.sphere.kind == "chrome":
@@ -108,7 +110,7 @@ def with_known_lights(
             notes.evidence.append(f"chrome ball {i + 1} sees the known lights {angle:.2f} degrees off (median)")
         else:
             beside = brightness_beside(ball.frames, ball.sphere)
-            seen, _ = shading_directions(read_surface(ball.frames, camera, ball.sphere), beside)
+            seen, _ = shading_directions(read_surface(ball.frames, camera, ball.sphere, table), beside)
             target = _toward(lights, ball.sphere, ball.sphere.center_mm(camera))
         doubts.append(contradiction(f"{ball.sphere.kind} ball {i + 1}", frames.names, seen, target))
     if not balls:
@@ -141,7 +143,8 @@ def _toward(lights: Lights, sphere: Sphere, points: Array) -> Array:
 
 def _with_intensities(frames: Frames, camera: Camera, balls: list[Ball], lights: Lights, notes: Notes) -> Lights:
     """Read on the white balls, else on the object, the intensities that the lights' file does not have."""
-    surfaces = [read_surface(ball.frames, camera, ball.sphere) for ball in balls if ball.sphere.kind == "white"]
+    white, table = [b for b in balls if b.sphere.kind == "white"], table_normal(camera, [b.sphere for b in balls])
+    surfaces = [read_surface(ball.frames, camera, ball.sphere, table) for ball in white]
     if surfaces:
         lights = intensities_from_white(frames, surfaces, lights, notes)
         notes.evidence.append("intensities from the white ball, read with the known directions: the file has none")

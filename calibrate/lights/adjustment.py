@@ -12,7 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from calibrate.lights.directions import Shading, mean_directions, mirrored_rays, no_shading, ray_meeting, two_across
+from calibrate.lights.directions import (
+    SURROUNDINGS_DEG,
+    Shading,
+    mean_directions,
+    mirrored_rays,
+    no_shading,
+    ray_meeting,
+    two_across,
+)
 from calibrate.silhouette.outline import moved, outline_shift
 from scene.camera import Camera
 from scene.normals import unit
@@ -43,8 +51,9 @@ class ObservedSpots:
 
 
 class Adjustment:
-    """Unknowns: the camera's log focal length and centre; per ball (u, v, radius) and the log of its diameter; per
-    light two tangent components, and the log of the inverse range if near. What is known exactly is left out.
+    """Unknowns: the camera's log focal length and centre; per ball (u, v, radius) and the log of its diameter; what the
+    surroundings add to the white balls' shading (3); per light two tangent components, and the log of the inverse range
+    if near. What is known exactly is left out.
 
     Notes
     -----
@@ -66,16 +75,17 @@ class Adjustment:
         camera_sigma = np.zeros(3) if camera.is_orthographic else known
         diameter_sigma = np.zeros(self.balls) if seen.diameter_sigma is None else seen.diameter_sigma
         self.shifts = [outline_shift(camera, s) if camera_sigma.any() else np.zeros((3, 3)) for s in seen.spheres]
-        # Columns of x: camera, balls, diameters, then the lights.
+        # Columns of x: camera, balls, diameters, the shading's bend, then the lights.
         self.free_camera, self.free_diameters = np.flatnonzero(camera_sigma), np.flatnonzero(diameter_sigma)
         self.first_ball = len(self.free_camera)
         self.first_diameter = self.first_ball + 3 * self.balls
-        self.first_light = self.first_diameter + len(self.free_diameters)
+        self.first_bend = self.first_diameter + len(self.free_diameters)
+        self.first_light = self.first_bend + 3 * self.shaded.any()
         self.per_light = 3 if near else 2
         every, each = np.arange(self.lights), np.arange(self.balls)
-        of_balls = np.concatenate([np.repeat(each, 3), self.free_diameters])
-        nothing = np.full(self.per_light * self.lights, ALL)
-        self.ball_of = np.concatenate([np.full(self.first_ball, ALL), of_balls, nothing]).astype(int)
+        nothing = np.full(self.first_light - self.first_bend + self.per_light * self.lights, ALL)
+        of_all = np.full(self.first_ball, ALL), np.repeat(each, 3), self.free_diameters, nothing
+        self.ball_of = np.concatenate(of_all).astype(int)
         self.light_of = np.concatenate([np.full(self.first_light, ALL), np.repeat(every, self.per_light)]).astype(int)
         typical = self._start_lights()
         # What is small beside the highlights: prior @ (x - middle). |L^-1 d|^2 = d^T C^-1 d whitens the outlines'.
@@ -83,6 +93,7 @@ class Adjustment:
             np.diag(1 / camera_sigma[self.free_camera]),
             *(np.linalg.inv(np.linalg.cholesky(c)) for c in seen.covariances),
             np.diag(1 / diameter_sigma[self.free_diameters]),
+            np.eye(self.first_light - self.first_bend) / np.deg2rad(SURROUNDINGS_DEG),
             *([[[0, 0, 1 / RANGE_PRIOR]]] * self.lights if near else [np.zeros((0, 2 * self.lights))]),
         )
         self.prior = np.asarray(prior, np.float64)
@@ -194,7 +205,8 @@ class Adjustment:
 
     def shading_misses(self, x: Array) -> Array:
         """Return (W, F, 2) sigmas; NaN where a white ball shows too little."""
-        return self.shading.misses(*self.lights_at(x), self.reference)
+        bend = x[self.first_bend : self.first_light]
+        return self.shading.misses(*self.lights_at(x), self.reference, bend if len(bend) else np.zeros(3))
 
     def _misses(self, x: Array) -> Array:
         """Return (S + W, F, 2) sigmas: what highlights and shading miss by."""
@@ -228,7 +240,8 @@ class Adjustment:
         columns = np.arange(len(x))
         balls, lights = columns[self.first_ball : self.first_diameter], columns[self.first_light :]
         groups = [[k] for k in range(self.first_ball)] + [balls[k::3] for k in range(3)]
-        groups += [columns[self.first_diameter : self.first_light]]
+        groups += [columns[self.first_diameter : self.first_bend]]
+        groups += [[k] for k in range(self.first_bend, self.first_light)]
         groups += [lights[k :: self.per_light] for k in range(self.per_light)]
         for group in groups:
             if len(group):

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.lights.directions import toward_camera
+from calibrate.photometry.table_normal import TOWARD_CAMERA
 from scene.camera import Camera
 from scene.frames import Frames, gray
 from scene.robust import MAD, TUKEY, cluster_sums, spread, tukey
@@ -19,7 +20,8 @@ TERMINATOR = 0.1  # cosine to the light under which a large flash is half set be
 FEWEST_PIXELS, FEWEST_SHADED = 40, 20  # that tell a direction, and on which shading is fitted at all
 RINGS, ANGLES = 4, 12  # of the patches
 AROUND, GLARE = (1.1, 2.5), 0.95  # radii about a ball of what lights it from below, and the quantile of its glare
-WHITE = 0.75  # albedo of a white ball, for what its surroundings add to it
+SENT_BACK = 0.5
+"""Of the table's brightness, what a white ball's underside gets: its albedo, and the ball shades the table under it."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +36,11 @@ class MatteSurface:
     center: Array  # (3,)
     radius: float  # the ball's, in the points' unit
     ambient: NDArray[np.float32]  # (P, 3) the ambient frame's light, which was taken off; zero without
+    table: Array  # (3,) the unit normal of the table that it stands on
 
 
-def read_surface(frames: Frames, camera: Camera, sphere: Sphere) -> MatteSurface:
-    """Read the pixels of the ball that face the camera, evenly thinned to `MOST_PIXELS`."""
+def read_surface(frames: Frames, camera: Camera, sphere: Sphere, table: Array = TOWARD_CAMERA) -> MatteSurface:
+    """Read the pixels of the ball that face the camera, evenly thinned to `MOST_PIXELS`; `table` (3,): its normal."""
     rows, columns = np.nonzero(sphere.mask(camera))
     pixels = np.stack([columns, rows], -1)
     normals, points = sphere.normals(camera, pixels)
@@ -48,7 +51,7 @@ def read_surface(frames: Frames, camera: Camera, sphere: Sphere) -> MatteSurface
     count, place = len(frames), (sphere.center_mm(camera), sphere.radius_mm)
     if not len(keep):
         none = np.zeros((count, 0, 3), np.float32)
-        return MatteSurface(points, normals, none, none[..., 0] > 0, np.zeros(0, np.intp), *place, none[0])
+        return MatteSurface(points, normals, none, none[..., 0] > 0, np.zeros(0, np.intp), *place, none[0], table)
     (left, top), (right, bottom) = pixels.min(0), pixels.max(0) + 1
     band, side = slice(int(top), int(bottom)), slice(int(left), int(right))
     at = (pixels[:, 1] - top, pixels[:, 0] - left)
@@ -59,7 +62,7 @@ def read_surface(frames: Frames, camera: Camera, sphere: Sphere) -> MatteSurface
     ring = np.minimum(np.hypot(*offset.T) / sphere.radius_px * RINGS, RINGS - 1).astype(np.intp)
     block = (angle / (2 * np.pi) * ANGLES).astype(np.intp) % ANGLES + ring * ANGLES
     ambient = frames.read(band, [0], columns=side, subtract_ambient=False)[0][at] - values[0]
-    return MatteSurface(points, normals, values, clipped, block, *place, ambient)
+    return MatteSurface(points, normals, values, clipped, block, *place, ambient, table)
 
 
 def brightness_beside(frames: Frames, sphere: Sphere) -> NDArray[np.float32]:
@@ -81,8 +84,8 @@ def brightness_beside(frames: Frames, sphere: Sphere) -> NDArray[np.float32]:
 def shading_directions(surface: MatteSurface, beside: NDArray | None = None) -> tuple[Array, Array]:
     """Return distant directions (F, 3) and their sigma (F,), degrees, from the shading alone; NaN where it is little.
 
-    I = max(0, n.b) + a + w L (1 - n_z) / 2, b's direction is the light's. The last is what a table, as bright as the
-    picture around the ball, L, throws on a ball of albedo w: it would draw b away from the table by some degrees.
+    I = max(0, n.b) + a + w L (1 - n.t) / 2, b's direction is the light's. The last is what a table of normal t, as
+    bright as the picture around the ball, L, throws on it: it would draw b away from the table by some degrees.
     `beside` (F,) is L, of `brightness_beside`; None: there is no table.
     """
     values, normals = surface.values.mean(-1, dtype=np.float64), surface.normals
@@ -90,7 +93,7 @@ def shading_directions(surface: MatteSurface, beside: NDArray | None = None) -> 
     if not len(normals):
         return directions, sigma
     if beside is not None:
-        values = values - WHITE * beside[:, None] * (1 - normals[:, 2]) / 2
+        values = values - SENT_BACK * beside[:, None] * (1 - normals @ surface.table) / 2
     b, use, residual = lambert(values, normals, surface.clipped)
     length = np.linalg.norm(b[:, :3], axis=1)
     for f in np.flatnonzero((use.sum(1) >= FEWEST_PIXELS) & (length > 0)):

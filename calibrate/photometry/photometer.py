@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from calibrate.lights.directions import two_across
 from calibrate.photometry.matte_shading import FEWEST_PIXELS, TERMINATOR, MatteSurface, tukey_weights
 from scene.lights import Lights
 from scene.normals import unit
@@ -168,7 +169,7 @@ def _cut(surface: MatteSurface, lights: Lights) -> _Patches:
     normals, points = (_by_block(surface.block, x, np.ones(len(x)), blocks) for x in (surface.normals, surface.points))
     normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
     weight, shading, values = np.zeros((count, blocks)), np.zeros((count, blocks)), np.zeros((count, blocks, 3))
-    below = (1 - surface.normals[:, 2]) / 2
+    below = (1 - surface.normals @ surface.table) / 2
     toward = lights.toward(surface.points)
     for f in range(count):
         falling = np.sum(surface.normals * toward[f], 1)
@@ -192,24 +193,25 @@ def _cut(surface: MatteSurface, lights: Lights) -> _Patches:
 def _bounce(normals: Array, surface: MatteSurface, lights: Lights) -> Array:
     """Return (F, B), the light of each flash that parts of a ball get from an even, matte, white, endless table.
 
-    The table faces the camera. A part gets sum over the table's patches of E cos cos' dA / (pi d^2). E has the flash's
+    A part gets sum over the table's patches of E cos cos' dA / (pi d^2). E has the flash's
     own cosine and fall-off at the patch, and is zero in the ball's own shadow: the side that faces the flash gets more.
     """
     edges = np.concatenate([[0.0], FIRST_RING * GROWTH ** np.arange(RINGS)])
     middle, area = 0.5 * (edges[1:] + edges[:-1]), np.pi * np.diff(edges**2) / SPOKES
     turn = 2 * np.pi * (np.arange(SPOKES) + 0.5) / SPOKES
     # From the ball's centre, in its radii.
-    ring = np.stack([np.cos(turn), np.sin(turn), 0 * turn], -1)
-    patches = (middle[:, None, None] * ring).reshape(-1, 3) - [0.0, 0.0, 1.0]
+    side, other = two_across(surface.table)
+    ring = np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * other
+    patches = (middle[:, None, None] * ring).reshape(-1, 3) - surface.table
     toward = lights.toward(surface.center + surface.radius * patches)
-    lit = np.maximum(toward[..., 2], 0)
+    lit = np.maximum(toward @ surface.table, 0)
     along = -np.sum(unit(toward) * patches, -1)
     # The ball hides the flash from patches whose ray passes its centre nearer than its radius.
     lit[(along > 0) & (np.sum(patches**2, 1) - along**2 < 1)] = 0
     way = patches - normals[:, None]
     square = np.sum(way**2, -1)
     here = np.maximum(np.sum(way * normals[:, None], -1), 0)
-    return lit @ (here * -way[..., 2] / (np.pi * square**2) * np.repeat(area, SPOKES)).T
+    return lit @ (here * -(way @ surface.table) / (np.pi * square**2) * np.repeat(area, SPOKES)).T
 
 
 def _by_block(block: NDArray[np.intp], values: Array, weight: Array, blocks: int) -> Array:

@@ -10,6 +10,7 @@ from calibrate.calibration import Notes
 from calibrate.photometry.from_white import intensities_from_white
 from calibrate.photometry.matte_shading import read_surface, shading_directions
 from calibrate.photometry.photometer import measure
+from calibrate.photometry.table_normal import TOWARD_CAMERA, table_normal
 from fixtures.ball_scene import Ball, World, distant, flashes, radiance
 from scene.camera import Camera
 from scene.frames import Frames
@@ -55,19 +56,20 @@ def _lights(positions):
 
 
 @pytest.mark.parametrize(
-    ("effects", "tolerance"),
+    ("effects", "table", "tolerance"),
     [
-        ({}, 0.002),
-        ({"ambient": 0.02}, 0.003),
-        ({"gloss": 0.5}, 0.003),
+        ({}, TOWARD_CAMERA, 0.002),
+        ({"ambient": 0.02}, TOWARD_CAMERA, 0.003),
+        ({"gloss": 0.5}, TOWARD_CAMERA, 0.003),
         # The table is taken to face the camera; this one is tilted by 10 degrees.
-        ({"bounce": 0.3}, 0.013),
-        ({"bounce": 0.3, "ambient": 0.01, "gloss": 0.3}, 0.013),
+        ({"bounce": 0.3}, TOWARD_CAMERA, 0.013),
+        ({"bounce": 0.3, "ambient": 0.01, "gloss": 0.3}, TOWARD_CAMERA, 0.013),
+        ({"bounce": 0.3, "ambient": 0.01, "gloss": 0.3}, UP, 0.002),
     ],
-    ids=["plain", "ambient", "gloss", "bounce", "all"],
+    ids=["plain", "ambient", "gloss", "bounce", "all", "slanted table"],
 )
-def test_near_lights_are_measured(effects, tolerance):
-    light = measure(read_surface(_frames(**effects), CAMERA, BALL), _lights(LIGHTS))
+def test_near_lights_are_measured(effects, table, tolerance):
+    light = measure(read_surface(_frames(**effects), CAMERA, BALL, table), _lights(LIGHTS))
     ratio = light.intensities / AT_REFERENCE
     np.testing.assert_allclose(ratio, 1, atol=0.025)
     # Only what varies between frames bends normals.
@@ -128,3 +130,23 @@ def test_shading_alone_gives_the_direction():
     directions, sigma = shading_directions(read_surface(_frames(near=False, ambient=0.02), CAMERA, BALL))
     assert angular_error_deg(directions, DIRECTIONS).max() < 0.3
     assert (sigma < 1).all()
+
+
+@pytest.mark.parametrize("up", [UP, np.array([0.0, 0.6, 0.8])])
+def test_balls_tell_how_the_table_lies(up):
+    """Three of unequal size, seen to 0.2 %; what two do not tell is taken to face the camera."""
+    side = np.cross(up, [1.0, 0.0, 0.0])
+    along = np.array([1.0, 0.0, 0.0]) - up[0] * up
+    feet = np.array([0.0, 0.0, -900.0]) + np.array([-150 * along - 60 * side, 140 * along, 20 * along + 120 * side])
+    radii = np.array([40.0, 25.0, 12.0])
+    balls = [_ball_at(foot + r * up, r) for foot, r in zip(feet, radii, strict=True)]
+    noisy = [replace(b, radius_px=1.002 * b.radius_px, sigma_px=0.002 * b.radius_px) for b in balls[:1]] + balls[1:]
+    assert angular_error_deg(table_normal(CAMERA, balls), up) < 3
+    assert angular_error_deg(table_normal(CAMERA, noisy), up) < 4
+    assert angular_error_deg(table_normal(CAMERA, balls[:2]), up) < angular_error_deg(TOWARD_CAMERA, up) + 0.1
+    np.testing.assert_array_equal(table_normal(CAMERA, balls[:1]), TOWARD_CAMERA)
+    np.testing.assert_array_equal(table_normal(CAMERA, [replace(b, diameter_mm=None) for b in balls]), TOWARD_CAMERA)
+
+
+def _ball_at(center, radius):
+    return Sphere("white", CAMERA.project(center), 900 * radius / -center[2], 2 * radius)
