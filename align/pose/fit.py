@@ -18,6 +18,9 @@ beside the edges; and what of its silhouette and the mask together may not be co
 the object's shadow."""
 BESIDE_DEG = 8.0
 """By how much the scan is turned about each axis, to see what a wrong normal looks like on this material."""
+ALIKE = 0.8
+"""Share of their angle when the scan is turned from which on its normals do not tell how it is turned. Right scans had
+0.7 at most; wrong ones of a scene with five flashes, 9 to 14 degrees off, 0.9 to 1.05."""
 ASKED = 500
 """Pixels, about, whose best normals are looked for."""
 
@@ -49,6 +52,11 @@ class Fit(NamedTuple):
             else min(self.normals_deg / NORMALS_DEG, self.normals_deg / max(self.beside_deg, 1e-9) / OF_BESIDE)
         )
         return max(shading, self.apart / APART, (1 - self.overlap) / OUTSIDE)
+
+    @property
+    def is_alike_turned(self) -> bool:
+        """Whether its normals fit as well when it is turned: those of a ball do, and those of a scan that fits badly."""
+        return self.normals_deg > ALIKE * self.beside_deg
 
     @property
     def words(self) -> str:

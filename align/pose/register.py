@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.cast_shadows import shadow_scale
-from align.pose.fit import OUTSIDE, WORST_MISFIT, fit_of
+from align.pose.fit import BESIDE_DEG, OUTSIDE, WORST_MISFIT, fit_of
 from align.pose.mirror_image import refuse_mirrored
 from align.pose.photographed import FEWEST, Photographs
 from align.pose.scan_scale import check_distance, doubted_lengths, free_scale
@@ -132,6 +132,12 @@ def register(
         )
     if fit.misfit > POOR_MISFIT:
         warnings.append(f"scan: it fits poorly: {fit.words}. Check the silhouette in the report.")
+    if fit.is_alike_turned:
+        warnings.append(
+            f"scan: its shading hardly tells how it is turned: its normals are {fit.normals_deg:.1f} degrees (median) "
+            f"from what the photographs show, and {fit.beside_deg:.1f} when it is turned by {BESIDE_DEG:g} degrees. Is "
+            "it round, or the wrong scan? Look at both in the report's viewer; shoot more flashes."
+        )
     if found.second is not None:
         facts["second_deviations"] = found.deviations
         facts["second_angle_deg"] = (pose.inverse() @ found.second).angle_deg()

@@ -57,6 +57,13 @@ def test_a_ball_is_not_called_mirrored(ask):
     ask(Fit(0.957, 1.2, 1.3, 0.9), Fit(0.961, 1.2, 1.3, 0.2))
 
 
+def test_a_scan_that_fits_as_well_when_it_is_turned_is_not_believed():
+    """Cycles' scene 500, five flashes: scans that were accepted 9 and 14 degrees off; scene 501's right one; a ball."""
+    assert Fit(0.940, 4.3, 4.5, 0.51).is_alike_turned
+    assert Fit(0.957, 1.2, 1.3, 0.2).is_alike_turned
+    assert not Fit(0.919, 4.6, 7.0, 0.21).is_alike_turned
+
+
 def test_normals_tell_the_mirror_image(ask):
     """Real figures, DiLiGenT's cat: a surface of its front, mirrored, has the cat's outline from behind."""
     with pytest.raises(AlignError, match="mirrored only"):
