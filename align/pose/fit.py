@@ -55,7 +55,7 @@ class Fit(NamedTuple):
 
     @property
     def is_alike_turned(self) -> bool:
-        """Whether its normals fit as well when it is turned: those of a ball do, and those of a scan that fits badly."""
+        """Whether its normals fit as well when it is turned: a ball's do, and those of a scan that fits badly."""
         return self.normals_deg > ALIKE * self.beside_deg
 
     @property
