@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from align.pose.full_resolution import FinalEvidence
 from align.pose.photographed import Photographs, longer_side
-from align.pose.scan_scale import FreeScale
 from align.pose.scan_view import View
 from align.pose.shading import ShadedSamples, find_shadows, take_samples
 from scene.lights import Lights
@@ -38,8 +37,31 @@ BESIDE = np.diag([0.03, 0.03, 0.005, 0.01])
 """Steps by which shadows' borders move by about their own width: over them the loss is a parabola."""
 SEEN = 3.0
 """Standard deviations, over the frames, by which shadows must explain the photographs better than none do."""
-LEAST = 0.02
-"""A scale that is off by less gets no word: tables are no planes, and lamps no points."""
+LEAST, DEVIATIONS = 0.02, 4.0
+"""How far from 1 a scale must be, and by how many sigmas, for a word: tables are no planes, and lamps no points."""
+
+
+@dataclass(frozen=True)
+class ScanScale:
+    """By how much larger the scan would have to be."""
+
+    scale: float
+    sigma: float
+    """Relative."""
+
+    @property
+    def warning(self) -> str | None:
+        """What to say of a scale that is not 1; None where it may be."""
+        log = float(np.log(self.scale))
+        if abs(log) < max(LEAST, DEVIATIONS * self.sigma):
+            return None
+        large, small = ("small", "large") if log > 0 else ("large", "small")
+        return (
+            f"scan: by its shadow on the table it is {np.exp(abs(log)):.3f} times too {large} (+- {self.sigma:.1%}). "
+            f"One length is wrong: the scan is too {large} (scan_unit), or diameter_mm of all the balls is too "
+            f"{small}, or the lights' file is in another unit. Lights and distance are wrong until then: measure a "
+            "ball and the object with calipers."
+        )
 
 
 @dataclass(frozen=True)
@@ -152,7 +174,7 @@ class ShadowedTable:
         return float(np.sqrt((moved**2).sum() * len(moved) / max(len(moved) - 4, 1)))
 
 
-def shadow_scale(evidence: FinalEvidence, photographs: Photographs) -> FreeScale | None:
+def shadow_scale(evidence: FinalEvidence, photographs: Photographs) -> ScanScale | None:
     """Return the scale of a scan by its shadow; None where balls of known size, a table or shadows are not seen.
 
     Its sigma has the balls' depths, which are as unsure as their radii in the picture.
@@ -173,4 +195,4 @@ def shadow_scale(evidence: FinalEvidence, photographs: Photographs) -> FreeScale
         return None
     depths = [np.hypot(ball.sigma_px / ball.radius_px, ball.diameter_sigma) for ball in known]
     sigma = np.hypot(table.sigma(found), np.sum(np.maximum(depths, 1e-4) ** -2.0) ** -0.5)
-    return FreeScale(float(np.exp(found[3])), float(sigma), "its shadow on the table", LEAST)
+    return ScanScale(float(np.exp(found[3])), float(sigma))

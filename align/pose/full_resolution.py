@@ -85,9 +85,9 @@ class ObservedObject:
         """Return the light vectors (N, P, 3) at points (P, 3), of intensity 1; anything where the scan is missed."""
         return self.lights.toward(np.where(np.isfinite(points), points, self.lights.reference_point_mm))
 
-    def lit(self, points: Array, scale: float = 1.0) -> Lit:
-        """Return the lights at points (P, 3) of a scan `scale` times as large and as far."""
-        return Lit.of(self.toward(scale * points), -self.rays[1][0])
+    def lit(self, points: Array) -> Lit:
+        """Return the lights at points (P, 3)."""
+        return Lit.of(self.toward(points), -self.rays[1][0])
 
     @property
     def near_px(self) -> float:

@@ -11,7 +11,7 @@ from align.pose.cast_shadows import shadow_scale
 from align.pose.fit import BESIDE_DEG, OUTSIDE, WORST_MISFIT, fit_of
 from align.pose.mirror_image import refuse_mirrored
 from align.pose.photographed import FEWEST, Photographs
-from align.pose.scan_scale import check_distance, doubted_lengths, free_scale
+from align.pose.scan_scale import check_distance, doubted_lengths
 from align.pose.search import FINALISTS, SURE, search
 from align.scan.smooth_normals import smooth_normals
 from scene.errors import AlignError
@@ -40,8 +40,8 @@ class Registration:
     `align.pose.motion.nudge`, for the camera as given; without depth, where an orthographic one does not tell it."""
     evidence: dict[str, float]
     """What `Fit` has, and its misfit; shading (relative residual), rim_points, edge_bias_px,
-    disagreement (of outline and shading: the variance is inflated by it); where shadows or near lights tell it, scale,
-    scale_sigma and shadow_scale (see `shadow_scale`, `free_scale`); of the best pose and the next, where there is one:
+    disagreement (of outline and shading: the variance is inflated by it); where shadows tell it, shadow_scale and
+    scale_sigma (see `shadow_scale`); of the best pose and the next, where there is one:
     second_deviations (see `compare_poses`), second_angle_deg; where the focal length is not known:
     focal_shift_mm."""
     warnings: tuple[str, ...] = ()
@@ -154,17 +154,13 @@ def register(
             "the edges in the photographs all round; expected a fraction of a pixel. Is the scan's unit, or the "
             "camera's focal length, a little off?"
         )
-    shadow = shadow_scale(evidence, photographs)
-    if shadow:
-        facts["shadow_scale"] = shadow.scale
-    if told := [free for free in (shadow, free_scale(evidence)) if free]:
-        free = min(told, key=lambda free: free.sigma)
-        facts["scale"], facts["scale_sigma"] = free.scale, free.sigma
+    if shadow := shadow_scale(evidence, photographs):
+        facts["shadow_scale"], facts["scale_sigma"] = shadow.scale, shadow.sigma
         doubted = doubted_lengths(photographs, distance)
         # What surroundings may send back can make up for lights that are far off, but not for both.
-        if free.warning and doubted:
-            raise AlignError(free.warning + doubted)
-        warnings += [free.warning] if free.warning else []
+        if shadow.warning and doubted:
+            raise AlignError(shadow.warning + doubted)
+        warnings += [shadow.warning] if shadow.warning else []
     if photographs.camera.focal_sigma and not photographs.camera.is_orthographic:
         facts["focal_shift_mm"] = photographs.camera.focal_sigma * distance
     found = Registration(pose, evidence.edges.residual_px, evidence.covariance(), facts)

@@ -1,18 +1,16 @@
-"""The scale of a scan: whether the one that a finished registration was given is right, or what it is.
+"""The scale of a scan: whether the one that is given may be right, or what it is where none is.
 
-The picture does not tell it, as a larger object farther away looks the same. But near lights reach it otherwise there,
-and where they stand is known in the millimetres of the balls' diameters.
+The picture does not tell it, as a larger object farther away looks the same. But the lights stand in the millimetres of
+the balls' diameters.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.appearance import LEAST_LOSS, Appearance, albedo_of
-from align.pose.full_resolution import LOOKED, FinalEvidence
 from align.pose.photographed import Photographs
 from scene.errors import AlignError
 from scene.mesh import Mesh
@@ -20,78 +18,10 @@ from scene.pose import Pose
 
 Array = NDArray[np.float64]
 
-TRIED = np.linspace(-0.8, 0.8, 33)
-"""Logarithms of the scales that are tried."""
-SUSPICIOUS, DEVIATIONS = 0.04, 4.0
-"""How far from 1 a scale must be, and by how many of its sigmas, for a word. Sound sessions: 0.97 to 1.07."""
 DOUBTED = 1.5
 """Ratio of the scan's distance to the balls' from which lengths are doubted where the scan does not fit."""
 UNITS = {10.0: "cm and mm", 25.4: "inch and mm", 1000.0: "m and mm", 100.0: "m and cm", 2.54: "inch and cm"}
 """Between two units of length: the ratio of each pair that people exchange."""
-
-
-@dataclass(frozen=True)
-class FreeScale:
-    """By how much larger the scan would have to be to look best."""
-
-    scale: float
-    sigma: float
-    """Relative."""
-    witness: str
-    """What looks best then."""
-    least: float
-    """How far from 1 the scale must be for a word."""
-
-    @property
-    def warning(self) -> str | None:
-        """What to say of a scale that is not 1; None where it may be."""
-        log = float(np.log(self.scale))
-        if abs(log) < max(self.least, DEVIATIONS * self.sigma):
-            return None
-        large, small = ("small", "large") if log > 0 else ("large", "small")
-        return (
-            f"scan: by {self.witness} it is {np.exp(abs(log)):.3f} times too {large} (+- {self.sigma:.1%}). One length "
-            f"is wrong: the scan is too {large} (scan_unit), or diameter_mm of all the balls is too {small}, or the "
-            "lights' file is in another unit. Lights and distance are wrong until then: measure a ball and the object "
-            "with calipers."
-        )
-
-
-def free_scale(evidence: FinalEvidence) -> FreeScale | None:
-    """Return the scale of a scan under near lights, None where nothing tells it: distant lights.
-
-    The lights' vectors at a point p of a scan s times as large are those at s p, and the picture stays. Scales are
-    tried (`TRIED`), the appearance fitted anew under each: held, it would keep to the scale that it was fitted at.
-    The sigma is the jackknife's over the photographs [Efron1981]: what errs are the places of the lights.
-    """
-    lights = evidence.seen.lights
-    if lights.positions_mm is None or evidence.seen.camera.is_orthographic or not evidence.used.any():
-        return None
-    costs = np.stack([_frame_costs(evidence, float(np.exp(log))) for log in TRIED])
-    every = costs.sum(1)
-    without = [_lowest(every - one) for one in costs.T]
-    sigma = np.sqrt((len(without) - 1) * np.var(without))
-    return FreeScale(float(np.exp(_lowest(every))), float(sigma), "its shading under these lights", SUSPICIOUS)
-
-
-def _frame_costs(evidence: FinalEvidence, scale: float) -> Array:
-    """Return (N,), how badly each photograph is explained by a scan `scale` times as large and as far."""
-    (points, normals), samples = evidence.surface, evidence.seen.samples
-    some = np.arange(0, len(points), max(1, len(points) // LOOKED))
-    used, lit = evidence.used[:, some], evidence.seen.lit(points, scale).only(some)
-    values = np.where(used, samples.values[:, some], 0) / samples.scale[some]
-    shown = Appearance.of(values, used, normals[some], lit).predict(lit, normals[some])
-    albedo = albedo_of(values, used, shown, LEAST_LOSS)[0]
-    square = (np.where(used, values - albedo * shown, 0) / LEAST_LOSS) ** 2
-    return (square / (1 + square)).sum(1)
-
-
-def _lowest(costs: Array) -> float:
-    """Return where the costs at `TRIED` are lowest, by a parabola through the lowest and its neighbours."""
-    lowest = int(np.clip(np.argmin(costs), 1, len(costs) - 2))
-    near = slice(lowest - 1, lowest + 2)
-    curve = np.polyfit(TRIED[near], costs[near], 2)
-    return float(np.clip(-curve[1] / (2 * curve[0]), TRIED[0], TRIED[-1]))
 
 
 def register_unknown_scale(
