@@ -16,6 +16,7 @@ from capture.photographs.images import read_image
 from capture.photographs.raw import read_raw
 from scene.errors import CaptureError
 from scene.frames import PEDESTAL, WHITE, decode
+from tests.capture.conftest import mosaic_of, write_dng_file
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/file-formats.md").read_text()
 ROWS = [
@@ -378,16 +379,8 @@ def exr_refused(folder):
         yield exr_body(folder / "a.exr", exr_head(channels), chunks), said
 
 
-UNIT = tuple(v for x in np.eye(3).ravel() for v in (int(x * 10000), 10000))
-VERSION = [(50706, 1, 4, b"\x01\x07\x00\x00", True), (50708, 2, 0, "Test One", True)]
-VERSION += [(50721, 10, 9, UNIT, True), (50728, 5, 3, (1,) * 6, True)]
-BAYER = [(33421, 3, 2, (2, 2), True), (33422, 1, 4, b"\0\1\1\2", True)]
-
-
 def dng(folder, values, white, more=(), **how):
-    tags = [*VERSION, *(BAYER if values.ndim == 2 else []), (50717, 4, 1, white, True), *more]
-    kind_of_picture = {2: "cfa", 3: "linear_raw"}[values.ndim]
-    return tiff(folder, values, photometric=kind_of_picture, extratags=tags, **how).rename(folder / "a.dng")
+    return write_dng_file(folder / "a.dng", values, black=None, white=white, more=more, **how)
 
 
 def flat_scene(size=(HEIGHT, WIDTH)):
@@ -396,9 +389,7 @@ def flat_scene(size=(HEIGHT, WIDTH)):
 
 
 def mosaic(linear):
-    out = linear[..., 1].copy()
-    out[::2, ::2], out[1::2, 1::2] = linear[::2, ::2, 0], linear[1::2, 1::2, 2]
-    return out
+    return mosaic_of(linear, white=None)
 
 
 @kind("DNG", "floating point; deflate, JPEG XL; a mosaic or every colour at every pixel")
@@ -413,6 +404,7 @@ def dng_read(folder):
     bright = FLOAT.copy()
     bright[3:6, 3:6] = 7
     yield dng(folder, bright, 1), np.minimum(bright, 1)
+    yield dng(folder, U16, 65535), AS_U16
     for packing in (8, 52546):
         code = (mosaic(flat) * 16000 + 383).round().astype("u2")
         black = [(50714, 3, 1, 383, True)]

@@ -12,10 +12,7 @@ from capture.session.session_types import SphereSpec
 from scene.errors import SessionError
 from scene.files import write_png
 from scene.store import Store
-
-
-def linear_png(path, image):
-    write_png(path, (np.clip(image, 0, 1) * 65535).round().astype(np.uint16))
+from tests.capture.conftest import linear_png
 
 
 @pytest.fixture
