@@ -17,10 +17,8 @@ from tests.twin.twin_scenes import placed
 from twin.description.description import Environment, Sampling, TwinObject, TwinScene
 from twin.description.materials import Diffuse, RoughPlastic
 from twin.description.object_mesh import ObjectMesh, built_in
-from twin.engines.film import Film
 from twin.engines.many import Many
 from twin.engines.mitsuba_scene import mitsuba_scene
-from twin.engines.path_tracing import PathTracer
 from twin.engines.render import render_scene
 from twin.engines.variant import SLOW, import_mitsuba, pick_variant
 from twin.material.fit_material import fit_material
@@ -140,30 +138,9 @@ def test_too_few_pixels_are_named():
 
 @pytest.mark.full
 @pytest.mark.render
-@pytest.mark.parametrize("roughness", [0.2, 0.4])
-def test_the_facets_of_a_ball_that_stock_mitsuba_rendered_are_found(roughness):
-    """And they go along into the twin, whose material is that of the object."""
-    lights, camera = dome(12), Camera(72, 64, 170.0, 170.0, 35.3, 31.8)
-    one = placed("ball", "sphere", "plastic", 25.0, (0, 0, 100))
-    true = RoughPlastic((0.5, 0.3, 0.2), roughness, 0.6)
-    scene = TwinScene(camera, (one,), {"plastic": true}, lights, sampling=Sampling("mitsuba", max_depth=2))
-    tracer = PathTracer(scene, Film.of_pinhole(camera, slice(0, camera.height), slice(0, camera.width)))
-    images = np.stack([tracer.image(index, 64, seed=10_032) for index in range(len(lights))])
-    frames, mask = Frames.from_linear(lights.names, images), images.max((0, -1)) > 0
-    sight = Sight(Mesh(one.placed.vertices, one.placed.faces), camera, lights)
-    fit = fit_material(samples_of_scan(sight, frames, mask), lights)
-    assert abs(fit.surface.roughness / roughness - 1) < 0.03
-    assert abs(fit.specularity / 0.6 - 1) < 0.03
-    albedo = np.where(mask[..., None], np.full(3, 0.2, np.float32), np.float32(np.nan))
-    (made_of,) = scan_scene(sight, albedo, Sampling(), fit=fit)[0].materials.values()
-    assert isinstance(made_of, RoughPlastic)
-    assert made_of.roughness == fit.surface.roughness
-
-
-@pytest.mark.full
-@pytest.mark.render
 @pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here")
 def test_a_rendered_ball_tells_its_material_and_its_shadow_does_not_count():
+    """And its facets go along into the twin, whose material is that of the object."""
     import_mitsuba()
     lights, camera = dome(12), Camera(120, 100, 260.0, 260.0, 59.3, 50.8)
     objects = (placed("large", "sphere", "plastic", 25.0, (0, 0, 100)),
@@ -184,6 +161,9 @@ def test_a_rendered_ball_tells_its_material_and_its_shadow_does_not_count():
     assert len(albedo) > 0.5 * mask.sum()
     np.testing.assert_allclose(np.median(albedo, 0), WHITE * [0.5, 0.3, 0.2], rtol=0.02)
     assert 0 < whole.onward_share < 0.1
+    (made_of,) = scan_scene(sight, whole.albedo, Sampling(), fit=fit)[0].materials.values()
+    assert isinstance(made_of, RoughPlastic)
+    assert made_of.roughness == fit.surface.roughness
 
 
 CAMERA = Camera(80, 80, 240.0, 240.0, 39.5, 39.5)
