@@ -16,6 +16,7 @@ from scene.camera import Camera
 from scene.errors import RenderError
 from scene.store import Store
 from tests.twin.twin_scenes import lights, placed
+from twin.camera.virtual_camera import Sensor
 from twin.description.description import Environment, TwinScene
 from twin.description.description_check import check_scene
 from twin.description.description_file import TABLES, keys_of, read_document, read_scene, write_document
@@ -41,6 +42,7 @@ fx = 100.0
 """
 BALL = '[[objects]]\nshape = "sphere"\nscale = 40\ntranslate_mm = [-10, 0, -300]\nmaterial = "m"\n'
 MATTE = '[materials.m]\nkind = "diffuse"\nreflectance = 0.5\n'
+SENSOR = 'files = "exr"\nsensor = { iso = 800, vignetting = [-0.3, 0, 0], neutral = [1, 1, 1] }\n'
 LIGHT = '[[lights]]\nkind = "distant"\ndirection = [0, 0, 1]\n'
 WHOLE = f"{HEAD}{BALL}{MATTE}{LIGHT}"
 
@@ -273,13 +275,15 @@ def test_what_is_written_is_read_again_as_it_was(tmp_path):
         GridTable(rings=2, around=3, distance_mm=200.0),
         AreaLight(name="key", position_mm=(1.0, 2.0, 3.0), radius_mm=7.5),
     )
-    (tmp_path / "a.toml").write_text(HEAD + "sensor = { iso = 800 }\n" + BALL + MATTE + LIGHT)
+    (tmp_path / "a.toml").write_text(HEAD + SENSOR + BALL + MATTE + LIGHT)
     update = {"objects": objects, "materials": materials, "lights": groups, "name": 'with "quotes"',
               "environment": Environment(texture(4, 8, 3, wrap="repeat"), 0.7, 33.0, (0.1, 0.2, 0.3))}  # fmt: skip
     given = read_document(tmp_path / "a.toml").model_copy(update=update)
     path = write_document(given, tmp_path / "copy")
     again = read_document(path)
     assert write_document(again, tmp_path / "third").read_text() == path.read_text()
+    assert again.scene().sensor == Sensor(iso=800, vignetting=(-0.3, 0, 0), neutral=(1, 1, 1))
+    assert again.scene().files == "exr"
     assert again.materials["measured"] == Measured(tmp_path / "copy" / "files" / "gold.bsdf")
     assert len(list((tmp_path / "copy" / "textures").iterdir())) == 5, "two of one name"
     for one, two, but in ((given, again, {"objects"}), (given.scene(), again.scene(), set())):

@@ -13,14 +13,14 @@ from scene.frames import Frames
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg
 from scene.spheres import WHITE_BALL_ALBEDO
-from tests.twin.twin_scenes import placed
+from tests.twin.twin_scenes import NEEDS_LLVM, placed
 from twin.description.description import Environment, Sampling, TwinObject, TwinScene
 from twin.description.materials import Diffuse, RoughPlastic
 from twin.description.object_mesh import ObjectMesh, built_in
 from twin.engines.many import Many
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.render import render_scene
-from twin.engines.variant import SLOW, import_mitsuba, pick_variant
+from twin.engines.variant import import_mitsuba
 from twin.material.fit_material import fit_material
 from twin.material.material_samples import samples_of_scan
 from twin.material.measured_albedo import textured_surface
@@ -138,7 +138,7 @@ def test_too_few_pixels_are_named():
 
 @pytest.mark.full
 @pytest.mark.render
-@pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here")
+@NEEDS_LLVM
 def test_a_rendered_ball_tells_its_material_and_its_shadow_does_not_count():
     """And its facets go along into the twin, whose material is that of the object."""
     import_mitsuba()
@@ -182,7 +182,7 @@ def bowl(half: float = 30.0, pieces: int = 48) -> Mesh:
 
 @pytest.mark.render
 @pytest.mark.full
-@pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here")
+@NEEDS_LLVM
 def test_light_that_a_hollow_throws_on_itself_is_not_taken_for_albedo() -> None:
     """It was: the twin then had it twice, and was too bright in every hollow."""
     lights, mesh = dome(12), bowl()
@@ -204,7 +204,7 @@ def test_light_that_a_hollow_throws_on_itself_is_not_taken_for_albedo() -> None:
 
 @pytest.mark.render
 @pytest.mark.full
-@pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here")
+@NEEDS_LLVM
 @pytest.mark.parametrize("share", [0.15, 0.5])
 def test_the_rooms_light_is_in_the_twin_and_not_in_the_albedo(share: float) -> None:
     """It was in the albedo alone: photographs under 40 % of room light were 10 degrees worse than their twin."""

@@ -16,14 +16,13 @@ from scene.mesh import Mesh
 from scene.pose import Pose
 from scene.store import Store
 from tests.twin import twin_scenes
+from tests.twin.twin_scenes import NEEDS_LLVM
 from twin.description.description import Sampling
 from twin.engines.render import render_scene
-from twin.engines.variant import SLOW, pick_variant
 from twin.scan_scene import scan_scene
 from twin.visibility import Sight
 
 pytestmark = pytest.mark.render
-NEEDS_LLVM = pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here")
 
 CAMERA = Camera(96, 80, 150.0, 150.0, 53.4, 35.2)
 CENTER = np.array([-4.0, -6.0, -300.0])

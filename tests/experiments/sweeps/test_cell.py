@@ -12,13 +12,10 @@ from experiments.solids import FIELDS, slope, solid
 from experiments.stagings import SOLVERS
 from experiments.sweeps.cell import run_cell
 from scene.normals import angular_error_deg
+from tests.twin.twin_scenes import NEEDS_LLVM
 from twin.description.object_mesh import smooth
-from twin.engines.variant import SLOW, pick_variant
 
-pytestmark = [
-    pytest.mark.render,
-    pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here"),
-]
+pytestmark = [pytest.mark.render, NEEDS_LLVM]
 CELL = Cell("ambient", 0, 0.0, Recipe(side=64, count=16), tuple(SOLVERS))
 
 
