@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from compare.compare import compare
-from compare.report.facts import all_warnings
 from compare.report.report import write_report
 from fixtures.lit_surfaces import lights_along, spiral
 from scene.camera import Camera
@@ -100,10 +99,6 @@ def assert_self_contained(page: Page) -> None:
     assert "http" not in policy
 
 
-def test_nothing_is_fetched(page):
-    assert_self_contained(page)
-
-
 def test_every_number_on_the_page_is_in_the_summary(page, session, tmp_path):
     write_json(tmp_path / "summary.json", session.summary)
     known = leaves(json.loads((tmp_path / "summary.json").read_text()))
@@ -177,17 +172,6 @@ def test_the_first_screen_says_where_files_for_other_programs_are_if_there_are_a
     older = {key: part for key, part in session.summary.items() if key != "results"}
     store = Store(shutil.copytree(session.store.folder, tmp_path / "older"))
     assert "in results/" not in Page(write_report(store, older)).texts["verdict"]
-
-
-def test_every_warning_is_shown_with_its_step_and_counted(page):
-    text = page.texts["warnings"]
-    assert "check flash_012: 2.1 % of the object is clipped" in text
-    assert "calibrate ball 2: <b>no highlight</b> in flash_012" in text
-    assert "solve iterative: 3 pixels see fewer than four lit samples" in text
-    assert "3 warnings" in page.texts["verdict"]
-    # Whether the run's list has it or its step's own, once.
-    listed = {"warnings": [{"step": "twin", "text": "twin: fell back"}], "twin": {"warnings": ["fell back"]}}
-    assert all_warnings(listed) == [("twin", "fell back")]
 
 
 def test_chapters_lead_to_sections_that_exist(page):

@@ -9,7 +9,6 @@ from benchmarks.virtual_lab import (
     CENTRE_MM,
     SPHERE_MM,
     Setup,
-    _mirrors,
     lab_scene,
     object_maps,
 )
@@ -43,32 +42,6 @@ def test_a_scan_has_the_objects_shape_in_axes_of_its_own():
     assert len(normals) == 2
     edges = np.linalg.norm(np.diff(card.vertices[card.faces[:, [0, 1, 2, 0]]], axis=1), axis=2)
     assert edges.max() <= 3.0
-
-
-@pytest.mark.full
-@pytest.mark.render
-def test_a_flash_shows_in_a_mirror_where_geometry_has_it():
-    """Its image is smaller than a pixel: each pixel has the share of it that the law of reflection puts there."""
-    scene = lab_scene(Setup(ring_deg=60.0, frames=2, seed=10001))
-    draw, count = np.random.default_rng(1), 20_000
-    around, out = 2 * np.pi * draw.random(count), np.sqrt(draw.random(count))
-    balls = [(radius, np.array(center)) for kind, radius, center in BALLS if kind == "chrome"]
-    for (rows, columns, shown, images), (radius, center) in zip(_mirrors(scene), balls, strict=True):
-        for image, flash, size in zip(images, scene.lights.positions_mm, scene.radii_mm, strict=True):
-            axis = unit((CENTRE_MM - flash)[None])[0]
-            side = unit(np.cross(axis, [0.0, 1.0, 0.0])[None])[0]
-            disc = np.stack([np.cos(around), np.sin(around)], -1) @ np.stack([side, np.cross(axis, side)])
-            lamps = flash + size * out[:, None] * disc
-            # Where the normal halves the angle between eye and lamp: by iteration, from the ball's centre on.
-            points = np.broadcast_to(center, lamps.shape)
-            for _ in range(60):
-                points = center + radius * unit(unit(-points) + unit(lamps - points))
-            pixels = np.round(CAMERA.project(points)).astype(int) - [columns.start, rows.start]
-            expected = np.zeros(shown.shape)
-            np.add.at(expected, (pixels[:, 1], pixels[:, 0]), 1 / count)
-            # What is no flash is darker than a white surface before it.
-            bright = np.clip(np.where(shown, image.mean(-1), 0) - 1, 0, None)
-            assert np.abs(bright / bright.sum() - expected).sum() / 2 < 0.05
 
 
 @pytest.mark.full

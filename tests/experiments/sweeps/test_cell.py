@@ -19,29 +19,18 @@ pytestmark = [pytest.mark.render, NEEDS_LLVM]
 CELL = Cell("ambient", 0, 0.0, Recipe(side=64, count=16), tuple(SOLVERS))
 
 
-@pytest.fixture(scope="module")
-def found():
-    return run_cell(CELL)
-
-
-def test_every_method_and_profile_has_a_row(found):
-    names = [(row["solver"], row["profile"]) for row in found["rows"]]
+def test_every_method_and_profile_has_a_row_and_the_same_again():
+    rows = run_cell(CELL)["rows"]
+    names = [(row["solver"], row["profile"]) for row in rows]
     assert names == [(method, profile) for method in SOLVERS for profile in ("default", "seed")]
-    assert [row["status"] for row in found["rows"]] == ["ok"] * 14
-    for row in found["rows"]:
+    assert [row["status"] for row in rows] == ["ok"] * 14
+    for row in rows:
         assert row["min_deg"] <= row["median_deg"] <= row["max_deg"]
         assert 0 <= row["unanswered"] < 0.05
-
-
-def test_least_squares_finds_a_matte_pear(found):
-    row = found["rows"][0]
-    assert row["solver"] == "ls"
-    assert row["median_deg"] < 0.1
-    assert row["albedo_error_percent"] < 2
-
-
-def test_the_same_cell_gives_the_same_rows(found):
-    assert run_cell(CELL)["rows"] == found["rows"]
+    assert rows[0]["solver"] == "ls"
+    assert rows[0]["median_deg"] < 0.1, "the pear is matte"
+    assert rows[0]["albedo_error_percent"] < 2
+    assert run_cell(CELL)["rows"] == rows
 
 
 @pytest.mark.full
