@@ -181,6 +181,8 @@ def test_all_faults_at_once(folder):
         (FLASH + "linear = true\ngamma = 2.2", ["frames.gamma", "Keep one"]),
         ('[frames]\nflash = "[af]*"', ["1 .dng and 3 .png"]),
         (FLASH + 'ambient = "*.dng"', ["of another kind"]),
+        (FLASH + 'chart = "c.dng"', ["frames.chart: there is no file"]),
+        (FLASH + '[[spheres]]\nkind = "chrome"\nreflectance = 0.9', ["reflectance: found with a mirror"]),
         ('[frames]\nflash = "a.dng"\nlinear = false', ["linear by themselves"]),
         (FLASH + 'skip = ["flash_2", "flash_9", "flash_10"]', ["leaves none"]),
         (FLASH + '[camera]\ncharuco = "ball_*.png"', ["camera.board: missing"]),
