@@ -105,12 +105,11 @@ def linear_png(path, image):
 def picture_session(tmp_path):
     """Write linear pictures (F, H, W, 3) as 16-bit PNG with a session.toml; return the folder."""
 
-    def write(images, *, more="", names=None, table="linear = true", ambient=None):
+    def write(images, *, more="", table="linear = true", ambient=None):
         folder = tmp_path / "session"
         folder.mkdir(exist_ok=True)
-        names = names or [f"flash_{i:03d}" for i in range(len(images))]
-        for name, image in zip(names, images, strict=True):
-            linear_png(folder / f"{name}.png", image)
+        for i, image in enumerate(images):
+            linear_png(folder / f"flash_{i:03d}.png", image)
         if ambient is not None:
             linear_png(folder / "ambient.png", ambient)
             table += '\nambient = "ambient.png"'

@@ -195,6 +195,7 @@ def test_what_cannot_be_rendered_is_named(change, message):
         check_scene(TwinScene(camera, (ball,), {"m": material}, given))
 
 
+CFA = "fx = 100.0\n[camera.sensor]\n"
 HUGE = "matrix = [[1e6,0,0,0],[0,1e6,0,0],[0,0,1e6,0],[0,0,0,1]]\ntranslate_mm = [-10, 0, -3e5]"
 
 
@@ -215,6 +216,13 @@ HUGE = "matrix = [[1e6,0,0,0],[0,1e6,0,0],[0,0,1e6,0],[0,0,0,1]]\ntranslate_mm =
         ("width = 64\nheight = 48", "width = 20000\nheight = 20000", "expected 100000000 pixels at most, width"),
         ("width = 64", "width = 90000000000", "camera.width"),
         ("fx = 100.0", "fx = inf", "camera.fx: found inf; expected a finite number"),
+        ("fx = 100.0", f"{CFA}gain = 3", "camera.sensor.gain: unknown key"),
+        ("fx = 100.0", f"{CFA}vignetting = [-2, 0, 0]", "leaves no light"),
+        ("fx = 100.0", f"{CFA}black_level = 600\nwhite_level = 500", "black_level 600"),
+        ("fx = 100.0", f"{CFA}read_noise_e = -1", "read_noise_e: found -1"),
+        ("fx = 100.0", f"{CFA}neutral = [0, 1, 1]", "neutral[0]: found 0"),
+        ("fx = 100.0", f'{CFA}cfa = "RGBW"', "cfa: found 'RGBW'; expected 'RGGB'"),
+        ("fx = 100.0", f'files = "dng"\n{CFA}cfa = "none"', "wants [camera.sensor] with a Bayer pattern"),
         ("fx = 100.0", "fx = 9\ndistortion = 3", "camera.distortion: found 3; expected a list between [ and ]."),
         ("[0, 0, 1]", "[0, nan, 1]", "direction[1]: found nan"),
         (WHOLE, "a = " + "[" * 50_000, "a.toml: not TOML"),

@@ -13,11 +13,9 @@ from capture.photographs.raw import read_raw
 from scene.errors import RenderError, SceneError
 from scene.frames import Frames, decode
 from scene.store import Store
-from tests.twin.test_description import BALL, HEAD, LIGHT, MATTE
 from twin.camera.grain import sensor_like
 from twin.camera.virtual_camera import CFA_PATTERNS, Sensor, expose, write_dng
 from twin.camera.virtual_photograph import developed, write_photograph
-from twin.description.description_file import read_scene
 
 SILENT = {"full_well_e": 1e13, "read_noise_e": 0.0, "blur_px": 0.0}
 SHOT = {"exposure_s": 1 / 125, "iso": 100, "aperture": 8.0, "focal_mm": 18.0,
@@ -138,24 +136,6 @@ def test_what_cannot_be_photographed_is_named(tmp_path):
     with pytest.raises(SceneError, match="cannot be written"):
         write_dng(tmp_path / "file" / "a.dng", np.zeros((4, 4), np.uint16), Sensor(), **SHOT)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
-
-
-@pytest.mark.parametrize(
-    ("camera", "sensor", "message"),
-    [
-        ("", "gain = 3", "camera.sensor.gain: unknown key"),
-        ("", "vignetting = [-2, 0, 0]", "leaves no light"),
-        ("", "black_level = 600\nwhite_level = 500", "black_level 600"),
-        ("", "read_noise_e = -1", "read_noise_e: found -1"),
-        ("", "neutral = [0, 1, 1]", "neutral\\[0\\]: found 0"),
-        ("", 'cfa = "RGBW"', "cfa: found 'RGBW'; expected 'RGGB'"),
-        ('files = "dng"', 'cfa = "none"', "wants .camera.sensor. with a Bayer pattern"),
-    ],
-)
-def test_what_no_camera_can_do_is_named(camera, sensor, message, tmp_path):
-    (tmp_path / "a.toml").write_text(f"{HEAD}{camera}\n[camera.sensor]\n{sensor}\n{BALL}{MATTE}{LIGHT}")
-    with pytest.raises(RenderError, match=message):
-        read_scene(tmp_path / "a.toml")
 
 
 @pytest.mark.parametrize(("full_well_e", "read_noise_e"), [(45000, 5), (2000, 2), (20000, 30)])
