@@ -80,7 +80,7 @@ def test_lights_without_positions_get_them_from_the_object():
     points, normals, mask = ball(camera)
     lights = lights_at(600.0, [15.0, -10.0, -560.0])
     frames = photographs(points, normals, mask, lights)
-    far = Lights(lights.names, lights.directions, lights.intensities)
+    far = directions_only(lights)
     near, plain = (solve(method, frames, far, camera, mask) for method in ("near", "iterative"))
     assert any("without positions" in text for text in near.warnings)
     error, before = (np.nanmedian(angular_error_deg(found.normals, normals)[mask]) for found in (near, plain))
