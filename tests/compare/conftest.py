@@ -1,5 +1,7 @@
 """An output folder as the steps leave it, made from closed forms: a bumpy ball, three calibration balls, 12 lights."""
 
+import copy
+import shutil
 from dataclasses import dataclass
 from typing import Any
 
@@ -173,3 +175,9 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
     }  # fmt: skip
     summary["compare"] = compare(store)
     return Session(store, summary)
+
+
+@pytest.fixture
+def copied(session, tmp_path):
+    """A copy of the folder and of the summary, to be changed."""
+    return Store(shutil.copytree(session.store.folder, tmp_path / "out")), copy.deepcopy(session.summary)

@@ -1,6 +1,5 @@
 """report.pdf: two pages that hold the words and numbers of report.html, whatever a session lacks or is called."""
 
-import copy
 import hashlib
 import json
 import re
@@ -16,7 +15,6 @@ from compare.report.report import write_report
 from compare.report.verdict import verdict
 from lab.options import Settings
 from lab.run import run_session
-from scene.store import Store
 from tests.lab.test_foreign_files import make_session
 
 DIGESTS = {"object.ply": "0123456789abcdef" * 4, "normals/ls.npy": "f" * 64, "lights.json": None}
@@ -36,11 +34,11 @@ def text_of(path):
 
 
 @pytest.fixture
-def printed(session, tmp_path):
+def printed(copied):
     """Return what writes both reports of a changed summary, and gives pages and text of the PDF and of the page."""
 
     def write(change=lambda store, summary: None, digests=DIGESTS):
-        store, summary = Store(shutil.copytree(session.store.folder, tmp_path / "out")), copy.deepcopy(session.summary)
+        store, summary = copied
         change(store, summary)
         page = plain(write_report(store, summary, digests).read_text("utf-8"))
         count, text = text_of(store.path("report.pdf"))
