@@ -29,17 +29,8 @@ def listed(found):
 def test_names_tell_roles(tmp_path):
     tmp_path /= "dark_ambient_chrome"  # The folder's own name says nothing.
     lay(tmp_path, *(f"raw/flash_{n}.dng" for n in (1, 2, 10)), "raw/no_flash.dng", "dark/1.dng", "FlatField.dng")
-    lay(
-        tmp_path,
-        "charuco/a.dng",
-        "scan/penguin.ply",
-        "mask.png",
-        "lights.lp",
-        "Normal_gt.mat",
-        "result/normals.npy",
-        "notes.txt",
-        ".hidden.dng",
-    )
+    more = "charuco/a.dng scan/penguin.ply mask.png lights.lp Normal_gt.mat result/normals.npy notes.txt .hidden.dng"
+    lay(tmp_path, *more.split())
     (found,) = survey(tmp_path)
     assert listed(found) == {
         "flash": ["raw/flash_1.dng", "raw/flash_2.dng", "raw/flash_10.dng"],

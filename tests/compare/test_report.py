@@ -251,20 +251,15 @@ def test_many_methods_stay_readable(crowd):
 def test_the_four_ways_are_told_of_ambiguous_methods_and_only_raw_is_in_the_errors(crowd):
     store, summary = crowd
     methods = summary["compare"]["methods"]
-    assert {name for name in methods if "real_four_ways" in methods[name]} == {
-        "rpca",
-        "ldr",
-        "entropy",
-        "tv",
-        "Learned",
-    }
-    for name in ("rpca", "ldr", "entropy", "tv", "Learned"):
+    ambiguous = ("rpca", "ldr", "entropy", "tv", "Learned")
+    assert {name for name in methods if "real_four_ways" in methods[name]} == set(ambiguous)
+    for name in ambiguous:
         ways = methods[name]["real_four_ways"]
         assert ways["raw_deg"] == pytest.approx(methods[name]["real"]["mean_deg"], rel=1e-3)
         assert ways["oracle_linear_deg"] < ways["raw_deg"] - 0.5, "a common turn is linear"
     text = Page(write_report(store, summary)).texts["statistics"]
     part = text[text.index("What their ambiguity costs") :]
-    for name in ("rpca", "ldr", "entropy", "tv", "Learned"):
+    for name in ambiguous:
         ways = methods[name]["twin_four_ways"]
         keys = ("raw_deg", "best_sign_deg", "oracle_relief_deg", "oracle_linear_deg")
         assert f"{name} twin{''.join(f'{ways[key]:.2f}' for key in keys)}right" in part
