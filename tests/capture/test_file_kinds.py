@@ -207,9 +207,8 @@ def colours(folder):
         yield tiff(folder, U8, photometric=name), said
     filters = [(33421, 3, 2, (2, 2), True), (33422, 1, 4, b"\0\1\1\2", True)]
     yield tiff(folder, U16[..., 0].copy(), photometric="cfa", extratags=filters), f"{said} CFA"
-    assert cv2.imwrite(
-        str(folder / "a.tif"), FLOAT, [cv2.IMWRITE_TIFF_COMPRESSION, cv2.IMWRITE_TIFF_COMPRESSION_SGILOG]
-    )
+    luv = [cv2.IMWRITE_TIFF_COMPRESSION, cv2.IMWRITE_TIFF_COMPRESSION_SGILOG]
+    assert cv2.imwrite(str(folder / "a.tif"), FLOAT, luv)
     yield folder / "a.tif", "is compressed by SGILOG"
 
 
@@ -247,22 +246,15 @@ def by_letter(values):
 
 @kind("OpenEXR", "R, G, B or one channel, half or float, alpha and layers beside them; any compression")
 def exr_channels(folder):
-    half = RGB.astype("f2")
     for name in ("NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A", "DWAA", "DWAB"):
         packing = getattr(OpenEXR, f"{name}_COMPRESSION")
-        values = np.full_like(FLOAT, [0.5, 0.25, 0.125]) if name[0] in "BD" else FLOAT
-        yield exr(folder, {"RGB": values}, compression=packing), values, 1e-3 * (name[0] in "BD")
-        yield (
-            exr(folder, by_letter(values.astype("f2")), compression=packing),
-            values.astype("f2"),
-            1e-3 * (name[0] in "BD"),
-        )
+        values, off = (np.full_like(FLOAT, [0.5, 0.25, 0.125]), 1e-3) if name[0] in "BD" else (FLOAT, 0)
+        yield exr(folder, {"RGB": values}, compression=packing), values, off
+        yield exr(folder, by_letter(values.astype("f2")), compression=packing), values.astype("f2"), off
     yield exr(folder, {"Y": FLOAT[..., 0].copy()}), np.repeat(FLOAT[..., :1], 3, -1)
     yield exr(folder, {"RGBA": np.dstack([FLOAT, np.full((HEIGHT, WIDTH), 0.5, "f4")])}), FLOAT
-    yield (
-        exr(folder, {**by_letter(FLOAT), "G": half[..., 1].copy()}),
-        np.dstack([FLOAT[..., 0], half[..., 1], FLOAT[..., 2]]),
-    )
+    mixed = by_letter(FLOAT) | {"G": by_letter(RGB.astype("f2"))["G"]}
+    yield exr(folder, dict(mixed)), np.dstack(list(mixed.values()))
     yield exr(folder, {**by_letter(FLOAT), **{f"diffuse.{c}": x for c, x in by_letter(FLOAT / 3).items()}}), FLOAT
     yield exr(folder, {**by_letter(FLOAT), "Z": FLOAT[..., 0] * 9}), FLOAT
 
@@ -353,10 +345,10 @@ def exr_parts(folder):
     yield parts(folder, {"RGB": FLOAT}, {"Z": FLOAT[..., 0] * 9}), FLOAT
 
 
-@kind(
-    "OpenEXR",
-    "several pictures, layers alone, deep pixels, luminance and chroma, whole numbers, channels of fewer pixels",
-)
+REFUSED = "several pictures, layers alone, deep pixels, luminance and chroma, whole numbers, channels of fewer pixels"
+
+
+@kind("OpenEXR", REFUSED)
 def exr_refused(folder):
     yield parts(folder, {"RGB": FLOAT}, {"RGB": FLOAT / 2}), "holds 2 parts"
     yield parts(folder, {"Z": FLOAT[..., 0] * 9}, {"RGB": FLOAT}), "holds 2 parts"
@@ -365,10 +357,8 @@ def exr_refused(folder):
     deep = np.empty((HEIGHT, WIDTH), object)
     for place in np.ndindex(deep.shape):
         deep[place] = np.full(1 + sum(place) % 3, 0.5, "f4")
-    yield (
-        exr(folder, dict.fromkeys("RGBAZ", deep), type=OpenEXR.deepscanline, compression=OpenEXR.ZIPS_COMPRESSION),
-        "deep",
-    )
+    header = {"type": OpenEXR.deepscanline, "compression": OpenEXR.ZIPS_COMPRESSION}
+    yield exr(folder, dict.fromkeys("RGBAZ", deep), **header), "deep"
     yield exr(folder, by_letter((RGB * 1000).astype("u4"))), "whole numbers"
     for channels, said in (
         ([("BY", 2), ("RY", 2), ("Y", 1)], "channels of the first are BY, RY, Y"),
@@ -428,26 +418,20 @@ def operation(number, *coefficients):
         + struct.pack(f">{len(coefficients)}d", *coefficients)
         for plane in range(3)
     ]
-    head = struct.pack(">I", 3)
-    return [
-        (51009, 7, 0, head + b"".join(struct.pack(">I4sII", number, b"\1\3\0\0", 1, len(x)) + x for x in body), True)
-    ]
+    data = struct.pack(">I", 3) + b"".join(struct.pack(">I4sII", number, b"\1\3\0\0", 1, len(x)) + x for x in body)
+    return [(51009, 7, len(data), data, True)]
 
 
 @kind("DNG", "lossy JPEG")
 def dng_lossy(folder):
     flat = (flat_scene((32, 48)) * 255).round()
     for more, truth in (([], flat / 255), (operation(8, 0, 0, 1.0), (flat / 255) ** 2)):
-        tags = [
-            (code, form, len(value) if code == 51009 else count, value, once) for code, form, count, value, once in more
-        ]
-        yield dng(folder, flat.astype("u1"), 255, tags, compression=34892, tile=(16, 16)), truth, LOSSY
+        yield dng(folder, flat.astype("u1"), 255, more, compression=34892, tile=(16, 16)), truth, LOSSY
 
 
 @kind("DNG", "values bent by a curve of its own (OpcodeList2); a compression that nothing here decodes")
 def dng_refused(folder):
-    ((_, form, _, data, once),) = operation(8, 0, 0, 1.0)
-    yield dng(folder, U16, 65535, [(51009, form, len(data), data, once)], compression=52546), "values bent by a curve"
+    yield dng(folder, U16, 65535, operation(8, 0, 0, 1.0), compression=52546), "values bent by a curve"
     path = dng(folder, (mosaic(flat_scene()) * 16383).astype("u2"), 16383)
     data = path.read_bytes()
     entry = struct.pack("<HHIHH", 259, 3, 1, 1, 0)
