@@ -24,16 +24,14 @@ def raw_session(tmp_path, write_dng, mosaic, scene_pictures):
     def write(*, exposures=(1.0,) * 6, table=""):
         ambient = 0.05 + 0.02 * scene_pictures(1, shape=(96, 128), seed=9)[0]
         light = scene_pictures(6, shape=(96, 128)) + ambient
-        folder = tmp_path / "session"
+        folder, how = tmp_path / "session", {"iso": 100, "aperture": 8}
         folder.mkdir()
         for i, (picture, exposure) in enumerate(zip(light, exposures, strict=True)):
-            write_dng(
-                folder / f"flash_{i}.dng", mosaic(picture * exposure), exposure_s=exposure / 100, iso=100, aperture=8
-            )
+            write_dng(folder / f"flash_{i}.dng", mosaic(picture * exposure), exposure_s=exposure / 100, **how)
         rng = np.random.default_rng(0)
         for i in range(2):
             noisy = ambient + rng.normal(scale=0.002, size=ambient.shape)
-            write_dng(folder / f"ambient_{i}.dng", mosaic(noisy), exposure_s=0.01, iso=100, aperture=8)
+            write_dng(folder / f"ambient_{i}.dng", mosaic(noisy), exposure_s=0.01, **how)
         (folder / "session.toml").write_text(f'[frames]\nflash = "flash_*.dng"\nambient = "ambient_*.dng"\n{table}')
         return folder, light, ambient
 
@@ -56,9 +54,8 @@ def bilinear(linear, mosaic):
     values = (mosaic(linear) - 512.0) * DN
     cross = np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4
     square = np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]]) / 4
-    return np.stack(
-        [convolve(np.where(channel == i, values, 0), kernel) for i, kernel in enumerate((square, cross, square))], -1
-    )
+    planes = (np.where(channel == i, values, 0) for i in range(3))
+    return np.stack([convolve(*one) for one in zip(planes, (square, cross, square), strict=True)], -1)
 
 
 def test_frames_are_the_scene(raw_session, tmp_path, mosaic):

@@ -10,6 +10,7 @@ from capture.photographs.develop import DevelopRecipe, read_photograph
 from capture.photographs.images import read_image
 from capture.photographs.kept import Kept
 from capture.session.session import load_session
+from fixtures.lit_surfaces import spiral
 from formats.picture_files import write_exr
 from scene.store import Store
 
@@ -76,8 +77,7 @@ def rendering(*, ground):
     inside = x * x + y * y < 1
     normals = np.stack([x, y, np.sqrt(np.where(inside, 1 - x * x - y * y, 1))], -1)
     normals[~inside] = [0, 0, 1]
-    angles = np.arange(8) * np.pi / 4
-    lights = np.stack([0.5 * np.cos(angles), 0.5 * np.sin(angles), np.full(8, np.sqrt(0.75))], -1)
+    lights = spiral(np.full(8, np.sqrt(0.75)), turn=np.pi / 4)
     shading = np.clip(np.einsum("hwc,fc->fhw", normals, lights), 0, None)
     return (shading * np.where(inside, 0.5, ground))[..., None] * [1.0, 0.8, 0.6]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from fixtures.lit_surfaces import ball_seen
+from fixtures.lit_surfaces import ball_seen, even_cap
 from scene.camera import Camera
 from scene.errors import RenderError
 from scene.frames import PEDESTAL
@@ -137,8 +137,7 @@ def test_interreflection_in_a_bowl_is_that_of_an_integrating_sphere():
     if np.sum(shape.face_normals * direction[faces[:, 0]]) > 0:  # the inside is the outside here
         shape = Mesh(shape.vertices, shape.faces[:, ::-1].copy())
     camera = Camera(40, 40, 0.36, 0.36, 19.5, 19.5, projection="orthographic")
-    z, angle = (np.arange(96) + 0.5) / 96, np.arange(96) * np.pi * (3 - np.sqrt(5))
-    sky = distant(*np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], -1))
+    sky = distant(*even_cap(96, 90))
     inside, (r, f) = np.linalg.norm(camera.grid() - 19.5, axis=-1) < 0.36 * 42, (0.6, 0.5)
     for depth, expected in ((2, r * f), (3, r * f * (1 + r * (1 - f))), (12, r * f / (1 - r * (1 - f)))):
         rendered = render(shape, sky, r, camera=camera, samples=16, depth=depth)

@@ -1,5 +1,6 @@
 """Uncalibrated methods on a matte object: whatever the start and the lights that are told, the same normals."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -124,9 +125,7 @@ def test_each_says_when_it_should_not_be_believed(scene):
     flat = np.tile(directions @ [0.1, 0.2, 0.97], (len(gray), 1)).astype(np.float32)
     flat += np.random.default_rng(20_015).normal(0, 0.004, flat.shape).astype(np.float32)
     for name in METHODS:
-        assert any(
-            "third singular value" in doubt or "integrability" in doubt for doubt in run(name, flat, mask).cautions
-        )
+        assert re.search("third singular value|integrability", " ".join(run(name, flat, mask).cautions))
 
     all_of_it = np.zeros((SIZE, SIZE), bool)
     all_of_it[24:48, 24:48] = True
