@@ -16,65 +16,59 @@ def _rational(value):
 
 def write_dng_file(
     path,
-    mosaic,
+    values,
     *,
     pattern="RGGB",
     period=(2, 2),
     black=(BLACK,) * 4,
     white=WHITE_DN,
-    active=None,
     exposure_s=None,
     iso=None,
     aperture=None,
+    more=(),
+    **how,
 ):
-    """Write a mosaic (H, W) uint16 as an uncompressed DNG; no code is shared with the product."""
+    """Write a mosaic (H, W), or all colours (H, W, 3), as a DNG; no code is shared with the product.
+
+    `more`: further tags; `how`: of tifffile's writer.
+    """
     letters = bytes("RGB".index(letter) for letter in pattern)
     tags = [
-        (33421, 3, 2, period, True),
-        (33422, 1, len(letters), letters, True),
-        (50706, 1, 4, b"\x01\x04\x00\x00", True),
-        (50707, 1, 4, b"\x01\x01\x00\x00", True),
+        (50706, 1, 4, b"\x01\x07\x00\x00", True),
         (50708, 2, 0, "Test One", True),
-        (50713, 3, 2, (2, 2), True),
-        (50714, 3, 4, tuple(black), True),
         (50717, 4, 1, white, True),
         (50721, 10, 9, tuple(v for x in np.eye(3).ravel() for v in (int(x * 10000), 10000)), True),
         (50728, 5, 3, (62, 100, 1, 1, 71, 100), True),
         (50778, 3, 1, 21, True),
+        *more,
     ]
-    if active:
-        tags.append((50829, 4, 4, active, True))
+    if values.ndim == 2:
+        tags += [(33421, 3, 2, period, True), (33422, 1, len(letters), letters, True)]
+    if black is not None:
+        tags += [(50713, 3, 2, (2, 2), True), (50714, 3, 4, tuple(black), True)]
     if exposure_s:
         tags.append((33434, 5, 1, _rational(exposure_s), True))
     if aperture:
         tags.append((33437, 5, 1, _rational(aperture), True))
     if iso:
         tags.append((34855, 3, 1, iso, True))
-    tifffile.imwrite(path, mosaic, photometric=32803, compression=None, extratags=tags, metadata=None, software="test")
+    kind = {2: "cfa", 3: "linear_raw"}[values.ndim]
+    tifffile.imwrite(path, values, photometric=kind, extratags=tags, metadata=None, software="test", **how)
     return path
 
 
 def mosaic_of(linear, pattern="RGGB", *, black=BLACK, white=WHITE_DN):
-    """Return the DN (H, W) that a noiseless sensor records of linear RGB (H, W, 3); clips at white."""
+    """Return the DN (H, W) that a noiseless sensor records of linear RGB (H, W, 3); clips at white.
+
+    `white` None: linear values as they are, of floating point.
+    """
     height, width, _ = linear.shape
     v, u = np.mgrid[:height, :width]
     channel = np.array(["RGB".index(letter) for letter in pattern])[(v % 2) * 2 + u % 2]
     values = np.take_along_axis(linear, channel[..., None], 2)[..., 0]
+    if white is None:
+        return values
     return np.clip(np.round(black + values * (white - black)), 0, white).astype(np.uint16)
-
-
-@pytest.fixture
-def write_exr():
-    """Write float32 (H, W, C) as EXR."""
-    import drjit
-    import mitsuba
-
-    def write(path, values):
-        # On one core the writer waits for ever, as the reader would.
-        drjit.set_thread_count(max(drjit.thread_count(), 2))
-        mitsuba.Bitmap(np.asarray(values, np.float32)).write(str(path))
-
-    return write
 
 
 @pytest.fixture
@@ -100,20 +94,24 @@ def shared():
     return at
 
 
+def linear_png(path, image):
+    """Write 0..1 (H, W, 3) in 16 bits."""
+    from scene.files import write_png
+
+    write_png(path, (np.clip(image, 0, 1) * 65535).round().astype(np.uint16))
+
+
 @pytest.fixture
 def picture_session(tmp_path):
     """Write linear pictures (F, H, W, 3) as 16-bit PNG with a session.toml; return the folder."""
 
-    def write(images, *, more="", names=None, table="linear = true", ambient=None):
-        from scene.files import write_png
-
+    def write(images, *, more="", table="linear = true", ambient=None):
         folder = tmp_path / "session"
         folder.mkdir(exist_ok=True)
-        names = names or [f"flash_{i:03d}" for i in range(len(images))]
-        for name, image in zip(names, images, strict=True):
-            write_png(folder / f"{name}.png", (np.clip(image, 0, 1) * 65535).round().astype(np.uint16))
+        for i, image in enumerate(images):
+            linear_png(folder / f"flash_{i:03d}.png", image)
         if ambient is not None:
-            write_png(folder / "ambient.png", (np.clip(ambient, 0, 1) * 65535).round().astype(np.uint16))
+            linear_png(folder / "ambient.png", ambient)
             table += '\nambient = "ambient.png"'
         (folder / "session.toml").write_text(f'[frames]\nflash = "flash_*.png"\n{table}\n{more}')
         return folder

@@ -9,9 +9,8 @@ import pytest
 
 from capture.camera.colour_chart import camera_colours, fit_colours, maker_matrix, reference_colours
 from capture.photographs.images import read_image
-from capture.session.session import load_session
 from capture.session.session_types import CaptureSession
-from scene.errors import CaptureError, SessionError
+from scene.errors import CaptureError
 from scene.frames import Frames, decode, encode
 from tests.capture.conftest import SHARED
 from twin.camera.virtual_camera import Sensor, write_dng
@@ -120,16 +119,6 @@ def test_a_chart_in_a_flash_frame_is_read_there(tmp_path):
     made = session(tmp_path, np.zeros((8, 8, 3)))
     known, _ = camera_colours(replace(made, flash=(made.chart,)), seen(picture))
     assert (known["flash"], known["source"]) == (0, "chart")
-
-
-def test_keys_of_colours(tmp_path):
-    keys = (
-        '[frames]\nflash = "*.png"\nlinear = true\nchart = "c.dng"\n[[spheres]]\nkind = "chrome"\nreflectance = 0.9\n'
-    )
-    (tmp_path / "session.toml").write_text(keys)
-    session(tmp_path, np.zeros((8, 8, 3)))
-    with pytest.raises(SessionError, match=r"(?s)frames.chart: there is no file.*reflectance: found with a mirror"):
-        load_session(tmp_path)
 
 
 @pytest.mark.skipif(not (SHARED / "real").is_dir(), reason="no shared/real")

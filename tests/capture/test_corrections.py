@@ -8,6 +8,8 @@ from capture.session.session import load_session
 from scene.errors import CaptureError
 from scene.files import write_png
 from scene.store import Store
+from tests.capture.conftest import linear_png
+from tests.capture.test_decode import files_of
 
 DN = 1 / (16383 - 512)
 
@@ -22,7 +24,7 @@ def test_dark_and_flat(picture_session, scene_pictures, tmp_path):
     shot[3, 40:44, 10:14] = 1.0
     folder = picture_session(shot, table='linear = true\ndark = "dark.png"\nflat = "flat.png"')
     for name, image in (("dark", offset), ("flat", 0.7 * vignette + offset)):
-        write_png(folder / f"{name}.png", (image * 65535).round().astype(np.uint16))
+        linear_png(folder / f"{name}.png", image)
     frames, _ = decode(load_session(folder), Store(tmp_path / "out"))
     # Even light would come out as bright as the flat field's darkest place, so that nothing is lifted above white.
     scale = vignette.mean((0, 1))
@@ -33,7 +35,7 @@ def test_dark_and_flat(picture_session, scene_pictures, tmp_path):
         assert np.abs(frames.frame(i) - truth[i] * scale)[clean].max() < 5e-4
     assert frames.saturated(frames=[3])[0, 40:44, 10:14].all(), "what was clipped stays clipped"
     assert frames.saturated().sum() == 16
-    assert sorted(path.name for path in (tmp_path / "out").rglob("*") if path.is_file()) == ["codes.npy", "frames.json"]
+    assert files_of(tmp_path / "out") == ["codes.npy", "frames.json"]
 
 
 @pytest.mark.parametrize("white", [15200, 16383])
@@ -67,4 +69,4 @@ def test_a_flat_frame_that_cannot_do(picture_session, scene_pictures, tmp_path):
         write_png(folder / "flat.png", np.full((60, 80, 3), int(level * 65535), np.uint16))
         with pytest.raises(CaptureError, match=part):
             decode(load_session(folder), Store(tmp_path / "out"))
-    assert sorted(path.name for path in (tmp_path / "out").rglob("*") if path.is_file()) == []
+    assert files_of(tmp_path / "out") == []

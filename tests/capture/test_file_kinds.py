@@ -16,6 +16,7 @@ from capture.photographs.images import read_image
 from capture.photographs.raw import read_raw
 from scene.errors import CaptureError
 from scene.frames import PEDESTAL, WHITE, decode
+from tests.capture.conftest import mosaic_of, write_dng_file
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/file-formats.md").read_text()
 ROWS = [
@@ -206,9 +207,8 @@ def colours(folder):
         yield tiff(folder, U8, photometric=name), said
     filters = [(33421, 3, 2, (2, 2), True), (33422, 1, 4, b"\0\1\1\2", True)]
     yield tiff(folder, U16[..., 0].copy(), photometric="cfa", extratags=filters), f"{said} CFA"
-    assert cv2.imwrite(
-        str(folder / "a.tif"), FLOAT, [cv2.IMWRITE_TIFF_COMPRESSION, cv2.IMWRITE_TIFF_COMPRESSION_SGILOG]
-    )
+    luv = [cv2.IMWRITE_TIFF_COMPRESSION, cv2.IMWRITE_TIFF_COMPRESSION_SGILOG]
+    assert cv2.imwrite(str(folder / "a.tif"), FLOAT, luv)
     yield folder / "a.tif", "is compressed by SGILOG"
 
 
@@ -246,22 +246,15 @@ def by_letter(values):
 
 @kind("OpenEXR", "R, G, B or one channel, half or float, alpha and layers beside them; any compression")
 def exr_channels(folder):
-    half = RGB.astype("f2")
     for name in ("NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A", "DWAA", "DWAB"):
         packing = getattr(OpenEXR, f"{name}_COMPRESSION")
-        values = np.full_like(FLOAT, [0.5, 0.25, 0.125]) if name[0] in "BD" else FLOAT
-        yield exr(folder, {"RGB": values}, compression=packing), values, 1e-3 * (name[0] in "BD")
-        yield (
-            exr(folder, by_letter(values.astype("f2")), compression=packing),
-            values.astype("f2"),
-            1e-3 * (name[0] in "BD"),
-        )
+        values, off = (np.full_like(FLOAT, [0.5, 0.25, 0.125]), 1e-3) if name[0] in "BD" else (FLOAT, 0)
+        yield exr(folder, {"RGB": values}, compression=packing), values, off
+        yield exr(folder, by_letter(values.astype("f2")), compression=packing), values.astype("f2"), off
     yield exr(folder, {"Y": FLOAT[..., 0].copy()}), np.repeat(FLOAT[..., :1], 3, -1)
     yield exr(folder, {"RGBA": np.dstack([FLOAT, np.full((HEIGHT, WIDTH), 0.5, "f4")])}), FLOAT
-    yield (
-        exr(folder, {**by_letter(FLOAT), "G": half[..., 1].copy()}),
-        np.dstack([FLOAT[..., 0], half[..., 1], FLOAT[..., 2]]),
-    )
+    mixed = by_letter(FLOAT) | {"G": by_letter(RGB.astype("f2"))["G"]}
+    yield exr(folder, dict(mixed)), np.dstack(list(mixed.values()))
     yield exr(folder, {**by_letter(FLOAT), **{f"diffuse.{c}": x for c, x in by_letter(FLOAT / 3).items()}}), FLOAT
     yield exr(folder, {**by_letter(FLOAT), "Z": FLOAT[..., 0] * 9}), FLOAT
 
@@ -352,10 +345,10 @@ def exr_parts(folder):
     yield parts(folder, {"RGB": FLOAT}, {"Z": FLOAT[..., 0] * 9}), FLOAT
 
 
-@kind(
-    "OpenEXR",
-    "several pictures, layers alone, deep pixels, luminance and chroma, whole numbers, channels of fewer pixels",
-)
+REFUSED = "several pictures, layers alone, deep pixels, luminance and chroma, whole numbers, channels of fewer pixels"
+
+
+@kind("OpenEXR", REFUSED)
 def exr_refused(folder):
     yield parts(folder, {"RGB": FLOAT}, {"RGB": FLOAT / 2}), "holds 2 parts"
     yield parts(folder, {"Z": FLOAT[..., 0] * 9}, {"RGB": FLOAT}), "holds 2 parts"
@@ -364,10 +357,8 @@ def exr_refused(folder):
     deep = np.empty((HEIGHT, WIDTH), object)
     for place in np.ndindex(deep.shape):
         deep[place] = np.full(1 + sum(place) % 3, 0.5, "f4")
-    yield (
-        exr(folder, dict.fromkeys("RGBAZ", deep), type=OpenEXR.deepscanline, compression=OpenEXR.ZIPS_COMPRESSION),
-        "deep",
-    )
+    header = {"type": OpenEXR.deepscanline, "compression": OpenEXR.ZIPS_COMPRESSION}
+    yield exr(folder, dict.fromkeys("RGBAZ", deep), **header), "deep"
     yield exr(folder, by_letter((RGB * 1000).astype("u4"))), "whole numbers"
     for channels, said in (
         ([("BY", 2), ("RY", 2), ("Y", 1)], "channels of the first are BY, RY, Y"),
@@ -378,16 +369,8 @@ def exr_refused(folder):
         yield exr_body(folder / "a.exr", exr_head(channels), chunks), said
 
 
-UNIT = tuple(v for x in np.eye(3).ravel() for v in (int(x * 10000), 10000))
-VERSION = [(50706, 1, 4, b"\x01\x07\x00\x00", True), (50708, 2, 0, "Test One", True)]
-VERSION += [(50721, 10, 9, UNIT, True), (50728, 5, 3, (1,) * 6, True)]
-BAYER = [(33421, 3, 2, (2, 2), True), (33422, 1, 4, b"\0\1\1\2", True)]
-
-
 def dng(folder, values, white, more=(), **how):
-    tags = [*VERSION, *(BAYER if values.ndim == 2 else []), (50717, 4, 1, white, True), *more]
-    kind_of_picture = {2: "cfa", 3: "linear_raw"}[values.ndim]
-    return tiff(folder, values, photometric=kind_of_picture, extratags=tags, **how).rename(folder / "a.dng")
+    return write_dng_file(folder / "a.dng", values, black=None, white=white, more=more, **how)
 
 
 def flat_scene(size=(HEIGHT, WIDTH)):
@@ -396,9 +379,7 @@ def flat_scene(size=(HEIGHT, WIDTH)):
 
 
 def mosaic(linear):
-    out = linear[..., 1].copy()
-    out[::2, ::2], out[1::2, 1::2] = linear[::2, ::2, 0], linear[1::2, 1::2, 2]
-    return out
+    return mosaic_of(linear, white=None)
 
 
 @kind("DNG", "floating point; deflate, JPEG XL; a mosaic or every colour at every pixel")
@@ -413,6 +394,7 @@ def dng_read(folder):
     bright = FLOAT.copy()
     bright[3:6, 3:6] = 7
     yield dng(folder, bright, 1), np.minimum(bright, 1)
+    yield dng(folder, U16, 65535), AS_U16
     for packing in (8, 52546):
         code = (mosaic(flat) * 16000 + 383).round().astype("u2")
         black = [(50714, 3, 1, 383, True)]
@@ -436,26 +418,20 @@ def operation(number, *coefficients):
         + struct.pack(f">{len(coefficients)}d", *coefficients)
         for plane in range(3)
     ]
-    head = struct.pack(">I", 3)
-    return [
-        (51009, 7, 0, head + b"".join(struct.pack(">I4sII", number, b"\1\3\0\0", 1, len(x)) + x for x in body), True)
-    ]
+    data = struct.pack(">I", 3) + b"".join(struct.pack(">I4sII", number, b"\1\3\0\0", 1, len(x)) + x for x in body)
+    return [(51009, 7, len(data), data, True)]
 
 
 @kind("DNG", "lossy JPEG")
 def dng_lossy(folder):
     flat = (flat_scene((32, 48)) * 255).round()
     for more, truth in (([], flat / 255), (operation(8, 0, 0, 1.0), (flat / 255) ** 2)):
-        tags = [
-            (code, form, len(value) if code == 51009 else count, value, once) for code, form, count, value, once in more
-        ]
-        yield dng(folder, flat.astype("u1"), 255, tags, compression=34892, tile=(16, 16)), truth, LOSSY
+        yield dng(folder, flat.astype("u1"), 255, more, compression=34892, tile=(16, 16)), truth, LOSSY
 
 
 @kind("DNG", "values bent by a curve of its own (OpcodeList2); a compression that nothing here decodes")
 def dng_refused(folder):
-    ((_, form, _, data, once),) = operation(8, 0, 0, 1.0)
-    yield dng(folder, U16, 65535, [(51009, form, len(data), data, once)], compression=52546), "values bent by a curve"
+    yield dng(folder, U16, 65535, operation(8, 0, 0, 1.0), compression=52546), "values bent by a curve"
     path = dng(folder, (mosaic(flat_scene()) * 16383).astype("u2"), 16383)
     data = path.read_bytes()
     entry = struct.pack("<HHIHH", 259, 3, 1, 1, 0)

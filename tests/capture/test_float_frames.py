@@ -9,10 +9,9 @@ from capture.photographs.decode import decode
 from capture.photographs.develop import DevelopRecipe, read_photograph
 from capture.photographs.images import read_image
 from capture.photographs.kept import Kept
-from capture.photographs.raw import read_raw
 from capture.session.session import load_session
+from fixtures.lit_surfaces import spiral
 from formats.picture_files import write_exr
-from scene.frames import decode as linear_of
 from scene.store import Store
 
 
@@ -78,8 +77,7 @@ def rendering(*, ground):
     inside = x * x + y * y < 1
     normals = np.stack([x, y, np.sqrt(np.where(inside, 1 - x * x - y * y, 1))], -1)
     normals[~inside] = [0, 0, 1]
-    angles = np.arange(8) * np.pi / 4
-    lights = np.stack([0.5 * np.cos(angles), 0.5 * np.sin(angles), np.full(8, np.sqrt(0.75))], -1)
+    lights = spiral(np.full(8, np.sqrt(0.75)), turn=np.pi / 4)
     shading = np.clip(np.einsum("hwc,fc->fhw", normals, lights), 0, None)
     return (shading * np.where(inside, 0.5, ground))[..., None] * [1.0, 0.8, 0.6]
 
@@ -128,42 +126,6 @@ def test_single_pixels_of_any_brightness_change_no_other(tmp_path, scene_picture
         codes.append(photograph.codes)
     assert np.argwhere((codes[0] != codes[1]).any(-1)).tolist() == [[5, 7], [9, 3]]
     assert facts_of(codes[1], white=photograph.white).clipped_share == 2 / 4800
-
-
-def float_dng(path, picture, white=1):
-    """Write a Bayer mosaic RGGB of a picture (H, W, 3)."""
-    mosaic = picture[..., 1].astype("f4")
-    mosaic[::2, ::2], mosaic[1::2, 1::2] = picture[::2, ::2, 0], picture[1::2, 1::2, 2]
-    unit = tuple(v for x in np.eye(3).ravel() for v in (int(x * 10000), 10000))
-    tags = [(33421, 3, 2, (2, 2), True), (33422, 1, 4, b"\0\1\1\2", True), (50706, 1, 4, b"\1\4\0\0", True)]
-    tags += [(50708, 2, 0, "Test One", True), (50717, 4, 1, white, True), (50721, 10, 9, unit, True)]
-    tifffile.imwrite(path, mosaic, photometric="cfa", metadata=None, extratags=tags)
-    return path
-
-
-@pytest.mark.parametrize("half", [False, True])
-def test_a_highlight_in_a_float_dng_changes_no_other_pixel(tmp_path, scene_pictures, half):
-    picture = scene_pictures(1, shape=(60, 80))[0] - 0.1
-    plain = read_raw(float_dng(tmp_path / "a.dng", picture), half=half).codes
-    for level in (0.9, 1.6, 300.0):
-        shot = picture.copy()
-        shot[20:24, 30:34] = level
-        bright = read_raw(float_dng(tmp_path / "b.dng", shot), half=half).codes
-        rows, columns = np.nonzero((bright != plain).any(-1))
-        step = 2 if half else 1
-        assert (20 - 1) // step <= rows.min() <= rows.max() <= 24 // step
-        assert (30 - 1) // step <= columns.min() <= columns.max() <= 34 // step
-    assert linear_of(plain).min() < 0, "noise below black is kept"
-
-
-def test_the_first_float_dng_s_white_level_holds(tmp_path):
-    """The same values in a file with another white level are the same light."""
-    picture = np.full((40, 60, 3), 0.4)
-    first = read_raw(float_dng(tmp_path / "a.dng", picture))
-    other = read_raw(float_dng(tmp_path / "b.dng", picture, white=2), sensor_range=first.sensor_range)
-    assert first.sensor_range == pytest.approx(1)
-    assert np.allclose(linear_of(other.codes), 0.4, atol=1e-4)
-    assert np.allclose(linear_of(read_raw(tmp_path / "b.dng").codes), 0.2, atol=1e-4)
 
 
 def test_what_a_watch_kept_is_read_again_as_it_is(tmp_path, scene_pictures):

@@ -1,11 +1,16 @@
-"""RAW files: the locked linear decode, against known mosaics and against LibRaw itself."""
+"""One photograph: RAW files against known mosaics and LibRaw itself; other pictures' encodings; broken files."""
 
+import itertools
+
+import cv2
 import numpy as np
 import pytest
 import rawpy
-import tifffile
+from PIL import Image
 
+from capture.photographs.images import read_image
 from capture.photographs.raw import read_raw
+from formats.picture_files import linear_from_srgb, write_exr
 from scene.errors import CaptureError
 from scene.frames import PEDESTAL, WHITE, Frames, decode
 
@@ -74,16 +79,22 @@ def test_a_real_camera_file_agrees_with_libraw(shared):
     assert np.abs(found - expected)[judged].max() < 1.5 / 65535 + 1.5 * CODE
 
 
-def test_a_highlight_changes_no_other_pixel(tmp_path, write_dng, mosaic):
-    scene = ramps()
-    plain = read_raw(write_dng(tmp_path / "a.dng", mosaic(scene))).codes
-    for level in (0.9, 1.5):
+@pytest.mark.parametrize("floats", [{}, {"black": None, "white": 1}], ids=["whole numbers", "floats"])
+@pytest.mark.parametrize("half", [False, True])
+def test_a_highlight_changes_no_other_pixel(tmp_path, write_dng, mosaic, floats, half):
+    def read(scene):
+        values = mosaic(scene, white=None).astype("f4") if floats else mosaic(scene)
+        return read_raw(write_dng(tmp_path / "a.dng", values, **floats), half=half).codes
+
+    scene = ramps() - 0.15
+    plain, step = read(scene), 2 if half else 1
+    assert decode(plain).min() < 0, "noise below black is kept"
+    for level in (0.9, 1.5, 300.0):
         shot = scene.copy()
         shot[30:33, 40:43] = level
-        bright = read_raw(write_dng(tmp_path / "b.dng", mosaic(shot))).codes
-        rows, columns = np.nonzero((bright != plain).any(-1))
-        assert 29 <= rows.min() <= rows.max() <= 33
-        assert 39 <= columns.min() <= columns.max() <= 43
+        rows, columns = np.nonzero((read(shot) != plain).any(-1))
+        assert 29 // step <= rows.min() <= rows.max() <= 33 // step
+        assert 39 // step <= columns.min() <= columns.max() <= 43 // step
 
 
 def test_noise_below_black_is_kept(tmp_path, write_dng):
@@ -95,14 +106,20 @@ def test_noise_below_black_is_kept(tmp_path, write_dng):
     assert abs(linear.mean() - truth) < 0.1 * DN
 
 
-def test_the_session_has_one_white_level(tmp_path, write_dng, mosaic):
-    """A file with a lower white level holds the same DN for the same light, and clips earlier."""
-    scene = ramps() * 0.5
-    path = write_dng(tmp_path / "a.dng", mosaic(scene), white=15000)
-    found = read_raw(path, sensor_range=16383 - 512)
-    inner = np.s_[2:-2, 2:-2]
-    assert np.abs(decode(found.codes)[inner] - scene[inner]).max() < 0.5 * DN + 1.5 * CODE
-    assert found.white == pytest.approx((15000 - 512) * DN)
+@pytest.mark.parametrize("floats", [False, True])
+def test_the_session_has_one_white_level(tmp_path, write_dng, mosaic, floats):
+    """A file with a lower white level holds the same values for the same light, and clips earlier."""
+    scene, inner = ramps() * 0.5, np.s_[2:-2, 2:-2]
+    if floats:
+        write_dng(tmp_path / "a.dng", mosaic(scene, white=None).astype("f4"), black=None, white=2)
+    else:
+        write_dng(tmp_path / "a.dng", mosaic(scene), white=15000)
+    first, lower = (1, 2) if floats else (16383 - 512, 15000 - 512)
+    alone, found = read_raw(tmp_path / "a.dng"), read_raw(tmp_path / "a.dng", sensor_range=first)
+    assert alone.sensor_range == pytest.approx(lower)
+    for one, scale in ((alone, first / lower), (found, 1)):
+        assert np.abs(decode(one.codes)[inner] - scene[inner] * scale).max() < 0.5 * DN + 1.5 * CODE
+    assert found.white == pytest.approx(min(lower / first, 1))
 
 
 def test_superpixels(tmp_path, write_dng):
@@ -134,32 +151,44 @@ def test_another_mosaic_than_bayer(tmp_path, write_dng):
     assert found.is_mosaic
 
 
-def test_a_raw_file_with_all_colours_at_every_pixel(tmp_path):
-    rng = np.random.default_rng(5)
-    image = rng.integers(600, 16383, (40, 60, 3), dtype=np.uint16)
-    tags = [
-        (50706, 1, 4, b"\x01\x04\x00\x00", True),
-        (50708, 2, 0, "Test One", True),
-        (50714, 3, 3, (512, 512, 512), True),
-        (50717, 4, 3, (16383,) * 3, True),
-        (50721, 10, 9, tuple(v for x in np.eye(3).ravel() for v in (int(x * 10000), 10000)), True),
-        (50728, 5, 3, (62, 100, 1, 1, 71, 100), True),
-        (50778, 3, 1, 21, True),
-    ]
-    tifffile.imwrite(tmp_path / "l.dng", image, photometric=34892, extratags=tags, metadata=None)
-    found = read_raw(tmp_path / "l.dng")
-    assert not found.is_mosaic
-    assert np.abs(decode(found.codes) - (image.astype(float) - 512) * DN).max() < CODE
+def test_a_real_tga_is_its_png(shared):
+    tga = shared("real/uw_psm/tga_chrome/chrome.3.tga")
+    png = shared("real/uw_psm/png/chrome/chrome.3.png")
+    assert np.array_equal(read_image(tga, "linear").codes, read_image(png, "linear").codes)
 
 
-@pytest.mark.parametrize("how", ["cut", "noise", "empty", "absent"])
-def test_a_broken_file_is_named(tmp_path, write_dng, mosaic, how):
-    path = tmp_path / "flash_007.dng"
-    data = write_dng(path, mosaic(ramps())).read_bytes()
+def test_srgb_is_undone():
+    """Against the standard's own points: 0.5 encoded is 21.4 % of the light."""
+    assert linear_from_srgb(np.array([0.0, 0.04045, 0.5, 1.0])) == pytest.approx(
+        [0, 0.04045 / 12.92, 0.21404114, 1], abs=1e-7
+    )
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_stated_gamma_is_undone(tmp_path, dtype):
+    white, light = np.iinfo(dtype).max, ramps()
+    values = (light ** (1 / 1.8) * white).round().astype(dtype)
+    assert cv2.imwrite(str(tmp_path / "a.png"), values[..., ::-1])
+    linear = decode(read_image(tmp_path / "a.png", 1.8).codes)
+    assert np.abs(linear - light).max() < 1.5 / white + CODE
+
+
+KINDS, HOW = (".png", ".jpg", ".tif", ".tga", ".exr", ".pgm", ".dng"), ("cut", "noise", "empty", "absent")
+
+
+@pytest.mark.parametrize(("suffix", "how"), [*itertools.product(KINDS, HOW), (".exr", "no number")])
+def test_a_broken_file_is_named(tmp_path, write_dng, mosaic, suffix, how):
+    path, values = tmp_path / f"flash_007{suffix}", ramps()
+    if suffix == ".exr":
+        write_exr(path, np.where(values > 0.5, np.nan, values) if how == "no number" else values)
+    elif suffix == ".dng":
+        write_dng(path, mosaic(values))
+    else:
+        Image.fromarray((255 * values[..., 0] if suffix == ".pgm" else 255 * values).astype(np.uint8)).save(path)
+    data = path.read_bytes()
+    content = {"cut": data[: len(data) // 2], "noise": np.random.default_rng(6).bytes(4000), "empty": b""}
+    path.write_bytes(content.get(how, data))
     if how == "absent":
         path.unlink()
-    else:
-        rng = np.random.default_rng(6)
-        path.write_bytes({"cut": data[: len(data) // 2], "noise": rng.bytes(4000), "empty": b""}[how])
-    with pytest.raises(CaptureError, match=r"flash_007\.dng"):
-        read_raw(path)
+    with pytest.raises(CaptureError, match="flash_007.*no number" if how == "no number" else "flash_007"):
+        read_raw(path) if suffix == ".dng" else read_image(path, "linear")

@@ -12,10 +12,7 @@ from capture.session.session_types import SphereSpec
 from scene.errors import SessionError
 from scene.files import write_png
 from scene.store import Store
-
-
-def linear_png(path, image):
-    write_png(path, (np.clip(image, 0, 1) * 65535).round().astype(np.uint16))
+from tests.capture.conftest import linear_png
 
 
 @pytest.fixture
@@ -60,36 +57,35 @@ def test_what_is_suspicious_about_a_ball_is_said(apart):
     assert same.startswith("spheres[1]: flash_000 and flash_003 ")
 
 
-def test_a_ball_of_another_size(apart):
-    session, store, _ = apart(size=(48, 64))
-    with pytest.raises(SessionError, match=r"spheres\[0\]\.frames.*64 x 48.*80 x 60"):
-        sphere_requests(session, store)
+BALL = '[[spheres]]\nkind = "white"\n'
 
 
 @pytest.mark.parametrize(
-    ("circle", "told"),
+    ("more", "size", "told"),
     [
-        ("center_px = [400, 20]\nradius_px = 10", r"spheres\[1\]\.center_px"),
+        ("", (48, 64), r"spheres\[0\]\.frames.*64 x 48.*80 x 60"),
+        (f"{BALL}center_px = [400, 20]\nradius_px = 10", (60, 80), r"spheres\[1\]\.center_px"),
         # Its outline was looked for in gigabytes, for minutes.
-        (
-            "center_px = [40, 20]\nradius_px = 81",
-            r"radius_px: found 81, larger than the picture of 80 x 60",
-        ),
+        (f"{BALL}center_px = [40, 20]\nradius_px = 81", (60, 80), "radius_px: found 81, larger than .* 80 x 60"),
     ],
 )
-def test_hints_that_no_picture_has(apart, circle, told):
-    session, store, _ = apart(f'[[spheres]]\nkind = "white"\n{circle}')
+def test_balls_and_hints_that_no_picture_has(apart, more, size, told):
+    session, store, _ = apart(more, size=size)
     with pytest.raises(SessionError, match=told):
         sphere_requests(session, store)
 
 
-@pytest.mark.parametrize(("half", "center", "radius"), [(False, (40.5, 20.5), 10), (True, (20, 10), 5)])
-def test_hints_follow_superpixels(apart, half, center, radius):
-    more = '[[spheres]]\nkind = "white"\ncenter_px = [40.5, 20.5]\nradius_px = 10'
+@pytest.mark.parametrize(
+    ("half", "center", "radius", "box"),
+    [(False, (40.5, 20.5), 10, (10, 8, 71, 55)), (True, (20, 10), 5, (4.75, 3.75, 35.25, 27.25))],
+)
+def test_hints_count_the_photographs_pixels_and_follow_superpixels(apart, half, center, radius, box):
+    more = f"{BALL}center_px = [40.5, 20.5]\nradius_px = 10\n[object]\nbox = [10, 8, 71, 55]"
     session, store, _ = apart(more, table=f"half = {str(half).lower()}")
     hint = sphere_requests(session, store)[0][1]
     assert hint.center_px == center
     assert hint.radius_px == radius
+    assert object_box(session, 40 if half else 80) == box
 
 
 def test_masks(tmp_path):
@@ -113,11 +109,3 @@ def test_masks(tmp_path):
     path.write_bytes(b"no")
     with pytest.raises(SessionError, match="mask cannot be read"):
         read_mask(path, 8, 10)
-
-
-@pytest.mark.parametrize(
-    ("table", "width", "box"), [("", 80, (10, 8, 71, 55)), ("half = true", 40, (4.75, 3.75, 35.25, 27.25))]
-)
-def test_the_objects_box_counts_the_photographs_pixels(apart, table, width, box):
-    session, _, _ = apart("[object]\nbox = [10, 8, 71, 55]", table=table)
-    assert object_box(session, width) == box

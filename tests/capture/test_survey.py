@@ -10,6 +10,7 @@ from capture.survey.folder_files import pattern_of, survey
 from capture.survey.small_pictures import Small, by_light, of_one_size, otherwise_lit, read_small
 from scene.errors import SessionError
 from scene.frames import encode
+from tests.capture.test_camera_of import CHESS, shoot
 
 
 def lay(folder, *names):
@@ -28,17 +29,8 @@ def listed(found):
 def test_names_tell_roles(tmp_path):
     tmp_path /= "dark_ambient_chrome"  # The folder's own name says nothing.
     lay(tmp_path, *(f"raw/flash_{n}.dng" for n in (1, 2, 10)), "raw/no_flash.dng", "dark/1.dng", "FlatField.dng")
-    lay(
-        tmp_path,
-        "charuco/a.dng",
-        "scan/penguin.ply",
-        "mask.png",
-        "lights.lp",
-        "Normal_gt.mat",
-        "result/normals.npy",
-        "notes.txt",
-        ".hidden.dng",
-    )
+    more = "charuco/a.dng scan/penguin.ply mask.png lights.lp Normal_gt.mat result/normals.npy notes.txt .hidden.dng"
+    lay(tmp_path, *more.split())
     (found,) = survey(tmp_path)
     assert listed(found) == {
         "flash": ["raw/flash_1.dng", "raw/flash_2.dng", "raw/flash_10.dng"],
@@ -183,47 +175,33 @@ def test_pictures_are_reduced_in_light_not_in_codes(tmp_path):
     np.testing.assert_allclose(same[0].light.mean(), linear.mean(), rtol=1e-3)
 
 
-def shown(art, seed, tmp_path, name):
-    """A board's art, seen askew."""
-    rng = np.random.default_rng(seed)
-    height, width = art.shape
-    corners = np.float32([[0, 0], [width, 0], [width, height], [0, height]])
-    size = np.array([800, 600])
-    place = np.float32([[120, 90], [660, 110], [690, 500], [90, 470]] + rng.normal(0, 25, (4, 2)))
-    view = cv2.warpPerspective(art, cv2.getPerspectiveTransform(corners, place), size.tolist(), borderValue=230)
-    view = cv2.GaussianBlur(view, (0, 0), 0.8)
-    return picture(name, (view / 255.0) ** 2.2 * 0.5, tmp_path)
+def boards(folder, art, count=3):
+    """Photographs of a board's art, seen askew."""
+    return read_small(list(shoot(folder, art, count)), "srgb")[0]
 
 
 @pytest.mark.parametrize(
     ("squares", "dictionary", "share"),
-    [((9, 6), "DICT_4X4_100", 0.7), pytest.param((5, 7), "DICT_6X6_250", 0.5, marks=pytest.mark.full)],
+    [((9, 6), "DICT_4X4_100", 0.7), pytest.param((7, 5), "DICT_6X6_250", 0.5, marks=pytest.mark.full)],
 )
 def test_a_charuco_board_is_read_off(tmp_path, squares, dictionary, share):
     known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
-    board = cv2.aruco.CharucoBoard(squares, 1.0, share, known)
-    art = cv2.copyMakeBorder(
-        board.generateImage((squares[0] * 90, squares[1] * 90)), 60, 60, 60, 60, cv2.BORDER_CONSTANT, value=255
-    )
-    blank = picture("blank", np.full((600, 800), 0.2), tmp_path)
-    layout, shots = find_board([blank, *(shown(art, seed, tmp_path, f"{seed}") for seed in range(3))])
+    art = cv2.aruco.CharucoBoard(squares, 20.0, 20.0 * share, known).generateImage((squares[0] * 160, squares[1] * 160))
+    blank = picture("blank", np.full((640, 960), 0.2), tmp_path)
+    layout, shots = find_board([blank, *boards(tmp_path, art)])
     assert layout.squares == list(squares)
     assert layout.dictionary[:8] == dictionary[:8]
     assert layout.marker_mm / layout.square_mm == pytest.approx(share, abs=0.02)
-    assert [one.path.name for one in shots] == ["0", "1", "2"]
+    assert [one.path.name for one in shots] == ["board_0.png", "board_1.png", "board_2.png"]
 
 
 @pytest.mark.full
 def test_a_chessboard_is_read_off(tmp_path):
     """Three shots make one, and not of three by three corners, which balls show, too."""
-
-    def shots(columns, rows):
-        art = 255 * np.kron(np.indices((rows, columns)).sum(0) % 2, np.ones((60, 60))).astype(np.uint8)
-        art = cv2.copyMakeBorder(art, 60, 60, 60, 60, cv2.BORDER_CONSTANT, value=255)
-        return [shown(art, seed, tmp_path, f"{seed}") for seed in range(3)]
-
-    layout, seen = find_board(shots(9, 6))
+    chess = boards(tmp_path, CHESS)
+    layout, seen = find_board(chess)
     assert (layout.squares, layout.dictionary, layout.marker_mm) == ([9, 6], None, None)
     assert len(seen) == 3
-    for none in (shots(9, 6)[:1], shots(4, 4), [picture("blank", np.full((300, 400), 0.2), tmp_path)]):
+    small = boards(tmp_path, CHESS[: 4 * 160, : 4 * 160])
+    for none in (chess[:1], small, [picture("blank", np.full((300, 400), 0.2), tmp_path)]):
         assert find_board(none) == (None, [])

@@ -1,7 +1,8 @@
 """An output folder as the steps leave it, made from closed forms: a bumpy ball, three calibration balls, 12 lights."""
 
+import copy
+import shutil
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from compare.compare import compare
 from fixtures.lit_surfaces import lights_along, spiral
 from scene.camera import Camera
 from scene.estimate import Estimate
-from scene.files import write_json, write_npy
+from scene.files import write_json
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
@@ -177,15 +178,6 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Store:
-    return Store(tmp_path / "out")
-
-
-@pytest.fixture
-def write_normals():
-    """Write a normal map, (H, W, 3), as a method's on the real frames (`place` normals) or on the twin."""
-
-    def write(store: Store, name: str, normals: np.ndarray, place: str = "normals") -> None:
-        write_npy(store.path(place, f"{name}.npy"), normals.astype(np.float32))
-
-    return write
+def copied(session, tmp_path):
+    """A copy of the folder and of the summary, to be changed."""
+    return Store(shutil.copytree(session.store.folder, tmp_path / "out")), copy.deepcopy(session.summary)

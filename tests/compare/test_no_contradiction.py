@@ -221,7 +221,7 @@ def keep_the_page(store, summary):
     for value, shown in re.findall(r'data-value="([^"]*)">([^<]*)<', html):
         assert (float(value) == 0) or re.search(r"[1-9]", shown), (value, shown)
     assert "…" not in plain(first)
-    assert all(plain(text) in plain(sections["warnings"]) for _, text in warnings)
+    assert all(f"{step} {plain(text)}" in plain(sections["warnings"]) for step, text in warnings)
     told = f"{len(warnings)} warnings" if len(warnings) != 1 else "1 warning"
     assert told in plain(first) if warnings else "warning:" not in plain(first)
     twin = next((one.about for one in statements if one.topic == "Twin"), None)
@@ -242,6 +242,9 @@ def test_pages_of_such_summaries_contradict_nothing(session, count):
 
 
 def test_warnings_of_one_cause_are_one():
+    # Whether the run's list has it or its step's own, once.
+    listed = {"warnings": [{"step": "twin", "text": "twin: fell back"}], "twin": {"warnings": ["fell back"]}}
+    assert all_warnings(listed) == [("twin", "fell back")]
     moved = [{"step": "check", "text": f"flash_{n:03d}: moved by {n}.5 px"} for n in (3, 4, 5, 6, 9)]
     other = [{"step": "check", "text": "flash_012: it is dark"}, {"step": "results", "text": "results: no scale"}]
     assert all_warnings({"warnings": [*moved, *other]}) == [

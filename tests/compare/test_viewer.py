@@ -4,7 +4,6 @@ import base64
 import importlib.resources
 import importlib.util
 import json
-import shutil
 
 import cv2
 import numpy as np
@@ -17,7 +16,6 @@ from compare.report.report import write_report
 from formats.picture_files import srgb_from_linear
 from scene.files import write_npy
 from scene.normals import angular_error_deg
-from scene.store import Store
 
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
 NORMAL_DEG = 0.4
@@ -248,9 +246,9 @@ def test_the_scene_is_drawn_in_3d(viewer):
     assert len(orange()) != len(first)
 
 
-def test_a_surface_in_3d_is_closed_and_no_larger_than_it_is_where_it_is_steep(chromium, session, tmp_path):
+def test_a_surface_in_3d_is_closed_and_no_larger_than_it_is_where_it_is_steep(chromium, copied):
     """Half a ball, seen from aside."""
-    store = Store(shutil.copytree(session.store.folder, tmp_path / "out"))
+    store, summary = copied
     store.path("spheres.json").unlink()
     camera, lights, mask = store.load_camera(), store.load_lights(), store.load_mask()
     (v, u), radius_px = np.indices(mask.shape), 0.45 * min(np.ptp(axis) for axis in np.nonzero(mask))
@@ -259,7 +257,7 @@ def test_a_surface_in_3d_is_closed_and_no_larger_than_it_is_where_it_is_steep(ch
     rise_mm = np.sqrt(np.where(square > 0, square, np.nan)) * 700 / camera.fx
     write_npy(store.path("twin", "truth_z_mm.npy"), (-700 + rise_mm).astype(np.float32))
     page = chromium.new_page(viewport=DESK)
-    page.goto(write_report(store, session.summary).as_uri())
+    page.goto(write_report(store, summary).as_uri())
     page.locator("#viewer-3d > summary").click()
     page.wait_for_selector("#viewer-scene[data-points]")
     scene = page.locator("#viewer-scene")

@@ -23,6 +23,12 @@ def parts(drawing):
     return [(title.text, one.tag.removeprefix(space), one.attrib) for one, title in told if title is not None]
 
 
+def names_of(drawing):
+    """Return the places (N, 2) of the names in a chart, and the names."""
+    found = re.findall(r'<text x="([\d.]+)" y="([\d.]+)"[^>]*class="name"[^>]*>([^<]*)<', drawing)
+    return np.array([row[:2] for row in found], float), [unescape(name) for *_, name in found]
+
+
 def some_points(seed, count=14):
     rng = np.random.default_rng(seed)
     seconds, errors = 10 ** rng.normal(size=count), 10 ** (0.4 * rng.normal(size=count) + 0.5)
@@ -72,7 +78,7 @@ def test_families_differ_by_shape_and_the_twin_is_hollow_and_unnamed():
     shapes = {"ls": "circle", "tv": "rect", "Net": "path"}
     kinds = ("photographs", "twin")
     assert drawn == {(f"{name}, {kind}", shapes[name], kind == "photographs") for name in shapes for kind in kinds}
-    assert sorted(re.findall(r'class="name"[^>]*>([^<]*)<', drawing)) == sorted(shapes)
+    assert sorted(names_of(drawing)[1]) == sorted(shapes)
     for word in ("calibrated", "uncalibrated", "external", "hollow", "Pareto front"):
         assert f">{word}" in drawing
     assert ">external" not in speed_chart(points[1:2])
@@ -84,11 +90,10 @@ def test_a_name_keeps_to_its_own_point_and_off_all_marks():
     points = [SpeedPoint(f"name{i}", "calibrated", "real", *place) for i, place in enumerate(places)]
     drawing = speed_chart(points)
     marks = {words.split(",")[0]: (float(one["cx"]), float(one["cy"])) for words, _, one in parts(drawing)}
-    found = re.findall(r'<text x="([\d.]+)" y="([\d.]+)"[^>]*class="name"[^>]*>([^<]*)<', drawing)
-    assert [name for *_, name in found] == [*marks]
+    places, names = names_of(drawing)
+    assert names == [*marks]
     # From the edges of a name's letters, 33 wide and 13 high, whose foot is 5 below their middle.
-    middles = np.array([(float(u), float(v) - 5) for u, v, _ in found])
-    away = np.maximum(np.abs(middles[:, None] - np.array([*marks.values()])) - [16.5, 6.5], 0)
+    away = np.maximum(np.abs(places[:, None] - [0, 5] - np.array([*marks.values()])) - [16.5, 6.5], 0)
     distance = np.linalg.norm(away, axis=-1)
     assert (distance.argmin(1) == [0, 1, 2]).all()
     assert distance.min() >= 6
@@ -105,14 +110,11 @@ def test_names_are_apart_even_where_all_points_are_one_and_stay_text(spread):
         for kind in ("real", "twin")
     ]
     drawing = speed_chart(points)
-    found = re.findall(r'<text x="([\d.]+)" y="([\d.]+)"[^>]*class="name"[^>]*>([^<]*)<', drawing)
-    assert {unescape(name) for *_, name in found} == set(names)
+    middles, found = names_of(drawing)
+    assert set(found) == set(names)
     # A sans-serif letter is about half as wide as high.
-    middles, sizes = (
-        np.array([row[:2] for row in found], float),
-        [[6.5 * len(unescape(name)), 13] for *_, name in found],
-    )
-    apart = np.abs(middles[:, None] - middles) >= (np.array(sizes)[:, None] + sizes) / 2
+    sizes = np.array([[6.5 * len(name), 13] for name in found])
+    apart = np.abs(middles[:, None] - middles) >= (sizes[:, None] + sizes) / 2
     assert (apart.any(-1) | np.eye(len(found), dtype=bool)).all()
     assert (middles >= 0).all()
     assert (middles <= [760, 470]).all()

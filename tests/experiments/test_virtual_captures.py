@@ -7,13 +7,11 @@ from benchmarks.virtual_lab import (
     BALLS,
     CAMERA,
     CENTRE_MM,
-    SPHERE_MM,
     Setup,
-    _mirrors,
     lab_scene,
     object_maps,
 )
-from benchmarks.virtual_series import in_shadow, scan_of, write_session
+from benchmarks.virtual_series import in_shadow, write_session
 from scene.normals import angular_error_deg, unit
 from scene.store import Store
 
@@ -32,43 +30,6 @@ def test_frames_are_left_out_in_which_the_white_ball_is_dark():
     for frame, (x, y) in {1: (u, CAMERA.height - v), 2: (u, v), 4: (CAMERA.width - u, v)}.items():
         images[frame, np.hypot(columns - x, rows - y) < 30] = 0.02
     assert in_shadow(scene.lights.names, images) == [scene.lights.names[2]]
-
-
-def test_a_scan_has_the_objects_shape_in_axes_of_its_own():
-    ball, card = scan_of(Setup()), scan_of(Setup("cardboard", 90.0))
-    assert np.linalg.norm(ball.vertices, axis=1) == pytest.approx(SPHERE_MM, rel=0.001)
-    # Two halves, at right angles, of which no face is larger than a scanner's.
-    normals = np.unique(np.round(card.face_normals, 6), axis=0)
-    assert normals[0] @ normals[1] == pytest.approx(0, abs=1e-6)
-    assert len(normals) == 2
-    edges = np.linalg.norm(np.diff(card.vertices[card.faces[:, [0, 1, 2, 0]]], axis=1), axis=2)
-    assert edges.max() <= 3.0
-
-
-@pytest.mark.full
-@pytest.mark.render
-def test_a_flash_shows_in_a_mirror_where_geometry_has_it():
-    """Its image is smaller than a pixel: each pixel has the share of it that the law of reflection puts there."""
-    scene = lab_scene(Setup(ring_deg=60.0, frames=2, seed=10001))
-    draw, count = np.random.default_rng(1), 20_000
-    around, out = 2 * np.pi * draw.random(count), np.sqrt(draw.random(count))
-    balls = [(radius, np.array(center)) for kind, radius, center in BALLS if kind == "chrome"]
-    for (rows, columns, shown, images), (radius, center) in zip(_mirrors(scene), balls, strict=True):
-        for image, flash, size in zip(images, scene.lights.positions_mm, scene.radii_mm, strict=True):
-            axis = unit((CENTRE_MM - flash)[None])[0]
-            side = unit(np.cross(axis, [0.0, 1.0, 0.0])[None])[0]
-            disc = np.stack([np.cos(around), np.sin(around)], -1) @ np.stack([side, np.cross(axis, side)])
-            lamps = flash + size * out[:, None] * disc
-            # Where the normal halves the angle between eye and lamp: by iteration, from the ball's centre on.
-            points = np.broadcast_to(center, lamps.shape)
-            for _ in range(60):
-                points = center + radius * unit(unit(-points) + unit(lamps - points))
-            pixels = np.round(CAMERA.project(points)).astype(int) - [columns.start, rows.start]
-            expected = np.zeros(shown.shape)
-            np.add.at(expected, (pixels[:, 1], pixels[:, 0]), 1 / count)
-            # What is no flash is darker than a white surface before it.
-            bright = np.clip(np.where(shown, image.mean(-1), 0) - 1, 0, None)
-            assert np.abs(bright / bright.sum() - expected).sum() / 2 < 0.05
 
 
 @pytest.mark.full

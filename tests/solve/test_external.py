@@ -72,9 +72,8 @@ def run(scene, tmp_path):
 
     def start(manner, timeout_s=30.0):
         command = f"{shlex.quote(sys.executable)} {shlex.quote(str(script))} {{data}} {{out}} {shlex.quote(manner)}"
-        frames, lights, camera, mask, _ = scene
         external = External.parse(f"StandIn={command}", timeout_s)
-        return solve_external(external, frames, lights, camera, mask, tmp_path / "external" / "StandIn")
+        return solve_external(external, *scene[:4], tmp_path / "external" / "StandIn")
 
     return start
 
@@ -91,7 +90,7 @@ def run(scene, tmp_path):
     ],
 )
 def test_normals_come_back_in_the_camera_frame_whatever_the_programs_axes(manner, axes, run, scene, tmp_path):
-    *_, mask, normals = scene
+    frames, lights, _, mask, normals = scene
     estimate = run(manner)
     assert estimate.settings["axes"] == axes
     assert not estimate.warnings
@@ -99,7 +98,6 @@ def test_normals_come_back_in_the_camera_frame_whatever_the_programs_axes(manner
     assert np.isnan(estimate.normals[~mask]).all()
     assert estimate.method == "StandIn"
     assert (estimate.samples[mask] >= 6).all()
-    frames, lights, *_ = scene
     expected = matte(lights, normals, normals, np.nan_to_num(estimate.albedo))
     np.testing.assert_allclose(expected[0][mask], frames.frame(0)[mask], rtol=0.01)
     assert not (tmp_path / "external" / "StandIn" / "object.data").exists()
@@ -151,9 +149,8 @@ def test_a_program_that_takes_too_long_is_ended_with_all_that_it_started(run, tm
     ],
 )
 def test_what_is_wrong_with_a_command_is_said(text, words, scene, tmp_path):
-    frames, lights, camera, mask, _ = scene
     with pytest.raises(SceneError, match=words):
-        solve_external(External.parse(text, 5), frames, lights, camera, mask, tmp_path / "x")
+        solve_external(External.parse(text, 5), *scene[:4], tmp_path / "x")
 
 
 def test_a_word_may_be_longer_than_a_files_name():

@@ -13,6 +13,7 @@ from solve.surface.surface_mesh import mesh_of
 
 SIZE = 60
 PERSPECTIVE = Camera(SIZE, SIZE, 110.0, 110.0, 27.0, 33.5, (-0.06, 0.02, 0.001, -0.002, 0.0))
+WHOLE = np.ones((SIZE, SIZE), bool)
 ORTHOGRAPHIC = Camera(SIZE, SIZE, 2.0, 2.0, 27.0, 33.5, projection="orthographic")
 
 
@@ -24,17 +25,18 @@ def plane(camera, normal, z_mm=-600.0):
     return base + rays * along[..., None], np.broadcast_to(normal, base.shape)
 
 
-def median_z(points, mask):
-    return float(np.median(points[mask][:, 2]))
+def integrated(points, normals, mask=WHOLE, camera=PERSPECTIVE):
+    """What is integrated from the normals, with the points' median depth."""
+    return integrate(normals, mask, camera, z_mm=float(np.median(points[mask][:, 2])))
 
 
 @pytest.mark.parametrize("camera", [PERSPECTIVE, ORTHOGRAPHIC], ids=["perspective", "orthographic"])
 @pytest.mark.parametrize("normal", [(0.5, 0, 1), (-0.5, 0, 1), (0, 0.5, 1), (0, -0.5, 1), (0.7, -0.4, 1)])
 def test_a_plane_is_exact_whichever_way_it_leans(camera, normal):
     points, normals = plane(camera, normal)
-    mask = np.ones((SIZE, SIZE), bool)
+    mask = WHOLE.copy()
     mask[10:20, 25:35] = False
-    surface = integrate(normals, mask, camera, z_mm=median_z(points, mask))
+    surface = integrated(points, normals, mask, camera)
     np.testing.assert_allclose(surface.z_mm[mask], points[mask][:, 2], atol=1e-3)
     np.testing.assert_allclose(surface.points_mm(camera)[mask], points[mask], atol=1e-3)
     assert np.isnan(surface.z_mm[~mask]).all()
@@ -44,12 +46,11 @@ def test_a_plane_is_exact_whichever_way_it_leans(camera, normal):
 @pytest.mark.parametrize(("camera", "radius_mm", "atol"), [(PERSPECTIVE, 90.0, 1e-2), (ORTHOGRAPHIC, 11.0, 1e-3)])
 def test_a_ball_is_exact_to_its_limb_and_weighing_the_sides_spoils_only_the_limb(camera, radius_mm, atol, monkeypatch):
     points, normals, mask = ball_seen(camera, (0.0, 0.0, -600.0), radius_mm, rim=0.2)
-    z_mm = median_z(points, mask)
     with monkeypatch.context() as patch:
         patch.setattr(integration, "SHARPNESS", 0.0)
-        plain = integrate(normals, mask, camera, z_mm=z_mm)
+        plain = integrated(points, normals, mask, camera)
     np.testing.assert_allclose(plain.z_mm[mask], points[mask][:, 2], atol=atol)
-    weighed = integrate(normals, mask, camera, z_mm=z_mm).z_mm - points[..., 2]
+    weighed = integrated(points, normals, mask, camera).z_mm - points[..., 2]
     inner = mask & (normals[..., 2] > 0.7)
     assert np.abs(weighed[inner]).max() < 1e-3 * radius_mm
     assert np.abs(weighed[mask]).max() < 1e-2 * radius_mm
@@ -65,17 +66,14 @@ def flap():
 
 def test_an_edge_of_depth_is_torn_and_its_sides_stay_what_they_are(monkeypatch):
     points, normals, turn = flap()
-    mask = np.ones((SIZE, SIZE), bool)
-    z_mm = median_z(points, mask)
-    jump = np.ptp(points[..., 2])
-    sharp = integrate(normals, mask, PERSPECTIVE, z_mm=z_mm).z_mm - points[..., 2]
+    found, jump = integrated(points, normals), np.ptp(points[..., 2])
+    sharp = found.z_mm - points[..., 2]
     with monkeypatch.context() as patch:
         patch.setattr(integration, "SHARPNESS", 0.0)
-        smooth = integrate(normals, mask, PERSPECTIVE, z_mm=z_mm).z_mm - points[..., 2]
+        smooth = integrated(points, normals).z_mm - points[..., 2]
     assert np.abs(smooth).max() > 0.2 * jump
     assert np.abs(sharp).max() < 0.05 * jump
-    gap = integrate(normals, mask, PERSPECTIVE, z_mm=z_mm).gap_right
-    torn = np.isfinite(gap) & (gap > 2)
+    torn = np.isfinite(found.gap_right) & (found.gap_right > 2)
     assert set(np.nonzero(torn)[1]) == {SIZE // 2}
     assert torn.sum() > 0.6 * turn[:, -1].sum()
 
@@ -86,9 +84,8 @@ def test_a_step_keeps_its_height_free():
     left = np.zeros((SIZE, SIZE), bool)
     left[:, : SIZE // 2] = True
     z_mm = np.where(left, -600.0, -640.0)
-    mask = np.ones((SIZE, SIZE), bool)
     noisy = z_mm + 5.0 * np.random.default_rng(0).standard_normal(z_mm.shape)
-    surface = integrate(normals, mask, PERSPECTIVE, z_mm=-620.0, hint=(noisy, np.full(z_mm.shape, 0.02)))
+    surface = integrate(normals, WHOLE, PERSPECTIVE, z_mm=-620.0, hint=(noisy, np.full(z_mm.shape, 0.02)))
     assert abs(np.median(surface.z_mm[left]) + 600) < 1.5
     assert abs(np.median(surface.z_mm[~left]) + 640) < 1.5
     # A plate's relief is the hint's noise, much reduced.
@@ -98,10 +95,10 @@ def test_a_step_keeps_its_height_free():
 def test_faults_are_named():
     normals = np.full((SIZE, SIZE, 3), np.nan)
     with pytest.raises(SceneError, match="no pixel"):
-        integrate(normals, np.ones((SIZE, SIZE), bool), PERSPECTIVE, z_mm=-600.0)
+        integrate(normals, WHOLE, PERSPECTIVE, z_mm=-600.0)
     normals[:] = [0, 0, 1]
     with pytest.raises(SceneError, match="in front of the camera"):
-        integrate(normals, np.ones((SIZE, SIZE), bool), PERSPECTIVE, z_mm=0.0)
+        integrate(normals, WHOLE, PERSPECTIVE, z_mm=0.0)
 
 
 def test_the_grid_solver_solves_its_equations_with_uneven_weights_and_cuts():

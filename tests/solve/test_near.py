@@ -21,11 +21,14 @@ CAMERAS = {
 }
 
 
-def ball(camera, z_mm=-560.0):
+PERSPECTIVE, MIDDLE = CAMERAS["perspective"], (15.0, -10.0, -560.0)
+
+
+def ball(camera=PERSPECTIVE, z_mm=-560.0):
     return ball_seen(camera, (15.0, -10.0, z_mm), 80.0, rim=0.4)
 
 
-def lights_at(distance_mm, reference, count=14):
+def lights_at(distance_mm=600.0, reference=MIDDLE, count=14):
     toward = spiral(np.cos(np.radians(np.linspace(14, 50, count))))
     positions = reference + toward * (distance_mm * np.linspace(0.8, 1.2, count)[:, None])
     intensities = np.linspace(0.7, 1.3, count)[:, None] * [0.9, 1.0, 1.1]
@@ -44,7 +47,7 @@ def photographs(points, normals, mask, lights, *, noise=0.0):
 def test_depth_and_normals_are_found_from_a_reference_that_is_centimetres_off(projection):
     camera = CAMERAS[projection]
     points, normals, mask = ball(camera)
-    lights = lights_at(600.0, [15.0, -10.0, -560.0])
+    lights = lights_at()
     frames = photographs(points, normals, mask, lights, noise=0.001)
     near, plain = (solve(method, frames, lights, camera, mask) for method in ("near", "iterative"))
     error = {one.method: np.median(angular_error_deg(one.normals, normals)[mask]) for one in (near, plain)}
@@ -60,28 +63,24 @@ def test_depth_and_normals_are_found_from_a_reference_that_is_centimetres_off(pr
 
 def test_two_parts_at_different_depths_find_their_places():
     """Half of the ball stands 40 mm nearer to the camera: normals alone cannot tell."""
-    camera = CAMERAS["perspective"]
-    points, normals, mask = ball(camera)
-    front = ball(camera, z_mm=-520.0)
+    points, normals, mask = ball()
+    front = ball(z_mm=-520.0)
     left = np.arange(SIZE) < 34
     points = np.where(left[None, :, None], front[0], points)
     normals = np.where(left[None, :, None], front[1], normals)
     mask = np.where(left, front[2], mask)
     mask[:, 34] = False
-    lights = lights_at(600.0, [15.0, -10.0, -560.0])
-    found = solve("near", photographs(points, normals, mask, lights, noise=0.001), lights, camera, mask)
+    lights = lights_at()
+    found = solve("near", photographs(points, normals, mask, lights, noise=0.001), lights, PERSPECTIVE, mask)
     gap = found.z_mm - points[..., 2]
     assert abs(np.nanmedian(gap[:, :34])) < 1.5
     assert abs(np.nanmedian(gap[:, 35:])) < 1.5
 
 
 def test_lights_without_positions_get_them_from_the_object():
-    camera = CAMERAS["perspective"]
-    points, normals, mask = ball(camera)
-    lights = lights_at(600.0, [15.0, -10.0, -560.0])
-    frames = photographs(points, normals, mask, lights)
-    far = Lights(lights.names, lights.directions, lights.intensities)
-    near, plain = (solve(method, frames, far, camera, mask) for method in ("near", "iterative"))
+    (points, normals, mask), lights = ball(), lights_at()
+    frames, far = photographs(points, normals, mask, lights), directions_only(lights)
+    near, plain = (solve(method, frames, far, PERSPECTIVE, mask) for method in ("near", "iterative"))
     assert any("without positions" in text for text in near.warnings)
     error, before = (np.nanmedian(angular_error_deg(found.normals, normals)[mask]) for found in (near, plain))
     assert error < 0.5 * before

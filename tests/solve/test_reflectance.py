@@ -14,13 +14,14 @@ FRONT = np.array([0.0, 0.0, 1.0])
 
 
 def photographs(lobe, *, count=32, size=44, noise=0.001, seed=20_000):
-    """Samples (P, F), normals (P, 3) and directions (F, 3): a ball, f = lobe(cos theta_h, cos theta_d)."""
+    """Samples (P, F), normals (P, 3) and directions (F, 3): a ball, f = lobe(cos theta_h, cos theta_d, cos theta_i)."""
     generator = np.random.default_rng(seed)
     normals, mask = dome(size, rim=0.32)
     normals, lights = normals[mask], even_cap(count, 55.0)
     half = unit(lights + FRONT)
     albedo = generator.uniform(0.2, 0.6, (len(normals), 1))
-    gray = albedo * np.maximum(normals @ lights.T, 0) * lobe(np.clip(normals @ half.T, 0, 1), half @ FRONT)
+    cosine = np.clip(normals @ lights.T, 0, 1)
+    gray = albedo * cosine * lobe(np.clip(normals @ half.T, 0, 1), half @ FRONT, cosine)
     return (gray + noise * generator.standard_normal(gray.shape)).astype(np.float32), normals, lights
 
 
@@ -32,22 +33,6 @@ def of_iterative(gray, lights):
     return iterative.fit(as_samples(gray, lights), float(np.percentile(gray, 99)), iterative.IterativeSettings())[0]
 
 
-LOBES = {
-    "plastic": lambda h, d: 1 + 2 * h**60,
-    "satin": lambda h, d: 1 + 1.5 * h**8,
-    "back-scattering": lambda h, d: 0.7 + 0.5 * d**6 + 0 * h,
-}
-
-
-@pytest.mark.parametrize("name", LOBES)
-def test_normals_of_what_is_not_matte(name):
-    gray, normals, lights = photographs(LOBES[name])
-    found = angular_error_deg(unit(fit(gray, lights).b), normals)
-    before = angular_error_deg(unit(of_iterative(gray, lights)), normals)
-    assert found.mean() < 0.4 * before.mean()
-    assert np.median(found) < 0.2
-
-
 def transmitted(cosine):
     """Return what share of light passes into a dielectric (index 1.5) from this angle, relative to straight on."""
     sine = np.sqrt(1 - cosine**2) / 1.5
@@ -56,20 +41,27 @@ def transmitted(cosine):
     return (1 - (across**2 + along**2) / 2) / 0.96
 
 
-def test_light_that_enters_a_glossy_surface_at_a_low_angle_is_weaker():
-    """Least squares, and any table over half and difference angle, see plastic too steep."""
-    gray, normals, lights = photographs(lambda h, d: 1 + 2 * h**60)
-    cosine = np.clip(normals @ lights.T, 0, 1)
-    generator = np.random.default_rng(20_002)
-    gray = gray * transmitted(cosine) + 0.001 * generator.standard_normal(gray.shape)
-    found = angular_error_deg(unit(fit(gray.astype(np.float32), lights).b), normals)
-    before = angular_error_deg(unit(of_iterative(gray.astype(np.float32), lights)), normals)
-    assert before.mean() > 1.5
-    assert found.mean() < 0.25 * before.mean()
+LOBES = {
+    "plastic": (lambda h, d, c: 1 + 2 * h**60, 0.4),
+    "satin": (lambda h, d, c: 1 + 1.5 * h**8, 0.4),
+    "back-scattering": (lambda h, d, c: 0.7 + 0.5 * d**6 + 0 * h, 0.4),
+    # Light that enters at a low angle is weaker: any table over half and difference angle sees plastic too steep.
+    "entered": (lambda h, d, c: (1 + 2 * h**60) * transmitted(c), 0.25),
+}
+"""f(cos theta_h, cos theta_d, cos theta_i), and the share of the error of `iterative` that may be left."""
+
+
+@pytest.mark.parametrize(("lobe", "share"), LOBES.values(), ids=LOBES)
+def test_normals_of_what_is_not_matte(lobe, share):
+    gray, normals, lights = photographs(lobe)
+    found = angular_error_deg(unit(fit(gray, lights).b), normals)
+    before = angular_error_deg(unit(of_iterative(gray, lights)), normals)
+    assert found.mean() < share * before.mean()
+    assert np.median(found) < 0.2 or share < 0.3
 
 
 def test_a_matte_object_is_left_as_it_is():
-    gray, normals, lights = photographs(lambda h, d: 1 + 0 * h, noise=0.0)
+    gray, normals, lights = photographs(lambda h, d, c: 1 + 0 * h, noise=0.0)
     found = fit(gray, lights)
     assert angular_error_deg(unit(found.b), normals).max() < 1e-3
     assert np.linalg.norm(found.b, axis=1) == pytest.approx(
@@ -79,7 +71,7 @@ def test_a_matte_object_is_left_as_it_is():
 
 def test_a_view_from_the_side_is_not_one_from_the_front():
     """Half angles count from the direction to the camera: with the wrong one, the table explains nothing."""
-    gray, normals, lights = photographs(LOBES["satin"])
+    gray, normals, lights = photographs(LOBES["satin"][0])
     views = np.tile(unit(np.array([0.6, 0.0, 0.8])), (len(gray), 1))
     wrong, *_ = fit_to_views(as_samples(gray, lights), views, ReflectanceSettings())
     right = fit(gray, lights)

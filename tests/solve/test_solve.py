@@ -182,6 +182,7 @@ EVERYWHERE = np.ones((SIZE, SIZE), bool)
     [
         ("ls", FLAT, EVERYWHERE, CalibrationError, "one plane"),
         ("ls", GOOD.only(slice(2)), EVERYWHERE, CalibrationError, "at least 3"),
+        ("tv", GOOD, EVERYWHERE, CalibrationError, "found 3 frames"),
         ("ls", GOOD, ~EVERYWHERE, SceneError, "mask is empty"),
         ("magic", GOOD, EVERYWHERE, SceneError, "unknown method"),
         ("ls", GOOD, EVERYWHERE[:10, :10], SceneError, "10 x 10"),

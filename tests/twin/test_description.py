@@ -16,6 +16,7 @@ from scene.camera import Camera
 from scene.errors import RenderError
 from scene.store import Store
 from tests.twin.twin_scenes import lights, placed
+from twin.camera.virtual_camera import Sensor
 from twin.description.description import Environment, TwinScene
 from twin.description.description_check import check_scene
 from twin.description.description_file import TABLES, keys_of, read_document, read_scene, write_document
@@ -41,6 +42,7 @@ fx = 100.0
 """
 BALL = '[[objects]]\nshape = "sphere"\nscale = 40\ntranslate_mm = [-10, 0, -300]\nmaterial = "m"\n'
 MATTE = '[materials.m]\nkind = "diffuse"\nreflectance = 0.5\n'
+SENSOR = 'files = "exr"\nsensor = { iso = 800, vignetting = [-0.3, 0, 0], neutral = [1, 1, 1] }\n'
 LIGHT = '[[lights]]\nkind = "distant"\ndirection = [0, 0, 1]\n'
 WHOLE = f"{HEAD}{BALL}{MATTE}{LIGHT}"
 
@@ -193,6 +195,7 @@ def test_what_cannot_be_rendered_is_named(change, message):
         check_scene(TwinScene(camera, (ball,), {"m": material}, given))
 
 
+CFA = "fx = 100.0\n[camera.sensor]\n"
 HUGE = "matrix = [[1e6,0,0,0],[0,1e6,0,0],[0,0,1e6,0],[0,0,0,1]]\ntranslate_mm = [-10, 0, -3e5]"
 
 
@@ -213,6 +216,13 @@ HUGE = "matrix = [[1e6,0,0,0],[0,1e6,0,0],[0,0,1e6,0],[0,0,0,1]]\ntranslate_mm =
         ("width = 64\nheight = 48", "width = 20000\nheight = 20000", "expected 100000000 pixels at most, width"),
         ("width = 64", "width = 90000000000", "camera.width"),
         ("fx = 100.0", "fx = inf", "camera.fx: found inf; expected a finite number"),
+        ("fx = 100.0", f"{CFA}gain = 3", "camera.sensor.gain: unknown key"),
+        ("fx = 100.0", f"{CFA}vignetting = [-2, 0, 0]", "leaves no light"),
+        ("fx = 100.0", f"{CFA}black_level = 600\nwhite_level = 500", "black_level 600"),
+        ("fx = 100.0", f"{CFA}read_noise_e = -1", "read_noise_e: found -1"),
+        ("fx = 100.0", f"{CFA}neutral = [0, 1, 1]", "neutral[0]: found 0"),
+        ("fx = 100.0", f'{CFA}cfa = "RGBW"', "cfa: found 'RGBW'; expected 'RGGB'"),
+        ("fx = 100.0", f'files = "dng"\n{CFA}cfa = "none"', "wants [camera.sensor] with a Bayer pattern"),
         ("fx = 100.0", "fx = 9\ndistortion = 3", "camera.distortion: found 3; expected a list between [ and ]."),
         ("[0, 0, 1]", "[0, nan, 1]", "direction[1]: found nan"),
         (WHOLE, "a = " + "[" * 50_000, "a.toml: not TOML"),
@@ -273,13 +283,15 @@ def test_what_is_written_is_read_again_as_it_was(tmp_path):
         GridTable(rings=2, around=3, distance_mm=200.0),
         AreaLight(name="key", position_mm=(1.0, 2.0, 3.0), radius_mm=7.5),
     )
-    (tmp_path / "a.toml").write_text(HEAD + "sensor = { iso = 800 }\n" + BALL + MATTE + LIGHT)
+    (tmp_path / "a.toml").write_text(HEAD + SENSOR + BALL + MATTE + LIGHT)
     update = {"objects": objects, "materials": materials, "lights": groups, "name": 'with "quotes"',
               "environment": Environment(texture(4, 8, 3, wrap="repeat"), 0.7, 33.0, (0.1, 0.2, 0.3))}  # fmt: skip
     given = read_document(tmp_path / "a.toml").model_copy(update=update)
     path = write_document(given, tmp_path / "copy")
     again = read_document(path)
     assert write_document(again, tmp_path / "third").read_text() == path.read_text()
+    assert again.scene().sensor == Sensor(iso=800, vignetting=(-0.3, 0, 0), neutral=(1, 1, 1))
+    assert again.scene().files == "exr"
     assert again.materials["measured"] == Measured(tmp_path / "copy" / "files" / "gold.bsdf")
     assert len(list((tmp_path / "copy" / "textures").iterdir())) == 5, "two of one name"
     for one, two, but in ((given, again, {"objects"}), (given.scene(), again.scene(), set())):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scene.camera import Camera
-from tests.twin.twin_scenes import ball_and_wall, lights, placed
+from tests.twin.twin_scenes import NEEDS_LLVM, ball_and_wall, lights, placed
 from twin.description.description import Environment, Sampling, TwinScene
 from twin.description.materials import Conductor, Diffuse, RoughPlastic, Subsurface
 from twin.engines import engine_choice
@@ -17,12 +17,9 @@ from twin.engines.light_layers import noise_of_one_sample, render_layers
 from twin.engines.many import Many
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.path_tracing import PathTracer
-from twin.engines.variant import SLOW, import_mitsuba, load, pick_variant
+from twin.engines.variant import SLOW, import_mitsuba, load
 
-pytestmark = [
-    pytest.mark.render,
-    pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here"),
-]
+pytestmark = [pytest.mark.render, NEEDS_LLVM]
 
 CAMERA = Camera(48, 40, 150.0, 150.0, 25.4, 18.2)
 WALLS = Diffuse((0.8, 0.5, 0.3))

@@ -13,16 +13,14 @@ from scene.frames import Frames
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg
 from scene.spheres import WHITE_BALL_ALBEDO
-from tests.twin.twin_scenes import placed
+from tests.twin.twin_scenes import NEEDS_LLVM, placed
 from twin.description.description import Environment, Sampling, TwinObject, TwinScene
 from twin.description.materials import Diffuse, RoughPlastic
 from twin.description.object_mesh import ObjectMesh, built_in
-from twin.engines.film import Film
 from twin.engines.many import Many
 from twin.engines.mitsuba_scene import mitsuba_scene
-from twin.engines.path_tracing import PathTracer
 from twin.engines.render import render_scene
-from twin.engines.variant import SLOW, import_mitsuba, pick_variant
+from twin.engines.variant import import_mitsuba
 from twin.material.fit_material import fit_material
 from twin.material.material_samples import samples_of_scan
 from twin.material.measured_albedo import textured_surface
@@ -140,30 +138,9 @@ def test_too_few_pixels_are_named():
 
 @pytest.mark.full
 @pytest.mark.render
-@pytest.mark.parametrize("roughness", [0.2, 0.4])
-def test_the_facets_of_a_ball_that_stock_mitsuba_rendered_are_found(roughness):
-    """And they go along into the twin, whose material is that of the object."""
-    lights, camera = dome(12), Camera(72, 64, 170.0, 170.0, 35.3, 31.8)
-    one = placed("ball", "sphere", "plastic", 25.0, (0, 0, 100))
-    true = RoughPlastic((0.5, 0.3, 0.2), roughness, 0.6)
-    scene = TwinScene(camera, (one,), {"plastic": true}, lights, sampling=Sampling("mitsuba", max_depth=2))
-    tracer = PathTracer(scene, Film.of_pinhole(camera, slice(0, camera.height), slice(0, camera.width)))
-    images = np.stack([tracer.image(index, 64, seed=10_032) for index in range(len(lights))])
-    frames, mask = Frames.from_linear(lights.names, images), images.max((0, -1)) > 0
-    sight = Sight(Mesh(one.placed.vertices, one.placed.faces), camera, lights)
-    fit = fit_material(samples_of_scan(sight, frames, mask), lights)
-    assert abs(fit.surface.roughness / roughness - 1) < 0.03
-    assert abs(fit.specularity / 0.6 - 1) < 0.03
-    albedo = np.where(mask[..., None], np.full(3, 0.2, np.float32), np.float32(np.nan))
-    (made_of,) = scan_scene(sight, albedo, Sampling(), fit=fit)[0].materials.values()
-    assert isinstance(made_of, RoughPlastic)
-    assert made_of.roughness == fit.surface.roughness
-
-
-@pytest.mark.full
-@pytest.mark.render
-@pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here")
+@NEEDS_LLVM
 def test_a_rendered_ball_tells_its_material_and_its_shadow_does_not_count():
+    """And its facets go along into the twin, whose material is that of the object."""
     import_mitsuba()
     lights, camera = dome(12), Camera(120, 100, 260.0, 260.0, 59.3, 50.8)
     objects = (placed("large", "sphere", "plastic", 25.0, (0, 0, 100)),
@@ -184,6 +161,9 @@ def test_a_rendered_ball_tells_its_material_and_its_shadow_does_not_count():
     assert len(albedo) > 0.5 * mask.sum()
     np.testing.assert_allclose(np.median(albedo, 0), WHITE * [0.5, 0.3, 0.2], rtol=0.02)
     assert 0 < whole.onward_share < 0.1
+    (made_of,) = scan_scene(sight, whole.albedo, Sampling(), fit=fit)[0].materials.values()
+    assert isinstance(made_of, RoughPlastic)
+    assert made_of.roughness == fit.surface.roughness
 
 
 CAMERA = Camera(80, 80, 240.0, 240.0, 39.5, 39.5)
@@ -202,42 +182,26 @@ def bowl(half: float = 30.0, pieces: int = 48) -> Mesh:
 
 @pytest.mark.render
 @pytest.mark.full
-@pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here")
-def test_light_that_a_hollow_throws_on_itself_is_not_taken_for_albedo() -> None:
-    """It was: the twin then had it twice, and was too bright in every hollow."""
-    lights, mesh = dome(12), bowl()
-    one = TwinObject("bowl", ObjectMesh(mesh.vertices, mesh.faces), "matte")
-    scene = TwinScene(
-        CAMERA, (one,), {"matte": Diffuse((0.6, 0.6, 0.6))}, lights, sampling=Sampling("many", max_depth=4, error=0.004)
-    )
-    images = render_scene(scene).frames.read()
-    mask = images.max((0, -1)) > 0
-    found = scan_material(Sight(mesh, CAMERA, lights), Frames.from_linear(lights.names, images), mask)
-    true = 0.6 * WHITE
-    # All of the mask has an albedo of its own, the outline too.
-    assert np.isfinite(found.albedo[mask]).mean() > 0.95
-    assert np.nanmedian(np.abs(found.albedo / true - 1)) < 0.06
-    middle = mask & (np.hypot(*(CAMERA.grid() - 39.5).transpose(2, 0, 1)) < 10)
-    assert abs(np.nanmedian(found.albedo[middle] / true) - 1) < 0.08
-    assert found.onward_share > 0.15
-
-
-@pytest.mark.render
-@pytest.mark.full
-@pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here")
-@pytest.mark.parametrize("share", [0.15, 0.5])
-def test_the_rooms_light_is_in_the_twin_and_not_in_the_albedo(share: float) -> None:
-    """It was in the albedo alone: photographs under 40 % of room light were 10 degrees worse than their twin."""
+@NEEDS_LLVM
+@pytest.mark.parametrize("share", [0.0, 0.15, 0.5])
+def test_light_that_a_hollow_throws_on_itself_and_the_rooms_are_in_the_twin_and_not_in_the_albedo(share: float) -> None:
+    """The hollow's was in both, and the room's in the albedo alone, which was 10 degrees worse than the twin."""
     mesh, room = bowl(), share * np.array([1.0, 0.8, 1.2]) * WHITE
+    colour = (0.3, 0.5, 0.6) if share else (0.6, 0.6, 0.6)
     lights = replace(dome(12), ambient=room * WHITE_BALL_ALBEDO, white_value=WHITE_BALL_ALBEDO * WHITE)
     one = TwinObject("bowl", ObjectMesh(mesh.vertices, mesh.faces), "matte")
     environment, sampling = Environment(ambient=tuple(room)), Sampling("many", max_depth=4, error=0.004)
-    matte = {"matte": Diffuse((0.3, 0.5, 0.6))}
-    scene = TwinScene(CAMERA, (one,), matte, lights, environment=environment, sampling=sampling)
+    scene = TwinScene(CAMERA, (one,), {"matte": Diffuse(colour)}, lights, environment=environment, sampling=sampling)
     frames, sight = render_scene(scene).frames, Sight(mesh, CAMERA, lights)
     mask = frames.read().max((0, -1)) > 0
     found = scan_material(sight, frames, mask)
-    assert np.nanmedian(np.abs(found.albedo / ([0.3, 0.5, 0.6] * WHITE) - 1)) < 0.06
+    # All of the mask has an albedo of its own, the outline too.
+    assert np.isfinite(found.albedo[mask]).mean() > 0.95
+    off = found.albedo / (colour * WHITE) - 1
+    assert np.nanmedian(np.abs(off)) < 0.06
+    middle = mask & (np.hypot(*(CAMERA.grid() - 39.5).transpose(2, 0, 1)) < 10)
+    assert abs(np.nanmedian(off[middle])) < 0.08
+    assert share or found.onward_share > 0.15
     twin = scan_scene(sight, found.albedo, scene.sampling, fit=found.fit)[0]
     again, inner = render_scene(twin).frames.read()[:, mask], frames.read()[:, mask]
     assert np.linalg.norm(again - inner) < 0.05 * np.linalg.norm(inner)

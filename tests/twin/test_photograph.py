@@ -13,11 +13,9 @@ from capture.photographs.raw import read_raw
 from scene.errors import RenderError, SceneError
 from scene.frames import Frames, decode
 from scene.store import Store
-from tests.twin.test_description import BALL, HEAD, LIGHT, MATTE
 from twin.camera.grain import sensor_like
 from twin.camera.virtual_camera import CFA_PATTERNS, Sensor, expose, write_dng
 from twin.camera.virtual_photograph import developed, write_photograph
-from twin.description.description_file import read_document, read_scene, write_document
 
 SILENT = {"full_well_e": 1e13, "read_noise_e": 0.0, "blur_px": 0.0}
 SHOT = {"exposure_s": 1 / 125, "iso": 100, "aperture": 8.0, "focal_mm": 18.0,
@@ -138,38 +136,6 @@ def test_what_cannot_be_photographed_is_named(tmp_path):
     with pytest.raises(SceneError, match="cannot be written"):
         write_dng(tmp_path / "file" / "a.dng", np.zeros((4, 4), np.uint16), Sensor(), **SHOT)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
-
-
-def described(path, camera, sensor):
-    """Write a scene with more keys of its camera, and a sensor."""
-    path.write_text(f"{HEAD}{camera}\n[camera.sensor]\n{sensor}\n{BALL}{MATTE}{LIGHT}")
-    return path
-
-
-@pytest.mark.parametrize(
-    ("camera", "sensor", "message"),
-    [
-        ("", "gain = 3", "camera.sensor.gain: unknown key"),
-        ("", "vignetting = [-2, 0, 0]", "leaves no light"),
-        ("", "black_level = 600\nwhite_level = 500", "black_level 600"),
-        ("", "read_noise_e = -1", "read_noise_e: found -1"),
-        ("", "neutral = [0, 1, 1]", "neutral\\[0\\]: found 0"),
-        ("", 'cfa = "RGBW"', "cfa: found 'RGBW'; expected 'RGGB'"),
-        ('files = "dng"', 'cfa = "none"', "wants .camera.sensor. with a Bayer pattern"),
-    ],
-)
-def test_what_no_camera_can_do_is_named(camera, sensor, message, tmp_path):
-    with pytest.raises(RenderError, match=message):
-        read_scene(described(tmp_path / "a.toml", camera, sensor))
-
-
-def test_a_sensor_comes_from_the_description_and_goes_back_into_it(tmp_path):
-    numbers = "iso = 800\nvignetting = [-0.3, 0, 0]\nneutral = [1, 1, 1]"
-    path = described(tmp_path / "a.toml", 'files = "exr"', numbers)
-    again = write_document(read_document(path), tmp_path / "out")
-    for scene in (read_scene(path), read_scene(again)):
-        assert scene.sensor == Sensor(iso=800, vignetting=(-0.3, 0, 0), neutral=(1, 1, 1))
-        assert scene.files == "exr"
 
 
 @pytest.mark.parametrize(("full_well_e", "read_noise_e"), [(45000, 5), (2000, 2), (20000, 30)])

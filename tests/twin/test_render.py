@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from fixtures.lit_surfaces import ball_seen
+from fixtures.lit_surfaces import ball_seen, even_cap
 from scene.camera import Camera
 from scene.errors import RenderError
 from scene.frames import PEDESTAL
@@ -16,14 +16,13 @@ from scene.mesh import Mesh
 from scene.pose import Pose
 from scene.store import Store
 from tests.twin import twin_scenes
+from tests.twin.twin_scenes import NEEDS_LLVM
 from twin.description.description import Sampling
 from twin.engines.render import render_scene
-from twin.engines.variant import SLOW, pick_variant
 from twin.scan_scene import scan_scene
 from twin.visibility import Sight
 
 pytestmark = pytest.mark.render
-NEEDS_LLVM = pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here")
 
 CAMERA = Camera(96, 80, 150.0, 150.0, 53.4, 35.2)
 CENTER = np.array([-4.0, -6.0, -300.0])
@@ -121,32 +120,6 @@ def test_a_lambertian_ball_has_the_closed_form(camera, is_near):
         assert np.percentile(np.abs(ratio - 1), 95) < 0.01
 
 
-def test_a_plane_under_a_near_light_has_the_right_energy():
-    """Fall-off and cosine, pixel by pixel and in the mean, with the reference point beside the plane's middle."""
-    lights = near([40.0, 70.0, -180.0], at=[20.0, -30.0, -280.0])
-    image = render(squares([[0, 0, -300]], 400.0), lights, 0.3, depth=2).frames.frame(0)
-    points = CAMERA.points_at_depth(CAMERA.grid(), -300.0).reshape(-1, 3)
-    expected = 0.3 * lights.at(points)[0][..., 2].reshape(80, 96, 3)
-    assert np.isclose(image.mean(), expected.mean(), rtol=2e-3)
-    assert np.abs(image / expected - 1).max() < 0.02
-
-
-def test_a_cast_shadow_falls_where_the_light_throws_it():
-    """A plate of 16 mm, 40 mm before a wall: its shadow's middle lies on the line from the light."""
-    plate, position = np.array([10.0, 5.0, -260.0]), np.array([110.0, 75.0, -100.0])
-    wall = squares([[0.0, 0.0, -300.0], plate], 200.0)
-    vertices = wall.vertices.copy()
-    vertices[4:] = plate + (vertices[4:] - plate) * (8.0 / 200.0)
-    lights = near(position, at=[0.0, 0.0, -300.0])
-    image = render(Mesh(vertices, wall.faces), lights, depth=2).frames.frame(0)[..., 0]
-    # A plate parallel to the wall throws a square, whose middle is the plate's middle carried along.
-    scale = (position[2] + 300) / (position[2] + 260)
-    shadow, dark = CAMERA.project(position + (plate - position) * scale), 1 - image / np.median(image)
-    weight = np.where((dark > 0.5) & (np.hypot(COLUMNS - shadow[0], ROWS - shadow[1]) < 12), dark, 0)
-    assert np.linalg.norm(middle_of(weight) - shadow) < 0.3
-    assert weight.sum() == pytest.approx((16 * scale * 150 / 300) ** 2, rel=0.1)
-
-
 @pytest.mark.full
 def test_interreflection_in_a_bowl_is_that_of_an_integrating_sphere():
     """A white furnace with a closed form.
@@ -164,8 +137,7 @@ def test_interreflection_in_a_bowl_is_that_of_an_integrating_sphere():
     if np.sum(shape.face_normals * direction[faces[:, 0]]) > 0:  # the inside is the outside here
         shape = Mesh(shape.vertices, shape.faces[:, ::-1].copy())
     camera = Camera(40, 40, 0.36, 0.36, 19.5, 19.5, projection="orthographic")
-    z, angle = (np.arange(96) + 0.5) / 96, np.arange(96) * np.pi * (3 - np.sqrt(5))
-    sky = distant(*np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], -1))
+    sky = distant(*even_cap(96, 90))
     inside, (r, f) = np.linalg.norm(camera.grid() - 19.5, axis=-1) < 0.36 * 42, (0.6, 0.5)
     for depth, expected in ((2, r * f), (3, r * f * (1 + r * (1 - f))), (12, r * f / (1 - r * (1 - f)))):
         rendered = render(shape, sky, r, camera=camera, samples=16, depth=depth)

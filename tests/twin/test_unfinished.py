@@ -13,16 +13,14 @@ import pytest
 
 from fixtures.lit_surfaces import spiral
 from scene.store import Store
-from tests.twin.twin_scenes import ball_and_wall, lights
+from tests.twin.twin_scenes import NEEDS_LLVM, ball_and_wall, lights
 from twin.description.description import Environment, Sampling
 from twin.description.materials import RoughPlastic
 from twin.engines import light_layers
 from twin.engines.light_layers import pieces_of
 from twin.engines.render import render_scene, rendering_mark
-from twin.engines.variant import SLOW, pick_variant
 
 pytestmark = pytest.mark.render
-NEEDS_LLVM = pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here")
 BAND = 3 * 48 * 6 * 8
 """Values of eight rows of six frames."""
 

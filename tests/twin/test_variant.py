@@ -2,9 +2,7 @@
 
 import json
 import os
-import re
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -92,13 +90,3 @@ def test_the_probe_compares_with_the_scalar_variant(monkeypatch):
     assert variant._probe(variant.SLOW)
     monkeypatch.setattr(variant, "_PROBE", variant._PROBE.replace("mean(sys.argv[1])", "1.03 * mean(sys.argv[1])"))
     assert variant._probe(variant.SLOW) is False
-
-
-def test_no_code_but_this_names_a_variant():
-    root = Path(variant.__file__).parents[2]
-    rooms = [folder for folder in root.iterdir() if (folder / "__init__.py").exists() and folder.name != "tests"]
-    assert len(rooms) > 8
-    # `mitsuba -m llvm_ad_rgb` is a command line that is shown to people.
-    quoted = re.compile(r"""["'](llvm|cuda|scalar)_(ad_)?rgb["']""")
-    named = {file.name for room in rooms for file in room.rglob("*.py") if quoted.search(file.read_text())}
-    assert named == {"variant.py"}

@@ -1,6 +1,7 @@
 """Objects and lights about a place 300 mm before the camera: what the tests of the twin's engines render."""
 
 import numpy as np
+import pytest
 
 from scene.camera import Camera
 from scene.lights import Lights
@@ -8,8 +9,10 @@ from scene.normals import unit
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import Diffuse
 from twin.description.object_mesh import built_in
+from twin.engines.variant import SLOW, pick_variant
 
 MIDDLE = np.array([0.0, 0.0, -300.0])
+NEEDS_LLVM = pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here")
 
 
 def placed(name, shape, material, size=40.0, at=(0, 0, 0), turn=None):

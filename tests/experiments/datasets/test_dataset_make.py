@@ -14,12 +14,9 @@ from experiments.datasets.shelf import contents
 from formats.meshes.scan_files import read_scan
 from scene.errors import SceneError
 from scene.output_folder import open_record
-from twin.engines.variant import SLOW, pick_variant
+from tests.twin.twin_scenes import NEEDS_LLVM
 
-pytestmark = [
-    pytest.mark.render,
-    pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here"),
-]
+pytestmark = [pytest.mark.render, NEEDS_LLVM]
 SIDE = 40
 
 

@@ -26,7 +26,7 @@ import cv2, numpy as np
 data, out, calls = map(Path, sys.argv[1:])
 with open(calls / "log", "a") as file:
     file.write("x")
-if "dented" in sys.argv[0]:
+if "striped" in sys.argv[0]:
     sys.exit("no <b>weights</b> here")
 gray = np.stack([cv2.imread(str(data / name), -1).mean(-1) for name in (data / "filenames.txt").read_text().split()])
 gray /= np.loadtxt(data / "light_intensities.txt").mean(1)[:, None, None]
@@ -53,39 +53,39 @@ def command(tmp_path):
     return written
 
 
-def test_what_is_at_fault_is_not_added(dented, tmp_path):
-    lights = dented / "light_directions.txt"
+def test_what_is_at_fault_is_not_added(striped, tmp_path):
+    lights = striped / "light_directions.txt"
     np.savetxt(lights, np.loadtxt(lights)[:-1])
     with pytest.raises(SceneError, match=r"not added, light_directions.txt"):
-        add(tmp_path / "shelf", dented)
+        add(tmp_path / "shelf", striped)
     assert not (tmp_path / "shelf").exists()
 
 
-def test_what_is_added_is_listed_and_must_not_change(dented, tmp_path):
+def test_what_is_added_is_listed_and_must_not_change(striped, tmp_path):
     shelf = tmp_path / "shelf"
     # Whatever lies in it; even under a name that one of ours might have.
-    (dented / "recipe.json").write_text('{"flour": "500 g"}')
-    assert add(shelf, dented, text="a dented ball").folder == dented
-    add(shelf, dented, name="pear-roughness-0.30-48px")
+    (striped / "recipe.json").write_text('{"flour": "500 g"}')
+    assert add(shelf, striped, text="a striped ball").folder == striped
+    add(shelf, striped, name="pear-roughness-0.30-48px")
     found = [(one.name, one.state) for one in entries(shelf) if one.state]
-    assert found == [("dented", "added"), ("pear-roughness-0.30-48px", "added")]
+    assert found == [("pear-roughness-0.30-48px", "added"), ("striped", "added")]
     other = tmp_path / "other"
     other.mkdir()
-    for name, folder in (("dented", other), ("pear-roughness-0.30", dented)):
-        for path in dented.iterdir():
+    for name, folder in (("striped", other), ("pear-roughness-0.30", striped)):
+        for path in striped.iterdir():
             (folder / path.name).write_bytes(path.read_bytes())
         with pytest.raises(SceneError, match="the name is taken"):
             add(shelf, folder, name=name)
     how = {"solving": Solving("ls"), "out": tmp_path / "out"}
     assert [row["status"] for row in run(shelf, [], **how)] == ["ok", "ok"]
-    (dented / "003.png").write_bytes((dented / "003.png").read_bytes() + b" ")
+    (striped / "003.png").write_bytes((striped / "003.png").read_bytes() + b" ")
     with pytest.raises(SceneError, match=r"003.png is not as it was when the dataset was put on the shelf"):
-        run(shelf, ["dented"], **how)
+        run(shelf, ["striped"], **how)
     with pytest.raises(SceneError, match=r"pear-roughness-0.30: is in the catalogue, but not made yet"):
         run(shelf, ["pear-roughness-0.30"], **how)
 
 
-def test_what_was_killed_while_it_was_added_can_be_added_again(dented, tmp_path, monkeypatch):
+def test_what_was_killed_while_it_was_added_can_be_added_again(striped, tmp_path, monkeypatch):
     def kill(*_):
         raise KeyboardInterrupt
 
@@ -93,14 +93,14 @@ def test_what_was_killed_while_it_was_added_can_be_added_again(dented, tmp_path,
     with monkeypatch.context() as patch:
         patch.setattr("experiments.datasets.shelf.write_json", kill)
         with pytest.raises(KeyboardInterrupt):
-            add(shelf, dented)
-    add(shelf, dented)
-    assert [one.name for one in entries(shelf) if one.state] == ["dented"]
+            add(shelf, striped)
+    add(shelf, striped)
+    assert [one.name for one in entries(shelf) if one.state] == ["striped"]
 
 
-def test_a_stopped_run_keeps_the_methods_that_were_done(dented, tmp_path, monkeypatch):
+def test_a_stopped_run_keeps_the_methods_that_were_done(striped, tmp_path, monkeypatch):
     shelf, asked = tmp_path / "shelf", []
-    add(shelf, dented)
+    add(shelf, striped)
 
     def counted(name, *more):
         asked.append(name)
@@ -111,16 +111,16 @@ def test_a_stopped_run_keeps_the_methods_that_were_done(dented, tmp_path, monkey
     row_of = run_module._row
     monkeypatch.setattr(run_module, "_row", counted)
     with pytest.raises(KeyboardInterrupt):
-        run(shelf, ["dented"], solving=Solving("ls,iterative"), out=tmp_path / "out")
-    rows = run(shelf, ["dented"], solving=Solving("ls,iterative"), out=tmp_path / "out")
+        run(shelf, ["striped"], solving=Solving("ls,iterative"), out=tmp_path / "out")
+    rows = run(shelf, ["striped"], solving=Solving("ls,iterative"), out=tmp_path / "out")
     assert asked == ["ls", "iterative", "iterative"]
     assert [(row["method"], row["status"]) for row in rows] == [("ls", "ok"), ("iterative", "ok")]
 
 
 @pytest.mark.full
-def test_a_program_that_was_changed_runs_again(dented, tmp_path, command):
+def test_a_program_that_was_changed_runs_again(striped, tmp_path, command):
     shelf, words = tmp_path / "shelf", command("fine")
-    add(shelf, dented)
+    add(shelf, striped)
 
     def mean_deg():
         return run(shelf, [], solving=Solving("ls", external=(words,)), out=tmp_path / "out")[1]["mean_deg"]
@@ -131,27 +131,27 @@ def test_a_program_that_was_changed_runs_again(dented, tmp_path, command):
     assert (tmp_path / "calls" / "log").read_text() == "xx"
 
 
-def test_programs_join_the_table_and_what_fails_is_told(dented, tmp_path, command):
+def test_programs_join_the_table_and_what_fails_is_told(striped, tmp_path, command):
     shelf, out = tmp_path / "shelf", tmp_path / "out"
-    add(shelf, dented, text="the <first> one")
-    programs = (command("fine", PROGRAM + GAPS), command("dented"))
+    add(shelf, striped, text="the <first> one")
+    programs = (command("fine", PROGRAM + GAPS), command("striped"))
     rows = run(shelf, [], solving=Solving("ls", external=programs, external_timeout_s=60.0), out=out)
     assert (tmp_path / "calls" / "log").read_text() == "xx"
     by_method = {row["method"]: row for row in rows}
     assert by_method["ls"]["status"] == by_method["Fine"]["status"] == "ok"
-    assert "weights</b> here" in by_method["Dented"]["status"]
+    assert "weights</b> here" in by_method["Striped"]["status"]
     with (out / "results.csv").open(newline="") as file:
         table = list(csv.DictReader(file))
     assert [(one["dataset"], one["method"]) for one in table] == [(row["dataset"], row["method"]) for row in rows]
-    assert "dented, Dented: failed" in results_text(rows)
+    assert "striped, Striped: failed" in results_text(rows)
     # The figure itself, by the test's own hand: pinv on the files.
     import cv2
 
-    names = (dented / "filenames.txt").read_text().split()
-    gray = np.stack([cv2.imread(str(dented / name), -1).mean(-1) for name in names])
-    gray /= np.loadtxt(dented / "light_intensities.txt").mean(1)[:, None, None]
-    normals = np.einsum("if,fhw->hwi", np.linalg.pinv(np.loadtxt(dented / "light_directions.txt")), gray)
-    truth = loadmat(dented / "Normal_gt.mat")["Normal_gt"]
+    names = (striped / "filenames.txt").read_text().split()
+    gray = np.stack([cv2.imread(str(striped / name), -1).mean(-1) for name in names])
+    gray /= np.loadtxt(striped / "light_intensities.txt").mean(1)[:, None, None]
+    normals = np.einsum("if,fhw->hwi", np.linalg.pinv(np.loadtxt(striped / "light_directions.txt")), gray)
+    truth = loadmat(striped / "Normal_gt.mat")["Normal_gt"]
     mask = np.any(truth != 0, -1)
     answered = mask & (np.arange(mask.shape[1]) >= 20)
     cosine = np.sum(normals * truth, -1)[answered] / np.linalg.norm(normals[answered], axis=1)
@@ -191,6 +191,6 @@ def test_the_citation_file_names_the_benchmark():
 
 
 @pytest.mark.full
-def test_a_dataset_is_added_at_the_command_line(dented, tmp_path, rgbn_process):
-    done = rgbn_process("dataset", "add", dented, "--shelf", tmp_path / "shelf")
+def test_a_dataset_is_added_at_the_command_line(striped, tmp_path, rgbn_process):
+    done = rgbn_process("dataset", "add", striped, "--shelf", tmp_path / "shelf")
     assert (done.returncode, "12" in done.stdout) == (0, True)

@@ -12,39 +12,25 @@ from experiments.solids import FIELDS, slope, solid
 from experiments.stagings import SOLVERS
 from experiments.sweeps.cell import run_cell
 from scene.normals import angular_error_deg
+from tests.twin.twin_scenes import NEEDS_LLVM
 from twin.description.object_mesh import smooth
-from twin.engines.variant import SLOW, pick_variant
 
-pytestmark = [
-    pytest.mark.render,
-    pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here"),
-]
+pytestmark = [pytest.mark.render, NEEDS_LLVM]
 CELL = Cell("ambient", 0, 0.0, Recipe(side=64, count=16), tuple(SOLVERS))
 
 
-@pytest.fixture(scope="module")
-def found():
-    return run_cell(CELL)
-
-
-def test_every_method_and_profile_has_a_row(found):
-    names = [(row["solver"], row["profile"]) for row in found["rows"]]
+def test_every_method_and_profile_has_a_row_and_the_same_again():
+    rows = run_cell(CELL)["rows"]
+    names = [(row["solver"], row["profile"]) for row in rows]
     assert names == [(method, profile) for method in SOLVERS for profile in ("default", "seed")]
-    assert [row["status"] for row in found["rows"]] == ["ok"] * 14
-    for row in found["rows"]:
+    assert [row["status"] for row in rows] == ["ok"] * 14
+    for row in rows:
         assert row["min_deg"] <= row["median_deg"] <= row["max_deg"]
         assert 0 <= row["unanswered"] < 0.05
-
-
-def test_least_squares_finds_a_matte_pear(found):
-    row = found["rows"][0]
-    assert row["solver"] == "ls"
-    assert row["median_deg"] < 0.1
-    assert row["albedo_error_percent"] < 2
-
-
-def test_the_same_cell_gives_the_same_rows(found):
-    assert run_cell(CELL)["rows"] == found["rows"]
+    assert rows[0]["solver"] == "ls"
+    assert rows[0]["median_deg"] < 0.1, "the pear is matte"
+    assert rows[0]["albedo_error_percent"] < 2
+    assert run_cell(CELL)["rows"] == rows
 
 
 @pytest.mark.full

@@ -14,6 +14,8 @@ from experiments.sweeps.sweep_page import write_page
 from experiments.sweeps.sweep_statistics import breaks, curves, levels, speed_points, statistics
 from experiments.tables import KEY, RESULTS, results
 
+THEIRS = benchmark_statistics()
+
 
 def cells_with(error, experiments=ONE_FACTOR):
     """Made-up cells whose mean error is `error(experiment, solver, level)`; None: failed."""
@@ -121,18 +123,16 @@ def test_speed_is_a_million_pixels_of_one_frame():
 
 
 def test_the_benchmark_s_own_numbers():
-    theirs = benchmark_statistics()
-    assert len(theirs) == 9 * 7
-    assert theirs["shadow", "iterative"] == {"min": 0.33, "max": 73.46, "mean": 38.30, "median": 43.24, "std": 27.95}
+    assert len(THEIRS) == 9 * 7
+    assert THEIRS["shadow", "iterative"] == {"min": 0.33, "max": 73.46, "mean": 38.30, "median": 43.24, "std": 27.95}
 
 
 def test_rank_correlation_is_that_of_ranks():
-    theirs = benchmark_statistics()
-    found = agreement(table_with(lambda n, s, _: theirs[n, s]["mean"] ** 3), "seed")
+    found = agreement(table_with(lambda n, s, _: THEIRS[n, s]["mean"] ** 3), "seed")
     assert found.pairs == 9 * len(CALIBRATED)
     for one in found[1:]:
         assert one == pytest.approx((1.0, 1.0, 1.0), abs=1e-9), "all scenes of an experiment are alike here"
-    found = agreement(table_with(lambda n, s, _: 1 / theirs[n, s]["mean"]), "default")
+    found = agreement(table_with(lambda n, s, _: 1 / THEIRS[n, s]["mean"]), "default")
     assert found.overall[0] == pytest.approx(-1.0)
     assert np.isnan(agreement(table_with(lambda n, s, _: 1.0, ["ring"]), "seed").overall[0])
 
@@ -140,21 +140,20 @@ def test_rank_correlation_is_that_of_ranks():
 @pytest.mark.parametrize("sign", [1, -1])
 def test_agreement_within_and_between_experiments_are_told_apart(sign):
     """The right order of methods with the experiments' difficulties upside down, and the reverse."""
-    theirs = benchmark_statistics()
-    mean = {name: np.mean([theirs[name, solver]["mean"] for solver in CALIBRATED]) for name in ONE_FACTOR}
+    mean = {name: np.mean([THEIRS[name, solver]["mean"] for solver in CALIBRATED]) for name in ONE_FACTOR}
     rank = sorted(mean, key=mean.get)
     other = dict(zip(rank, rank[::-sign], strict=True))
-    found = agreement(table_with(lambda n, s, _: 1000 * mean[other[n]] + sign * theirs[n, s]["mean"]), "seed")
+    found = agreement(table_with(lambda n, s, _: 1000 * mean[other[n]] + sign * THEIRS[n, s]["mean"]), "seed")
     assert found.within[0] == pytest.approx(sign)
     assert -sign * found.between[0] > 0.5
 
 
 def test_the_interval_is_wide_where_the_scenes_differ():
-    theirs, generator, noise = benchmark_statistics(), np.random.default_rng(10_601), {}
+    generator, noise = np.random.default_rng(10_601), {}
 
     def scattered(name, solver, level):
         noise.setdefault((name, solver, level), np.exp(1.5 * generator.standard_normal()))
-        return theirs[name, solver]["mean"] * noise[name, solver, level]
+        return THEIRS[name, solver]["mean"] * noise[name, solver, level]
 
     for middle, low, high in agreement(table_with(scattered), "seed")[1:]:
         assert -1 <= low <= middle + 0.05

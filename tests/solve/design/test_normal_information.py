@@ -5,6 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from fixtures.lit_surfaces import even_cap, spiral
 from scene.normals import angular_error_deg, unit
 from solve.design.next_flash import choose_flashes, exchange_flashes, gains, known_before, with_flash
 from solve.design.normal_information import (
@@ -21,10 +22,7 @@ NOISE = 0.01
 
 def ring(count, zenith_deg):
     """Directions (F, 1, 3) evenly on a ring about z."""
-    angle, tilt = 2 * np.pi * np.arange(count) / count, np.radians(zenith_deg)
-    return np.stack([np.sin(tilt) * np.cos(angle), np.sin(tilt) * np.sin(angle), np.full(count, np.cos(tilt))], 1)[
-        :, None
-    ]
+    return spiral(np.full(count, np.cos(np.radians(zenith_deg))), turn=2 * np.pi / count)[:, None]
 
 
 def trace(vectors):
@@ -111,10 +109,7 @@ def test_a_gain_is_what_recomputing_says():
 @pytest.mark.parametrize("count", [3, 4, 6, 12])
 def test_greedy_is_near_the_known_optimum_of_a_flat_patch(count):
     """The two components across the normal share sum (x^2 + y^2) <= n: each has the variance 2 sigma^2 / n at least."""
-    index = np.arange(2000) + 0.5
-    z, turn = 1 - index / 2000, np.pi * (1 + 5**0.5) * index
-    across = np.sqrt(1 - z * z)
-    dome = np.stack([across * np.cos(turn), across * np.sin(turn), z], 1)[:, None]
+    dome = even_cap(2000, 90)[:, None]
     b, noise, seen = np.array([[0, 0, 1.0]]), np.full((2000, 1), NOISE), np.ones((2000, 1), bool)
     chosen = choose_flashes(b, known_before(b), dome, noise, seen, count)
     told = information(dome[chosen], noise[chosen], seen[chosen])

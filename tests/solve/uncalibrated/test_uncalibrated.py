@@ -1,5 +1,6 @@
 """Uncalibrated methods on a matte object: whatever the start and the lights that are told, the same normals."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,6 @@ import pytest
 
 from fixtures.lit_surfaces import as_floats, as_samples, dome, even_cap, gloss, lights_along, matte
 from scene.camera import Camera
-from scene.errors import CalibrationError
 from scene.normals import angular_error_deg, unit
 from solve.methods import UNCALIBRATED
 from solve.problem import Problem
@@ -63,17 +63,6 @@ def started_elsewhere(monkeypatch, module, mu, nu, depth):
         return replace(found, b=b, lights=lights)
 
     monkeypatch.setattr(module, "family", other)
-
-
-@pytest.mark.parametrize("name", METHODS)
-def test_normals_and_lights_of_a_plain_object_are_found(name, scene):
-    gray, normals, directions, mask = scene
-    found = run(name, gray, mask)
-    assert error(found.b, normals).mean() < 0.5
-    assert angular_error_deg(unit(found.lights), directions).max() < 1
-    np.testing.assert_allclose(np.linalg.norm(found.lights, axis=1), 1, atol=0.02)
-    np.testing.assert_allclose(np.linalg.norm(found.b, axis=1).mean(), 0.5, rtol=0.02)
-    assert not found.cautions
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -136,9 +125,7 @@ def test_each_says_when_it_should_not_be_believed(scene):
     flat = np.tile(directions @ [0.1, 0.2, 0.97], (len(gray), 1)).astype(np.float32)
     flat += np.random.default_rng(20_015).normal(0, 0.004, flat.shape).astype(np.float32)
     for name in METHODS:
-        assert any(
-            "third singular value" in doubt or "integrability" in doubt for doubt in run(name, flat, mask).cautions
-        )
+        assert re.search("third singular value|integrability", " ".join(run(name, flat, mask).cautions))
 
     all_of_it = np.zeros((SIZE, SIZE), bool)
     all_of_it[24:48, 24:48] = True
@@ -149,18 +136,12 @@ def test_each_says_when_it_should_not_be_believed(scene):
     assert any("no limb" in doubt or "uncertain" in doubt for doubt in inner.cautions)
 
 
-def test_three_frames_are_too_few(scene):
-    gray, _, _, mask = scene
-    with pytest.raises(CalibrationError, match="found 3 frames"):
-        run("tv", gray[:, :3], mask)
-
-
 @pytest.mark.parametrize("method", UNCALIBRATED)
 def test_through_the_common_door_of_the_lights_told_only_the_strength_is_read(method):
     """Normals, albedo and lights, whatever the directions that are given."""
     (normals, mask), color, rng = dome(64, radius=0.44, rim=0.26), [0.5, 0.3, 0.2], np.random.default_rng(20_020)
-    truth = lights_along(even_cap(24, 53), rng.uniform(0.5, 1.5, (24, 3))).normalised()
-    told = replace(truth, directions=unit(rng.normal(size=(24, 3)) + [0, 0, 1]))
+    truth = lights_along(even_cap(30, 53), rng.uniform(0.5, 1.5, (30, 3))).normalised()
+    told = replace(truth, directions=unit(rng.normal(size=(30, 3)) + [0, 0, 1]))
     frames = as_floats(truth, matte(truth, normals, normals, color))
     found = solve(method, frames, told, Camera(64, 64, 100.0, 100.0, 32, 32), mask)
     assert angular_error_deg(found.normals, normals)[mask].mean() < 0.5
@@ -168,3 +149,4 @@ def test_through_the_common_door_of_the_lights_told_only_the_strength_is_read(me
     assert angular_error_deg(found.lights.directions, truth.directions).max() < 1
     np.testing.assert_allclose(found.lights.intensities, truth.intensities, rtol=0.03)
     assert np.nanmedian(found.sigma_deg) < 0.5
+    assert not found.warnings
