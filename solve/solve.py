@@ -164,16 +164,16 @@ def _fit_bands(name: str, settings: Settings, problem: Problem) -> tuple[int, It
     """Return how many bands there are, and the call that fits each."""
     from solve.samples import bands, scale_of
 
-    scale = scale_of(problem.frames, problem.lights, problem.mask)
+    scale = scale_of(problem)
     parts = list(bands(problem.frames, problem.mask))
     return len(parts), ((_fit_band, (name, settings, problem.part(rows), scale)) for rows in parts)
 
 
 def _fit_band(name: str, settings: Settings, part: Problem, scale: float) -> tuple[slice, tuple]:
     """Return the rows, and what `assess` returns of the pixels of their mask, in its order."""
-    from solve.samples import band_of, samples_of
+    from solve.samples import read_band, samples_of
 
-    what, band = method_of(name), band_of(part)
+    what, band = method_of(name), read_band(part)
     assert what.fit
     samples = samples_of(band, part)
     b, used = what.fit(samples, scale, settings)
@@ -217,9 +217,9 @@ def _fit_whole(
 
 
 def _judge_band(part: Problem, used: "Samples", b: NDArray, scale: float) -> tuple[slice, tuple]:
-    from solve.samples import band_of
+    from solve.samples import read_band
 
-    return part.rows, _judged(band_of(part), used, b, part, scale)
+    return part.rows, _judged(read_band(part), used, b, part, scale)
 
 
 def _own_lights(lights: Lights, found: NDArray[np.float64]) -> Lights:
