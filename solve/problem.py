@@ -9,6 +9,9 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 
+UNKNOWN_MM = -1000.0
+"""Where an object of unknown distance is put."""
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -68,6 +71,13 @@ class Problem:
         if self.lights.positions_mm is None:
             return np.zeros((np.count_nonzero(self.mask), 3))
         return self.camera.points_at_depth(self.pixels(), self.lights.reference_point_mm[2])
+
+    def depth_mm(self) -> float:
+        """Return z of the object, mm: its median, that of the lights' reference point, or where nothing tells it."""
+        if self.z_mm is not None:
+            return float(np.nanmedian(self.z_mm[self.mask]))
+        where = float(self.lights.reference_point_mm[2])
+        return where if self.camera.is_orthographic or where < 0 else UNKNOWN_MM
 
     def thinned(self, pixels: float) -> "Problem":
         """Return every n-th pixel of a whole problem, about so many of its mask: pixel u becomes u / n."""

@@ -8,11 +8,8 @@ from numpy.typing import NDArray
 
 from scene.camera import Camera
 from scene.store import Store
+from solve.problem import UNKNOWN_MM
 from solve.surface.integration import IntegratedSurface, integrate, surface_at
-from solve.surface.surface_mesh import SurfaceMesh, mesh_of
-
-UNKNOWN_MM = -1000.0
-"""Where an object of unknown distance is put."""
 
 
 class SolvedSurface(NamedTuple):
@@ -28,10 +25,6 @@ class SolvedSurface(NamedTuple):
     camera: Camera
     step: int
     scale: str
-
-    def mesh(self) -> SurfaceMesh:
-        """Return it as triangles."""
-        return mesh_of(self.surface, self.normals, self.albedo, self.camera)
 
 
 def solved_surface(store: Store, methods: Sequence[str], *, most_pixels: int | None = None) -> SolvedSurface:

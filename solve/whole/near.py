@@ -120,8 +120,7 @@ class _Small:
             return
         self.scale = scale_of(small)
         self.samples = all_samples(small)
-        where = float(small.lights.reference_point_mm[2])
-        self.depth = where if self.camera.is_orthographic or where < 0 else -1000.0
+        self.depth = small.depth_mm()
         self.z_mm = np.where(self.mask, self.depth, np.nan)
         self.some = np.flatnonzero(spread_over(np.ones(self.count, bool), SAMPLED))
 

@@ -98,12 +98,7 @@ def learn(problem: Problem) -> tuple[Problem, Samples, NDArray, Thrown]:
 
 def _relief_of(problem: Problem, settings: ReflectanceSettings) -> Relief:
     """Return the patches of a prepared problem's surface."""
-    camera, depth = problem.camera, float(problem.lights.reference_point_mm[2])
-    if not camera.is_orthographic and depth >= 0:
-        depth = -1000.0
-    if problem.z_mm is not None:
-        depth = float(np.nanmedian(problem.z_mm[problem.mask]))
-    return Relief(problem.mask, camera, depth, settings.pixels)
+    return Relief(problem.mask, problem.camera, problem.depth_mm(), settings.pixels)
 
 
 def _white(lights: Lights) -> float | None:

@@ -16,7 +16,7 @@ from scene.spheres import WHITE_BALL_ALBEDO
 from tests.twin.twin_scenes import placed
 from twin.description.description import Environment, Sampling, TwinObject, TwinScene
 from twin.description.materials import Diffuse, RoughPlastic
-from twin.description.object_mesh import ObjectMesh, built_in
+from twin.description.object_mesh import built_in
 from twin.engines.film import Film
 from twin.engines.many import Many
 from twin.engines.mitsuba_scene import mitsuba_scene
@@ -206,7 +206,7 @@ def bowl(half: float = 30.0, pieces: int = 48) -> Mesh:
 def test_light_that_a_hollow_throws_on_itself_is_not_taken_for_albedo() -> None:
     """It was: the twin then had it twice, and was too bright in every hollow."""
     lights, mesh = dome(12), bowl()
-    one = TwinObject("bowl", ObjectMesh(mesh.vertices, mesh.faces), "matte")
+    one = TwinObject("bowl", Mesh(mesh.vertices, mesh.faces), "matte")
     scene = TwinScene(
         CAMERA, (one,), {"matte": Diffuse((0.6, 0.6, 0.6))}, lights, sampling=Sampling("many", max_depth=4, error=0.004)
     )
@@ -230,7 +230,7 @@ def test_the_rooms_light_is_in_the_twin_and_not_in_the_albedo(share: float) -> N
     """It was in the albedo alone: photographs under 40 % of room light were 10 degrees worse than their twin."""
     mesh, room = bowl(), share * np.array([1.0, 0.8, 1.2]) * WHITE
     lights = replace(dome(12), ambient=room * WHITE_BALL_ALBEDO, white_value=WHITE_BALL_ALBEDO * WHITE)
-    one = TwinObject("bowl", ObjectMesh(mesh.vertices, mesh.faces), "matte")
+    one = TwinObject("bowl", Mesh(mesh.vertices, mesh.faces), "matte")
     environment, sampling = Environment(ambient=tuple(room)), Sampling("many", max_depth=4, error=0.004)
     matte = {"matte": Diffuse((0.3, 0.5, 0.6))}
     scene = TwinScene(CAMERA, (one,), matte, lights, environment=environment, sampling=sampling)

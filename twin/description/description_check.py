@@ -9,7 +9,6 @@ from scene.mesh import Mesh
 from scene.rays import RayCaster
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import VERTEX, Material, Texture
-from twin.description.object_mesh import ObjectMesh
 from twin.engines.mitsuba_materials import material_faults
 
 
@@ -79,10 +78,10 @@ def _object_faults(key: str, one: TwinObject, material: Material) -> list[str]:
     return faults
 
 
-def _welded(mesh: ObjectMesh) -> Mesh:
+def _welded(mesh: Mesh) -> Mesh:
     """Return the triangles with one vertex a place: at a texture's seam a mesh has several."""
     if mesh.texcoords is None:
-        return Mesh(mesh.vertices, mesh.faces)
+        return mesh
     scale = float(np.ptp(mesh.vertices, axis=0).max()) or 1.0
     # The seams of the built-in shapes agree only to rounding.
     _, first, which = np.unique(np.round(mesh.vertices / scale, 7), axis=0, return_index=True, return_inverse=True)

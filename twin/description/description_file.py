@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from formats.meshes.scan_files import ObjectMesh, write_mesh
+from formats.meshes.scan_files import write_mesh
 from formats.toml_documents import Location, TomlTable, fault_line, toml_text
 from scene.errors import RenderError, SceneError
 from scene.files import write_json, write_npy, write_text
+from scene.mesh import Mesh
 from scene.reading import reading, shortened, text_of
 from twin.camera.virtual_camera import Sensor
 from twin.description.description import Environment, Sampling, TwinScene
@@ -127,7 +128,7 @@ def _written(value: Any, keep: KeptFiles) -> Any:
     # From memory: what its file holds by now is not what was seen.
     if isinstance(value, Texture):
         return {"file": keep.made("textures", ".npy", value.values, write_npy), "wrap": value.wrap}
-    if isinstance(value, ObjectMesh):
+    if isinstance(value, Mesh):
         return keep.made("meshes", ".ply", value, write_mesh)
     if isinstance(value, np.ndarray):
         return keep.made("poses", ".json", {"camera_from_scan": value}, write_json)

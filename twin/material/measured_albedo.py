@@ -11,7 +11,6 @@ from scene.mesh import Mesh
 from scene.normals import filled
 from scene.spheres import WHITE_BALL_ALBEDO
 from twin.description.materials import Texture
-from twin.description.object_mesh import ObjectMesh
 from twin.visibility import Sight
 
 Array = NDArray[np.float64]
@@ -26,7 +25,7 @@ SPLIT_PX = 0.1
 
 def textured_surface(
     sight: Sight, albedo: NDArray, rows: slice, columns: slice
-) -> tuple[ObjectMesh, Texture, Array, tuple[str, ...]]:
+) -> tuple[Mesh, Texture, Array, tuple[str, ...]]:
     """Return the mesh, the measured albedo upon it, the white value (3,), and warnings.
 
     The seen vertices' normals are `sight.normals` where these are known. Normals at vertices that are added to the
@@ -80,7 +79,7 @@ def textured_surface(
     used, local = np.unique(hidden, return_inverse=True)
     faces = np.concatenate([faces[seen], local.reshape(-1, 3) + len(vertices)])
     unseen = np.broadcast_to([0.5, (height + 2.5) / (height + 3)], (len(used), 2))
-    textured = ObjectMesh(
+    textured = Mesh(
         np.concatenate([vertices, vertices[used]]),
         faces,
         np.concatenate([normals, hidden_normals[used]]),
