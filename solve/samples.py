@@ -48,10 +48,6 @@ class Band(NamedTuple):
     margin: int
     runs: NDArray[np.int64]
 
-    def gray(self, weights: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Return the samples (P, F), weighted over channels by `weights` (F, 3), and which are not clipped (P, F)."""
-        return read_gray(self, weights)
-
 
 class Geometry(NamedTuple):
     """Where the light comes from, as kernels read it; see `Lights.toward`.
@@ -126,7 +122,7 @@ class Samples(NamedTuple):
 
 def samples_of(band: Band, part: Problem) -> Samples:
     """Return what is seen of the pixels of a problem's rows; `band` holds them."""
-    gray, valid = band.gray((GRAY / part.lights.intensities).astype(np.float32))
+    gray, valid = read_gray(band, (GRAY / part.lights.intensities).astype(np.float32))
     return Samples(gray, valid, part.points(), Geometry.of(part.lights))
 
 
@@ -208,7 +204,7 @@ def scale_of(problem: Problem) -> float:
     step = max(1, int(problem.mask.sum() // 20_000))
     weights = (GRAY / problem.lights.intensities).astype(np.float32)
     parts = (problem.part(slice(row, row + 1)) for row in rows[:: max(1, min(step, len(rows) // 16))].tolist())
-    values = [read_band(part).gray(weights)[0].ravel() for part in parts]
+    values = [read_gray(read_band(part), weights)[0].ravel() for part in parts]
     return float(np.percentile(np.concatenate(values), 99, overwrite_input=True))
 
 

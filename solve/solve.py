@@ -88,7 +88,9 @@ def solve(
         problem, parts, work = _fit_whole(what.fit_whole, settings, problem, what.is_calibrated)
     else:
         parts, work = _fit_bands(what.name, settings, problem)
-    maps = _empty_maps(mask.shape)
+    # Nothing is known yet of normals, albedo, samples and sigma.
+    normals, albedo = (np.full((*mask.shape, 3), np.nan, np.float32) for _ in range(2))
+    maps = normals, albedo, np.zeros(mask.shape, np.uint16), np.full(mask.shape, np.nan, np.float32)
     doubts = np.zeros(2, int)
     with nullcontext(executor) if executor else ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         assert pool is not None
@@ -103,7 +105,7 @@ def solve(
             doubts += values[-1]
             if progress:
                 progress(done, parts)
-    normals, albedo, samples, sigma_deg = maps
+    _, _, samples, sigma_deg = maps
     if what.fit and not what.is_linear:
         from solve.bootstrap import sigma_factors
 
@@ -123,12 +125,6 @@ def solve(
         what.name, normals, albedo, samples, spent["seconds"], spent["processor_seconds"], as_dict(settings), cautions,
         sigma_deg, problem.own_lights, problem.z_mm,
     )  # fmt: skip
-
-
-def _empty_maps(shape: tuple[int, ...]) -> tuple[NDArray, ...]:
-    """Return normals, albedo, samples and sigma with nothing known yet."""
-    normals, albedo = (np.full((*shape, 3), np.nan, np.float32) for _ in range(2))
-    return normals, albedo, np.zeros(shape, np.uint16), np.full(shape, np.nan, np.float32)
 
 
 def _finished(pool: Executor, work: Iterator[Call]) -> Iterator[Any]:

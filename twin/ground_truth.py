@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scene.files import create_array, write_npy
 from scene.mesh import Mesh
 from scene.normals import unit
-from twin.description.description import TwinScene
+from twin.description.description import TwinScene, white_of
 from twin.description.materials import Conductor, Material, Measured, Principled, Texture
 from twin.visibility import Sight
 
@@ -117,7 +117,7 @@ def _fill(scene: TwinScene, maps: dict[str, Any]) -> None:
             found = _appearance(scene.materials[scene.objects[number].material], texcoords, colours)
             where = (at[0][mine], at[1][mine])
             for name, values in zip(("albedo", "roughness", "specularity"), found, strict=True):
-                maps[name][where] = values * scene.white if name == "albedo" else values
+                maps[name][where] = values * white_of(scene.lights) if name == "albedo" else values
         _, rays = camera.rays(np.stack([at[1], at[0]], -1))
         # What is seen from behind has its back for a front, as two-sided materials have.
         side = np.where(np.sum(flat * rays, -1, keepdims=True) > 0, -1.0, 1.0)

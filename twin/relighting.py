@@ -1,6 +1,6 @@
 """How well a twin predicts photographs that it has not seen: fitted to every second frame, it predicts the others."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,8 +15,6 @@ from twin.material.material_samples import inner_pixels, samples_at
 from twin.material.scan_material import SAMPLES_AT_ONCE, ScanMaterial, scan_material
 from twin.scan_scene import scan_scene
 from twin.visibility import Sight
-
-Array = NDArray[np.float64]
 
 FEWEST = 8
 """Frames: of half of them a pixel must be lit by three."""
@@ -121,16 +119,9 @@ def _sets(sight: Sight, photographs: Frames, mask: NDArray[np.bool_]) -> dict[st
     for first in range(0, len(rows), step):
         some = samples_at(sight, photographs, rows[first : first + step], columns[first : first + step])
         fitted[number[some.rows, some.columns]] = some.usable
-    for band, pixels, face, points in _seen(sight, mask):
-        flat = sight.mesh.face_normals[face]
-        lit[number[band][pixels]] = ~np.logical_or(*sight.shadows(points, flat, flat))
-    return {"fitted": fitted, "lit": lit}
-
-
-def _seen(sight: Sight, mask: NDArray[np.bool_]) -> Iterator[tuple[slice, NDArray[np.bool_], NDArray, Array]]:
-    """Yield bands of the picture: rows, which pixels (h, W) of the mask see the mesh, and their faces and points."""
     filled = np.flatnonzero(mask.any(1))
     for band, face, _, points in sight.rows(slice(int(filled[0]), int(filled[-1]) + 1), slice(0, mask.shape[1])):
         pixels = mask[band] & (face >= 0)
-        if pixels.any():
-            yield band, pixels, face[pixels], points[pixels]
+        flat = sight.mesh.face_normals[face[pixels]]
+        lit[number[band][pixels]] = ~np.logical_or(*sight.shadows(points[pixels], flat, flat))
+    return {"fitted": fitted, "lit": lit}

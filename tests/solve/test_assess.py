@@ -9,6 +9,7 @@ from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
+from solve.codes import read_gray
 from solve.problem import Problem
 from solve.samples import GRAY, read_band
 from solve.solve import solve
@@ -108,7 +109,7 @@ def test_samples_are_what_frames_reads(is_mosaic, coded):
     mask, rows = rng.random((HEIGHT, WIDTH)) < 0.7, slice(7, 29)
     weights = (GRAY / seen.intensities).astype(np.float32)
     part = Problem.of(frames, seen, Camera.orthographic(WIDTH, HEIGHT), mask).part(rows)
-    gray, valid = read_band(part).gray(weights)
+    gray, valid = read_gray(read_band(part), weights)
     inside = mask[rows]
     expected = np.einsum("fpc,fc->pf", frames.read(rows)[:, inside], weights)
     np.testing.assert_allclose(gray, expected, atol=2e-7)

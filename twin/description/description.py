@@ -138,14 +138,9 @@ class TwinScene:
             object.__setattr__(self, "radii_mm", np.zeros(len(self.lights)))
 
     @property
-    def white(self) -> Array:
-        """(3,) see `white_of`."""
-        return white_of(self.lights)
-
-    @property
     def irradiance(self) -> Array:
         """(N, 3) of each light on a surface that faces it at the reference point."""
-        return np.pi * self.lights.intensities * self.white
+        return np.pi * self.lights.intensities * white_of(self.lights)
 
     @cached_property
     def points(self) -> Array:
