@@ -97,11 +97,9 @@ def learn(problem: Problem) -> tuple[Problem, Samples, NDArray, Thrown]:
 
 def _fitted(problem: Problem, samples: Samples, settings: ReflectanceSettings) -> tuple[Whole, NDArray, Thrown]:
     """Return what `fit_to_views` does of a prepared problem."""
-    relief, white = (
-        Relief(problem.mask, problem.camera, problem.depth_mm(), settings.pixels),
-        problem.lights.white_value,
-    )
-    white = None if white is None else float(GRAY @ white) / WHITE_BALL_ALBEDO
+    relief = Relief(problem.mask, problem.camera, problem.depth_mm(), settings.pixels)
+    ball = problem.lights.white_value
+    white = None if ball is None else float(GRAY @ ball) / WHITE_BALL_ALBEDO
     return fit_to_views(samples, problem.views(), settings, relief, white)
 
 

@@ -186,7 +186,7 @@ def test_faults_of_what_is_named_are_told_at_once_too(tmp_path):
 def test_what_cannot_be_rendered_is_named(change, message):
     shape = trimesh.creation.icosphere(2, 30)
     faces = np.asarray(shape.faces)[: -5 if change.get("open") else None]
-    mesh = smooth(np.asarray(shape.vertices), faces, None, None)
+    mesh = smooth(Mesh(np.asarray(shape.vertices), faces))
     given, material = lights(change.get("light", [0.0, 0, 300]), near=True), change.get("material", Diffuse((0.5,) * 3))
     camera, ball = Camera(64, 48, 100.0, 100.0, 31.5, 23.5), placed("ball", mesh, "m", 1.0, change.get("at", (0, 0, 0)))
     with pytest.raises(RenderError, match=message):
