@@ -158,7 +158,7 @@ def _write_surface(
     from solve.surface.surface_mesh import mesh_of, write_surface
 
     store = job.store
-    found = solved_surface(store, methods, most_pixels=VERTICES)
+    found = solved_surface(store, methods, VERTICES)
     mesh = mesh_of(found.surface, found.normals, found.albedo @ colours.matrix.T, found.camera)
     name = f"surface_{found.method}"
     ply, glb = (store.path(FOLDER, f"{name}.{kind}") for kind in ("ply", "glb"))

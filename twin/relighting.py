@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from scene.errors import RenderError
 from scene.frames import Frames
 from twin.description.description import Sampling
-from twin.material.material_samples import FEWEST as FEWEST_PIXELS
 from twin.material.material_samples import inner_pixels, samples_at
-from twin.material.scan_material import SAMPLES_AT_ONCE, ScanMaterial, scan_material
+from twin.material.scan_material import SAMPLES_AT_ONCE, scan_material
 from twin.scan_scene import scan_scene
 from twin.visibility import Sight
 
@@ -55,8 +54,6 @@ def relighting(
     mask: NDArray[np.bool_],
     sampling: Sampling,
     render: Callable[[Any], Frames],
-    *,
-    whole: ScanMaterial | None = None,
 ) -> Relighting:
     """Return how well the material that every second frame tells predicts the others.
 
@@ -68,9 +65,6 @@ def relighting(
         Of the rendering.
     render : callable
         Returns a scene's frames (`twin.engines.render.render_scene`).
-    whole : ScanMaterial or None
-        Fitted to all frames. Its samples are used again, and the light from elsewhere that was found in them: a small
-        part of it, by the albedo, was told by the frames that are predicted.
 
     Raises
     ------
@@ -81,15 +75,7 @@ def relighting(
         raise RenderError(f"{len(frames)} frames; {FEWEST} or more can be divided into fitted and predicted ones.")
     first, others = slice(0, None, 2), slice(1, None, 2)
     seen, unseen = (replace(sight, lights=sight.lights.only(which)) for which in (first, others))
-    known = None
-    if whole is not None:
-        onward = None if whole.onward is None else replace(whole.onward, images=whole.onward.images[first])
-        known = whole.samples.of_frames(first), onward
-        if len(known[0]) < FEWEST_PIXELS:
-            raise RenderError(
-                f"{len(known[0])} pixels are lit by three of half of the frames; {FEWEST_PIXELS} are needed."
-            )
-    found = scan_material(seen, frames.only(first), mask, known=known)
+    found = scan_material(seen, frames.only(first), mask)
     scene, _ = scan_scene(unseen, found.albedo, sampling, fit=found.fit)
     photographs = frames.only(others)
     return Relighting(seen.lights.names, unseen.lights.names, score(unseen, photographs, render(scene), mask))

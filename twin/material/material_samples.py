@@ -69,12 +69,6 @@ class MaterialSamples:
         side = max(1.0, np.sqrt(pixels / self.pixel_share))
         return (rows // side).astype(int) * (int(columns.max() // side) + 1) + (columns // side).astype(int)
 
-    def of_frames(self, frames: slice) -> "MaterialSamples":
-        """Return the samples under some of the lights, of those pixels that can still be used."""
-        names = ("toward", "irradiance", "values", "usable")
-        some = replace(self, **{name: getattr(self, name)[:, frames] for name in names})
-        return some.only(some.usable.sum(1) >= LEAST_LIGHTS)
-
     def only(self, which: Any) -> "MaterialSamples":
         """Return some of the pixels."""
         whole = dict(self.__dict__)
