@@ -58,13 +58,13 @@ def sight_of_ball(lights):
 def made(roughness, specularity, lights, *, noise=1e-3, **shape):
     """Return a ball's samples by the formula, of an albedo that changes from pixel to pixel; `shape`: of the coat."""
     samples = samples_of_scan(*sight_of_ball(lights))
-    samples = replace(samples, spread=0 * samples.spread)
+    samples = samples._replace(spread=0 * samples.spread)
     surface = matte() if roughness is None else coat(roughness, **shape)
     body, gloss = reflected(surface, samples.normals, samples.views, samples.toward)
     generator = np.random.default_rng(10_030)
-    albedo = WHITE * generator.uniform(0.1, 0.8, (len(samples), 1, 1))
+    albedo = WHITE * generator.uniform(0.1, 0.8, (len(samples.rows), 1, 1))
     values = samples.irradiance * (albedo * body[..., None] + specularity * WHITE * gloss[..., None])
-    return replace(samples, values=(values + noise * generator.standard_normal(values.shape)).astype(np.float32))
+    return samples._replace(values=(values + noise * generator.standard_normal(values.shape)).astype(np.float32))
 
 
 @pytest.mark.full
@@ -119,7 +119,7 @@ def test_errors_are_what_sigma_says_and_outliers_do_not_count():
     samples = made(0.2, 0.5, lights)
     values = samples.values.copy()
     values[::15] *= 0.3
-    fit = fit_material(replace(samples, values=values), lights)
+    fit = fit_material(samples._replace(values=values), lights)
     assert abs(fit.surface.roughness / 0.2 - 1) < 0.02
     assert abs(fit.specularity / 0.5 - 1) < 0.02
 

@@ -92,7 +92,7 @@ def scan_material(sight: Sight, frames: Frames, mask: NDArray[np.bool_]) -> Scan
         for first in range(0, len(rows), step):
             own = samples_at(sight, frames, rows[first : first + step], columns[first : first + step], lenient=lenient)
             own = own if onward is None else onward.off(own)
-            if len(own):
+            if len(own.rows):
                 albedo[own.rows, own.columns] = robust_albedo(own, fit, fit.noise)
     return ScanMaterial(fit, gone, albedo, *_left(samples, fit), trouble)
 
