@@ -15,10 +15,10 @@ from formats.toml_documents import Location, TomlTable, fault_line, toml_text
 from scene.errors import RenderError, SceneError
 from scene.files import write_json, write_npy, write_text
 from scene.mesh import Mesh
-from scene.reading import reading, shortened, text_of
+from scene.reading import reading, text_of, told
 from twin.camera.virtual_camera import Sensor
 from twin.description.description import Environment, Sampling, TwinScene
-from twin.description.description_check import faults_of, scene_faults
+from twin.description.description_check import scene_faults
 from twin.description.kept_files import KeptFiles
 from twin.description.light_groups import LIGHTS
 from twin.description.materials import KINDS, Subsurface, Texture, TextureTable
@@ -63,23 +63,19 @@ def read_document(path: Path) -> SceneDocument:
         try:
             document = SceneDocument.model_validate({"name": path.stem} | data, context=around)
         except ValidationError as error:
-            raise _told(path, faults_in(error)) from None
+            raise RenderError(told(path, faults_in(error))) from None
         try:
             faults = scene_faults(document.scene())
         except SceneError as error:
             faults = [str(error)]
         if faults:
-            raise _told(path, faults)
+            raise RenderError(told(path, faults))
         return document
 
 
 def read_scene(path: Path) -> TwinScene:
     """Read the scene that a document says; see `read_document`."""
     return read_document(path).scene()
-
-
-def _told(path: Path, faults: list[str]) -> RenderError:
-    return faults_of(str(path), [shortened(fault, 600) for fault in faults])
 
 
 def faults_in(error: ValidationError, at: Location = ()) -> list[str]:
