@@ -99,7 +99,7 @@ def material_session(seed: int, material: RoughPlastic, *, near: bool, height: i
     points = camera.points_at_depth(camera.grid()[inside], -true.depth_mm[inside].astype(float)[:, None])
     flat = world.pose.inverse().apply(points) @ world.pose.rotation.T
     albedo[inside] = white * texture.at((flat[:, :2] - corner) / span)
-    return MaterialSession(Sight.of_scan(scan, pose, camera, given, found.normals), frames, found.mask, albedo)
+    return MaterialSession(Sight(scan.moved(pose.matrix), camera, given, found.normals), frames, found.mask, albedo)
 
 
 def _rendered(scene: TwinScene) -> tuple[NDArray[np.float32], Film]:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from scene.errors import RenderError
 from scene.lights import Lights
-from scene.mesh import Mesh
 from scene.spheres import WHITE_BALL_ALBEDO
 from twin.description.description import Environment, Sampling, TwinObject, TwinScene
 from twin.description.description_check import check_scene
@@ -60,7 +59,7 @@ def scan_scene(
             f"the albedo is {' x '.join(map(str, albedo.shape))}, the camera {camera.height} x {camera.width} x 3. "
             "Solve again with this camera's frames."
         )
-    one = TwinObject("object", Mesh(sight.mesh.vertices, sight.mesh.faces), NAME)
+    one = TwinObject("object", sight.mesh, NAME)
     scene = TwinScene(camera, (one,), {NAME: Diffuse((0.5, 0.5, 0.5))}, lights, sampling=sampling, name="the scan")
     check_scene(scene)
     film = scene.film()

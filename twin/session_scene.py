@@ -23,7 +23,7 @@ def session_sight(store: Store, mesh: Mesh) -> "Sight":
     from twin.visibility import Sight
 
     lights, normals = store.load_lights(), store.load_normals("truth")
-    return Sight.of_scan(mesh, store.load_pose(), store.load_camera(), lights, normals)
+    return Sight(mesh.moved(store.load_pose().matrix), store.load_camera(), lights, normals)
 
 
 def session_scene(
