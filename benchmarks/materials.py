@@ -18,12 +18,12 @@ from fixtures.mesh_scene import as_calibrated, random_scene
 from fixtures.mesh_shapes import SHAPES, scan_of
 from scene.clock import now, since
 from scene.frames import Frames
+from scene.mesh import Mesh
 from scene.pose import Pose, rotation_from_vector
 from scene.spheres import WHITE_BALL_ALBEDO
 from twin.camera.virtual_camera import Sensor
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import RoughPlastic, Texture
-from twin.description.object_mesh import ObjectMesh
 from twin.engines.film import Film
 from twin.engines.many import Many
 from twin.engines.mitsuba_scene import mitsuba_scene
@@ -74,7 +74,7 @@ def material_session(seed: int, material: RoughPlastic, *, near: bool, height: i
     # Looked at from the front, the texture is spread over the object as a slide would be.
     local = mesh.vertices @ world.pose.rotation.T
     corner, span = local[:, :2].min(0), np.ptp(local, axis=0)[:2]
-    textured = ObjectMesh(mesh.vertices, mesh.faces, mesh.vertex_normals, (local[:, :2] - corner) / span)
+    textured = Mesh(mesh.vertices, mesh.faces, mesh.vertex_normals, (local[:, :2] - corner) / span)
     thing = TwinObject("object", textured, "plastic", world.pose.matrix)
     images, film = _rendered(TwinScene(camera, (thing,), {"plastic": replace(material, reflectance=texture)}, lights))
     # The first flash's exposure is kept for all; highlights may clip.
@@ -99,7 +99,7 @@ def material_session(seed: int, material: RoughPlastic, *, near: bool, height: i
     points = camera.points_at_depth(camera.grid()[inside], -true.depth_mm[inside].astype(float)[:, None])
     flat = world.pose.inverse().apply(points) @ world.pose.rotation.T
     albedo[inside] = white * texture.at((flat[:, :2] - corner) / span)
-    return MaterialSession(Sight.of_scan(scan, pose, camera, given, found.normals), frames, found.mask, albedo)
+    return MaterialSession(Sight(scan.moved(pose.matrix), camera, given, found.normals), frames, found.mask, albedo)
 
 
 def _rendered(scene: TwinScene) -> tuple[NDArray[np.float32], Film]:

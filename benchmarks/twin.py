@@ -154,7 +154,7 @@ def stage(lights: Lights, side: int, depth: int) -> TwinScene:
 
     square = built_in("square")
     objects = (
-        placed("blob", smooth(mesh.vertices, mesh.faces, None, None), "blob", np.eye(3), 0.9, [0, 0, 0]),
+        placed("blob", smooth(mesh), "blob", np.eye(3), 0.9, [0, 0, 0]),
         placed("wall", square, "wall", np.eye(3), 240.0, [0, 0, -60]),
         placed("floor", square, "wall", floor, 110.0, [0, -60, -60]),
         placed("beside", square, "red", beside, 110.0, [-75, 0, -60]),

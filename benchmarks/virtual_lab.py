@@ -21,10 +21,11 @@ from experiments.scenes import near_lights, patches, placed
 from scene.camera import Camera
 from scene.light_layouts import cap, ring
 from scene.lights import Lights
+from scene.mesh import Mesh
 from scene.normals import unit
 from twin.description.description import Sampling, TwinObject, TwinScene
 from twin.description.materials import Conductor, Diffuse, Material, RoughPlastic, Subsurface
-from twin.description.object_mesh import ObjectMesh, built_in
+from twin.description.object_mesh import built_in
 from twin.ground_truth import ground_truth
 
 Array = NDArray[np.float64]
@@ -186,7 +187,7 @@ def _objects(setup: Setup) -> tuple[TwinObject, ...]:
         # The crease lies behind the middle, so that what is folded stays before the table.
         corners[:, 2] -= wide * np.sin(tilt) / 2
         faces = np.array([[0, 1, 2], [0, 2, 3]])[:, :: int(side)]
-        halves.append(TwinObject(name, ObjectMesh(corners, faces), "object", placed(1.0, CENTRE_MM)))
+        halves.append(TwinObject(name, Mesh(corners, faces), "object", placed(1.0, CENTRE_MM)))
     return tuple(halves)
 
 

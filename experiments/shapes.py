@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.solids import FIELDS, solid
-from twin.description.object_mesh import ObjectMesh, built_in, smooth
+from scene.mesh import Mesh
+from twin.description.object_mesh import built_in, smooth
 
 Array = NDArray[np.float64]
 
 
-def pear(relief: float) -> ObjectMesh:
+def pear(relief: float) -> Mesh:
     """Return a solid of revolution that stands upright: a ball that narrows to a neck."""
     t, s = _parameters(257, 513)
     y, around = np.cos(np.pi * t), 2 * np.pi * s
@@ -19,7 +20,7 @@ def pear(relief: float) -> ObjectMesh:
     return _surface(np.stack([radius * np.sin(around), y, radius * np.cos(around)], -1))
 
 
-def blob(relief: float) -> ObjectMesh:
+def blob(relief: float) -> Mesh:
     """Return a ball with twelve wide bumps and dents."""
     generator = np.random.default_rng(12345)
     toward = generator.standard_normal((12, 3))
@@ -30,7 +31,7 @@ def blob(relief: float) -> ObjectMesh:
     return _surface(ball * (radius / radius.max())[..., None])
 
 
-def knot(relief: float) -> ObjectMesh:
+def knot(relief: float) -> Mesh:
     """Return a trefoil tube: arms that cast shadows on each other."""
     t, s = _parameters(129, 769)
     along = 2 * np.pi * s
@@ -48,35 +49,35 @@ def knot(relief: float) -> ObjectMesh:
     return _surface(points / 3.6)
 
 
-def cone(relief: float) -> ObjectMesh:
+def cone(relief: float) -> Mesh:
     """Return a cone of radius 1 and the height `relief`, seen from its base: a hollow."""
     return built_in("cone").moved(np.diag([1.0, 1.0, -relief, 1.0]))
 
 
-def bowl(relief: float) -> ObjectMesh:
+def bowl(relief: float) -> Mesh:
     """Return a paraboloid of radius 1 and the depth `relief`, seen from its rim."""
     t, s = _parameters(129, 257)
     angle = 2 * np.pi * s
     return _surface(np.stack([t * np.cos(angle), t * np.sin(angle), relief * (t**2 - 1)], -1))
 
 
-def waves(relief: float) -> ObjectMesh:
+def waves(relief: float) -> Mesh:
     """Return z = relief sin x sin y over two periods each way."""
     return _relief(relief, lambda x, y: np.sin(x) * np.sin(y))
 
 
-def ridges(relief: float) -> ObjectMesh:
+def ridges(relief: float) -> Mesh:
     """Return z = relief sin(x + 0.35 y) / 2: long ridges, half as high as `waves`."""
     return _relief(relief, lambda x, y: np.sin(x + 0.35 * y) / 2)
 
 
-SHAPES: dict[str, Callable[[float], ObjectMesh]] = {
+SHAPES: dict[str, Callable[[float], Mesh]] = {
     shape.__name__: shape for shape in (pear, blob, knot, cone, bowl, waves, ridges)
 } | {name: lambda _, name=name: solid(name) for name in FIELDS}
 """By name; each takes its relief, which those without one leave aside."""
 
 
-def _relief(height: float, form: Callable[[Array, Array], Array]) -> ObjectMesh:
+def _relief(height: float, form: Callable[[Array, Array], Array]) -> Mesh:
     t, s = _parameters(385, 385)
     x, y = 2 * np.pi * (2 * s - 1), 2 * np.pi * (1 - 2 * t)
     points = np.stack([x, y, height * form(x, y)], -1)
@@ -95,7 +96,7 @@ def _parameters(down: int, across: int) -> tuple[Array, Array]:
     return t, s
 
 
-def _surface(points: Array) -> ObjectMesh:
+def _surface(points: Array) -> Mesh:
     """Return the triangles between a grid's points (h, w, 3), out to the left of down and across, smooth."""
     height, width = points.shape[:2]
     # What closes the surface is one place, not two that differ by rounding.
@@ -107,4 +108,4 @@ def _surface(points: Array) -> ObjectMesh:
     vertices = points.reshape(-1, 3)
     cross = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
     faces = faces[np.linalg.norm(cross, axis=1) > 1e-12]
-    return smooth(vertices, faces, np.stack([s, t], -1).reshape(-1, 2), None)
+    return smooth(Mesh(vertices, faces, texcoords=np.stack([s, t], -1).reshape(-1, 2)))

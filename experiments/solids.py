@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.description.object_mesh import ObjectMesh
+from scene.mesh import Mesh
 
 Array = NDArray[np.float64]
 
@@ -104,7 +104,7 @@ def slope(field: Callable[[Any, Any, Any], Any], points: Array) -> Array:
 
 
 @cache
-def solid(name: str) -> ObjectMesh:
+def solid(name: str) -> Mesh:
     """Return a solid of `FIELDS` as a closed mesh about the origin, within a radius of 1, seen along z.
 
     Marching cubes [Lorensen1987], whose corners Newton's method then carries onto the surface; the normals are the
@@ -125,4 +125,4 @@ def solid(name: str) -> ObjectMesh:
     points -= (points.max(0) + points.min(0)) / 2
     points /= np.linalg.norm(points, axis=1).max()
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return ObjectMesh(points, faces, normals, (points[:, :2] * [1, -1] + 1) / [4, 2])
+    return Mesh(points, faces, normals, (points[:, :2] * [1, -1] + 1) / [4, 2])

@@ -1,6 +1,7 @@
 """`results/`: what was found, in files that other programs open: TIFF maps, the surface as PLY and GLB."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from compare.report.facts import best_method
 from compare.report.pictures import PixelBox
-from formats.meshes.scan_files import ObjectMesh, write_glb
+from formats.meshes.scan_files import write_glb
 from formats.picture_files import LUMINANCE, srgb_from_linear
 from formats.tiff_files import write_map
 from lab.job import Job, Outcome
@@ -154,12 +155,14 @@ def _write_surface(
 ) -> dict[str, Any]:
     """Write the surface of one of the methods as PLY and GLB, its depth as a map; return what is to be said of it."""
     from solve.surface.solved_surface import solved_surface
+    from solve.surface.surface_mesh import mesh_of, write_surface
 
     store = job.store
-    found = solved_surface(store, methods, most_pixels=VERTICES)
-    mesh, name = found._replace(albedo=found.albedo @ colours.matrix.T).mesh(), f"surface_{found.method}"
+    found = solved_surface(store, methods, VERTICES)
+    mesh = mesh_of(found.surface, found.normals, found.albedo @ colours.matrix.T, found.camera)
+    name = f"surface_{found.method}"
     ply, glb = (store.path(FOLDER, f"{name}.{kind}") for kind in ("ply", "glb"))
-    mesh.write(ply)
+    write_surface(ply, mesh)
     # The picture's part that holds the object, at full size.
     v, u = (found.step * at for at in np.nonzero(np.isfinite(found.surface.z_mm)))
     box = PixelBox(int(u.min()), int(v.min()), int(u.max()) + 1, int(v.max()) + 1)
@@ -170,7 +173,7 @@ def _write_surface(
     picture = np.round(255 * shown).astype(np.uint8)
     size = shrink * np.array([picture.shape[1], picture.shape[0]])
     texcoords = (np.stack([u - box.left, v - box.top], 1) + 0.5 * shrink) / size
-    write_glb(glb, ObjectMesh(mesh.vertices, mesh.faces, mesh.normals, texcoords), picture)
+    write_glb(glb, replace(mesh, texcoords=texcoords), picture)
     written += [ply, glb]
     if not store.path("depth", f"{found.method}.npy").exists():
         told = {"map": "depth", "method": found.method, "value": f"mm, z; {found.scale}"}

@@ -58,7 +58,7 @@ def _render(
         # The twin's photographs take the place of its rendered frames.
         with progress_bar("twin: decode") as progress:
             decode(load_session(folder.folder), folder, progress=progress)
-    predicted = _held_out(job, scene, rendered.choice, found) if job.twin.held_out else None
+    predicted = _held_out(job, scene, rendered.choice) if job.twin.held_out else None
     facts = rendered.facts() | {"warnings": [*scene_warnings, *rendered.warnings]}
     facts |= {} if sensor is None else {"sensor": asdict(sensor)}
     return {"rendered": True, "material": found.facts(), "held_out": predicted, **facts}, facts["warnings"]
@@ -73,10 +73,11 @@ def twin_scene(job: Job) -> tuple[Any, Any, list[str]]:
     return session_scene(job.store, job.load_scan(), sampling, is_error_given=how.error is not None)
 
 
-def _held_out(job: Job, scene: Any, choice: Any, whole: Any) -> dict[str, Any] | None:
+def _held_out(job: Job, scene: Any, choice: Any) -> dict[str, Any] | None:
     """Fit the material to half of the frames, predict the others; return what the summary keeps of it."""
     from twin.engines.render import render_scene
-    from twin.session_scene import session_relighting
+    from twin.relighting import relighting
+    from twin.session_scene import session_sight
 
     # As the twin was rendered.
     sampling = replace(scene.sampling, engine=choice.engine, samples=choice.samples)
@@ -84,9 +85,8 @@ def _held_out(job: Job, scene: Any, choice: Any, whole: Any) -> dict[str, Any] |
         scratch = job.record.scratch("predicted")
         how: Any = {"executor": job.executor, "progress": progress, "scratch": scratch}
         try:
-            found = session_relighting(
-                job.store, job.load_scan(), sampling, lambda unseen: render_scene(unseen, **how).frames, whole
-            )  # fmt: skip
+            known = session_sight(job.store, job.load_scan()), job.store.load_frames(), job.store.load_mask()
+            found = relighting(*known, sampling, lambda unseen: render_scene(unseen, **how).frames)
         except RenderError as error:
             say(f"twin: not held against frames that it was not fitted to. {error}")
             return None

@@ -1,29 +1,54 @@
-"""A triangle mesh in millimetres: the scan."""
+"""A triangle mesh: the scan, an object of the twin, a surface that was found."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+Array = NDArray[np.float64]
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles with outward normals.
+    """Triangles, and what is known at their corners.
 
     Parameters
     ----------
     vertices : (V, 3) float64
-        Millimetres.
+        Millimetres; of `formats.meshes.scan_files.read_mesh_file` in the file's unit.
     faces : (T, 3) int64
         Vertex indices, counter-clockwise seen from outside.
+    normals : (V, 3) float64 or None
+        Interpolated over a face; None: every face is flat. Length 1, or shorter where they are means of others.
+    texcoords : (V, 2) float64 or None
+        (s, t), t down: the first row of a picture lies at t = 0. A vertex that has several is there several times.
+    colours : (V, 3) float64 or None
+        Linear reflectance.
     repairs : tuple of str
         What was mended on loading, for the report.
     """
 
-    vertices: NDArray[np.float64]
+    vertices: Array
     faces: NDArray[np.int64]
+    normals: Array | None = None
+    texcoords: Array | None = None
+    colours: Array | None = None
     repairs: tuple[str, ...] = ()
+
+    def moved(self, matrix: Array) -> "Mesh":
+        """Return the mesh after an affine map (4, 4); one that mirrors turns the faces over, so that out stays out."""
+        linear = matrix[:3, :3]
+        normals, faces = self.normals, self.faces
+        if np.linalg.det(linear) < 0:
+            faces = faces[:, ::-1]
+        if normals is not None and not np.array_equal(linear, np.eye(3)):
+            length = np.linalg.norm(normals, axis=1, keepdims=True)
+            normals = normals @ np.linalg.inv(linear)
+            now = np.linalg.norm(normals, axis=1, keepdims=True)
+            normals = normals * (length / np.where(now > 0, now, 1))
+        vertices = self.vertices @ linear.T + matrix[:3, 3]
+        return replace(self, vertices=vertices, faces=faces, normals=normals)
 
     @cached_property
     def face_normals(self) -> NDArray[np.float64]:

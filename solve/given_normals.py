@@ -14,9 +14,12 @@ from scene.clock import now, since
 from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.robust import MAD
+from solve.assess import DARK
 from solve.axes import PIXELS, find_axes, relief_cautions
 from solve.external import External, normals_by
 from solve.methods import Method, Whole
+from solve.pixelwise.iterative import IterativeSettings
 from solve.plausible_axes import AXES, axes_words, plausible_axes
 from solve.problem import Problem, spread_over
 from solve.samples import Geometry, Samples, row_medians
@@ -25,9 +28,6 @@ from solve.uncalibrated.front_end import lights_of
 
 _FACING = 0.1
 """Cosine under which a sample says nothing of the albedo."""
-_DARK = 0.02
-_SIGMAS = 2.5
-_FLOOR = 0.004
 _BLOCK = 1 << 14
 _ROUNDS = 10
 
@@ -113,13 +113,13 @@ def _with_lights_of_its_own(normals: NDArray[np.float64], samples: Samples, caut
     """
     some = spread_over(np.isfinite(normals[:, 0]), PIXELS)
     few, n, scale = samples.some(some), normals[some], samples.scale()
-    lit = few.valid & (few.gray > _DARK * scale)
+    lit = few.valid & (few.gray > DARK * scale)
     albedo = np.maximum(np.quantile(np.where(lit, few.gray, 0), 0.9, axis=1), 1e-9 * scale)
     lights = np.zeros((few.gray.shape[1], 3))
     for _ in range(_ROUNDS):
         lights = lights_of(few.gray, lit, albedo[:, None] * n)
         shade = n @ lights.T
-        lit = few.valid & (shade > _FACING * np.linalg.norm(lights, axis=1)) & (few.gray > _DARK * scale)
+        lit = few.valid & (shade > _FACING * np.linalg.norm(lights, axis=1)) & (few.gray > DARK * scale)
         albedo = np.maximum(row_medians(few.gray / np.where(lit, shade, 1), lit), 1e-9 * scale)
     lights /= max(float(np.mean(np.linalg.norm(lights, axis=1))), 1e-12)
     whole = with_lambertian_albedo(normals, samples._replace(lights=Geometry.distant(lights)), cautions)
@@ -133,8 +133,9 @@ def _albedo(samples: Samples, normals: NDArray, scale: float) -> tuple[NDArray, 
     """
     gray, valid = samples.gray, samples.valid
     shade = np.einsum("pfi,pi->pf", samples.toward(), normals)
-    facing = valid & (shade > _FACING) & (gray > _DARK * scale)
+    facing = valid & (shade > _FACING) & (gray > DARK * scale)
     ratio = row_medians(gray / np.where(facing, shade, 1), facing)
     residual = np.abs(gray - ratio[:, None] * shade)
-    spread = np.maximum(1.4826 * row_medians(residual, facing), _FLOOR * scale)
-    return np.maximum(ratio, 1e-9 * scale), facing & (residual <= _SIGMAS * spread[:, None])
+    how = IterativeSettings()
+    spread = np.maximum(MAD * row_medians(residual, facing), how.noise_floor * scale)
+    return np.maximum(ratio, 1e-9 * scale), facing & (residual <= how.outlier_sigmas * spread[:, None])

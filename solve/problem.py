@@ -9,6 +9,9 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 
+UNKNOWN_MM = -1000.0
+"""Where an object of unknown distance is put."""
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -52,10 +55,29 @@ class Problem:
         """Return some rows of a problem that covers the whole frames."""
         return replace(self, mask=self.mask[rows], rows=rows, z_mm=None if self.z_mm is None else self.z_mm[rows])
 
+    def pixels(self) -> NDArray[np.int64]:
+        """Return the mask's pixels (P, 2), as (u, v)."""
+        row, column = np.nonzero(self.mask)
+        return np.stack([column, row + self.rows.start], -1)
+
     def views(self) -> NDArray[np.float64]:
         """Return the unit vectors (P, 3) from the mask's pixels to the camera."""
-        row, column = np.nonzero(self.mask)
-        return -self.camera.rays(np.stack([column, row + self.rows.start], -1))[1]
+        return -self.camera.rays(self.pixels())[1]
+
+    def points(self) -> NDArray[np.float64]:
+        """Return where the mask's pixels are (P, 3), mm; zeros under distant lights without a depth: nobody looks."""
+        if self.z_mm is not None:
+            return self.camera.points_at_depth(self.pixels(), self.z_mm[self.mask][:, None])
+        if self.lights.positions_mm is None:
+            return np.zeros((np.count_nonzero(self.mask), 3))
+        return self.camera.points_at_depth(self.pixels(), self.lights.reference_point_mm[2])
+
+    def depth_mm(self) -> float:
+        """Return z of the object, mm: its median, that of the lights' reference point, or where nothing tells it."""
+        if self.z_mm is not None:
+            return float(np.nanmedian(self.z_mm[self.mask]))
+        where = float(self.lights.reference_point_mm[2])
+        return where if self.camera.is_orthographic or where < 0 else UNKNOWN_MM
 
     def thinned(self, pixels: float) -> "Problem":
         """Return every n-th pixel of a whole problem, about so many of its mask: pixel u becomes u / n."""

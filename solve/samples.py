@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.camera import Camera
 from scene.frames import PEDESTAL, WHITE, Frames, decode
 from scene.lights import Lights
 from solve.codes import read_gray
@@ -48,10 +47,6 @@ class Band(NamedTuple):
     limit: np.generic
     margin: int
     runs: NDArray[np.int64]
-
-    def gray(self, weights: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Return the samples (P, F), weighted over channels by `weights` (F, 3), and which are not clipped (P, F)."""
-        return read_gray(self, weights)
 
 
 class Geometry(NamedTuple):
@@ -127,9 +122,8 @@ class Samples(NamedTuple):
 
 def samples_of(band: Band, part: Problem) -> Samples:
     """Return what is seen of the pixels of a problem's rows; `band` holds them."""
-    gray, valid = band.gray((GRAY / part.lights.intensities).astype(np.float32))
-    points = points_of(part.camera, part.lights, part.mask, part.rows, part.z_mm)
-    return Samples(gray, valid, points, Geometry.of(part.lights))
+    gray, valid = read_gray(band, (GRAY / part.lights.intensities).astype(np.float32))
+    return Samples(gray, valid, part.points(), Geometry.of(part.lights))
 
 
 def all_samples(problem: Problem) -> Samples:
@@ -138,16 +132,10 @@ def all_samples(problem: Problem) -> Samples:
     gray, valid, done = np.empty(shape, np.float32), np.empty(shape, bool), 0
     for rows in bands(problem.frames, problem.mask):
         part = problem.part(rows)
-        some = samples_of(band_of(part), part)
+        some = samples_of(read_band(part), part)
         gray[done : done + len(some.gray)], valid[done : done + len(some.gray)] = some.gray, some.valid
         done += len(some.gray)
-    points = points_of(problem.camera, problem.lights, problem.mask, problem.rows, problem.z_mm)
-    return Samples(gray, valid, points, Geometry.of(problem.lights))
-
-
-def band_of(part: Problem) -> Band:
-    """Return where the pixels of a problem's rows lie in the store."""
-    return read_band(part.frames, part.mask, part.rows)
+    return Samples(gray, valid, problem.points(), Geometry.of(problem.lights))
 
 
 def bands(frames: Frames, mask: NDArray[np.bool_]) -> Iterator[slice]:
@@ -161,8 +149,9 @@ def bands(frames: Frames, mask: NDArray[np.bool_]) -> Iterator[slice]:
             yield slice(int(start), int(stop))
 
 
-def read_band(frames: Frames, mask: NDArray[np.bool_], rows: slice) -> Band:
-    """Return the pixels under the mask (h, W) of a row band, in its order."""
+def read_band(part: Problem) -> Band:
+    """Return where the pixels of a problem's rows lie in the store, in the order of the mask."""
+    frames, rows = part.frames, part.rows
     margin = 1 if frames.is_mosaic else 0
     first, last = max(rows.start - margin, 0), min(rows.stop + margin, frames.height)
     codes, shift = frames.codes, 0
@@ -189,7 +178,7 @@ def read_band(frames: Frames, mask: NDArray[np.bool_], rows: slice) -> Band:
         unit * frames.gain.astype(np.float32),
         codes.dtype.type(frames.limit),
         margin,
-        _runs(mask, rows.start - shift),
+        _runs(part.mask, rows.start - shift),
     )
 
 
@@ -206,33 +195,16 @@ def _runs(mask: NDArray[np.bool_], first_row: int) -> NDArray[np.int64]:
     return np.stack([row + first_row, column, count, np.cumsum(count) - count], -1).astype(np.int64)
 
 
-def points_of(
-    camera: Camera, lights: Lights, mask: NDArray[np.bool_], rows: slice, z_mm: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
-    """Return where the masked pixels are, (P, 3), mm: on their rays at the depth `z_mm` (h, W).
-
-    Without it, where the rays meet the depth of the lights' reference point. Zeros under distant lights: nobody looks.
-    """
-    row, column = np.nonzero(mask)
-    if lights.positions_mm is None:
-        return np.zeros((len(row), 3))
-    depth = lights.reference_point_mm[2] if z_mm is None else z_mm[mask][:, None]
-    return camera.points_at_depth(np.stack([column, row + rows.start], -1), depth)
-
-
-def scale_of(frames: Frames, lights: Lights, mask: NDArray[np.bool_]) -> float:
+def scale_of(problem: Problem) -> float:
     """Return the 99th percentile of the lit gray samples, from at most some 20,000 pixels under the mask.
 
     Every threshold of the solvers is relative to it, so that exposure changes nothing.
     """
-    rows = np.flatnonzero(mask.any(1))
-    step = max(1, int(mask.sum() // 20_000))
-    values = []
-    weights = (GRAY / lights.intensities).astype(np.float32)
-    for row in rows[:: max(1, min(step, len(rows) // 16))]:
-        line = slice(int(row), int(row) + 1)
-        if mask[row].any():
-            values.append(read_band(frames, mask[line], line).gray(weights)[0].ravel())
+    rows = np.flatnonzero(problem.mask.any(1))
+    step = max(1, int(problem.mask.sum() // 20_000))
+    weights = (GRAY / problem.lights.intensities).astype(np.float32)
+    parts = (problem.part(slice(row, row + 1)) for row in rows[:: max(1, min(step, len(rows) // 16))].tolist())
+    values = [read_gray(read_band(part), weights)[0].ravel() for part in parts]
     return float(np.percentile(np.concatenate(values), 99, overwrite_input=True))
 
 

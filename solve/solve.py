@@ -88,7 +88,9 @@ def solve(
         problem, parts, work = _fit_whole(what.fit_whole, settings, problem, what.is_calibrated)
     else:
         parts, work = _fit_bands(what.name, settings, problem)
-    maps = _empty_maps(mask.shape)
+    # Nothing is known yet of normals, albedo, samples and sigma.
+    normals, albedo = (np.full((*mask.shape, 3), np.nan, np.float32) for _ in range(2))
+    maps = normals, albedo, np.zeros(mask.shape, np.uint16), np.full(mask.shape, np.nan, np.float32)
     doubts = np.zeros(2, int)
     with nullcontext(executor) if executor else ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         assert pool is not None
@@ -103,7 +105,7 @@ def solve(
             doubts += values[-1]
             if progress:
                 progress(done, parts)
-    normals, albedo, samples, sigma_deg = maps
+    _, _, samples, sigma_deg = maps
     if what.fit and not what.is_linear:
         from solve.bootstrap import sigma_factors
 
@@ -123,12 +125,6 @@ def solve(
         what.name, normals, albedo, samples, spent["seconds"], spent["processor_seconds"], as_dict(settings), cautions,
         sigma_deg, problem.own_lights, problem.z_mm,
     )  # fmt: skip
-
-
-def _empty_maps(shape: tuple[int, ...]) -> tuple[NDArray, ...]:
-    """Return normals, albedo, samples and sigma with nothing known yet."""
-    normals, albedo = (np.full((*shape, 3), np.nan, np.float32) for _ in range(2))
-    return normals, albedo, np.zeros(shape, np.uint16), np.full(shape, np.nan, np.float32)
 
 
 def _finished(pool: Executor, work: Iterator[Call]) -> Iterator[Any]:
@@ -164,16 +160,16 @@ def _fit_bands(name: str, settings: Settings, problem: Problem) -> tuple[int, It
     """Return how many bands there are, and the call that fits each."""
     from solve.samples import bands, scale_of
 
-    scale = scale_of(problem.frames, problem.lights, problem.mask)
+    scale = scale_of(problem)
     parts = list(bands(problem.frames, problem.mask))
     return len(parts), ((_fit_band, (name, settings, problem.part(rows), scale)) for rows in parts)
 
 
 def _fit_band(name: str, settings: Settings, part: Problem, scale: float) -> tuple[slice, tuple]:
     """Return the rows, and what `assess` returns of the pixels of their mask, in its order."""
-    from solve.samples import band_of, samples_of
+    from solve.samples import read_band, samples_of
 
-    what, band = method_of(name), band_of(part)
+    what, band = method_of(name), read_band(part)
     assert what.fit
     samples = samples_of(band, part)
     b, used = what.fit(samples, scale, settings)
@@ -217,9 +213,9 @@ def _fit_whole(
 
 
 def _judge_band(part: Problem, used: "Samples", b: NDArray, scale: float) -> tuple[slice, tuple]:
-    from solve.samples import band_of
+    from solve.samples import read_band
 
-    return part.rows, _judged(band_of(part), used, b, part, scale)
+    return part.rows, _judged(read_band(part), used, b, part, scale)
 
 
 def _own_lights(lights: Lights, found: NDArray[np.float64]) -> Lights:

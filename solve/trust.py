@@ -14,6 +14,7 @@ from scene.frames import Frames
 from scene.lights import Lights
 from scene.method_names import METHODS
 from scene.normals import angular_error_deg, filled
+from solve.assess import DARK
 from solve.problem import Problem
 from solve.samples import row_medians
 from solve.solve import solve
@@ -27,8 +28,6 @@ FOLDS, FEWEST = 3, 6
 """Every third frame in turn is predicted from the others; of fewer frames these would be three, which fit anything."""
 NEAREST = 3
 """Other methods whose distance counts as doubt."""
-DARK = 0.02
-"""Share of the stack's 99th percentile under which a sample is not lit."""
 LARGEST = 0.3
 """Of the albedo: an unexplained difference counts no more."""
 LIMIT = 0.1

@@ -6,7 +6,7 @@ The true maps of a scene description, pixel by pixel, where the pixel's centre l
 from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,15 @@ from numpy.typing import NDArray
 from scene.files import create_array, write_npy
 from scene.mesh import Mesh
 from scene.normals import unit
-from twin.description.description import TwinScene
+from twin.description.description import TwinScene, white_of
 from twin.description.materials import Conductor, Material, Measured, Principled, Texture
 from twin.visibility import Sight
 
 Array = NDArray[np.float64]
-Picture = NDArray[np.float32]
+Numbers = Annotated[NDArray[np.float32], np.float32, np.nan]
+Vectors = Annotated[NDArray[np.float32], np.float32, np.nan, 3]
+Bits = Annotated[NDArray[np.uint8], np.uint8, 0]
+"""Maps: type, what stands where nothing is seen, and the axis beyond rows and columns; of bits, those of the lights."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,16 +50,16 @@ class GroundTruth:
         stands between. Discs are taken by their middle.
     """
 
-    mask: NDArray[np.bool_]
-    object: NDArray[np.int16]
-    normals: Picture
-    z_mm: Picture
-    height_mm: Picture
-    albedo: Picture
-    roughness: Picture
-    specularity: Picture
-    attached: NDArray[np.uint8]
-    cast: NDArray[np.uint8]
+    mask: Annotated[NDArray[np.bool_], bool, 0]
+    object: Annotated[NDArray[np.int16], np.int16, -1]
+    normals: Vectors
+    z_mm: Numbers
+    height_mm: Numbers
+    albedo: Vectors
+    roughness: Numbers
+    specularity: Numbers
+    attached: Bits
+    cast: Bits
 
 
 def ground_truth(scene: TwinScene, *, folder: Path | None = None) -> GroundTruth:
@@ -74,35 +77,17 @@ def ground_truth(scene: TwinScene, *, folder: Path | None = None) -> GroundTruth
     """
     maps: dict[str, Any] = {}
     with ExitStack() as files:
-        for name, (depth, dtype, unknown) in _kinds(len(scene.lights)).items():
+        for name, kind in get_type_hints(GroundTruth, include_extras=True).items():
+            dtype, unknown, *depth = kind.__metadata__
+            depth = [-(-len(scene.lights) // 8)] if dtype == np.uint8 else depth
             shape = (scene.camera.height, scene.camera.width, *depth)
-            maps[name] = (
-                np.empty(shape, dtype)
-                if folder is None
-                else files.enter_context(create_array(_place(folder, name), shape, dtype))
-            )
+            place = None if folder is None else create_array(_place(folder, name), shape, dtype)
+            maps[name] = np.empty(shape, dtype) if place is None else files.enter_context(place)
             maps[name][:] = unknown
         _fill(scene, maps)
     if folder is not None:
         maps = {name: np.load(_place(folder, name), mmap_mode="r") for name in maps}
     return GroundTruth(**maps)
-
-
-def _kinds(lights: int) -> dict[str, tuple[tuple[int, ...], Any, Any]]:
-    """Return each map's axes beyond rows and columns, its type, and what stands where nothing is seen."""
-    colour, number, bits = ((3,), np.float32, np.nan), ((), np.float32, np.nan), (((lights + 7) // 8,), np.uint8, 0)
-    return {
-        "mask": ((), bool, False),
-        "object": ((), np.int16, -1),
-        "normals": colour,
-        "z_mm": number,
-        "height_mm": number,
-        "albedo": colour,
-        "roughness": number,
-        "specularity": number,
-        "attached": bits,
-        "cast": bits,
-    }
 
 
 def _fill(scene: TwinScene, maps: dict[str, Any]) -> None:
@@ -132,7 +117,7 @@ def _fill(scene: TwinScene, maps: dict[str, Any]) -> None:
             found = _appearance(scene.materials[scene.objects[number].material], texcoords, colours)
             where = (at[0][mine], at[1][mine])
             for name, values in zip(("albedo", "roughness", "specularity"), found, strict=True):
-                maps[name][where] = values * scene.white if name == "albedo" else values
+                maps[name][where] = values * white_of(scene.lights) if name == "albedo" else values
         _, rays = camera.rays(np.stack([at[1], at[0]], -1))
         # What is seen from behind has its back for a front, as two-sided materials have.
         side = np.where(np.sum(flat * rays, -1, keepdims=True) > 0, -1.0, 1.0)

@@ -1,6 +1,6 @@
 """How well a twin predicts photographs that it has not seen: fitted to every second frame, it predicts the others."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,13 +10,10 @@ from numpy.typing import NDArray
 from scene.errors import RenderError
 from scene.frames import Frames
 from twin.description.description import Sampling
-from twin.material.material_samples import FEWEST as FEWEST_PIXELS
 from twin.material.material_samples import inner_pixels, samples_at
-from twin.material.scan_material import SAMPLES_AT_ONCE, ScanMaterial, scan_material
+from twin.material.scan_material import SAMPLES_AT_ONCE, scan_material
 from twin.scan_scene import scan_scene
 from twin.visibility import Sight
-
-Array = NDArray[np.float64]
 
 FEWEST = 8
 """Frames: of half of them a pixel must be lit by three."""
@@ -57,8 +54,6 @@ def relighting(
     mask: NDArray[np.bool_],
     sampling: Sampling,
     render: Callable[[Any], Frames],
-    *,
-    whole: ScanMaterial | None = None,
 ) -> Relighting:
     """Return how well the material that every second frame tells predicts the others.
 
@@ -70,9 +65,6 @@ def relighting(
         Of the rendering.
     render : callable
         Returns a scene's frames (`twin.engines.render.render_scene`).
-    whole : ScanMaterial or None
-        Fitted to all frames. Its samples are used again, and the light from elsewhere that was found in them: a small
-        part of it, by the albedo, was told by the frames that are predicted.
 
     Raises
     ------
@@ -83,15 +75,7 @@ def relighting(
         raise RenderError(f"{len(frames)} frames; {FEWEST} or more can be divided into fitted and predicted ones.")
     first, others = slice(0, None, 2), slice(1, None, 2)
     seen, unseen = (replace(sight, lights=sight.lights.only(which)) for which in (first, others))
-    known = None
-    if whole is not None:
-        onward = None if whole.onward is None else replace(whole.onward, images=whole.onward.images[first])
-        known = whole.samples.of_frames(first), onward
-        if len(known[0]) < FEWEST_PIXELS:
-            raise RenderError(
-                f"{len(known[0])} pixels are lit by three of half of the frames; {FEWEST_PIXELS} are needed."
-            )
-    found = scan_material(seen, frames.only(first), mask, known=known)
+    found = scan_material(seen, frames.only(first), mask)
     scene, _ = scan_scene(unseen, found.albedo, sampling, fit=found.fit)
     photographs = frames.only(others)
     return Relighting(seen.lights.names, unseen.lights.names, score(unseen, photographs, render(scene), mask))
@@ -121,16 +105,9 @@ def _sets(sight: Sight, photographs: Frames, mask: NDArray[np.bool_]) -> dict[st
     for first in range(0, len(rows), step):
         some = samples_at(sight, photographs, rows[first : first + step], columns[first : first + step])
         fitted[number[some.rows, some.columns]] = some.usable
-    for band, pixels, face, points in _seen(sight, mask):
-        flat = sight.mesh.face_normals[face]
-        lit[number[band][pixels]] = ~np.logical_or(*sight.shadows(points, flat, flat))
-    return {"fitted": fitted, "lit": lit}
-
-
-def _seen(sight: Sight, mask: NDArray[np.bool_]) -> Iterator[tuple[slice, NDArray[np.bool_], NDArray, Array]]:
-    """Yield bands of the picture: rows, which pixels (h, W) of the mask see the mesh, and their faces and points."""
     filled = np.flatnonzero(mask.any(1))
     for band, face, _, points in sight.rows(slice(int(filled[0]), int(filled[-1]) + 1), slice(0, mask.shape[1])):
         pixels = mask[band] & (face >= 0)
-        if pixels.any():
-            yield band, pixels, face[pixels], points[pixels]
+        flat = sight.mesh.face_normals[face[pixels]]
+        lit[number[band][pixels]] = ~np.logical_or(*sight.shadows(points[pixels], flat, flat))
+    return {"fitted": fitted, "lit": lit}

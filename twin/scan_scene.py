@@ -16,7 +16,6 @@ from scene.spheres import WHITE_BALL_ALBEDO
 from twin.description.description import Environment, Sampling, TwinObject, TwinScene
 from twin.description.description_check import check_scene
 from twin.description.materials import Diffuse, Material, RoughPlastic
-from twin.description.object_mesh import ObjectMesh
 from twin.material.fit_material import MaterialFit
 from twin.material.measured_albedo import textured_surface
 from twin.visibility import Sight
@@ -60,7 +59,7 @@ def scan_scene(
             f"the albedo is {' x '.join(map(str, albedo.shape))}, the camera {camera.height} x {camera.width} x 3. "
             "Solve again with this camera's frames."
         )
-    one = TwinObject("object", ObjectMesh(sight.mesh.vertices, sight.mesh.faces), NAME)
+    one = TwinObject("object", sight.mesh, NAME)
     scene = TwinScene(camera, (one,), {NAME: Diffuse((0.5, 0.5, 0.5))}, lights, sampling=sampling, name="the scan")
     check_scene(scene)
     film = scene.film()

@@ -1,6 +1,5 @@
 """A session's twin as the session calls for it: of which material, how exact, and by what sensor it is photographed."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -13,10 +12,18 @@ from twin.description.description import Sampling, TwinScene
 
 if TYPE_CHECKING:
     from twin.material.scan_material import ScanMaterial
-    from twin.relighting import Relighting
+    from twin.visibility import Sight
 
 ENOUGH = 0.5
 """Of the share of the photographs that the material leaves unexplained: an error of the rendering that hides in it."""
+
+
+def session_sight(store: Store, mesh: Mesh) -> "Sight":
+    """Return a registered scan with its true normals under the calibrated lights; `store`: after `align`."""
+    from twin.visibility import Sight
+
+    lights, normals = store.load_lights(), store.load_normals("truth")
+    return Sight(mesh.moved(store.load_pose().matrix), store.load_camera(), lights, normals)
 
 
 def session_scene(
@@ -29,31 +36,14 @@ def session_scene(
     """
     from twin.material.scan_material import scan_material
     from twin.scan_scene import scan_scene
-    from twin.visibility import Sight
 
-    truth, lights = store.load_normals("truth"), store.load_lights()
-    sight = Sight.of_scan(mesh, store.load_pose(), store.load_camera(), lights, truth)
+    sight = session_sight(store, mesh)
     found = scan_material(sight, store.load_frames(), store.load_mask())
     if not is_error_given:
         # No more than the scene needs: what the material is wrong by, exact light would not mend.
         sampling = replace(sampling, error=max(sampling.error, ENOUGH * found.relative_rmse))
     scene, warnings = scan_scene(sight, found.albedo, sampling, fit=found.fit)
     return scene, found, [*found.warnings, *warnings]
-
-
-def session_relighting(
-    store: Store, mesh: Mesh, sampling: Sampling, render: Callable[[TwinScene], Frames], whole: "ScanMaterial"
-) -> "Relighting":
-    """Return how well the session's twin predicts frames that it was not fitted to; see `twin.relighting.relighting`.
-
-    store: the session's output folder, after `align`.
-    """
-    from twin.relighting import relighting
-    from twin.visibility import Sight
-
-    lights, normals = store.load_lights(), store.load_normals("truth")
-    sight = Sight.of_scan(mesh, store.load_pose(), store.load_camera(), lights, normals)
-    return relighting(sight, store.load_frames(), store.load_mask(), sampling, render, whole=whole)
 
 
 def session_sensor(frames: Frames, *, half: bool, iso: float = 100.0) -> Sensor:

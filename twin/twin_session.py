@@ -37,13 +37,10 @@ class Shooting:
         None: no noise. Else the virtual camera photographs each frame.
     files : {"png", "dng", "exr"} or None
         See `twin.camera.virtual_photograph.write_photograph`. None: DNG of a Bayer sensor, else PNG.
-    seed : int
-        Of the virtual camera's noise; frame i draws from its own stream (seed, i).
     """
 
     sensor: Sensor | None = None
     files: Files | None = None
-    seed: int = 0
 
 
 def write_session(
@@ -107,7 +104,8 @@ def write_session(
     focal_mm = 50.0 if camera.is_orthographic else camera.fx * pixel_um / 1000
 
     def shoot(file: str, image: NDArray, index: int) -> str:
-        rng, time = np.random.default_rng([shooting.seed, index]), _FIRST_SHOT + timedelta(seconds=2 * index)
+        # Each frame's noise is of a stream of its own.
+        rng, time = np.random.default_rng([0, index]), _FIRST_SHOT + timedelta(seconds=2 * index)
         write_photograph(folder.path(file), image, sensor, rng, focal_mm=focal_mm, time=time)
         return file
 

@@ -11,7 +11,6 @@ from scene.camera import Camera
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import unit
-from scene.pose import Pose
 from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
@@ -32,13 +31,6 @@ class Sight:
     camera: Camera
     lights: Lights
     normals: NDArray[np.float32] | None = None
-
-    @classmethod
-    def of_scan(
-        cls, scan: Mesh, pose: Pose, camera: Camera, lights: Lights, normals: NDArray[np.float32] | None = None
-    ) -> "Sight":
-        """Return a registered scan; `pose`: camera_from_scan."""
-        return cls(Mesh(pose.apply(scan.vertices), scan.faces), camera, lights, normals)
 
     @cached_property
     def _caster(self) -> RayCaster:

@@ -84,7 +84,7 @@ def scaled_pose(pose: Pose, scale: float) -> Pose:
 
 
 def _scaled(mesh: Mesh, scale: float) -> Mesh:
-    return Mesh(scale * mesh.vertices, mesh.faces, mesh.repairs)
+    return replace(mesh, vertices=scale * mesh.vertices)
 
 
 def check_distance(photographs: Photographs, distance: float) -> None:

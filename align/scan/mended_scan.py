@@ -79,7 +79,7 @@ def load_scan(path: Path, unit: str, *, ball_diameter_mm: float | None = None) -
     surface.remove_unreferenced_vertices()
     vertices = np.array(surface.vertices) * scale
     _report_size(vertices, unit, in_mm, repairs)
-    return Mesh(vertices, np.array(surface.faces), tuple(repairs))
+    return Mesh(vertices, np.array(surface.faces), repairs=tuple(repairs))
 
 
 def _check_left(path: Path, surface: Any) -> None:

@@ -17,6 +17,7 @@ from lab.progress import progress_bar, say
 from scene.current import code_fingerprint, file_digest, fingerprint
 from scene.errors import SceneError
 from scene.files import move, write_json, write_png, write_text
+from scene.mesh import Mesh
 from scene.output_folder import open_record
 from scene.record import Record
 
@@ -113,7 +114,7 @@ def make_one(unfinished: Path, dataset: Dataset) -> str | None:
 def _write(folder: Path, dataset: Dataset, stack: VirtualPhotographs) -> None:
     """Write what `_README` lists into an empty folder; SHA256SUMS last."""
     from formats.diligent_layout import NORMALS, write_diligent, write_normal_mat
-    from formats.meshes.scan_files import ObjectMesh, write_mesh
+    from formats.meshes.scan_files import write_mesh
     from scene.normals import encode_normals
     from scene.store import Store
     from twin.ground_truth import save_ground_truth
@@ -126,7 +127,7 @@ def _write(folder: Path, dataset: Dataset, stack: VirtualPhotographs) -> None:
     save_ground_truth(truth, folder / "truth")
     for one in dataset_scene(dataset).objects:
         # Corners and triangles alone, as of a scanner: whoever reads it makes its normals.
-        write_mesh(folder / "truth" / f"{one.name}.ply", ObjectMesh(one.placed.vertices, one.placed.faces))
+        write_mesh(folder / "truth" / f"{one.name}.ply", Mesh(one.placed.vertices, one.placed.faces))
     write_text(folder / "session.toml", _session_toml(dataset, stack))
     recipe = asdict(dataset.recipe) | {"near_mm": dataset.near_mm, "group": dataset.group, "sensor": dataset.sensor}
     write_text(

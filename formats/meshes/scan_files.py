@@ -1,12 +1,12 @@
 """Mesh files to vertices and triangles, in the file's own unit; with normals, texture and colours where asked for.
 
-Files count texture coordinates from the bottom (v up); `ObjectMesh` from the top.
+Files count texture coordinates from the bottom (v up); `Mesh` from the top.
 """
 
 import codecs
 import json
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from formats.meshes.polygons import check_corners, lines_of, places, read_text, 
 from formats.picture_files import linear_from_srgb
 from scene.errors import AlignError
 from scene.files import write_whole
-from scene.mesh import first_of_same
+from scene.mesh import Mesh, first_of_same
 from scene.reading import reading
 
 Array = NDArray[np.float64]
@@ -35,52 +35,13 @@ GLTF_UNREAD = (
 """Extensions that change where the vertices are; trimesh passes over them."""
 
 
-@dataclass(frozen=True, eq=False)
-class ObjectMesh:
-    """Triangles, and what is known at their corners.
-
-    Parameters
-    ----------
-    vertices : (V, 3) float64
-        mm; of `read_mesh_file` in the file's unit.
-    faces : (T, 3) int64
-        Counter-clockwise seen from outside.
-    normals : (V, 3) float64 or None
-        Interpolated over a face; None: every face is flat. Length 1, or shorter where they are means of others.
-    texcoords : (V, 2) float64 or None
-        (s, t), t down: the first row of a picture lies at t = 0. A vertex that has several is there several times.
-    colours : (V, 3) float64 or None
-        Linear reflectance.
-    """
-
-    vertices: Array
-    faces: NDArray[np.int64]
-    normals: Array | None = None
-    texcoords: Array | None = None
-    colours: Array | None = None
-
-    def moved(self, matrix: Array) -> "ObjectMesh":
-        """Return the mesh after an affine map (4, 4); one that mirrors turns the faces over, so that out stays out."""
-        linear = matrix[:3, :3]
-        normals, faces = self.normals, self.faces
-        if np.linalg.det(linear) < 0:
-            faces = faces[:, ::-1]
-        if normals is not None and not np.array_equal(linear, np.eye(3)):
-            length = np.linalg.norm(normals, axis=1, keepdims=True)
-            normals = normals @ np.linalg.inv(linear)
-            now = np.linalg.norm(normals, axis=1, keepdims=True)
-            normals = normals * (length / np.where(now > 0, now, 1))
-        vertices = self.vertices @ linear.T + matrix[:3, 3]
-        return replace(self, vertices=vertices, faces=faces, normals=normals)
-
-
 def read_scan(path: Path) -> tuple[Array, Integers]:
     """Return vertices (V, 3) and triangles (T, 3) as the file has them; see `read_mesh_file` for the errors."""
     found = read_mesh_file(path, attributes=False)
     return found.vertices, found.faces
 
 
-def read_mesh_file(path: Path, *, attributes: bool = True) -> ObjectMesh:
+def read_mesh_file(path: Path, *, attributes: bool = True) -> Mesh:
     """Return a mesh as its file has it: nothing is merged or mended. Whole numbers for colours are sRGB.
 
     Raises
@@ -119,7 +80,7 @@ def read_mesh_file(path: Path, *, attributes: bool = True) -> ObjectMesh:
     return found if found.texcoords is None else replace(found, texcoords=_turned_over(found.texcoords))
 
 
-def write_mesh(path: Path, mesh: ObjectMesh) -> None:
+def write_mesh(path: Path, mesh: Mesh) -> None:
     """Write a mesh as binary PLY, in the precision that it has: positions, normals, s and t, linear r, g, b."""
     texcoords = None if mesh.texcoords is None else _turned_over(mesh.texcoords)
     columns = {"x y z": mesh.vertices, "nx ny nz": mesh.normals, "s t": texcoords, "r g b": mesh.colours}
@@ -127,7 +88,7 @@ def write_mesh(path: Path, mesh: ObjectMesh) -> None:
     write_ply(path, known, mesh.faces)
 
 
-def write_glb(path: Path, mesh: ObjectMesh, picture: NDArray[np.uint8]) -> None:
+def write_glb(path: Path, mesh: Mesh, picture: NDArray[np.uint8]) -> None:
     """Write a mesh, mm, with an sRGB picture (h, w, 3) on it as binary glTF [Khronos2021]: no metal, of roughness 1.
 
     The camera's frame is glTF's own: x right, y up, z toward the viewer.
@@ -149,7 +110,7 @@ def _turned_over(texcoords: Array) -> Array:
     return texcoords * [1, -1] + [0, 1]
 
 
-def _mesh_of(columns: Columns, attributes: bool) -> ObjectMesh:
+def _mesh_of(columns: Columns, attributes: bool) -> Mesh:
     vertex, face = columns.get("vertex", {}), columns.get("face", {})
 
     def of_vertices(*names: str) -> Array | None:
@@ -171,7 +132,7 @@ def _mesh_of(columns: Columns, attributes: bool) -> ObjectMesh:
     corners = triangles(counts, flat, vertices)
     faces = np.concatenate([flat[corners], strips(*lists("tristrips", "vertex_indices", "vertex_index"))])
     if not attributes:
-        return ObjectMesh(vertices, faces)
+        return Mesh(vertices, faces)
     normals, colours, codes = (of_vertices(*names) for names in (("nx", "ny", "nz"), "rgb", ("red", "green", "blue")))
     if colours is None and codes is not None:
         colours = linear_from_srgb(codes / 255)
@@ -184,7 +145,7 @@ def _mesh_of(columns: Columns, attributes: bool) -> ObjectMesh:
         first, which = np.unique(first_of_same(np.column_stack([at_vertex, at_corner])), return_inverse=True)
         place, faces, texcoords = at_vertex[first], which.reshape(-1, 3), at_corner[first]
         vertices, normals, colours = (None if a is None else a[place] for a in (vertices, normals, colours))
-    return ObjectMesh(vertices, faces, normals, texcoords, colours)  # type: ignore[arg-type]
+    return Mesh(vertices, faces, normals, texcoords, colours)  # type: ignore[arg-type]
 
 
 def _read_obj(path: Path, attributes: bool) -> Columns:
@@ -233,7 +194,7 @@ def _read_obj(path: Path, attributes: bool) -> Columns:
     return {"vertex": vertex, "face": face}
 
 
-def _read_stl(path: Path) -> ObjectMesh:
+def _read_stl(path: Path) -> Mesh:
     data = path.read_bytes()
     # Binary files may begin with "solid" too, but hold zero bytes soon.
     if data[:134].count(b"\0") and data[:2] not in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
@@ -254,7 +215,7 @@ def _read_stl(path: Path) -> ObjectMesh:
                 "expected three corners a facet, three numbers a corner, and an end to each solid"
             )
         corners = flat.reshape(-1, 3)
-    return ObjectMesh(corners, np.arange(len(corners)).reshape(-1, 3))
+    return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
 
 
 def _read_off(path: Path) -> Columns:
@@ -273,7 +234,7 @@ def _read_off(path: Path) -> Columns:
     return read_rows(text[head.end() :], elements)
 
 
-def _read_glb(path: Path) -> ObjectMesh:
+def _read_glb(path: Path) -> Mesh:
     import trimesh
 
     data = path.read_bytes()
@@ -290,9 +251,9 @@ def _read_glb(path: Path) -> ObjectMesh:
     mesh: Any = trimesh.load_scene(path, process=False).to_geometry()
     faces = np.asarray(getattr(mesh, "faces", np.zeros((0, 3))), np.int64).reshape(-1, 3)
     if not len(faces):
-        return ObjectMesh(np.zeros((0, 3)), faces)
+        return Mesh(np.zeros((0, 3)), faces)
     vertices, uv = np.asarray(mesh.vertices, np.float64), getattr(mesh.visual, "uv", None)
     texcoords = None if uv is None or len(uv) != len(vertices) else np.asarray(uv, np.float64)
     is_coloured = mesh.visual.kind == "vertex"
     colours = linear_from_srgb(np.asarray(mesh.visual.vertex_colors)[:, :3] / 255) if is_coloured else None
-    return ObjectMesh(vertices, faces, None, texcoords, colours)
+    return Mesh(vertices, faces, None, texcoords, colours)

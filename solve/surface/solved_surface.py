@@ -8,11 +8,8 @@ from numpy.typing import NDArray
 
 from scene.camera import Camera
 from scene.store import Store
+from solve.problem import UNKNOWN_MM
 from solve.surface.integration import IntegratedSurface, integrate, surface_at
-from solve.surface.surface_mesh import SurfaceMesh, mesh_of
-
-UNKNOWN_MM = -1000.0
-"""Where an object of unknown distance is put."""
 
 
 class SolvedSurface(NamedTuple):
@@ -29,12 +26,8 @@ class SolvedSurface(NamedTuple):
     step: int
     scale: str
 
-    def mesh(self) -> SurfaceMesh:
-        """Return it as triangles."""
-        return mesh_of(self.surface, self.normals, self.albedo, self.camera)
 
-
-def solved_surface(store: Store, methods: Sequence[str], *, most_pixels: int | None = None) -> SolvedSurface:
+def solved_surface(store: Store, methods: Sequence[str], most_pixels: int) -> SolvedSurface:
     """Return the surface of the first method that found its depth, else of the first.
 
     Normals, albedo and depth are always one method's: a depth map is that which its method's normals were found under.
@@ -44,8 +37,8 @@ def solved_surface(store: Store, methods: Sequence[str], *, most_pixels: int | N
     store : Store
         An output folder after `solve`.
     methods : sequence of str
-    most_pixels : int or None
-        Of the object; where it has more, every second is taken, or every third, and so on. None: all.
+    most_pixels : int
+        Of the object; where it has more, every second is taken, or every third, and so on.
 
     Raises
     ------
@@ -54,10 +47,8 @@ def solved_surface(store: Store, methods: Sequence[str], *, most_pixels: int | N
     """
     method = next((name for name in methods if store.path("depth", f"{name}.npy").exists()), methods[0])
     mask, camera, lights = store.load_mask(), store.load_camera(), store.load_lights()
-    count = np.count_nonzero(mask)
-    step = 1 if most_pixels is None else max(1, int(np.ceil(np.sqrt(count / most_pixels))))
-    every = (slice(None, None, step),) * 2
-    camera = camera if step == 1 else camera.every(step)
+    step = max(1, int(np.ceil(np.sqrt(np.count_nonzero(mask) / most_pixels))))
+    every, camera = (slice(None, None, step),) * 2, camera.every(step)
     normals, albedo = store.load_normals(method)[every], store.read_array("albedo", f"{method}.npy")[every]
     if store.path("depth", f"{method}.npy").exists():
         depth = store.read_array("depth", f"{method}.npy")[every].astype(np.float64)

@@ -63,7 +63,7 @@ def depth_of_equal_lights(lights: Array, mu: float, nu: float) -> tuple[float | 
     return float(x**-0.5), 1.4826 * float(np.median(np.abs(strength - middle))) / middle
 
 
-def geometric_median(points, tolerance=1e-10, rounds=500):
+def geometric_median(points):
     """Return the point (2,) with the least sum of distances to points (P, 2).
 
     Notes
@@ -72,11 +72,11 @@ def geometric_median(points, tolerance=1e-10, rounds=500):
     """
     center = np.median(points, axis=0)
     scale = float(np.median(np.linalg.norm(points - center, axis=1))) or 1.0
-    for _ in range(rounds):
+    for _ in range(500):
         weight = 1 / np.maximum(np.linalg.norm(points - center, axis=1), 1e-9 * scale)
         new = weight @ points / weight.sum()
         moved, center = float(np.linalg.norm(new - center)), new
-        if moved < tolerance * scale:
+        if moved < 1e-10 * scale:
             break
     return center
 

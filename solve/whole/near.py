@@ -118,16 +118,14 @@ class _Small:
         self.count = int(self.mask.sum())
         if not self.count:
             return
-        self.scale = scale_of(small.frames, small.lights, self.mask)
+        self.scale = scale_of(small)
         self.samples = all_samples(small)
-        where = float(small.lights.reference_point_mm[2])
-        self.depth = where if self.camera.is_orthographic or where < 0 else -1000.0
+        self.depth = small.depth_mm()
         self.z_mm = np.where(self.mask, self.depth, np.nan)
         self.some = np.flatnonzero(spread_over(np.ones(self.count, bool), SAMPLED))
 
     def _points(self) -> Array:
-        row, column = np.nonzero(self.mask)
-        return self.camera.points_at_depth(np.stack([column, row], -1), self.z_mm[self.mask][:, None])
+        return replace(self.problem, z_mm=self.z_mm).points()
 
     def center(self) -> Array:
         """Return the middle of the visible surface."""

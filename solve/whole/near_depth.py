@@ -10,7 +10,7 @@ from scene.fan_out import fan_out
 from scene.normals import filled, unit
 from solve.pixelwise import iterative
 from solve.problem import Problem
-from solve.samples import band_of, bands, samples_of, scale_of
+from solve.samples import bands, read_band, samples_of, scale_of
 from solve.surface.integration import IntegratedSurface, integrate
 from solve.whole.depth_evidence import depth_evidence
 
@@ -65,7 +65,7 @@ def find_depth(problem: Problem, settings: NearSettings) -> Problem:
     per cent of the distance. Light is taken to leave a flash alike to all sides that the object is on.
     """
     camera, mask = problem.camera, problem.mask
-    task = _Task(problem, scale_of(problem.frames, problem.lights, mask), settings.pixelwise)
+    task = _Task(problem, scale_of(problem), settings.pixelwise)
     reference = float(problem.lights.reference_point_mm[2])
     level = np.where(mask, reference, np.nan)
     normals, *_ = task.look(level)
@@ -151,7 +151,7 @@ class _Task:
         def work(rows: slice) -> None:
             part = whole.part(rows)
             inside = part.mask
-            samples = samples_of(band_of(part), part)
+            samples = samples_of(read_band(part), part)
             b, used = iterative.fit(samples, self.scale, self.settings)
             way = samples.points
             if part.camera.is_orthographic:

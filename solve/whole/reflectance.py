@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from scene.fan_out import fan_out
-from scene.lights import Lights
 from scene.spheres import WHITE_BALL_ALBEDO
 from solve.methods import Method, Whole
 from solve.pixelwise import iterative
@@ -84,31 +83,24 @@ def prepare(problem: Problem, settings: ReflectanceSettings) -> Problem:
 
 
 def _fit_whole(problem: Problem, samples: Samples, settings: ReflectanceSettings) -> Whole:
-    return fit_to_views(samples, problem.views(), settings, _relief_of(problem, settings), _white(problem.lights))[0]
+    return _fitted(problem, samples, settings)[0]
 
 
 def learn(problem: Problem) -> tuple[Problem, Samples, NDArray, Thrown]:
     """Return the prepared problem, its samples, and what its pixels share: the reflectance (SIZE,), and their light."""
     settings = ReflectanceSettings()
     problem = prepare(problem, settings)
-    samples, relief = all_samples(problem), _relief_of(problem, settings)
-    _, shared, thrown = fit_to_views(samples, problem.views(), settings, relief, _white(problem.lights))
+    samples = all_samples(problem)
+    _, shared, thrown = _fitted(problem, samples, settings)
     return problem, samples, shared, thrown
 
 
-def _relief_of(problem: Problem, settings: ReflectanceSettings) -> Relief:
-    """Return the patches of a prepared problem's surface."""
-    camera, depth = problem.camera, float(problem.lights.reference_point_mm[2])
-    if not camera.is_orthographic and depth >= 0:
-        depth = -1000.0
-    if problem.z_mm is not None:
-        depth = float(np.nanmedian(problem.z_mm[problem.mask]))
-    return Relief(problem.mask, camera, depth, settings.pixels)
-
-
-def _white(lights: Lights) -> float | None:
-    """Return the gray value of a surface of reflectance 1 that faces a light of intensity 1; None where unknown."""
-    return None if lights.white_value is None else float(GRAY @ lights.white_value) / WHITE_BALL_ALBEDO
+def _fitted(problem: Problem, samples: Samples, settings: ReflectanceSettings) -> tuple[Whole, NDArray, Thrown]:
+    """Return what `fit_to_views` does of a prepared problem."""
+    relief = Relief(problem.mask, problem.camera, problem.depth_mm(), settings.pixels)
+    ball = problem.lights.white_value
+    white = None if ball is None else float(GRAY @ ball) / WHITE_BALL_ALBEDO
+    return fit_to_views(samples, problem.views(), settings, relief, white)
 
 
 def _is_matte(shared: NDArray) -> bool:
@@ -122,7 +114,7 @@ def fit_to_views(
     """Fit normals, albedos and one reflectance; return also what all pixels share (SIZE,), and the light on them.
 
     `views` (P, 3) are the unit vectors from the pixels' points to the camera; without `relief`, the object throws no
-    light upon itself; `white`: see `_white`.
+    light upon itself; `white`: gray value of a surface of reflectance 1 that faces a light of intensity 1, if known.
 
     Notes
     -----

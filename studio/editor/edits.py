@@ -14,10 +14,11 @@ from pydantic import TypeAdapter, ValidationError
 from scipy.spatial.transform import Rotation
 
 from scene.errors import RenderError
+from scene.mesh import Mesh
 from twin.description.description_file import faults_in
 from twin.description.light_groups import AreaLight, DistantLight, GridTable, LightGroup, PointLight, SessionLights
 from twin.description.materials import Diffuse, Material, Measured
-from twin.description.object_mesh import ObjectMesh, built_in
+from twin.description.object_mesh import built_in
 from twin.description.scene_toml import CameraTable, ObjectTable, SceneDocument
 
 Array = NDArray[np.float64]
@@ -46,12 +47,12 @@ class Placement(NamedTuple):
 
 
 @lru_cache(8)
-def _box(mesh: ObjectMesh) -> tuple[Array, Array]:
+def _box(mesh: Mesh) -> tuple[Array, Array]:
     """Return a mesh's least and greatest coordinates (3,)."""
     return mesh.vertices.min(0), mesh.vertices.max(0)
 
 
-def placement_of(mesh: ObjectMesh, matrix: Array) -> Placement:
+def placement_of(mesh: Mesh, matrix: Array) -> Placement:
     """Return the placement that a matrix (4, 4) gives a mesh.
 
     The matrix' linear part is R diag(s) if its columns are at right angles: s their lengths, R the rest. Else R is the

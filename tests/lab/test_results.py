@@ -173,7 +173,7 @@ def test_a_size_that_nothing_tells_is_not_written(tmp_path):
         assert file.pages[0].tags["ResolutionUnit"].value == 1
     assert "its size is as arbitrary" in said.result["surface"]["scale"]
     store.save_camera(Camera.orthographic(60, 50))
-    assert "a pixel was taken for a millimetre" in solved_surface(store, ("ls",)).scale
+    assert "a pixel was taken for a millimetre" in solved_surface(store, ("ls",), 10**6).scale
     # Of an orthographic camera a pixel counts as a millimetre where nothing is known.
     near = Lights(("a",), np.array([[0, 0, 1.0]]), np.ones((1, 3)), np.array([[0, 0, 500.0]]), np.array([0, 0, -9.0]))
     assert pixel_size_mm(CAMERA, near) == pytest.approx(9 / 500)

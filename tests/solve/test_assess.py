@@ -9,6 +9,8 @@ from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
+from solve.codes import read_gray
+from solve.problem import Problem
 from solve.samples import GRAY, read_band
 from solve.solve import solve
 from solve.trust import LIMIT, trust
@@ -106,7 +108,8 @@ def test_samples_are_what_frames_reads(is_mosaic, coded):
     )
     mask, rows = rng.random((HEIGHT, WIDTH)) < 0.7, slice(7, 29)
     weights = (GRAY / seen.intensities).astype(np.float32)
-    gray, valid = read_band(frames, mask[rows], rows).gray(weights)
+    part = Problem.of(frames, seen, Camera.orthographic(WIDTH, HEIGHT), mask).part(rows)
+    gray, valid = read_gray(read_band(part), weights)
     inside = mask[rows]
     expected = np.einsum("fpc,fc->pf", frames.read(rows)[:, inside], weights)
     np.testing.assert_allclose(gray, expected, atol=2e-7)

@@ -9,7 +9,7 @@ from scene.errors import SceneError
 from solve.surface import integration
 from solve.surface.grid_laplacian import solve_grid
 from solve.surface.integration import integrate, surface_at
-from solve.surface.surface_mesh import mesh_of
+from solve.surface.surface_mesh import mesh_of, write_surface
 
 SIZE = 60
 PERSPECTIVE = Camera(SIZE, SIZE, 110.0, 110.0, 27.0, 33.5, (-0.06, 0.02, 0.001, -0.002, 0.0))
@@ -145,7 +145,7 @@ def test_the_file_opens_elsewhere_with_points_normals_and_colors(stepped, tmp_pa
     trimesh = pytest.importorskip("trimesh")
     points, normals, albedo = stepped
     mesh = mesh_of(surface_at(points[..., 2], normals, CAMERA), normals, albedo, CAMERA)
-    mesh.write(tmp_path / "surface.ply")
+    write_surface(tmp_path / "surface.ply", mesh)
     read = trimesh.load(tmp_path / "surface.ply", process=False)
     known = np.isfinite(points[..., 2])
     np.testing.assert_allclose(read.vertices, points[known], rtol=1e-6)

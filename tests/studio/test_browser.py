@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from capture.session.session import load_session
-from formats.meshes.scan_files import ObjectMesh, write_mesh
+from formats.meshes.scan_files import write_mesh
 from formats.picture_files import read_picture
+from scene.mesh import Mesh
 from studio.editor import edits
 from studio.editor.editor_window import begun
 from studio.server import Studio
@@ -28,7 +29,7 @@ def studio(tmp_path):
     root = tmp_path / "bench"
     cone = built_in("cone")
     root.mkdir()
-    write_mesh(root / "cone.ply", ObjectMesh(cone.vertices * [40, 40, 90], cone.faces, None, cone.texcoords))
+    write_mesh(root / "cone.ply", Mesh(cone.vertices * [40, 40, 90], cone.faces, None, cone.texcoords))
     quick = edits.start_document()
     # Direct light alone: what is tested here is the way, not the renderer.
     engine = "mitsuba" if pick_variant()[0] == SLOW else "many"

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from formats.meshes.scan_files import ObjectMesh, write_mesh
+from formats.meshes.scan_files import write_mesh
 from scene.errors import SceneError
+from scene.mesh import Mesh
 from scene.store import Store
 from studio.editor import edits
 from studio.editor.editor_window import EditorWindow, begun
@@ -134,7 +135,7 @@ def test_lights_are_made_changed_and_singled_out(furnished, tmp_path):
 def test_a_model_is_opened_into_the_scene(furnished, tmp_path):
     """As one that is sent, and it can be taken back."""
     cone = built_in("cone")
-    write_mesh(tmp_path / "cone.ply", ObjectMesh(cone.vertices * 40, cone.faces))
+    write_mesh(tmp_path / "cone.ply", Mesh(cone.vertices * 40, cone.faces))
     assert dict(entries(tmp_path))[tmp_path / "cone.ply"] == "model"
     window, say = furnished()
     open_path(window.state, window.workspace, tmp_path / "cone.ply")

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from scene.current import fingerprint
 from scene.errors import RenderError
+from scene.mesh import Mesh
 from scene.pose import rotation_from_vector
 from studio.editor import edits
 from studio.editor.edits import quaternion, with_value
@@ -15,7 +16,7 @@ from studio.studio_state import TOGETHER_S, History
 from twin.description.description_file import read_document, write_document
 from twin.description.light_groups import AreaLight, GridTable, RingTable
 from twin.description.materials import Diffuse
-from twin.description.object_mesh import ObjectMesh, built_in
+from twin.description.object_mesh import built_in
 
 ANGLE = st.floats(-89, 89)
 FACTOR = st.floats(0.2, 5)
@@ -26,7 +27,7 @@ def off_centre(stretch=(1, 1, 1)):
     """A mesh whose origin lies far from its middle, as a scan's does."""
     cube = built_in("cube")
     vertices = (cube.vertices * [3, 2, 1] + [40, -70, 25]) * stretch
-    return ObjectMesh(vertices, cube.faces, cube.normals, cube.texcoords)
+    return Mesh(vertices, cube.faces, cube.normals, cube.texcoords)
 
 
 def one_object(mesh=None):

@@ -5,12 +5,13 @@ import threading
 import numpy as np
 import pytest
 
+from scene.mesh import Mesh
 from studio.editor import edits
 from studio.editor.edits import with_value
 from studio.editor.preview import Preview, rendered
 from studio.widgets import display_mesh
 from twin.description.materials import Conductor, Diffuse, RoughPlastic, Texture
-from twin.description.object_mesh import ObjectMesh, built_in
+from twin.description.object_mesh import built_in
 
 
 class Shown:
@@ -84,7 +85,7 @@ def test_a_mirror_shows_an_even_environment():
 def test_only_the_newest_wish_is_refined_and_a_fault_is_told(running):
     shown, small = Shown(), made_of(Diffuse((0.5, 0.5, 0.5)))
     # A texture on a mesh that has nowhere to put it.
-    bare = ObjectMesh(built_in("sphere").vertices, built_in("sphere").faces)
+    bare = Mesh(built_in("sphere").vertices, built_in("sphere").faces)
     broken = edits.added(edits.start_document(), "bare", mesh=bare)
     broken = with_value(broken, MATTE, Diffuse(Texture(np.ones((2, 2, 3))))).scene()
     for _ in range(5):

@@ -10,10 +10,10 @@ import pytest
 import trimesh
 from pydantic import TypeAdapter
 
-from formats.meshes.scan_files import ObjectMesh
 from formats.picture_files import write_exr
 from scene.camera import Camera
 from scene.errors import RenderError
+from scene.mesh import Mesh
 from scene.store import Store
 from tests.twin.twin_scenes import lights, placed
 from twin.camera.virtual_camera import Sensor
@@ -188,7 +188,7 @@ def test_faults_of_what_is_named_are_told_at_once_too(tmp_path):
 def test_what_cannot_be_rendered_is_named(change, message):
     shape = trimesh.creation.icosphere(2, 30)
     faces = np.asarray(shape.faces)[: -5 if change.get("open") else None]
-    mesh = smooth(np.asarray(shape.vertices), faces, None, None)
+    mesh = smooth(Mesh(np.asarray(shape.vertices), faces))
     given, material = lights(change.get("light", [0.0, 0, 300]), near=True), change.get("material", Diffuse((0.5,) * 3))
     camera, ball = Camera(64, 48, 100.0, 100.0, 31.5, 23.5), placed("ball", mesh, "m", 1.0, change.get("at", (0, 0, 0)))
     with pytest.raises(RenderError, match=message):
@@ -254,7 +254,7 @@ def test_what_is_written_is_read_again_as_it_was(tmp_path):
     rng = np.random.default_rng(10001)
     at = tuple(map(tuple, [[3.1, 0.2, 0, 5], [0, 2.2, 0.1, 6], [0, 0.3, 1.7, -300], [0, 0, 0, 1.0]]))
     square = built_in("square")
-    coloured = ObjectMesh(square.vertices + rng.random((4, 3)), square.faces, None, None, rng.random((4, 3)))
+    coloured = Mesh(square.vertices + rng.random((4, 3)), square.faces, None, None, rng.random((4, 3)))
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
         cv2.imwrite(str(tmp_path / folder / "wood.png"), rng.integers(0, 255, (4, 4, 3)).astype(np.uint8))

@@ -16,7 +16,7 @@ from scene.spheres import WHITE_BALL_ALBEDO
 from tests.twin.twin_scenes import NEEDS_LLVM, placed
 from twin.description.description import Environment, Sampling, TwinObject, TwinScene
 from twin.description.materials import Diffuse, RoughPlastic
-from twin.description.object_mesh import ObjectMesh, built_in
+from twin.description.object_mesh import built_in
 from twin.engines.many import Many
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.render import render_scene
@@ -56,13 +56,13 @@ def sight_of_ball(lights):
 def made(roughness, specularity, lights, *, noise=1e-3, **shape):
     """Return a ball's samples by the formula, of an albedo that changes from pixel to pixel; `shape`: of the coat."""
     samples = samples_of_scan(*sight_of_ball(lights))
-    samples = replace(samples, spread=0 * samples.spread)
+    samples = samples._replace(spread=0 * samples.spread)
     surface = matte() if roughness is None else coat(roughness, **shape)
     body, gloss = reflected(surface, samples.normals, samples.views, samples.toward)
     generator = np.random.default_rng(10_030)
-    albedo = WHITE * generator.uniform(0.1, 0.8, (len(samples), 1, 1))
+    albedo = WHITE * generator.uniform(0.1, 0.8, (len(samples.rows), 1, 1))
     values = samples.irradiance * (albedo * body[..., None] + specularity * WHITE * gloss[..., None])
-    return replace(samples, values=(values + noise * generator.standard_normal(values.shape)).astype(np.float32))
+    return samples._replace(values=(values + noise * generator.standard_normal(values.shape)).astype(np.float32))
 
 
 @pytest.mark.full
@@ -117,7 +117,7 @@ def test_errors_are_what_sigma_says_and_outliers_do_not_count():
     samples = made(0.2, 0.5, lights)
     values = samples.values.copy()
     values[::15] *= 0.3
-    fit = fit_material(replace(samples, values=values), lights)
+    fit = fit_material(samples._replace(values=values), lights)
     assert abs(fit.surface.roughness / 0.2 - 1) < 0.02
     assert abs(fit.specularity / 0.5 - 1) < 0.02
 
@@ -189,7 +189,7 @@ def test_light_that_a_hollow_throws_on_itself_and_the_rooms_are_in_the_twin_and_
     mesh, room = bowl(), share * np.array([1.0, 0.8, 1.2]) * WHITE
     colour = (0.3, 0.5, 0.6) if share else (0.6, 0.6, 0.6)
     lights = replace(dome(12), ambient=room * WHITE_BALL_ALBEDO, white_value=WHITE_BALL_ALBEDO * WHITE)
-    one = TwinObject("bowl", ObjectMesh(mesh.vertices, mesh.faces), "matte")
+    one = TwinObject("bowl", Mesh(mesh.vertices, mesh.faces), "matte")
     environment, sampling = Environment(ambient=tuple(room)), Sampling("many", max_depth=4, error=0.004)
     scene = TwinScene(CAMERA, (one,), {"matte": Diffuse(colour)}, lights, environment=environment, sampling=sampling)
     frames, sight = render_scene(scene).frames, Sight(mesh, CAMERA, lights)

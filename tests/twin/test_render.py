@@ -36,7 +36,7 @@ def render(scan, lights, albedo=0.5, *, pose=HERE, camera=CAMERA, engine="mitsub
     """Render a scan with its albedo, one for all or a picture."""
     if np.ndim(albedo) == 0:
         albedo = np.full((camera.height, camera.width, 3), albedo, np.float32)
-    sight = Sight.of_scan(scan, pose, camera, lights)
+    sight = Sight(scan.moved(pose.matrix), camera, lights)
     scene, warnings = scan_scene(sight, albedo, Sampling(engine, samples, depth))
     rendered = render_scene(scene, **how)
     return replace(rendered, warnings=(*warnings, *rendered.warnings))

@@ -60,7 +60,7 @@ def test_the_folder_holds_what_its_manifest_says(tmp_path):
 def test_the_virtual_camera_photographs_it_and_each_frame_has_its_own_noise(tmp_path):
     frames = Frames.from_linear(NAMES, np.broadcast_to(LINEAR[:1], LINEAR.shape))
     for folder in ("one", "again"):
-        shooting = Shooting(Sensor(blur_px=0), seed=5)
+        shooting = Shooting(Sensor(blur_px=0))
         write_session(Store(tmp_path / folder), frames, CAMERA, LIGHTS, MASK, TRUTH, shooting=shooting)
     session = tomllib.loads((tmp_path / "one" / "session.toml").read_text())
     assert session["frames"]["flash"][0] == "flash/b_10.dng"

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from formats.meshes.scan_files import ObjectMesh
 from formats.picture_files import read_picture
 from scene.camera import Camera
 from scene.errors import RenderError
+from scene.mesh import Mesh
 from scene.store import Store
 from tests.twin.twin_scenes import lights, placed
 from twin.description.description import Environment, Sampling, TwinScene
@@ -208,7 +208,7 @@ def asymmetric(kind, **change):
     corners = np.array([[0.9, 0.1, 0.1], [0.1, 0.9, 0.1], [0.1, 0.1, 0.9], [0.6, 0.6, 0.6]])
     objects = (
         placed("back", "square", "picture", 60, OFF),
-        placed("flag", ObjectMesh(square.vertices, square.faces, colours=corners), "colours", 12, OFF + [-35, 25, 20]),
+        placed("flag", Mesh(square.vertices, square.faces, colours=corners), "colours", 12, OFF + [-35, 25, 20]),
         placed("ball", "sphere", "wax", 14, OFF + [20, -20, 20]),
         placed("rod", "cylinder", "metal", 9, OFF + [-20, -25, 15]),
     )

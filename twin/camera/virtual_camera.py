@@ -20,7 +20,6 @@ from scene.errors import RenderError
 from scene.files import write_whole
 from twin.description.value_kinds import Level, NotNegative, Positive, Three, checked, key
 
-CFA_PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
 NO_FILTER: Final = "none"
 
 _SRGB_FROM_XYZ = np.array(

@@ -14,11 +14,11 @@ from pydantic import Field, Strict
 
 from scene.camera import Camera
 from scene.lights import Lights
+from scene.mesh import Mesh
 from scene.spheres import WHITE_BALL_ALBEDO
 from twin.camera.virtual_camera import Sensor
 from twin.camera.virtual_photograph import Files
 from twin.description.materials import Material, Texture, read_texture
-from twin.description.object_mesh import ObjectMesh
 from twin.description.value_kinds import Count, NotNegative, Number, Rgb, checked, file_of, key
 from twin.engines.film import Film, film_for
 
@@ -36,7 +36,7 @@ class TwinObject:
 
     Parameters
     ----------
-    mesh : ObjectMesh
+    mesh : Mesh
         In its own frame.
     material : str
         A key of the scene's materials.
@@ -45,12 +45,12 @@ class TwinObject:
     """
 
     name: str
-    mesh: ObjectMesh
+    mesh: Mesh
     material: str
     matrix: Array = field(default_factory=lambda: np.eye(4))
 
     @cached_property
-    def placed(self) -> ObjectMesh:
+    def placed(self) -> Mesh:
         """The mesh in the camera frame."""
         return self.mesh.moved(self.matrix)
 
@@ -138,14 +138,9 @@ class TwinScene:
             object.__setattr__(self, "radii_mm", np.zeros(len(self.lights)))
 
     @property
-    def white(self) -> Array:
-        """(3,) see `white_of`."""
-        return white_of(self.lights)
-
-    @property
     def irradiance(self) -> Array:
         """(N, 3) of each light on a surface that faces it at the reference point."""
-        return np.pi * self.lights.intensities * self.white
+        return np.pi * self.lights.intensities * white_of(self.lights)
 
     @cached_property
     def points(self) -> Array:

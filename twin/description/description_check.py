@@ -7,23 +7,16 @@ from formats.meshes.scan_files import LARGEST
 from scene.errors import RenderError
 from scene.mesh import Mesh
 from scene.rays import RayCaster
+from scene.reading import told
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import VERTEX, Material, Texture
-from twin.description.object_mesh import ObjectMesh
 from twin.engines.mitsuba_materials import material_faults
 
 
 def check_scene(scene: TwinScene) -> None:
     """Raise RenderError, of every fault, when a scene cannot be rendered."""
-    faults = scene_faults(scene)
-    if faults:
-        raise faults_of(scene.name, faults)
-
-
-def faults_of(name: str, faults: list[str]) -> RenderError:
-    """Return the error of what is called so: its one fault, or all, one line each."""
-    told = faults[0] if len(faults) == 1 else "\n  ".join([f"{len(faults)} faults", *faults[:100]])
-    return RenderError(f"{name}: {told}")
+    if faults := scene_faults(scene):
+        raise RenderError(told(scene.name, faults))
 
 
 def scene_faults(scene: TwinScene) -> list[str]:
@@ -44,8 +37,8 @@ def scene_faults(scene: TwinScene) -> list[str]:
     radiance = np.zeros(1) if scene.environment.map is None else scene.environment.map.values
     if not (_sound(radiance) & (radiance >= 0)).all():
         bad = int(np.count_nonzero(~(_sound(radiance) & (radiance >= 0))))
-        told = f"{bad} of {radiance.size} values are not finite, below 0 or beyond {LARGEST:.0e}"
-        faults.append(f"environment.map: {told}. Mend the picture.")
+        what = f"{bad} of {radiance.size} values are not finite, below 0 or beyond {LARGEST:.0e}"
+        faults.append(f"environment.map: {what}. Mend the picture.")
     faults += _light_faults(scene)
     if not faults:
         try:
@@ -79,10 +72,10 @@ def _object_faults(key: str, one: TwinObject, material: Material) -> list[str]:
     return faults
 
 
-def _welded(mesh: ObjectMesh) -> Mesh:
+def _welded(mesh: Mesh) -> Mesh:
     """Return the triangles with one vertex a place: at a texture's seam a mesh has several."""
     if mesh.texcoords is None:
-        return Mesh(mesh.vertices, mesh.faces)
+        return mesh
     scale = float(np.ptp(mesh.vertices, axis=0).max()) or 1.0
     # The seams of the built-in shapes agree only to rounding.
     _, first, which = np.unique(np.round(mesh.vertices / scale, 7), axis=0, return_index=True, return_inverse=True)

@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from formats.meshes.scan_files import ObjectMesh, write_mesh
+from formats.meshes.scan_files import write_mesh
 from formats.toml_documents import Location, TomlTable, fault_line, toml_text
 from scene.errors import RenderError, SceneError
 from scene.files import write_json, write_npy, write_text
-from scene.reading import reading, shortened, text_of
+from scene.mesh import Mesh
+from scene.reading import reading, text_of, told
 from twin.camera.virtual_camera import Sensor
 from twin.description.description import Environment, Sampling, TwinScene
-from twin.description.description_check import faults_of, scene_faults
+from twin.description.description_check import scene_faults
 from twin.description.kept_files import KeptFiles
 from twin.description.light_groups import LIGHTS
 from twin.description.materials import KINDS, Subsurface, Texture, TextureTable
@@ -62,23 +63,19 @@ def read_document(path: Path) -> SceneDocument:
         try:
             document = SceneDocument.model_validate({"name": path.stem} | data, context=around)
         except ValidationError as error:
-            raise _told(path, faults_in(error)) from None
+            raise RenderError(told(path, faults_in(error))) from None
         try:
             faults = scene_faults(document.scene())
         except SceneError as error:
             faults = [str(error)]
         if faults:
-            raise _told(path, faults)
+            raise RenderError(told(path, faults))
         return document
 
 
 def read_scene(path: Path) -> TwinScene:
     """Read the scene that a document says; see `read_document`."""
     return read_document(path).scene()
-
-
-def _told(path: Path, faults: list[str]) -> RenderError:
-    return faults_of(str(path), [shortened(fault, 600) for fault in faults])
 
 
 def faults_in(error: ValidationError, at: Location = ()) -> list[str]:
@@ -127,7 +124,7 @@ def _written(value: Any, keep: KeptFiles) -> Any:
     # From memory: what its file holds by now is not what was seen.
     if isinstance(value, Texture):
         return {"file": keep.made("textures", ".npy", value.values, write_npy), "wrap": value.wrap}
-    if isinstance(value, ObjectMesh):
+    if isinstance(value, Mesh):
         return keep.made("meshes", ".ply", value, write_mesh)
     if isinstance(value, np.ndarray):
         return keep.made("poses", ".json", {"camera_from_scan": value}, write_json)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -114,15 +114,6 @@ class GroupTable(LightTable):
             raise ValueError("radius_mm wants distance_mm: a distant light has no size")
         return self
 
-    def offsets(self, reference_mm: Array) -> Array:
-        """See `LightTable`."""
-        angles, polar = self.angles()
-        return direction(angles, 90.0 - polar).reshape(-1, 3) * (self.distance_mm or 1.0)
-
-    def angles(self) -> tuple[Any, Any]:
-        """Return azimuth and angle from z of the lights, degrees."""
-        raise NotImplementedError
-
 
 class RingTable(GroupTable):
     """Lights in a ring about the camera's axis."""
@@ -132,9 +123,10 @@ class RingTable(GroupTable):
     polar_deg: Annotated[Number, Field(gt=0, lt=180), key("Angle from z.", "deg")]
     start_deg: Annotated[Number, key("Azimuth of the first.", "deg")] = 0.0
 
-    def angles(self) -> tuple[Any, Any]:
-        """See `GroupTable`."""
-        return self.start_deg + 360.0 * np.arange(self.count) / self.count, np.array(self.polar_deg)
+    def offsets(self, reference_mm: Array) -> Array:
+        """See `LightTable`."""
+        azimuth = self.start_deg + 360.0 * np.arange(self.count) / self.count
+        return direction(azimuth, 90.0 - self.polar_deg) * (self.distance_mm or 1.0)
 
 
 class GridTable(GroupTable):
@@ -145,11 +137,12 @@ class GridTable(GroupTable):
     around: Annotated[Few, key("Number of lights in a ring.")]
     max_polar_deg: Annotated[Number, Field(gt=0, le=90), key("Angle from z of the outermost ring.", "deg")] = 70.0
 
-    def angles(self) -> tuple[Any, Any]:
-        """See `GroupTable`."""
+    def offsets(self, reference_mm: Array) -> Array:
+        """See `LightTable`."""
         # The first ring stands half a step from the axis, so that no two lights stand together there.
         polar = self.max_polar_deg * (np.arange(self.rings) + 0.5) / (self.rings - 0.5)
-        return 360.0 * np.arange(self.around)[None] / self.around, polar[:, None]
+        azimuth = 360.0 * np.arange(self.around) / self.around
+        return direction(azimuth, 90.0 - polar[:, None]).reshape(-1, 3) * (self.distance_mm or 1.0)
 
 
 class SessionLights(TomlTable):
@@ -167,14 +160,7 @@ class SessionLights(TomlTable):
 
 
 LightGroup = DistantLight | PointLight | AreaLight | RingTable | GridTable | SessionLights
-LIGHTS: dict[str, type[TomlTable]] = {
-    "distant": DistantLight,
-    "point": PointLight,
-    "area": AreaLight,
-    "ring": RingTable,
-    "hemisphere": GridTable,
-    "session": SessionLights,
-}
+LIGHTS: dict[str, type[TomlTable]] = {one.model_fields["kind"].default: one for one in get_args(LightGroup)}
 """What a description's file calls them."""
 
 

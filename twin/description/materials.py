@@ -1,6 +1,5 @@
 """What the twin's objects are made of: plain numbers and textures, without a renderer."""
 
-import os
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -12,6 +11,7 @@ from pydantic import Field, PlainValidator, Strict, ValidationInfo
 
 from formats.picture_files import read_picture
 from formats.toml_documents import TomlTable
+from scene.current import look_of
 from twin.description.value_kinds import (
     AboveNone,
     Around,
@@ -73,8 +73,7 @@ class TextureTable(TomlTable):
 
 def read_texture(path: Path, encoding: Encoding | None = None, wrap: Wrap = "repeat") -> Texture:
     """Return a picture's file; the same one where it was read before. Raises RenderError: it cannot be read."""
-    state = os.stat(path) if path.is_file() else None
-    return _read_texture(path, encoding, wrap, state and (state.st_mtime_ns, state.st_size))
+    return _read_texture(path, encoding, wrap, look_of(path))
 
 
 @lru_cache(PICTURES_KEPT)

@@ -1,6 +1,5 @@
 """Meshes with what a material needs of them, normals, texture coordinates, colours: from files, and built-in shapes."""
 
-import os
 from dataclasses import replace
 from functools import cache, lru_cache
 from pathlib import Path
@@ -8,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.meshes.scan_files import ObjectMesh, read_mesh_file
+from formats.meshes.scan_files import read_mesh_file
+from scene.current import look_of
 from scene.errors import AlignError, RenderError
 from scene.mesh import Mesh, first_of_same
 
@@ -17,21 +17,20 @@ MESHES_KEPT = 8
 """In memory, of files that were read: the same file is not read again, and is the same mesh."""
 
 
-def smooth(vertices: Array, faces: NDArray[np.int64], texcoords: Array | None, colours: Array | None) -> ObjectMesh:
-    """Return a mesh whose normals are those of its faces, weighted by area; vertices at one place share theirs."""
+def smooth(mesh: Mesh) -> Mesh:
+    """Return the mesh with the means of its faces' normals, by area; vertices at one place share theirs."""
     # Adding zero makes -0 and 0 the same bits.
-    first = first_of_same(vertices + 0.0)
-    normals = Mesh(vertices, first[faces]).vertex_normals[first]
-    return ObjectMesh(vertices, faces, normals, texcoords, colours)
+    first = first_of_same(mesh.vertices + 0.0)
+    return replace(mesh, normals=Mesh(mesh.vertices, first[mesh.faces]).vertex_normals[first])
 
 
 @lru_cache(MESHES_KEPT)
-def facets(mesh: ObjectMesh) -> ObjectMesh:
+def facets(mesh: Mesh) -> Mesh:
     """Return the mesh with every face flat; the same one each time."""
     return replace(mesh, normals=None)
 
 
-def read_mesh(path: Path) -> ObjectMesh:
+def read_mesh(path: Path) -> Mesh:
     """Read a mesh as it stands in its file: nothing is mended. The same one where it was read before.
 
     Parameters
@@ -45,24 +44,23 @@ def read_mesh(path: Path) -> ObjectMesh:
     RenderError
         It cannot be read, has no faces, or corners that are no positions.
     """
-    state = os.stat(path) if path.is_file() else None
-    return _read_mesh(path, state and (state.st_mtime_ns, state.st_size))
+    return _read_mesh(path, look_of(path))
 
 
 @lru_cache(MESHES_KEPT)
-def _read_mesh(path: Path, _state: object) -> ObjectMesh:
+def _read_mesh(path: Path, _state: object) -> Mesh:
     try:
         found = read_mesh_file(path)
     except AlignError as error:
         raise RenderError(str(error)) from error
-    return found if found.normals is not None else smooth(found.vertices, found.faces, found.texcoords, found.colours)
+    return found if found.normals is not None else smooth(found)
 
 
 SHAPES = ("sphere", "square", "disc", "cube", "cylinder", "cone")
 
 
 @cache
-def built_in(name: str) -> ObjectMesh:
+def built_in(name: str) -> Mesh:
     """Return a shape of size 1 with texture coordinates.
 
     `sphere`: radius 1; `square`: -1 to 1 in x and y, facing z; `disc`: radius 1, facing z; `cube`: -1 to 1;
@@ -98,13 +96,13 @@ def built_in(name: str) -> ObjectMesh:
     if name == "disc":
         texcoords = (points[:, :2] * [1, -1] + 1) / 2
     used, faces = np.unique(faces, return_inverse=True)
-    return ObjectMesh(points[used], faces.reshape(-1, 3), normals[used], texcoords[used])
+    return Mesh(points[used], faces.reshape(-1, 3), normals[used], texcoords[used])
 
 
-def _facets(rotations: Array, offset: float) -> ObjectMesh:
+def _facets(rotations: Array, offset: float) -> Mesh:
     """Return squares that face the z axes of rotations (F, 3, 3), so far from the origin."""
     corners = np.array([[-1, -1, offset], [1, -1, offset], [1, 1, offset], [-1, 1, offset]], float)
     vertices = np.einsum("fij,pj->fpi", rotations, corners).reshape(-1, 3)
     faces = np.array([[0, 1, 2], [0, 2, 3]]) + 4 * np.arange(len(rotations))[:, None, None]
     texcoords = np.tile([[0.0, 1], [1, 1], [1, 0], [0, 0]], (len(rotations), 1))
-    return ObjectMesh(vertices, faces.reshape(-1, 3), np.repeat(rotations[:, :, 2], 4, 0), texcoords)
+    return Mesh(vertices, faces.reshape(-1, 3), np.repeat(rotations[:, :, 2], 4, 0), texcoords)

@@ -24,13 +24,14 @@ from scipy.spatial.transform import Rotation
 from formats.toml_documents import TomlTable
 from scene.camera import Camera
 from scene.errors import RenderError
+from scene.mesh import Mesh
 from scene.reading import json_of, numbers, reading
 from twin.camera.virtual_camera import Sensor
 from twin.camera.virtual_photograph import Files
 from twin.description.description import Environment, Sampling, TwinObject, TwinScene
 from twin.description.light_groups import LightGroup, expand
 from twin.description.materials import KINDS
-from twin.description.object_mesh import ObjectMesh, built_in, facets, read_mesh
+from twin.description.object_mesh import built_in, facets, read_mesh
 from twin.description.value_kinds import (
     LEAST,
     Count,
@@ -121,9 +122,7 @@ class ObjectTable(TomlTable):
     """A mesh's file or a built-in shape, its place and its material."""
 
     name: Annotated[str | None, key("Name of the object. Absent: object_0 and so on.")] = None
-    mesh: Annotated[
-        ObjectMesh | None, file_of(ObjectMesh, read_mesh), key("Mesh in mm: .ply, .obj, .stl, .off or .glb.")
-    ] = None
+    mesh: Annotated[Mesh | None, file_of(Mesh, read_mesh), key("Mesh in mm: .ply, .obj, .stl, .off or .glb.")] = None
     shape: Annotated[
         Literal["sphere", "square", "disc", "cube", "cylinder", "cone"] | None,
         key("Shape instead of `mesh`, of radius or half side 1. `square` and `disc` face z. `cylinder` (z from -1 to "
@@ -160,7 +159,7 @@ class ObjectTable(TomlTable):
             raise ValueError(f"expected a scale of {LEAST:g} or more, or of its negative")
         return self
 
-    def own_mesh(self) -> ObjectMesh:
+    def own_mesh(self) -> Mesh:
         """Return the mesh in its own frame."""
         mesh = self.mesh or built_in(self.shape)  # type: ignore[arg-type]
         return mesh if self.smooth else facets(mesh)

@@ -141,9 +141,9 @@ def standing_light(scene: TwinScene, film: Film) -> Images | None:
     return film.place(PathTracer(dark, film).image(0, STANDING_SAMPLES))
 
 
-def render_layers(scene: TwinScene, film: Film, engine: Engine, samples: int, *, apart: bool = False) -> LightLayers:
+def render_layers(scene: TwinScene, film: Film, engine: Engine, samples: int) -> LightLayers:
     """Render a scene in memory: 12 bytes a pixel and light, and as much again for the light that went on."""
-    renderer = PieceRenderer(scene, film, engine, apart=apart)
+    renderer = PieceRenderer(scene, film, engine)
     made = [renderer.render(piece, samples) for piece in pieces_of(film, len(scene.lights), engine)]
     axis = 0 if engine == "mitsuba" else 1
     onward = [layers.onward for layers in made if layers.onward is not None]

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.mesh import Mesh
 from twin.description.description import TwinScene
-from twin.description.object_mesh import ObjectMesh
 from twin.engines.mitsuba_materials import VERTEX_COLOUR, bsdf, medium
 from twin.engines.variant import load
 
@@ -34,7 +34,7 @@ class Parts:
     integrator: dict[str, Any]
     materials: dict[str, dict[str, Any]]
     media: dict[str, dict[str, Any]]
-    shapes: list[tuple[str, ObjectMesh, str]]
+    shapes: list[tuple[str, Mesh, str]]
     environment: dict[str, Any] | None
 
 
@@ -149,7 +149,7 @@ def loadable(mi: Any, node: Any) -> Any:
     return ready
 
 
-def _mesh(mi: Any, mesh: ObjectMesh, material: Any, within: Any) -> Any:
+def _mesh(mi: Any, mesh: Mesh, material: Any, within: Any) -> Any:
     properties = mi.Properties()
     properties["material"] = material
     if within is not None:

@@ -88,7 +88,7 @@ def fit_material(samples: MaterialSamples, lights: Lights) -> MaterialFit:
     # Where the white ball tells nothing, the brightest albedo is white: the twin's scene supposes the same.
     brightest = np.percentile(matte_albedo(samples).astype(np.float64), 99, axis=0) if white is None else None
     full: Array = np.asarray(white if brightest is None else brightest / WHITE_BALL_ALBEDO, np.float64)
-    some = samples.only(slice(None, None, max(1, len(samples) // FIRST_LOOK)))
+    some = samples.only(slice(None, None, max(1, len(samples.rows) // FIRST_LOOK)))
     first, told = _likeliest(some, white, BRIGHTEST * full)
     search = first.on(samples)
     variance = search.predicted()[1]
@@ -129,7 +129,7 @@ def robust_albedo(samples: MaterialSamples, fit: MaterialFit | CoatFit, noise: N
 
 def _likeliest(samples: MaterialSamples, white: Array | None, most: Array) -> tuple[CoatSearch, tuple[str, ...]]:
     """Return the coat that the evidence favours, and the words for it."""
-    on = f"({len(samples):,} pixels)"
+    on = f"({len(samples.rows):,} pixels)"
     first, *rest = (CoatSearch(samples, white, most, model) for model in (COVERED, PARTLY, ROUGH))
     gains = [_gain(samples, first, other) for other in rest]
     best = int(np.argmax(gains))

@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numba
 import numpy as np
@@ -19,18 +19,6 @@ WORTH_A_THREAD = 30_000
 """Samples, pixels times frames, below which to hand them over takes as long as what is done with them."""
 
 
-class _SamplePixels(NamedTuple):
-    """What the kernels read of `MaterialSamples`, and the weights (P, F, 3) of its values."""
-
-    normals: Image
-    views: Image
-    toward: Image
-    irradiance: Image
-    values: Image
-    spread: Image
-    weights: Image
-
-
 @lru_cache(1)
 def _pool(_process: int) -> ThreadPoolExecutor:
     """Return the threads of this process: to start them takes longer than what they do for one coat."""
@@ -39,22 +27,20 @@ def _pool(_process: int) -> ThreadPoolExecutor:
 
 def _on_all_cores(kernel: Callable, samples: MaterialSamples, weights: Image, *rest: Any) -> Any:
     """Run a kernel on pieces of the pixels; return its answers put together."""
-    arrays = [weights if name == "weights" else getattr(samples, name) for name in _SamplePixels._fields]
     count = min(os.cpu_count() or 1, samples.usable.size // WORTH_A_THREAD)
     if count < 2:
-        return kernel(_SamplePixels(*arrays), *rest)
-    pieces = np.array_split(np.arange(len(samples)), count)
+        return kernel(samples, weights, *rest)
+    pieces = np.array_split(np.arange(len(weights)), count)
     slices = [slice(piece[0], piece[-1] + 1) for piece in pieces if len(piece)]
     # A forked process has none of its parent's threads.
-    pool = _pool(os.getpid())
-    found = list(pool.map(lambda part: kernel(_SamplePixels(*(array[part] for array in arrays)), *rest), slices))
+    found = list(_pool(os.getpid()).map(lambda part: kernel(samples.only(part), weights[part], *rest), slices))
     if isinstance(found[0], tuple):
         return tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
     return np.concatenate(found)
 
 
 @numba.njit(nogil=True, cache=True, **VECTORS)
-def _reduce(pixels, surface):
+def _reduce(pixels, weights, surface):
     count, frames = pixels.toward.shape[:2]
     out, shaded = np.zeros((count, 3, 3)), np.empty((SHADED, frames))
     for p in range(count):
@@ -63,7 +49,7 @@ def _reduce(pixels, surface):
         for c in range(3):
             dd, ds, ss, dv, sv, vv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for f in range(frames):
-                w, e, v = pixels.weights[p, f, c], pixels.irradiance[p, f, c], pixels.values[p, f, c]
+                w, e, v = weights[p, f, c], pixels.irradiance[p, f, c], pixels.values[p, f, c]
                 a, b = e * shaded[0, f], e * shaded[1, f]
                 dd += w * a * a
                 ds += w * a * b
@@ -87,7 +73,7 @@ def reduced(samples: MaterialSamples, weights: Image, surface: Coat) -> NDArray[
 
 
 @numba.njit(nogil=True, cache=True, **VECTORS)
-def _predict(pixels, strength, surface):
+def _predict(pixels, weights, strength, surface):
     count, frames = pixels.toward.shape[:2]
     found, albedo = np.empty((count, frames, 3), np.float32), np.zeros((count, 3), np.float32)
     shaded = np.empty((SHADED, frames))
@@ -97,7 +83,7 @@ def _predict(pixels, strength, surface):
         for c in range(3):
             top, bottom = 0.0, 0.0
             for f in range(frames):
-                e, w = pixels.irradiance[p, f, c], pixels.weights[p, f, c]
+                e, w = pixels.irradiance[p, f, c], weights[p, f, c]
                 a = e * shaded[0, f]
                 top += w * a * (pixels.values[p, f, c] - e * strength[c] * shaded[1, f])
                 bottom += w * a * a

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from scene.camera import Camera
 from twin.description.description import Sampling
-from twin.engines.light_layers import standing_light
-from twin.engines.mitsuba_scene import mitsuba_scene
+from twin.engines.light_layers import render_layers
+from twin.engines.variant import import_mitsuba
 from twin.material.material_samples import MaterialSamples
 from twin.scan_scene import scan_scene
 from twin.visibility import Sight
@@ -38,7 +38,7 @@ class OnwardLight:
 
     def off(self, samples: MaterialSamples) -> MaterialSamples:
         """Return samples without that light."""
-        return replace(samples, values=samples.values - self.at(samples.rows, samples.columns))
+        return samples._replace(values=samples.values - self.at(samples.rows, samples.columns))
 
 
 def onward_light(sight: Sight, samples: MaterialSamples, albedo: NDArray[np.float32]) -> OnwardLight:
@@ -50,9 +50,6 @@ def onward_light(sight: Sight, samples: MaterialSamples, albedo: NDArray[np.floa
     albedo (P, 3): Of the samples.
     Raises RenderError: No vectorised variant of Mitsuba runs here; and see `twin.scan_scene.scan_scene`.
     """
-    from twin.engines.many import Many
-    from twin.engines.variant import import_mitsuba
-
     import_mitsuba()
     across = max(int(np.ptp(samples.rows)), int(np.ptp(samples.columns))) + 1
     scale = min(1.0, SIDE / across)
@@ -62,9 +59,9 @@ def onward_light(sight: Sight, samples: MaterialSamples, albedo: NDArray[np.floa
     sampling, picture = Sampling("many", SAMPLES, DEPTH), _picture(row, column, albedo, small)
     scene, _ = scan_scene(replace(sight, camera=small, normals=None), picture, sampling)
     film = scene.film()
-    many = Many(mitsuba_scene(scene), film, scene.lights, max_depth=DEPTH)
-    images, standing = many.band(slice(0, film.size[0]), SAMPLES)[1], standing_light(scene, film)
-    images = images if standing is None else images + standing
+    layers = render_layers(scene, film, "many", SAMPLES)
+    assert layers.onward is not None
+    images = layers.onward if layers.standing is None else layers.onward + layers.standing
     return OnwardLight(images, film.rows.start, film.columns.start, scale)
 
 

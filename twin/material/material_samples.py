@@ -1,7 +1,6 @@
 """What a material is fitted to: pixels of the photographs whose surface, light and view the scan tells."""
 
-from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,9 +33,8 @@ BESIDE_PX = np.array([[0.0, 0.0], [1.5, 0.0], [-0.75, 1.3], [-0.75, -1.3]])
 """A shadow must cover, or leave, all of these: so near its border nobody knows on which side a pixel lies."""
 
 
-@dataclass(frozen=True, eq=False)
-class MaterialSamples:
-    """P pixels under F lights.
+class MaterialSamples(NamedTuple):
+    """P pixels under F lights, as kernels read them.
 
     rows, columns (P,).
     points, normals, views (P, 3): Camera frame, mm; unit; unit, toward the camera.
@@ -60,28 +58,16 @@ class MaterialSamples:
     spread: Image
     pixel_share: float
 
-    def __len__(self) -> int:
-        return len(self.rows)
-
     def blocks(self, pixels: float) -> NDArray[np.intp]:
         """Return (P,) the number of the square of the picture that each lies in, of about so many of the pixels."""
         rows, columns = self.rows - self.rows.min(), self.columns - self.columns.min()
         side = max(1.0, np.sqrt(pixels / self.pixel_share))
         return (rows // side).astype(int) * (int(columns.max() // side) + 1) + (columns // side).astype(int)
 
-    def of_frames(self, frames: slice) -> "MaterialSamples":
-        """Return the samples under some of the lights, of those pixels that can still be used."""
-        names = ("toward", "irradiance", "values", "usable")
-        some = replace(self, **{name: getattr(self, name)[:, frames] for name in names})
-        return some.only(some.usable.sum(1) >= LEAST_LIGHTS)
-
     def only(self, which: Any) -> "MaterialSamples":
-        """Return some of the pixels."""
-        whole = dict(self.__dict__)
-        share = whole.pop("pixel_share")
-        # Without gaps in memory: the kernels are compiled once, and for that.
-        some = {name: np.ascontiguousarray(array[which]) for name, array in whole.items()}
-        return MaterialSamples(**some, pixel_share=share)
+        """Return some of the pixels, without gaps in memory: the kernels are compiled once, and for that."""
+        *arrays, share = self
+        return self._make([*(np.ascontiguousarray(array[which]) for array in arrays), share])
 
 
 def samples_of_scan(
@@ -105,12 +91,12 @@ def samples_of_scan(
         )
     taken = np.sort(np.random.default_rng(0).permutation(len(rows))[:most])
     samples = samples_at(sight, frames, rows[taken], columns[taken])
-    if len(samples) < FEWEST:
+    if len(samples.rows) < FEWEST:
         raise RenderError(
-            f"material: {len(samples)} pixels have a normal and are lit by three flashes without being clipped; "
+            f"material: {len(samples.rows)} pixels have a normal and are lit by three flashes without being clipped; "
             f"expected {FEWEST} or more. Check the lights, the exposure and the pose."
         )
-    return replace(samples, pixel_share=len(taken) / len(rows))
+    return samples._replace(pixel_share=len(taken) / len(rows))
 
 
 def samples_at(
@@ -168,7 +154,7 @@ def samples_at(
         rows, columns, at, normal, view, toward, irradiance, values, usable, spread.astype(np.float32), 1.0
     )  # fmt: skip
     if lenient:
-        return replace(samples, spread=np.minimum(samples.spread, CREASED)).only(usable.any(1))
+        return samples._replace(spread=np.minimum(samples.spread, CREASED)).only(usable.any(1))
     return samples.only((usable.sum(1) >= LEAST_LIGHTS) & (spread < CREASED))
 
 

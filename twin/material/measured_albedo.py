@@ -11,7 +11,6 @@ from scene.mesh import Mesh
 from scene.normals import filled
 from scene.spheres import WHITE_BALL_ALBEDO
 from twin.description.materials import Texture
-from twin.description.object_mesh import ObjectMesh
 from twin.visibility import Sight
 
 Array = NDArray[np.float64]
@@ -26,7 +25,7 @@ SPLIT_PX = 0.1
 
 def textured_surface(
     sight: Sight, albedo: NDArray, rows: slice, columns: slice
-) -> tuple[ObjectMesh, Texture, Array, tuple[str, ...]]:
+) -> tuple[Mesh, Texture, Array, tuple[str, ...]]:
     """Return the mesh, the measured albedo upon it, the white value (3,), and warnings.
 
     The seen vertices' normals are `sight.normals` where these are known. Normals at vertices that are added to the
@@ -47,7 +46,10 @@ def textured_surface(
         raise RenderError(
             "the albedo is unknown (NaN) wherever the camera sees the mesh. Check that the pose fits these frames."
         )
-    white = _white(measured[known], white_value)
+    given = np.full(3, np.percentile(measured[known], 99)) if white_value is None else white_value
+    white = np.asarray(given, np.float64)
+    if white.shape != (3,) or not (np.isfinite(white) & (white > 0)).all():
+        raise RenderError(f"the white level of the albedo is {white}; expected 3 positive numbers.")
     scale = WHITE_BALL_ALBEDO / white
     height, width = measured.shape[:2]
     texture = np.empty((height + 3, width, 3), np.float32)
@@ -80,7 +82,7 @@ def textured_surface(
     used, local = np.unique(hidden, return_inverse=True)
     faces = np.concatenate([faces[seen], local.reshape(-1, 3) + len(vertices)])
     unseen = np.broadcast_to([0.5, (height + 2.5) / (height + 3)], (len(used), 2))
-    textured = ObjectMesh(
+    textured = Mesh(
         np.concatenate([vertices, vertices[used]]),
         faces,
         np.concatenate([normals, hidden_normals[used]]),
@@ -97,16 +99,6 @@ def _pictured(normals: Array, seen: NDArray[np.int64], picture: Texture, pixels:
     own = np.sum(found * normals[seen], 1) > BESIDE * np.linalg.norm(normals[seen], axis=1)
     out[seen[own]] = found[own]
     return out
-
-
-def _white(measured: NDArray, white_value: Array | None) -> Array:
-    """Return (3,) the pixel value of the white ball; if unknown, the 99th percentile of the albedo (P, 3)."""
-    if white_value is None:
-        white_value = np.full(3, np.percentile(measured, 99))
-    white_value = np.asarray(white_value, np.float64)
-    if white_value.shape != (3,) or not (np.isfinite(white_value) & (white_value > 0)).all():
-        raise RenderError(f"the white level of the albedo is {white_value}; expected 3 positive numbers.")
-    return white_value
 
 
 def _split_for_perspective(mesh: Mesh, camera: Camera) -> tuple[Array, Array, NDArray[np.int64]]:

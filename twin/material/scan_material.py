@@ -25,10 +25,8 @@ MOST_SAMPLES, LEAST_PIXELS = 120_000, 4_000
 class ScanMaterial:
     """What a scanned object is made of.
 
-    samples: What it was fitted to, that light still in them.
-    onward: Light by way of other parts of the object and from the room, that was subtracted; None where it could not
-        be rendered.
-    onward_share: Its root mean square over that of the values.
+    onward_share: Root mean square of light by way of other parts of the object and from the room, which was
+        subtracted, over that of the values.
     albedo (H, W, 3): Of the body: pixel value of what faces a light of intensity 1 where no coat is in the way. NaN
         where unknown.
     relative_rmse: Root of the squared residuals' sum over the squared values', usable samples, all channels.
@@ -37,8 +35,6 @@ class ScanMaterial:
     """
 
     fit: MaterialFit
-    samples: MaterialSamples
-    onward: OnwardLight | None
     onward_share: float
     albedo: NDArray[np.float32]
     relative_rmse: float
@@ -67,17 +63,10 @@ class ScanMaterial:
         }
 
 
-def scan_material(
-    sight: Sight,
-    frames: Frames,
-    mask: NDArray[np.bool_],
-    *,
-    known: tuple[MaterialSamples, OnwardLight | None] | None = None,
-) -> ScanMaterial:
+def scan_material(sight: Sight, frames: Frames, mask: NDArray[np.bool_]) -> ScanMaterial:
     """Return the material of a registered scan.
 
-    Parameters and errors: see `twin.material.material_samples.samples_of_scan`. `known`: samples of these
-    frames and light from elsewhere in them, where they were made before.
+    Parameters and errors: see `twin.material.material_samples.samples_of_scan`.
 
     Notes
     -----
@@ -87,14 +76,11 @@ def scan_material(
     """
     most = min(MOST, max(LEAST_PIXELS, MOST_SAMPLES // len(frames)))
     trouble: tuple[str, ...] = ()
-    if known is not None:
-        seen, onward = known
-    else:
-        seen, onward = samples_of_scan(sight, frames, mask, most), None
-        try:
-            onward = _settled(sight, seen)
-        except RenderError as error:
-            trouble = (f"Light from elsewhere stayed in the fitted samples: {error}",)
+    seen, onward = samples_of_scan(sight, frames, mask, most), None
+    try:
+        onward = _settled(sight, seen)
+    except RenderError as error:
+        trouble = (f"Light from elsewhere stayed in the fitted samples: {error}",)
     samples = seen if onward is None else onward.off(seen)
     usable = samples.usable
     gone = float(np.linalg.norm((seen.values - samples.values)[usable]) / np.linalg.norm(seen.values[usable]))
@@ -106,9 +92,9 @@ def scan_material(
         for first in range(0, len(rows), step):
             own = samples_at(sight, frames, rows[first : first + step], columns[first : first + step], lenient=lenient)
             own = own if onward is None else onward.off(own)
-            if len(own):
+            if len(own.rows):
                 albedo[own.rows, own.columns] = robust_albedo(own, fit, fit.noise)
-    return ScanMaterial(fit, seen, onward, gone, albedo, *_left(samples, fit), trouble)
+    return ScanMaterial(fit, gone, albedo, *_left(samples, fit), trouble)
 
 
 def _settled(sight: Sight, samples: MaterialSamples) -> OnwardLight:

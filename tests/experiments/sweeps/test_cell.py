@@ -206,7 +206,7 @@ def test_waves_are_the_formula():
 def test_a_solid_has_its_formula_s_normals_and_no_seam(name):
     """Exact normals and those that a scan of the same corners would give differ little, and in sense nowhere."""
     mesh = solid(name)
-    scanned = smooth(mesh.vertices, mesh.faces, None, None).normals
+    scanned = smooth(mesh).normals
     error = angular_error_deg(scanned, mesh.normals)
     assert np.median(error) < 1.6
     assert np.quantile(error, 0.95) < 7

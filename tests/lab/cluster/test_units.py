@@ -76,7 +76,7 @@ def test_units_of_every_step_are_small_and_give_the_same(session, executor, tmp_
     assert frames.codes[0].nbytes > MOST
     sent = len(executor.bytes)
     pose, albedo = Pose.from_rotation_translation(np.eye(3), np.array([0, 0, -300.0])), np.full((180, 240, 3), 0.5)
-    scene, _ = scan_scene(Sight.of_scan(mesh, pose, camera, lights), albedo, Sampling("many"))
+    scene, _ = scan_scene(Sight(mesh.moved(pose.matrix), camera, lights), albedo, Sampling("many"))
     rendered = [render_scene(scene, executor=one).frames.codes for one in (None, executor)]
     np.testing.assert_array_equal(*rendered)
     assert len(executor.bytes) > sent

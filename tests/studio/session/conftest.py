@@ -9,11 +9,12 @@ import pytest
 
 from calibrate.lights.directions import mirrored_at
 from fixtures.lit_surfaces import flashes_at
-from formats.meshes.scan_files import ObjectMesh, write_mesh
+from formats.meshes.scan_files import write_mesh
 from lab.run import run_session
 from scene.camera import Camera
 from scene.files import write_json
 from scene.frames import Frames
+from scene.mesh import Mesh
 from scene.output_folder import open_record
 from scene.pose import Pose, rotation_from_vector
 from scene.spheres import Sphere
@@ -98,7 +99,7 @@ def made(tmp_path):
     for name in lights.names:
         (session / "raw" / f"{name}.png").write_bytes(b"")
     cone = built_in("cone")
-    write_mesh(session / "cone.ply", ObjectMesh(cone.vertices * [40, 40, 90], cone.faces))
+    write_mesh(session / "cone.ply", Mesh(cone.vertices * [40, 40, 90], cone.faces))
     (session / "session.toml").write_text(
         '[frames]\nflash = "raw/flash_*.png"\nlinear = true\n[camera]\nwidth = 160\nheight = 120\nfx = 220.0\n'
         'fy = 220.0\ncx = 78.0\ncy = 61.0\n[[spheres]]\nkind = "chrome"\ndiameter_mm = 100.0\n[[spheres]]\n'
