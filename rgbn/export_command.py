@@ -14,12 +14,12 @@ from formats.picture_files import srgb_from_linear
 from formats.relight_files import tell, terms, write_relight
 from formats.sfm_data import write_sfm
 from lab.job import Job
-from lab.options import AS_BEFORE, Settings, named
+from lab.options import AS_BEFORE, Out, Settings, named
 from lab.progress import is_quiet, say
 from lab.results import pixel_size_mm
 from lab.run import EXPORTED, STEPS, is_description, open_job, summed_up
 from lab.twin_step import twin_scene
-from rgbn.cli import SESSION, Out
+from rgbn.cli import SESSION
 from scene.errors import SceneError
 from scene.origin import Origin
 from scene.output_folder import open_record, own_folder
