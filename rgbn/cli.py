@@ -209,7 +209,7 @@ for above, name, place, told, key in (
      "Write lights, a relightable picture or the twin's scene for another program.", 9),
     (app, "sweep", "experiments.sweeps.sweep:sweep",
      "Make one factor harder and harder, and show which method breaks where.", 10),
-    (app, "doctor", "rgbn.doctor:tell_findings",
+    (app, "doctor", "rgbn.doctor:doctor",
      "Say whether this machine can run rgbn, what to mend, and what makes it faster.", 11),
     (app, "studio", "studio.server:studio",
      "Work in the browser, from a folder of photographs to the verdict, or from models to a dataset.", 12),
