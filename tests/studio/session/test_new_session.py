@@ -120,7 +120,7 @@ def test_diameters_typed_before_the_photographs_are_decoded_are_kept(made, nobod
         ("chrome", 100.0, None), ("chrome", 100.0, None), ("white", 80.0, None)
     ]  # fmt: skip
     window.read_again()
-    assert [ball.diameter_mm for ball in window.balls] == [100.0, 100.0, 80.0]
+    assert [ball.diameter_mm for ball in window.picks.balls] == [100.0, 100.0, 80.0]
 
 
 def test_the_command_opens_what_a_path_is(folder, monkeypatch):
