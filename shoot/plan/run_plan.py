@@ -25,7 +25,16 @@ from scene.origin import Origin
 from scene.output_folder import open_record, own_folder
 from scene.record import Record
 from shoot.plan.plan_options import AS_USUAL, PlanOptions
-from shoot.plan.set_up import EXPOSURE, GOOD_PX, LEAST_PX, SetUp, before_camera, corner_balls, lens_camera, pixels_of
+from shoot.plan.set_up import (
+    EXPOSURE,
+    GOOD_PX,
+    LEAST_PX,
+    ObjectPixels,
+    before_camera,
+    corner_balls,
+    lens_camera,
+    pixels_of,
+)
 from shoot.plan.shoot_plan import ShootPlan, plan_shoot
 from shoot.plan.under_way import UnderWay, session_so_far
 from twin.camera.virtual_camera import Sensor
@@ -96,13 +105,13 @@ def run_plan(source: Path | None, options: PlanOptions, *, out: Path | None = No
         with open_job(source, out=out) as job:
             so_far = session_so_far(job)
             return _written(job.record, plan_shoot(so_far, so_far.within(options)), name, source)
-    set_up = _new_set_up(source, options)
+    pixels = _new_pixels(source, options)
     usual, origin = Path("out") / "plan-sphere", "plan"
     if source is not None:
         origin = Origin("scan", source.resolve())
         usual = own_folder(Path("out") / f"plan-{source.stem}", origin)
     with open_record(out or usual, origin=origin, inputs=[] if source is None else [source]) as record:
-        begun = UnderWay.begun(pixels_of(set_up), corner_balls(set_up, options.ball_mm))
+        begun = UnderWay.begun(pixels, corner_balls(pixels, options.ball_mm))
         return _written(record, plan_shoot(begun, options), name, source)
 
 
@@ -114,7 +123,7 @@ def _written(record: Record, plan: ShootPlan, name: str, source: Path | None) ->
     return facts | {"folder": str(record.folder)}
 
 
-def _new_set_up(source: Path | None, options: PlanOptions) -> SetUp:
+def _new_pixels(source: Path | None, options: PlanOptions) -> ObjectPixels:
     if source is None:
         ball = built_in("sphere")
         mesh = Mesh(ball.vertices * options.size_mm / 2, ball.faces)
@@ -134,13 +143,13 @@ def _new_set_up(source: Path | None, options: PlanOptions) -> SetUp:
         f"camera: {options.focal_mm:g} mm on {options.sensor_mm:g} mm, {lens.width} x {lens.height} px; {where}",
         f"noise of a usual sensor at ISO {options.iso:g}",
     )
-    return SetUp(lens, mesh, replace(Sensor(), iso=options.iso), options.albedo, said=said)
+    return pixels_of(lens, mesh, albedo=options.albedo, sensor=replace(Sensor(), iso=options.iso), said=said)
 
 
 def plan_facts(plan: ShootPlan) -> dict[str, Any]:
     """Return the plan."""
-    set_up, result = plan.so_far.pixels.set_up, plan.predicted[-1]
-    camera, middle = set_up.camera, set_up.middle_mm
+    pixels, result = plan.so_far.pixels, plan.predicted[-1]
+    camera, middle = pixels.camera, pixels.middle_mm
     if result is not None and result.error_deg >= 90:
         result = None
     rows = plan.lights.facts()["frames"]
@@ -150,7 +159,7 @@ def plan_facts(plan: ShootPlan) -> dict[str, Any]:
             "number": number,
             "there": "there" if number <= len(plan.so_far.lights) else "",
             "clock": clock(row["azimuth_deg"]),
-            "height_cm": (row["position_mm"][2] - set_up.table_mm) / 10,
+            "height_cm": (row["position_mm"][2] - pixels.table_mm) / 10,
             "aside_cm": np.hypot(*away[:2]) / 10,
             "error_median_deg": None if predicted is None or predicted.error_deg >= 90 else predicted.error_deg,
         }
@@ -171,13 +180,13 @@ def plan_facts(plan: ShootPlan) -> dict[str, Any]:
         "balls": balls,
         "camera": {"width": camera.width, "height": camera.height, "distance_mm": np.linalg.norm(middle)},
         "object": {
-            "size_mm": set_up.size_mm,
+            "size_mm": pixels.size_mm,
             "mm_per_px": None if camera.is_orthographic else -middle[2] / camera.fx,
-            "albedo": set_up.albedo,
+            "albedo": np.median(pixels.albedo),
         },
         "flash_mm": np.median([row["distance_mm"] for row in rows]),
         "white_ball_value": EXPOSURE,
-        "said": set_up.said,
+        "said": pixels.said,
         "warnings": _warnings(plan),
     }
     return plain(facts)

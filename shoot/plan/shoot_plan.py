@@ -120,8 +120,8 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> ShootPlan:
         Too few places are in reach and out of the picture.
     """
     pixels, there, n = so_far.pixels, so_far.lights, len(so_far.lights)
-    set_up, middle = pixels.set_up, pixels.set_up.middle_mm
-    candidates = out_of_view(set_up.camera, places_in_reach(options, middle, set_up.size_mm))
+    camera, middle = pixels.camera, pixels.middle_mm
+    candidates = out_of_view(camera, places_in_reach(options, middle, pixels.size_mm))
     placed = middle + FAR_MM * there.directions if there.positions_mm is None else there.positions_mm
     both = zip(so_far.shown, pixels.under(lights_at(candidates, middle)), strict=True)
     shown = ShownObject._make(map(np.concatenate, both))
@@ -130,7 +130,7 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> ShootPlan:
     def known_lights(flashes: NDArray) -> PredictedLights:
         if n and not so_far.has_known_balls:
             return known_alike(there, positions[flashes], middle)
-        return predict_lights(set_up.camera, so_far.spheres, positions[flashes], middle)
+        return predict_lights(camera, so_far.spheres, positions[flashes], middle)
 
     slopes = light_slopes(positions, middle, pixels.points, pixels.b)
     # To the samples' noise comes the error of each flash's own calibration.
@@ -171,14 +171,13 @@ def next_flash(so_far: UnderWay, camera: Camera, lights: Lights) -> tuple[dict[s
     SceneError
         No place in reach is out of the picture.
     """
-    pixels = so_far.pixels
-    so_far = so_far._replace(pixels=replace(pixels, set_up=replace(pixels.set_up, camera=camera)))
+    so_far = so_far._replace(pixels=replace(so_far.pixels, camera=camera))
     plan = plan_shoot(so_far, replace(so_far.within(AS_USUAL), flashes=0))
     now, then = plan.predicted[-2:]
     assert now is not None
     assert then is not None
     is_near = lights.positions_mm is not None
-    here = lights.reference_point_mm if is_near else pixels.set_up.middle_mm
+    here = lights.reference_point_mm if is_near else so_far.pixels.middle_mm
     assert plan.lights.positions_mm is not None
     row = lights_at(plan.lights.positions_mm[-1:], here).facts()["frames"][0]
     told = {"zenith_deg": row["zenith_deg"], "azimuth_deg": row["azimuth_deg"]}
