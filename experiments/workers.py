@@ -1,15 +1,14 @@
 """Cells or datasets on this machine's cores or a Dask cluster; a worker that dies costs only the cell that it had."""
 
 import os
-import signal
-import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context
 from typing import Any, TypeVar
 
 from lab.cluster import WorkerDied, death_of, executor_of
+from lab.progress import end_with_parent
 
 Unit = TypeVar("Unit")
 Work = Callable[[Any], Any]
@@ -95,18 +94,4 @@ def _pool(processes: int) -> ProcessPoolExecutor:
     # Inherited by what is started from here, and read there when the libraries load.
     for name in ONE_THREAD:
         os.environ.setdefault(name, "1")
-    return ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=_serve_parent)
-
-
-def _serve_parent() -> None:
-    """End this process when the one that started it is gone, killed perhaps: nobody else would tell it."""
-    # Ctrl-C reaches the whole group; the parent sees to it.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
-    assert parent is not None
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+    return ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=end_with_parent)

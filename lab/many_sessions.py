@@ -3,8 +3,6 @@
 import json
 import multiprocessing
 import os
-import signal
-import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -18,7 +16,7 @@ from compare.report.page import badge, section, table, whole_page
 from compare.report.pictures import PixelBox
 from compare.report.verdict import ranking, verdict
 from lab.options import Place, Settings
-from lab.progress import keep_logs, keep_quiet, progress_bar, say
+from lab.progress import end_with_parent, keep_logs, keep_quiet, progress_bar, say
 from lab.run import run_session
 from lab.session_place import default_out, is_session
 from lab.terminal_tables import number_table, show
@@ -143,11 +141,7 @@ def _in_its_own_process(session: Path, out: Path, said: Settings, scheduler: str
 
 
 def _work(told: Any, session: Path, out: Path, said: Settings, scheduler: str | None) -> None:
-    # Whatever ends the command line, no session goes on without it; Ctrl-C, which reaches the whole group, is its.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
+    end_with_parent()
     keep_quiet(True)
     keep_logs()
     try:

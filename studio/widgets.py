@@ -16,6 +16,8 @@ UNITS_PER_MM = 0.01
 """The browser's view has clipping planes and gizmos for things a few units large."""
 NO_SHADOW = {"cast_shadow": False, "receive_shadow": False}
 """Shadows of the view's own lamps would be taken for the flashes'."""
+LIGHT, HELD = (250, 210, 60), (255, 150, 0)
+"""Of a lamp; of what a hand moves, or has moved, and of what is selected."""
 KINDS = {"main": "blue", "other": "gray", "danger": "red", "open tab": "indigo", "tab": "dark"}
 """Colours of buttons by their roles; `page/studio.css` knows them by these, and makes them plain."""
 
