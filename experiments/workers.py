@@ -29,8 +29,13 @@ def run_all(
     if scheduler is None:
         yield from _run_here(cells, work, min(processes or os.cpu_count() or 1, len(cells)))
         return
+    from distributed import KilledWorker
+
     with executor_of(scheduler) as executor:
-        yield from _run_there(cells, work, executor)
+        # A cluster itself gives the cells of a dead worker to another.
+        for cell, future in _run_through(deque(cells), work, executor, CLUSTER_WINDOW):
+            died = isinstance(error := future.exception(), KilledWorker)
+            yield cell, WorkerDied(death_of(error)) if died else future.result()
 
 
 def _run_here(cells: Sequence[Unit], work: Work, processes: int) -> Iterator[tuple[Unit, Any]]:
@@ -56,15 +61,6 @@ def _run_here(cells: Sequence[Unit], work: Work, processes: int) -> Iterator[tup
                 for process in (pool._processes or {}).values():
                     process.kill()
                 raise
-
-
-def _run_there(cells: Sequence[Unit], work: Work, executor: Executor) -> Iterator[tuple[Unit, Any]]:
-    """Run cells on a cluster, which itself gives those of a dead worker to another; see `_run_here`."""
-    from distributed import KilledWorker
-
-    for cell, future in _run_through(deque(cells), work, executor, CLUSTER_WINDOW):
-        died = isinstance(error := future.exception(), KilledWorker)
-        yield cell, WorkerDied(death_of(error)) if died else future.result()
 
 
 def _run_through(queue: deque[Unit], work: Work, pool: Executor, abreast: int) -> Iterator[tuple[Unit, Future]]:

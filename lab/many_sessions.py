@@ -31,6 +31,7 @@ from scene.store import Store
 
 PAGE, TABLE = "index.html", "sessions.csv"
 PICTURE_PX = 160
+"""Width of a session's, or a dataset's, picture in a list."""
 
 
 def sessions_below(parent: Path) -> list[Path]:

@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from experiments.datasets.make import SHELF, Shelf
 from experiments.datasets.shelf import Entry, contents, contents_of, entries, select
 from experiments.tables import DATASETS, Row, Rows, errors_of
+from lab.many_sessions import PICTURE_PX
 from lab.options import BY_DEFAULT, DEFAULT_PROFILE, TIMEOUT_S, Solving
 from lab.progress import logged, say
 from scene.current import code_fingerprint, fingerprint
@@ -22,8 +23,6 @@ from scene.notebook import csv_text
 from scene.output_folder import open_record
 from scene.reading import json_of
 
-WIDTH = 160
-"""Of a picture of the gallery."""
 END_DEG = 20.0
 """Where the colours of error maps end: one scale for all, so that pictures can be compared."""
 
@@ -128,7 +127,7 @@ def _row(name: str, profile: str, job: Any, dataset: str) -> Row:
     if row["status"] != "ok":
         return row
     error = angular_error_deg(np.where(judged[..., None], normals, np.nan), truth)
-    small = shrink(PixelBox.of_mask(judged, margin=0.03).of(error), WIDTH)
+    small = shrink(PixelBox.of_mask(judged, margin=0.03).of(error), PICTURE_PX)
     picture = data_uri(error_picture(small, END_DEG), photograph=False)
     return {**row, "seconds": facts["seconds"], "doubts": " ".join(facts["warnings"]), "picture": picture}
 
@@ -165,10 +164,10 @@ def _figures(entry: Entry, errors: Mapping[str, str]) -> str:
     _, image, mask, normals = contents(entry.folder)
     colours = image[..., :3] if image.ndim == 3 else np.repeat(image[..., None], 3, -1)
     box = PixelBox.of_mask(mask, margin=0.03)
-    small = shrink(box.of(colours).astype(np.float32), WIDTH)
+    small = shrink(box.of(colours).astype(np.float32), PICTURE_PX)
     shown = Exposure(max(float(np.quantile(small.max(-1), 0.995)), 1e-6), np.ones(3)).develop(small)
     pictures = {"photograph": data_uri(shown, photograph=True)}
-    pictures |= {"true normals": data_uri(normal_picture(box.of(normals), WIDTH), photograph=False)}
+    pictures |= {"true normals": data_uri(normal_picture(box.of(normals), PICTURE_PX), photograph=False)}
     return "".join(
         f'<figure><img src="{uri}" alt=""><figcaption>{escape(words)}</figcaption></figure>'
         for words, uri in (pictures | dict(errors)).items()

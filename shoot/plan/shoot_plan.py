@@ -24,7 +24,8 @@ from solve.design.normal_information import (
 Array = NDArray[np.float64]
 RAYLEIGH_MEDIAN = float(np.sqrt(2 * np.log(2)))
 """Median of an angle whose two components have the standard deviation 1."""
-FEWEST = 3
+TOLD_BY = 3
+"""Flashes that tell a normal."""
 FAR_MM = 1000.0
 """Where a light without a position is put."""
 
@@ -92,7 +93,7 @@ def predict(pixels: ObjectPixels, shown: ShownObject, slopes: Array, covariance:
     `slopes` (F, P, K), `covariance` (F, K, F, K): see `solve.design.normal_information.lights_covariance`.
     """
     pull = pulls(shown.vectors, shown.seen.astype(np.float64))
-    told = np.isfinite(pull[0, :, 0]) & (shown.seen.sum(0) >= FEWEST)
+    told = np.isfinite(pull[0, :, 0]) & (shown.seen.sum(0) >= TOLD_BY)
     sigma = np.full((3, len(told)), 90.0)
     if told.any():
         by_noise = noise_covariance(pull[:, told], shown.noise[:, told])
@@ -140,7 +141,7 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> ShootPlan:
     start = known_before(pixels.b, information(shown.vectors[:n], noise[:n], shown.seen[:n]) if n else None)
     chosen = choose_flashes(pixels.b, start, *rest, max(options.flashes - n, 1))
     order = np.concatenate([np.arange(n), n + exchange_flashes(pixels.b, start, *rest, chosen)])
-    predicted: list[Predicted | None] = [None] * min(len(order), max(FEWEST, n) - 1)
+    predicted: list[Predicted | None] = [None] * min(len(order), max(TOLD_BY, n) - 1)
     for used in range(len(predicted) + 1, len(order) + 1):
         some = order[:used]
         predicted.append(predict(pixels, shown.only(some), slopes[some], joint_covariance(known_lights(some))))
