@@ -1,6 +1,6 @@
 """The plan: which flashes, in which order, and what they give."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,25 +41,6 @@ class Predicted(NamedTuple):
     def error_deg(self) -> float:
         """Median angle between the normals and the truth that is to be expected."""
         return float(RAYLEIGH_MEDIAN * np.median(self.sigma_deg))
-
-
-@dataclass(frozen=True, eq=False)
-class ShootPlan:
-    """Flashes in the order in which they help most.
-
-    Parameters
-    ----------
-    so_far : UnderWay
-        What is there: the flashes of which the first are.
-    lights : Lights
-        First the flashes that there are already, then those that help most; as well known as the balls tell them.
-    predicted : list of Predicted or None
-        After each of them, with those before; None before the third.
-    """
-
-    so_far: UnderWay
-    lights: Lights
-    predicted: list[Predicted | None]
 
 
 def light_slopes(positions: Array, reference: Array, points: Array, b: Array) -> Array:
@@ -103,7 +84,7 @@ def predict(pixels: ObjectPixels, shown: ShownObject, slopes: Array, covariance:
     return Predicted(*sigma)
 
 
-def plan_shoot(so_far: UnderWay, options: PlanOptions) -> ShootPlan:
+def plan_shoot(so_far: UnderWay, options: PlanOptions) -> tuple[Lights, list[Predicted | None]]:
     """Return the flashes that one after the other help most, and what they give.
 
     As many as wanted, one more than there are at least.
@@ -114,6 +95,13 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> ShootPlan:
         The object, the balls, and the flashes that there are.
     options : PlanOptions
         How many flashes, and where they can be.
+
+    Returns
+    -------
+    lights : Lights
+        First the flashes that there are already, then those that help most; as well known as the balls tell them.
+    predicted : list of Predicted or None
+        After each of them, with those before; None before the third.
 
     Raises
     ------
@@ -146,7 +134,7 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> ShootPlan:
         some = order[:used]
         predicted.append(predict(pixels, shown.only(some), slopes[some], joint_covariance(known_lights(some))))
     lights = replace(lights_at(positions[order], middle), direction_sigma_deg=known_lights(order).direction_sigma_deg)
-    return ShootPlan(so_far, lights, predicted)
+    return lights, predicted
 
 
 def next_flash(so_far: UnderWay, camera: Camera, lights: Lights) -> tuple[dict[str, Any], Array]:
@@ -173,14 +161,13 @@ def next_flash(so_far: UnderWay, camera: Camera, lights: Lights) -> tuple[dict[s
         No place in reach is out of the picture.
     """
     so_far = so_far._replace(pixels=replace(so_far.pixels, camera=camera))
-    plan = plan_shoot(so_far, replace(so_far.within(AS_USUAL), flashes=0))
-    now, then = plan.predicted[-2:]
+    planned, (*_, now, then) = plan_shoot(so_far, replace(so_far.within(AS_USUAL), flashes=0))
     assert now is not None
     assert then is not None
     is_near = lights.positions_mm is not None
     here = lights.reference_point_mm if is_near else so_far.pixels.middle_mm
-    assert plan.lights.positions_mm is not None
-    row = lights_at(plan.lights.positions_mm[-1:], here).facts()["frames"][0]
+    assert planned.positions_mm is not None
+    row = lights_at(planned.positions_mm[-1:], here).facts()["frames"][0]
     told = {"zenith_deg": row["zenith_deg"], "azimuth_deg": row["azimuth_deg"]}
     distance = row["distance_mm"] if is_near else None
     return told | {"distance_mm": distance, "sigma_deg": float(np.median(then.sigma_deg))}, now.sigma_deg

@@ -95,13 +95,13 @@ def test_sigma_is_that_of_least_squares_under_noise_and_misplaced_lights(pixels,
 
 def test_a_plan_beats_the_even_dome(pixels, spheres):
     begun, middle = UnderWay.begun(pixels, spheres), pixels.middle_mm
-    plan = planned(begun, 8)
+    lights, predicted = planned(begun, 8)
     places = places_in_reach(REACH, middle, 120.0, 8)
     covariance = joint_covariance(predict_lights(CAMERA, spheres, places, middle))
     slopes = light_slopes(places, middle, pixels.points, pixels.b)
     even = predict(pixels, pixels.under(lights_at(places, middle)), slopes, covariance)
-    assert plan.predicted[-1].sigma_deg.mean() < even.sigma_deg.mean()
-    assert len(plan.lights) == 8
+    assert predicted[-1].sigma_deg.mean() < even.sigma_deg.mean()
+    assert len(lights) == 8
 
 
 def test_flashes_so_far_count_and_the_next_one_comes_from_elsewhere(pixels, spheres):
@@ -117,15 +117,14 @@ def test_flashes_so_far_count_and_the_next_one_comes_from_elsewhere(pixels, sphe
         (replace(distant, direction_sigma_deg=unknown), "is not known, and the error counts nothing of it"),
     ):
         so_far = UnderWay(pixels, pixels.under(given), np.zeros((0, 2), int), given, spheres)
-        plan = planned(so_far, 9)
-        assert len(plan.so_far.lights) == 8
-        assert plan.lights.positions_mm[8, 0] < 0
+        flashes, predicted = planned(so_far, 9)
+        assert flashes.positions_mm[8, 0] < 0
         if given is lights:
-            assert plan.lights.positions_mm[:8] == pytest.approx(right)
+            assert flashes.positions_mm[:8] == pytest.approx(right)
         else:
             # No ball tells the places of distant lights: the next one is as well known as those before.
-            assert told in lights_of(plan_facts(plan))
-            assert (plan.predicted[-1].by_lights_deg > 0).all() == (given.direction_sigma_deg is sigma)
+            assert told in lights_of(plan_facts(so_far, flashes, predicted))
+            assert (predicted[-1].by_lights_deg > 0).all() == (given.direction_sigma_deg is sigma)
 
 
 def test_a_session_that_has_all_its_flashes_is_told_what_one_more_brings(pixels, spheres):
@@ -134,9 +133,9 @@ def test_a_session_that_has_all_its_flashes_is_told_what_one_more_brings(pixels,
     given = lights_at(places_in_reach(REACH, middle, 120.0)[::6], middle)
     for some in (spheres, [replace(sphere, diameter_mm=None) for sphere in spheres]):
         so_far = UnderWay(pixels, pixels.under(given), np.zeros((0, 2), int), given, some)
-        plan = planned(so_far, 4)
-        assert len(plan.lights) == len(plan.so_far.lights) + 1 == len(given) + 1
-        facts = plan_facts(plan) | {"name": "a"}
+        flashes, predicted = planned(so_far, 4)
+        assert len(flashes) == len(given) + 1
+        facts = plan_facts(so_far, flashes, predicted) | {"name": "a"}
         assert "Next: " in answer_of(facts)
         assert len(facts["balls"]) == (len(spheres) if some is spheres else 0)
         assert ("none is of known diameter" in plan_page(facts)) == (not facts["balls"])
@@ -159,7 +158,8 @@ def test_balls_stand_whole_in_the_picture_beside_the_object_and_apart(pixels, sp
 
 @pytest.mark.full
 def test_the_page_says_what_the_plan_says_on_one_sheet(pixels, spheres, chromium):
-    facts = plan_facts(planned(UnderWay.begun(pixels, spheres), 6)) | {"name": "<cup & saucer>"}
+    begun = UnderWay.begun(pixels, spheres)
+    facts = plan_facts(begun, *planned(begun, 6)) | {"name": "<cup & saucer>"}
     page = plan_page(facts)
     assert "&lt;cup &amp; saucer&gt;" in page
     assert "<script" not in page
