@@ -136,7 +136,7 @@ def _failed(name: str, profile: str | None, error: Exception) -> Row:
     return {"method": name, "profile": profile, "status": f"failed: {' '.join(str(error).split())}"}
 
 
-def results_text(rows: Rows, quantity: str = "mean_deg") -> str:
+def results_text(rows: Rows) -> str:
     """Return mean angular errors, degrees, as lines for a terminal, and what failed.
 
     The last line's means are over the datasets that every method solved: else a method gained by failing on what is
@@ -144,7 +144,7 @@ def results_text(rows: Rows, quantity: str = "mean_deg") -> str:
     """
     from pandas import DataFrame
 
-    table = DataFrame(rows).pivot(index="dataset", columns="method", values=quantity).astype(float)
+    table = DataFrame(rows).pivot(index="dataset", columns="method", values="mean_deg").astype(float)
     table = table.loc[
         list(dict.fromkeys(row["dataset"] for row in rows)), list(dict.fromkeys(r["method"] for r in rows))
     ]
