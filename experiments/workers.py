@@ -69,21 +69,15 @@ def _run_through(queue: deque[Unit], work: Work, pool: Executor, abreast: int) -
     broken = False
     while running or (queue and not broken):
         while queue and len(running) < abreast and not broken:
-            cell = queue.popleft()
-            running[_submitted(pool, work, cell)] = cell
+            try:
+                running[pool.submit(work, queue[0])] = queue[0]
+                queue.popleft()
+            except BrokenExecutor:
+                # It broke a moment ago.
+                broken = True
         for future in wait(running, return_when=FIRST_COMPLETED).done:
             broken = broken or isinstance(future.exception(), BrokenExecutor)
             yield running.pop(future), future
-
-
-def _submitted(pool: Executor, work: Work, cell: Any) -> Future:
-    try:
-        return pool.submit(work, cell)
-    except BrokenExecutor as error:
-        # It broke a moment ago.
-        refused: Future = Future()
-        refused.set_exception(error)
-        return refused
 
 
 def _pool(processes: int) -> ProcessPoolExecutor:
