@@ -50,7 +50,7 @@ class SeriesRow:
 
 def _measured(name: str, levels: tuple, frames: int, methods: str) -> list[SeriesRow]:
     from experiments.series import series
-    from lab.options import Settings
+    from lab.options import Place, Settings
 
     start, experiment = now(), _experiment(name)
     experiment = replace(experiment, levels=levels, base=replace(experiment.base, frames=frames))
@@ -60,7 +60,7 @@ def _measured(name: str, levels: tuple, frames: int, methods: str) -> list[Serie
         silent = contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO())
         # A level that is refused is one that is not in the table.
         with silent[0], silent[1], contextlib.suppress(SceneError):
-            series(parent, out, Settings(method=methods))
+            series(parent, place=Place(out), said=Settings(method=methods))
         rows = [row for at, _ in enumerate(levels) for row in _rows(experiment, at, Store(out / str(at)))]
     spent = since(start)["processor_seconds"] / len(levels)
     return [replace(row, processor_s=spent) for row in rows]

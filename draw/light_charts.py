@@ -4,15 +4,13 @@ from math import ceil, cos, radians, sin, sqrt
 from typing import Any
 
 from draw.readable import Readable, readable
-from draw.svg import COLOURS, Axes, Axis, Drawing, circle, svg, text
+from draw.svg import COLOURS, EDGE, Axes, Axis, Drawing, circle, svg, text
 
 CHANNELS = {"red": "#D55E00", "green": "#009E73", "blue": "#0072B2"}
-LIGHT = "#E69F00"
 MOST_NUMBERED = 30
 """Of more lights the numbers would lie on each other."""
 SIZE, RIM = 360, 150.0
 """Of the hemisphere's drawing, and the radius at which its rim is drawn, pixels."""
-RING = "#c3cad1"
 
 
 def directions(lights: dict[str, Any]) -> Drawing:
@@ -22,14 +20,14 @@ def directions(lights: dict[str, Any]) -> Drawing:
     parts, aside = [], sqrt(0.5)
     for angle in (30.0, 60.0, rim_deg):
         radius = RIM * angle / rim_deg
-        parts.append(circle(middle, middle, radius, "none", stroke=RING))
+        parts.append(circle(middle, middle, radius, "none", stroke=EDGE))
         parts.append(text(middle + aside * radius + 3, middle + aside * radius - 3, f"{angle:g}°", "start", 11))
     parts += [text(SIZE - 12, middle, "+x", size=11), text(middle, 14, "up (+y)", size=11)]
     for number, row in enumerate(rows, 1):
         azimuth, radius = radians(row["azimuth_deg"]), RIM * row["zenith_deg"] / rim_deg
         u, v = middle + radius * cos(azimuth), middle - radius * sin(azimuth)
         told = Readable().format("{name}: {zenith_deg:1°} from the camera's axis, azimuth {azimuth_deg:1°}", **row)
-        parts.append(circle(u, v, 6, LIGHT, told, stroke="#333"))
+        parts.append(circle(u, v, 6, COLOURS[5], told, stroke="#333"))
         parts.append(text(u, v - 9, str(number), size=12) if len(rows) <= MOST_NUMBERED else "")
     return svg(SIZE, SIZE, parts, label="Directions of the lights as the camera sees them")
 

@@ -75,10 +75,10 @@ def text(x: float, y: float, words: str, anchor: str = "middle", size: float = 1
     return shape("text", "", words, x=x, y=y, text_anchor=anchor, font_size=size, fill=fill, **more)
 
 
-def text_width(words: str, size: float = 13) -> float:
+def text_width(words: str) -> float:
     """Return the width of a text in pixels, rather too wide: the reader's font is not known."""
     wide = sum(letter.isupper() or letter in "mwMW@%" for letter in words)
-    return size * (0.56 * len(words) + 0.2 * wide)
+    return 13 * (0.56 * len(words) + 0.2 * wide)
 
 
 def _number(value: float) -> str:

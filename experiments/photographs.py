@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -177,18 +176,12 @@ def _told(lights: Lights, recipe: Recipe) -> Lights:
     return lights
 
 
-class _Rendered(NamedTuple):
-    images: Images
-    scene: TwinScene
-    truth: GroundTruth
-
-
 # Two, for the one after the other of cells that share a scene; more would be of no use, and each takes 25 MB.
 @lru_cache(maxsize=2)
-def _render(recipe: Recipe) -> _Rendered:
+def _render(recipe: Recipe) -> tuple[Images, TwinScene, GroundTruth]:
     scene = recipe_scene(recipe)
     truth = ground_truth(scene)
-    return _Rendered(by_flash_and_medium(scene, truth.mask), scene, truth)
+    return by_flash_and_medium(scene, truth.mask), scene, truth
 
 
 @lru_cache(maxsize=2)

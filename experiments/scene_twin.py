@@ -2,8 +2,6 @@
 
 import json as json_module
 import math
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,12 +18,9 @@ from scene.output_folder import open_record, own_folder
 from scene.store import Store
 
 FACTS, RENDERING = "rendering.json", "rendering"
-Bar = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
 
 
-def render_description(
-    source: Path, out: Path | None, twin: TwinSettings, *, json: bool = False, bar: Bar = progress_bar
-) -> Path:
+def render_description(source: Path, out: Path | None, twin: TwinSettings, *, json: bool = False) -> Path:
     """Render a scene description to a folder that `rgbn process` takes; return its session.toml.
 
     Parameters
@@ -37,8 +32,6 @@ def render_description(
     twin : TwinSettings
     json : bool
         Print the facts of the rendering as JSON.
-    bar : callable
-        Shows progress: given a label, a context that yields a callback (done, total).
 
     Raises
     ------
@@ -60,21 +53,21 @@ def render_description(
             say(f"{scene.name}: rendered already")
         else:
             with record.making(RENDERING, mark):
-                write_json(folder.path(FACTS), _render(scene, folder, bool(twin.layers), bar))
+                write_json(folder.path(FACTS), _render(scene, folder, bool(twin.layers)))
         print(json_module.dumps(folder.read_json(FACTS), indent=1) if json else folder.path("session.toml"))
     return folder.path("session.toml")
 
 
-def _render(scene: Any, folder: Store, apart: bool, bar: Bar) -> dict[str, Any]:
+def _render(scene: Any, folder: Store, apart: bool) -> dict[str, Any]:
     from twin.engines.render import render_scene
     from twin.twin_session import Shooting, write_session
 
-    with bar("twin") as progress:
+    with progress_bar("twin") as progress:
         rendered = render_scene(scene, apart=apart, store=folder, progress=progress, tell=say)
     for warning in rendered.warnings:
         say(f"warning: {warning}", always=True)
     mask, normals = (np.load(folder.path(f"truth_{name}.npy")) for name in ("mask", "normals"))
-    with bar("write") as progress:
+    with progress_bar("write") as progress:
         write_session(
             folder,
             rendered.frames,

@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from cyclopts import Parameter
 
 from capture.session.session import load_session
 from compare.report.facts import read_optional
@@ -18,7 +19,7 @@ from compare.statistics.statistics import error_correlation, statistics_rows
 from draw.line_chart import line_chart
 from draw.readable import readable
 from lab.many_sessions import process_all, sessions_below
-from lab.options import Settings
+from lab.options import AS_BEFORE, BY_NAME, Jobs, Place, Scheduler, Settings
 from lab.progress import say
 from scene.errors import SceneError
 from scene.files import write_text
@@ -33,13 +34,16 @@ Value = float | str
 
 
 def series(
-    parent: Path,
-    out: Path | None,
-    said: Settings,
+    folder: Annotated[
+        Path,
+        Parameter(help='Folder of the sessions. Each session.toml has [series], such as factor = "iso", value = 400.'),
+    ],
+    /,
     *,
-    jobs: int = 1,
-    scheduler: str | None = None,
-    as_json: bool = False,
+    place: Place = BY_NAME,
+    said: Settings = AS_BEFORE,
+    scheduler: Scheduler = None,
+    jobs: Jobs = 1,
 ) -> None:
     """Process all sessions of a series, as `rgbn process PARENT` does, and write series.html and series.csv, too.
 
@@ -50,20 +54,19 @@ def series(
     SceneError
         Fewer than two sessions, one that names no factor or another, one value in all; some could not be processed.
     """
-    sessions = sessions_below(parent)
-    names = [session.relative_to(parent).as_posix() for session in sessions]
+    sessions = sessions_below(folder)
+    names = [session.relative_to(folder).as_posix() for session in sessions]
     told = {name: load_session(session).series for name, session in zip(names, sessions, strict=True)}
-    factor, values = _factor(parent, told)
+    factor, values = _factor(folder, told)
 
-    def write(folder: Path) -> None:
-        rows = series_rows(folder, values)
-        write_text(folder / TABLE, csv_text(rows))
-        write_text(folder / PAGE, series_page(parent.resolve().name, factor, rows))
-        say(f"written: {folder / PAGE}, {folder / TABLE}")
+    def write(out: Path) -> None:
+        rows = series_rows(out, values)
+        write_text(out / TABLE, csv_text(rows))
+        write_text(out / PAGE, series_page(folder.resolve().name, factor, rows))
+        say(f"written: {out / PAGE}, {out / TABLE}")
 
     said = replace(said, photograph=True) if said.photograph is None else said
-    how = {"jobs": jobs, "scheduler": scheduler, "as_json": as_json}
-    process_all(parent, sessions, out, said, more=write, own=(PAGE, TABLE), **how)
+    process_all(folder, sessions, place, said, jobs=jobs, scheduler=scheduler, more=write, own=(PAGE, TABLE))
 
 
 def _factor(parent: Path, told: Mapping[str, tuple[str, Value] | None]) -> tuple[str, dict[str, Value]]:

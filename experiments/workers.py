@@ -1,15 +1,14 @@
 """Cells or datasets on this machine's cores or a Dask cluster; a worker that dies costs only the cell that it had."""
 
 import os
-import signal
-import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context
 from typing import Any, TypeVar
 
 from lab.cluster import WorkerDied, death_of, executor_of
+from lab.progress import end_with_parent
 
 Unit = TypeVar("Unit")
 Work = Callable[[Any], Any]
@@ -30,8 +29,13 @@ def run_all(
     if scheduler is None:
         yield from _run_here(cells, work, min(processes or os.cpu_count() or 1, len(cells)))
         return
+    from distributed import KilledWorker
+
     with executor_of(scheduler) as executor:
-        yield from _run_there(cells, work, executor)
+        # A cluster itself gives the cells of a dead worker to another.
+        for cell, future in _run_through(deque(cells), work, executor, CLUSTER_WINDOW):
+            died = isinstance(error := future.exception(), KilledWorker)
+            yield cell, WorkerDied(death_of(error)) if died else future.result()
 
 
 def _run_here(cells: Sequence[Unit], work: Work, processes: int) -> Iterator[tuple[Unit, Any]]:
@@ -59,54 +63,25 @@ def _run_here(cells: Sequence[Unit], work: Work, processes: int) -> Iterator[tup
                 raise
 
 
-def _run_there(cells: Sequence[Unit], work: Work, executor: Executor) -> Iterator[tuple[Unit, Any]]:
-    """Run cells on a cluster, which itself gives those of a dead worker to another; see `_run_here`."""
-    from distributed import KilledWorker
-
-    for cell, future in _run_through(deque(cells), work, executor, CLUSTER_WINDOW):
-        died = isinstance(error := future.exception(), KilledWorker)
-        yield cell, WorkerDied(death_of(error)) if died else future.result()
-
-
 def _run_through(queue: deque[Unit], work: Work, pool: Executor, abreast: int) -> Iterator[tuple[Unit, Future]]:
     """Yield cells of a queue with their futures as they are done; none is begun any more once the pool is broken."""
     running: dict[Future, Unit] = {}
     broken = False
     while running or (queue and not broken):
         while queue and len(running) < abreast and not broken:
-            cell = queue.popleft()
-            running[_submitted(pool, work, cell)] = cell
+            try:
+                running[pool.submit(work, queue[0])] = queue[0]
+                queue.popleft()
+            except BrokenExecutor:
+                # It broke a moment ago.
+                broken = True
         for future in wait(running, return_when=FIRST_COMPLETED).done:
             broken = broken or isinstance(future.exception(), BrokenExecutor)
             yield running.pop(future), future
-
-
-def _submitted(pool: Executor, work: Work, cell: Any) -> Future:
-    try:
-        return pool.submit(work, cell)
-    except BrokenExecutor as error:
-        # It broke a moment ago.
-        refused: Future = Future()
-        refused.set_exception(error)
-        return refused
 
 
 def _pool(processes: int) -> ProcessPoolExecutor:
     # Inherited by what is started from here, and read there when the libraries load.
     for name in ONE_THREAD:
         os.environ.setdefault(name, "1")
-    return ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=_serve_parent)
-
-
-def _serve_parent() -> None:
-    """End this process when the one that started it is gone, killed perhaps: nobody else would tell it."""
-    # Ctrl-C reaches the whole group; the parent sees to it.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
-    assert parent is not None
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+    return ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=end_with_parent)

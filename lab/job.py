@@ -150,7 +150,11 @@ class Job:
             return
         say(f"{wanted} ...")
         start, stale = now(), _made_from(steps, wanted)
-        self._tell_removed(wanted, stale)
+        # What earlier runs have left, and this step does not make anew.
+        former = self.done.get(wanted, {}).get("result", {}).get("methods", ()) if wanted == "solve" else ()
+        gone = [*sorted(set(former) - set(self.methods)), *(name for name in stale if self.record.files_of(name))]
+        if gone:
+            say(f"{wanted}: is made anew; removed with what was there before: {', '.join(gone)}")
         with alive(wanted), self.record.making(wanted, mark, stale) as entry:
             outcome = step.work(self)
             spent = since(start)
@@ -159,13 +163,6 @@ class Job:
         say(f"{wanted}: {spent['seconds']:.1f} s{warned}")
         for text in outcome.warnings:
             log(f"warning ({wanted}): {text}")
-
-    def _tell_removed(self, wanted: str, stale: Iterable[str]) -> None:
-        """Say which results of earlier runs are removed, and not made anew by this step."""
-        former = self.done.get(wanted, {}).get("result", {}).get("methods", ()) if wanted == "solve" else ()
-        gone = [*sorted(set(former) - set(self.methods)), *(name for name in stale if self.record.files_of(name))]
-        if gone:
-            say(f"{wanted}: is made anew; removed with what was there before: {', '.join(gone)}")
 
     def is_current(self, steps: dict[str, Step], wanted: str) -> bool:
         """Whether a step, and all that it needs, is done and current."""

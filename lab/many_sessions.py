@@ -3,8 +3,6 @@
 import json
 import multiprocessing
 import os
-import signal
-import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -17,8 +15,8 @@ from compare.report.facts import all_warnings, read_optional
 from compare.report.page import badge, section, table, whole_page
 from compare.report.pictures import PixelBox
 from compare.report.verdict import ranking, verdict
-from lab.options import Settings
-from lab.progress import keep_logs, keep_quiet, progress_bar, say
+from lab.options import Place, Settings
+from lab.progress import end_with_parent, keep_logs, keep_quiet, progress_bar, say
 from lab.run import run_session
 from lab.session_place import default_out, is_session
 from lab.terminal_tables import number_table, show
@@ -33,6 +31,7 @@ from scene.store import Store
 
 PAGE, TABLE = "index.html", "sessions.csv"
 PICTURE_PX = 160
+"""Width of a session's, or a dataset's, picture in a list."""
 
 
 def sessions_below(parent: Path) -> list[Path]:
@@ -58,12 +57,11 @@ def sessions_below(parent: Path) -> list[Path]:
 def process_all(
     parent: Path,
     sessions: Sequence[Path],
-    out: Path | None,
+    place: Place,
     said: Settings,
     *,
     jobs: int = 1,
     scheduler: str | None = None,
-    as_json: bool = False,
     more: Callable[[Path], None] | None = None,
     own: Sequence[str] = (),
 ) -> None:
@@ -74,16 +72,14 @@ def process_all(
     parent : Path
         The folder above the sessions.
     sessions : sequence of Path
-    out : Path or None
-        Gets a folder for each session, at its own place below the parent. None: out/NAME, by the parent's name.
+    place : Place
+        Gets a folder for each session, at its own place below the parent. Default: out/NAME, by the parent's name.
     said : Settings
         As in `lab.run.open_job`, of every session.
     jobs : int
         Sessions at a time.
     scheduler : str or None
         Address of a Dask scheduler.
-    as_json : bool
-        Print the rows of sessions.csv as JSON.
     more : callable or None
         Takes the output folder after that, and writes the files `own` there.
 
@@ -92,12 +88,11 @@ def process_all(
     SceneError
         After all others are done: some could not be processed.
     """
-    place = parent.resolve()
-    origin = Origin("sessions", place)
+    name, origin = parent.resolve().name, Origin("sessions", parent.resolve())
     names = [session.relative_to(parent).as_posix() for session in sessions]
     if taken := {PAGE, TABLE, *own} & {name.partition("/")[0] for name in names}:
         raise SceneError(f"{parent / taken.pop()}: a file of the results has that name. Rename the folder.")
-    with open_record(out or default_out(origin, place.name), origin=origin, input_folders=sessions) as record:
+    with open_record(place.out or default_out(origin, name), origin=origin, input_folders=sessions) as record:
         faults: dict[str, str] = {}
 
         def one(name: str, session: Path) -> None:
@@ -115,12 +110,12 @@ def process_all(
             pool.shutdown(wait=False, cancel_futures=True)
         rows = [session_row(record.folder, name, faults[name]) for name in names]
         write_text(record.folder / TABLE, csv_text(rows))
-        write_text(record.folder / PAGE, _page(record.folder, place.name, rows))
+        write_text(record.folder / PAGE, _page(record.folder, name, rows))
         if more:
             more(record.folder)
     lost = [f"{name} ({fault})" for name, fault in faults.items() if fault]
-    show(number_table("sessions", "sessions", rows), hidden=as_json)
-    if as_json:
+    show(number_table("sessions", "sessions", rows), hidden=place.json)
+    if place.json:
         print(json.dumps(rows, indent=1))
     say(f"written: {record.folder / PAGE}, {record.folder / TABLE}")
     if lost:
@@ -147,11 +142,7 @@ def _in_its_own_process(session: Path, out: Path, said: Settings, scheduler: str
 
 
 def _work(told: Any, session: Path, out: Path, said: Settings, scheduler: str | None) -> None:
-    # Whatever ends the command line, no session goes on without it; Ctrl-C, which reaches the whole group, is its.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
+    end_with_parent()
     keep_quiet(True)
     keep_logs()
     try:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from cyclopts import Parameter
+from cyclopts.validators import Number
 
 from scene.errors import SceneError
 from scene.method_names import METHODS, UNCALIBRATED
@@ -25,6 +26,23 @@ Engine = Literal["auto", "many", "mitsuba"]
 GreenAxis = Literal["opengl", "directx"]
 Staging = Literal["one-factor", "benchmark"]
 """Of the sweeps, see `experiments.stagings`."""
+Out = Annotated[Path | None, Parameter(alias="-o", help="Output folder. Default: out/NAME, by the session's name.")]
+Json = Annotated[bool, Parameter(help="Print the results as JSON.", negative="")]
+Jobs = Annotated[int, Parameter(help="How many sessions run at a time.", validator=Number(gte=1))]
+Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler. Default: this machine's cores.")]
+Processes = Annotated[int | None, Parameter(help="How many run at a time. Default: one per core.")]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Place:
+    """Where a verb writes its results, and how it prints them."""
+
+    out: Out = None
+    json: Json = False
+
+
+BY_NAME = Place()
 
 
 def named(option: str, text: str, known: Iterable[str]) -> tuple[str, ...]:

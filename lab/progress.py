@@ -8,6 +8,7 @@ import io
 import logging
 import os
 import shlex
+import signal
 import sys
 import threading
 import time
@@ -15,6 +16,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
+from multiprocessing import parent_process
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -143,6 +145,15 @@ def say(text: str, *, always: bool = False) -> None:
     if always or not is_quiet():
         with suppress(OSError, ValueError):
             print(text, file=sys.stderr, flush=True)
+
+
+def end_with_parent() -> None:
+    """End this process when the one that started it is gone, killed perhaps: nobody else would tell it."""
+    # Ctrl-C reaches the whole group; the parent sees to it.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    assert parent is not None
+    threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
 
 
 _at_work: list[list[str]] = []

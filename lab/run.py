@@ -62,11 +62,8 @@ def _methods(job: Job) -> list[Any]:
 
 
 def _judged_by(job: Job) -> list[Any]:
-    return [
-        *_methods(job),
-        job.tolerances_deg,
-        *([] if job.settings.truth is None else [job.settings.truth / "truth.json", job.settings.truth / "truth.npz"]),
-    ]
+    truth = job.settings.truth
+    return [*_methods(job), job.tolerances_deg, *(truth / f"truth.{kind}" for kind in ("json", "npz") if truth)]
 
 
 EXPORTED = "export"

@@ -2,19 +2,15 @@
 
 import json
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, Group, Parameter
-from cyclopts.validators import Number
 
-from experiments.commands import dataset, sweep
-from lab.options import AS_BEFORE, Settings
+from lab.options import AS_BEFORE, BY_NAME, Jobs, Json, Place, Scheduler, Settings
 from lab.progress import check_words, keep_logs, keep_quiet, open_streams, say
 from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
-from studio.studio_command import studio
 
 app = App(
     name="rgbn",
@@ -43,22 +39,6 @@ app.meta.group_parameters = Group("Every verb", sort_key=100)
 
 SESSION = "Folder with session.toml or in the DiLiGenT layout, or an output folder that was made from one."
 Session = Annotated[Path, Parameter(help=SESSION)]
-Out = Annotated[Path | None, Parameter(alias="-o", help="Output folder. Default: out/NAME, by the session's name.")]
-Json = Annotated[bool, Parameter(help="Print the results as JSON.", negative="")]
-Jobs = Annotated[int, Parameter(help="How many sessions run at a time.", validator=Number(gte=1))]
-Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler. Default: this machine's cores.")]
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Place:
-    """Where a verb writes its results, and how it prints them."""
-
-    out: Out = None
-    json: Json = False
-
-
-BY_NAME = Place()
 
 
 def _run(session: Path, wanted: str, place: Place, *, whole: bool = False, **how: Any) -> None:
@@ -95,28 +75,9 @@ def process(
     from lab.session_place import is_output
 
     if not is_output(session) and (sessions := sessions_below(session)):
-        process_all(session, sessions, place.out, said, jobs=jobs, scheduler=scheduler, as_json=place.json)
+        process_all(session, sessions, place, said, jobs=jobs, scheduler=scheduler)
         return
     _run(session, "compare", place, whole=True, said=said, scheduler=scheduler)
-
-
-@app.command(sort_key=1)
-def series(
-    folder: Annotated[
-        Path,
-        Parameter(help='Folder of the sessions. Each session.toml has [series], such as factor = "iso", value = 400.'),
-    ],
-    /,
-    *,
-    place: Place = BY_NAME,
-    said: Settings = AS_BEFORE,
-    scheduler: Scheduler = None,
-    jobs: Jobs = 1,
-) -> None:
-    """Process sessions of one object in which one factor changes. Shows errors against it, real beside synthetic."""
-    from experiments.series import series as run_series
-
-    run_series(folder, place.out, said, jobs=jobs, scheduler=scheduler, as_json=place.json)
 
 
 @app.command(sort_key=2)
@@ -228,24 +189,40 @@ def rig(
     say(f"written: {out}. In session.toml of a session without balls: [lights] file = {file}")
 
 
-# Loaded when they are called: what their options are stands beside what they do.
-for name, place, told, key in (
-    ("init", "shoot.init.init_session:init_sessions",
-     "Look at a folder of photographs, ask what no file tells, and write its session.toml.", 0),
-    ("plan", "shoot.plan.run_plan:plan",
-     "Plan a shoot: where flashes and balls go, and which error to expect after each flash.", 0),
-    ("watch", "shoot.watch.watch_folder:watch_folder",
-     "Judge each photograph of a shoot within seconds, and write the session at the end.", 0),
-    ("export", "rgbn.export_command:export",
-     "Write lights, a relightable picture or the twin's scene for another program.", 9),
-    ("doctor", "rgbn.doctor:tell_findings",
-     "Say whether this machine can run rgbn, what to mend, and what makes it faster.", 11),
-):  # fmt: skip
-    app.command(place, name=name, help=told, sort_key=key, group_parameters=Group.create_default_parameters())
-app.command(sweep, sort_key=10)
-app.command(studio, sort_key=12)
+dataset = App(
+    name="dataset", help="Make, add and solve datasets with known truth.", help_flags=app.help_flags, version_flags=[],
+    sort_key=10,
+)  # fmt: skip
 app.command(dataset)
 app.command(tell_example, name="example", sort_key=2)
+# Loaded when they are called: what their options are stands beside what they do.
+for above, name, place, told, key in (
+    (app, "init", "shoot.init.init_session:init_sessions",
+     "Look at a folder of photographs, ask what no file tells, and write its session.toml.", 0),
+    (app, "plan", "shoot.plan.run_plan:plan",
+     "Plan a shoot: where flashes and balls go, and which error to expect after each flash.", 0),
+    (app, "watch", "shoot.watch.watch_folder:watch_folder",
+     "Judge each photograph of a shoot within seconds, and write the session at the end.", 0),
+    (app, "series", "experiments.series:series",
+     "Process sessions of one object in which one factor changes. Shows errors against it, real beside synthetic.", 1),
+    (app, "export", "rgbn.export_command:export",
+     "Write lights, a relightable picture or the twin's scene for another program.", 9),
+    (app, "sweep", "experiments.sweeps.sweep:sweep",
+     "Make one factor harder and harder, and show which method breaks where.", 10),
+    (app, "doctor", "rgbn.doctor:doctor",
+     "Say whether this machine can run rgbn, what to mend, and what makes it faster.", 11),
+    (app, "studio", "studio.server:studio",
+     "Work in the browser, from a folder of photographs to the verdict, or from models to a dataset.", 12),
+    (dataset, "list", "experiments.datasets.shelf:list_datasets",
+     "List the datasets, and which of them are on the shelf.", 1),
+    (dataset, "make", "experiments.datasets.make:make_named",
+     "Make datasets in the DiLiGenT layout, with true maps. Keeps what is current.", 2),
+    (dataset, "add", "experiments.datasets.shelf:add",
+     "Read a dataset's files and note it on the shelf. They stay where they are.", 3),
+    (dataset, "run", "experiments.datasets.run_methods:run",
+     "Solve datasets of the shelf. Writes a table of angular errors and a gallery.", 4),
+):  # fmt: skip
+    above.command(place, name=name, help=told, sort_key=key, group_parameters=Group.create_default_parameters())
 
 
 def main() -> None:

@@ -3,7 +3,6 @@
 import os
 import shutil
 from pathlib import Path
-from typing import NamedTuple
 
 from lab.progress import is_quiet
 from scene.current import libraries
@@ -11,42 +10,6 @@ from scene.errors import SceneError
 
 DISK_GB, MEMORY_GB = 25, 4
 """What a session of 60 frames of 24 megapixels takes, with its twin."""
-
-
-class Finding(NamedTuple):
-    """One check. mark: "ok"; "!" what works, but could be better; "X" what must be mended."""
-
-    mark: str
-    what: str
-    text: str
-
-
-def examine() -> list[Finding]:
-    """Return what was found; what is most often missing, the ray caster and the renderer, is really tried."""
-    found = []
-    for what, look in (("packages", _packages), ("renderer", _renderer), ("machine", _machine), ("disk", _disk)):
-        try:
-            mark, text = look()
-        except Exception as error:
-            mark, text = "X", f"{' '.join(str(error).split())}. Run: make setup"
-        found.append(Finding(mark, what, text))
-    return found
-
-
-def tell_findings() -> None:
-    """Print every check with its mark.
-
-    Raises SceneError: rgbn cannot run here.
-    """
-    findings = examine()
-    for finding in findings:
-        if not is_quiet() or finding.mark != "ok":
-            print(f"{finding.mark:2}  {finding.what:12}  {finding.text}")
-    if wrong := [finding.what for finding in findings if finding.mark == "X"]:
-        raise SceneError(f"doctor: this machine cannot run rgbn yet: {', '.join(wrong)}. Mend the lines marked X.")
-    better = " Lines marked ! could be better." if any(finding.mark == "!" for finding in findings) else ""
-    if not is_quiet():
-        print(f"rgbn can be used here.{better}")
 
 
 def _packages() -> tuple[str, str]:
@@ -80,3 +43,27 @@ def _disk() -> tuple[str, str]:
     free = shutil.disk_usage(Path.cwd()).free / 1e9
     room = f"{free:.0f} GB free here; a session of 60 x 24 MP takes about 11 GB, with its twin {DISK_GB} GB"
     return "ok" if free > DISK_GB else "!", room
+
+
+CHECKS = {"packages": _packages, "renderer": _renderer, "machine": _machine, "disk": _disk}
+"""Each returns a mark and a text: "ok"; "!": works, but could be better; "X": must be mended. What is most often
+missing, the ray caster and the renderer, is really tried."""
+
+
+def doctor() -> None:
+    """Print every check with its mark.
+
+    Raises SceneError: rgbn cannot run here.
+    """
+    marks = {}
+    for what, look in CHECKS.items():
+        try:
+            marks[what], text = look()
+        except Exception as error:
+            marks[what], text = "X", f"{' '.join(str(error).split())}. Run: make setup"
+        if not is_quiet() or marks[what] != "ok":
+            print(f"{marks[what]:2}  {what:12}  {text}")
+    if wrong := [what for what, mark in marks.items() if mark == "X"]:
+        raise SceneError(f"doctor: this machine cannot run rgbn yet: {', '.join(wrong)}. Mend the lines marked X.")
+    if not is_quiet():
+        print("rgbn can be used here." + " Lines marked ! could be better." * ("!" in marks.values()))

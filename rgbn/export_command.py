@@ -14,12 +14,12 @@ from formats.picture_files import srgb_from_linear
 from formats.relight_files import tell, terms, write_relight
 from formats.sfm_data import write_sfm
 from lab.job import Job
-from lab.options import AS_BEFORE, Settings, named
+from lab.options import AS_BEFORE, Out, Settings, named
 from lab.progress import is_quiet, say
 from lab.results import pixel_size_mm
 from lab.run import EXPORTED, STEPS, is_description, open_job, summed_up
 from lab.twin_step import twin_scene
-from rgbn.cli import SESSION, Out
+from rgbn.cli import SESSION
 from scene.errors import SceneError
 from scene.origin import Origin
 from scene.output_folder import open_record, own_folder
@@ -137,50 +137,26 @@ def _scene(scene: TwinScene, folder: Path) -> Made:
     return [made[0]], [*notes, f"{len(scene.lights)} lights, one at a time: {command}"]
 
 
-def choose_terms(directions: Array, values: NDArray[np.float32]) -> tuple[str, float]:
-    """Return the terms that predict left-out photographs best, and by how much they miss, rms.
-
-    Parameters
-    ----------
-    directions : (F, 3)
-    values : (F, S)
-        Some samples of the pictures, 0 to 1.
-
-    Raises
-    ------
-    SceneError
-        The lights are too few, or in one plane or ring, for any.
-
-    Notes
-    -----
-    The residual of a sample by a fit to all the others is r / (1 - h), h its element of the hat matrix' diagonal
-    [Allen1974].
-    """
-    missed = {}
-    for kind in ("ptm", "hsh"):
-        matrix = terms(kind, directions)
-        if len(matrix) > matrix.shape[1] and np.linalg.cond(matrix) < MOST_CONDITION:
-            hat = matrix @ np.linalg.pinv(matrix)
-            left_out = (values - hat @ values) / np.maximum(1 - np.diag(hat), 1e-6)[:, None]
-            missed[kind] = float(np.sqrt(np.mean(left_out**2)))
-    if not missed:
-        raise SceneError(
-            f"relight: {len(directions)} lights where these stand do not tell 6 terms of the light's direction. Seven "
-            "lights or more, not all on one ring, are needed."
-        )
-    kind = min(missed, key=missed.__getitem__)
-    return kind, missed[kind]
-
-
 def export_relight(store: Any, name: str) -> tuple[list[Path], list[str]]:
     """Write OUT/export/relight from a calibrated session; return the files, and notes: the error.
 
     The pictures that are fitted are those that people see: sRGB, each divided by its flash's intensity, and by its
     fall-off at the depth of the lights' reference point. Directions are those at the reference point, as a viewer has
-    one light for all pixels.
+    one light for all pixels. The residual of a sample by a fit to all other photographs is r / (1 - h), h the
+    photograph's element of the hat matrix' diagonal [Allen1974].
+
+    Raises SceneError: the lights are too few, or in one plane or ring, for the terms.
     """
     frames, lights, camera = store.load_frames(), store.load_lights(), store.load_camera()
     lights.check()
+    matrix = terms(lights.directions).astype(np.float32)
+    if len(matrix) <= matrix.shape[1] or np.linalg.cond(matrix) > MOST_CONDITION:
+        raise SceneError(
+            f"relight: {len(matrix)} lights where these stand do not tell {matrix.shape[1]} terms of the light's "
+            "direction. Seven lights or more, not all on one ring, are needed."
+        )
+    inverse = np.linalg.pinv(matrix)
+    unseen = 1 / np.maximum(1 - np.einsum("fk,kf->f", matrix, inverse), 1e-6)
     step = int(np.ceil(np.sqrt(max(1.0, frames.width * frames.height / MOST_PIXELS))))
     exposure = Exposure.for_frames(frames, white_value=lights.white_value)
     u, white = np.arange(0, frames.width, step), exposure.white * exposure.balance
@@ -194,22 +170,21 @@ def export_relight(store: Any, name: str) -> tuple[list[Path], list[str]]:
         return srgb_from_linear(np.clip(linear / np.maximum(strength, 1e-6) / white, 0, 1)).astype(np.float32)
 
     rows = range(0, frames.height, step)
-    some = np.concatenate([pictures(row) for row in rows[:: max(1, len(rows) // 24)]], 1)
-    kind, left_out = choose_terms(lights.directions, some.reshape(len(some), -1))
-    matrix = terms(kind, lights.directions).astype(np.float32)
-    inverse, folder = np.linalg.pinv(matrix), store.path("export", "relight")
+    folder = store.path("export", "relight")
     coefficients = np.stack([np.einsum("kf,fwc->kwc", inverse, pictures(row)) for row in rows], 1)
     pixel_mm = pixel_size_mm(camera, lights)
-    paths = write_relight(folder, name, kind, coefficients, lights.directions, pixel_mm and step * pixel_mm)
-    # By the files: what eight bits and JPEG cost is in it.
-    squares = [
-        float(np.mean((np.clip(np.einsum("fk,kwc->fwc", matrix, coefficients[:, i]), 0, 1) - pictures(row)) ** 2))
-        for i, row in enumerate(rows)
-    ]
-    rms = float(np.sqrt(np.mean(squares)))
+    paths = write_relight(folder, name, coefficients, lights.directions, pixel_mm and step * pixel_mm)
+    squares = []
+    for index, row in enumerate(rows):
+        values = pictures(row)
+        fitted = np.einsum("fk,kwc->fwc", matrix, np.einsum("kf,fwc->kwc", inverse, values))
+        # By the files: what eight bits and JPEG cost is in it.
+        shown = np.clip(np.einsum("fk,kwc->fwc", matrix, coefficients[:, index]), 0, 1)
+        squares.append((np.mean((shown - values) ** 2), np.mean(((values - fitted) * unseen[:, None, None]) ** 2)))
+    rms, left_out = np.sqrt(np.mean(squares, 0)).tolist()
     tell(folder, {"rms": rms, "left_out_rms": left_out})
     notes = [
-        f"relight: {kind}, {len(coefficients)} terms; misses the photographs by {100 * rms:.1f} % of white (rms, "
+        f"relight: {len(coefficients)} terms; misses the photographs by {100 * rms:.1f} % of white (rms, "
         f"sRGB), photographs that it was not fitted to by {100 * left_out:.1f} %",
         f"relight: {folder.name}/index.html shows it with OpenLIME's openlime.min.js, skin.svg and skin.css beside it, "
         "served over http",

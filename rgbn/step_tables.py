@@ -25,11 +25,6 @@ from scene.lights import Lights
 from scene.store import Store
 
 Values = Mapping[str, Any]
-NEXT = {
-    "check": "rgbn calibrate {0}", "calibrate": "rgbn align {0}",
-    "align": "rgbn solve {0}", "solve": "rgbn twin {0}", "twin": "rgbn compare {0}",
-    "compare": "look at {0}/report.html; rgbn studio {0}",
-}  # fmt: skip
 
 
 def check_tables(job: Job, summary: Values) -> Iterator[Any]:
@@ -136,14 +131,15 @@ def compare_tables(job: Job, summary: Values) -> Iterator[Any]:
     yield fact_table("", said | ({"surface": "by {method}; {scale}".format(**surface)} if surface else {}))
 
 
-TABLES: dict[str, Callable[[Job, Values], Iterator[Any]]] = {
-    "check": check_tables,
-    "calibrate": calibrate_tables,
-    "align": align_tables,
-    "solve": solve_tables,
-    "twin": twin_tables,
-    "compare": compare_tables,
+TABLES: dict[str, tuple[Callable[[Job, Values], Iterator[Any]], str]] = {
+    "check": (check_tables, "rgbn calibrate {0}"),
+    "calibrate": (calibrate_tables, "rgbn align {0}"),
+    "align": (align_tables, "rgbn solve {0}"),
+    "solve": (solve_tables, "rgbn twin {0}"),
+    "twin": (twin_tables, "rgbn compare {0}"),
+    "compare": (compare_tables, "look at {0}/report.html; rgbn studio {0}"),
 }
+"""Of each verb, and what comes next."""
 
 
 def tell(job: Job, summary: dict[str, Any], *, verb: str, as_json: bool = False, whole: bool = False) -> None:
@@ -161,12 +157,12 @@ def tell(job: Job, summary: dict[str, Any], *, verb: str, as_json: bool = False,
     whole : bool
         Show what every step found, not the verb's own alone.
     """
-    tables = [table for step in (TABLES if whole else [verb]) for table in TABLES[step](job, summary)]
+    tables = [table for step in (TABLES if whole else [verb]) for table in TABLES[step][0](job, summary)]
     # By the shorter way from here.
     folder, here = job.store.folder, Path(os.path.relpath(job.store.folder))
     near = str(folder if here.parts[:2] == ("..", "..") else here)
     has_twin = verb != "solve" or (folder / "pose.json").exists()
-    command = NEXT[verb if has_twin else "twin"].format(shlex.quote(near))
+    command = TABLES[verb if has_twin else "twin"][1].format(shlex.quote(near))
     show(*tables, fact_table("", {"written": near, "next": command}), hidden=as_json)
     if as_json:
         print(json.dumps(summary, indent=1))

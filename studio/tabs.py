@@ -13,6 +13,7 @@ from studio.studio_state import AREAS
 from studio.widgets import Row, button, plain, text
 
 Rows = Sequence[Row] | Callable[[Any], Sequence[Row]]
+TAB = {False: "tab", True: "open tab"}
 
 
 def tab_rows(tabs: Mapping[str, Rows], mark: Callable[[Any, str], str] = lambda window, name: "") -> tuple[Row, ...]:
@@ -20,7 +21,7 @@ def tab_rows(tabs: Mapping[str, Rows], mark: Callable[[Any, str], str] = lambda 
 
     def tab(name: str) -> Row:
         def show(window: Any) -> dict[str, Any]:
-            return {"label": f"{name} {mark(window, name)}".strip(), "kind": _kind(window.tab == name)}
+            return {"label": f"{name} {mark(window, name)}".strip(), "kind": TAB[window.tab == name]}
 
         return button(name, lambda window: window.open_tab(name), show, kind="tab")
 
@@ -29,10 +30,6 @@ def tab_rows(tabs: Mapping[str, Rows], mark: Callable[[Any, str], str] = lambda 
         return Row("folder", name, shown, start={"visible": False}, rows=rows)
 
     return *map(tab, tabs), *(folder(name, rows) for name, rows in tabs.items())
-
-
-def _kind(is_open: bool) -> str:
-    return "open tab" if is_open else "tab"
 
 
 def _past(label: str, use: Callable[[Any], Any], part: str) -> Row:
@@ -51,7 +48,7 @@ def _view(window: Any) -> str:
 
 HEADER = (
     *(button(area, lambda window, area=area: window.go(area),
-             lambda window, area=area: {"kind": _kind(window.area == area)}, kind="tab") for area in AREAS),
+             lambda window, area=area: {"kind": TAB[window.area == area]}, kind="tab") for area in AREAS),
     _past("Undo", lambda window: window.undo(), "past"),
     _past("Redo", lambda window: window.redo(), "future"),
     Row("html", show=_view),

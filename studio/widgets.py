@@ -10,11 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scene.lights import Lights
+from scene.rays import import_open3d
 
 UNITS_PER_MM = 0.01
 """The browser's view has clipping planes and gizmos for things a few units large."""
 NO_SHADOW = {"cast_shadow": False, "receive_shadow": False}
 """Shadows of the view's own lamps would be taken for the flashes'."""
+LIGHT, HELD = (250, 210, 60), (255, 150, 0)
+"""Of a lamp; of what a hand moves, or has moved, and of what is selected."""
 KINDS = {"main": "blue", "other": "gray", "danger": "red", "open tab": "indigo", "tab": "dark"}
 """Colours of buttons by their roles; `page/studio.css` knows them by these, and makes them plain."""
 
@@ -181,21 +184,15 @@ MOST_FACES = 70_000
 def display_mesh(vertices: NDArray[np.float64], faces: NDArray) -> tuple[NDArray[np.float64], NDArray]:
     """Return vertices (V, 3) and faces (F, 3) of a mesh, or of one that looks like it from afar.
 
-    Of one with more than `MOST_FACES` the vertices are gathered in the cells of a cubic grid [Rossignac1993], each at
-    its cell's mean; faces with two corners in one cell go. The grid is made coarser until few enough are left. An
-    outline moves by less than a cell.
+    Of one with more than `MOST_FACES` the vertices in a cell of a cubic grid become one [Rossignac1993]. The grid is
+    made coarser until few enough are left. An outline moves by less than a cell.
     """
-    low = vertices.min(0)
-    extent = float((vertices.max(0) - low).max()) or 1.0
+    if len(faces) <= MOST_FACES:
+        return vertices, faces
+    o3d = import_open3d()
+    whole = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(vertices), o3d.utility.Vector3iVector(faces))
     # A surface of area a few extents squared has about this many cells.
-    cells = int(np.sqrt(MOST_FACES / 2))
-    places, merged = vertices, faces
-    while len(merged) > MOST_FACES:
-        grid = ((vertices - low) * (cells / extent)).astype(np.int64)
-        keys = (grid[:, 0] * (cells + 1) + grid[:, 1]) * (cells + 1) + grid[:, 2]
-        _, cell, count = np.unique(keys, return_inverse=True, return_counts=True)
-        places = np.stack([np.bincount(cell, column) for column in vertices.T], 1) / count[:, None]
-        a, b, c = cell[faces].T
-        merged = cell[faces][(a != b) & (b != c) & (c != a)]
-        cells = int(0.8 * cells)
-    return places, merged
+    mesh, cell = whole, float(np.ptp(vertices, axis=0).max()) / np.sqrt(MOST_FACES / 2)
+    while len(mesh.triangles) > MOST_FACES:
+        mesh, cell = whole.simplify_vertex_clustering(cell), 1.25 * cell
+    return np.asarray(mesh.vertices), np.asarray(mesh.triangles)

@@ -161,21 +161,17 @@ class Window:
             now_s = time.monotonic() if held_s is None else held_s
             self.edits.history = self.edits.history.did(label, state, now_s, self._input or held_s)
 
-    def restore(self, history: History[Any]) -> None:
-        """Take a state of the past, or of the future, and show it."""
-        if self.edits is not None:
-            self.edits.history = history
-            self.refresh()
-
     def undo(self) -> None:
         """Take the last change back."""
-        if self.history is not None:
-            self.restore(self.history.undone())
+        if self.edits is not None:
+            self.edits.history = self.edits.history.undone()
+            self.refresh()
 
     def redo(self) -> None:
         """Make the change again that was taken back last."""
-        if self.history is not None:
-            self.restore(self.history.redone())
+        if self.edits is not None:
+            self.edits.history = self.edits.history.redone()
+            self.refresh()
 
     def job(self) -> RunningJob | None:
         """Return what the window's button begins; None: it has none."""

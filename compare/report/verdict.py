@@ -11,9 +11,8 @@ from compare.report.page import LEVELS, badge, plain, say, words
 from compare.statistics.counterparts import likeness
 from draw.readable import is_number, share
 
-DIRECTION_SIGMA_BARS_DEG = (1.0, 3.0)
-TRUTH_SIGMA_BARS_DEG = (1.0, 3.0)
-RESIDUAL_BARS_PX = (1.0, 3.0)
+DOUBT_BARS = (1.0, 3.0)
+"""Of sigmas of lights and ground truth, degrees, and of the outline's residual, px."""
 TILT_BAR_DEG = 1.0
 MEDIAN_BARS_DEG = (5.0, 10.0)
 """Median error up to which normals are called good, and beyond which not to be relied on."""
@@ -151,7 +150,7 @@ def _truth(summary: Summary, compared: Summary) -> Statement | None:
     if not told:
         return Statement("Ground truth", "unknown", say("truth", "unknown"))
     text = Markup(f"{told[0].upper()}{told[1:]}.")
-    levels = {level_of(residual, RESIDUAL_BARS_PX), level_of(sigma, TRUTH_SIGMA_BARS_DEG)}
+    levels = {level_of(residual, DOUBT_BARS), level_of(sigma, DOUBT_BARS)}
     level = next(name for name in ("bad", "care", "good", "unknown") if name in levels)
     if is_truths_own(compared):
         text += say("truth", "its own")
@@ -219,7 +218,7 @@ def _lights(summary: Summary, compared: Summary) -> Statement:
         reasons.append(plain(say("reasons", "flagged", count=len(flagged))))
     # Sigmas tell how far noise moves a direction; a frame that moved, or a lone ball, moves it further unseen.
     reasons += _warned(summary, "check", "calibrate")
-    return _statement("Lights", level_of(sigma, DIRECTION_SIGMA_BARS_DEG), Markup(" ").join(parts), reasons)
+    return _statement("Lights", level_of(sigma, DOUBT_BARS), Markup(" ").join(parts), reasons)
 
 
 def _lowered(level: str) -> str:

@@ -4,12 +4,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from cyclopts import Parameter
 
+from experiments.datasets.make import SHELF, Shelf
 from experiments.datasets.shelf import Entry, contents, contents_of, entries, select
 from experiments.tables import DATASETS, Row, Rows, errors_of
+from lab.many_sessions import PICTURE_PX
 from lab.options import BY_DEFAULT, DEFAULT_PROFILE, TIMEOUT_S, Solving
 from lab.progress import logged, say
 from scene.current import code_fingerprint, fingerprint
@@ -20,27 +23,33 @@ from scene.notebook import csv_text
 from scene.output_folder import open_record
 from scene.reading import json_of
 
-WIDTH = 160
-"""Of a picture of the gallery."""
 END_DEG = 20.0
 """Where the colours of error maps end: one scale for all, so that pictures can be compared."""
 
 
-def run(shelf: Path, patterns: Sequence[str], *, solving: Solving = BY_DEFAULT, out: Path) -> Rows:
+def run(
+    *,
+    on: Annotated[
+        list[str] | None,
+        Parameter(help="Datasets of the shelf, by names, patterns or benchmark. Default: all.", negative=""),
+    ] = None,
+    said: Solving = BY_DEFAULT,
+    shelf: Shelf = SHELF,
+    out: Annotated[Path, Parameter(alias="-o", help="Output folder.")] = Path("out") / "datasets-table",
+) -> Rows:
     """Run methods on datasets, as far as their results are not there yet; write table and page, and return the rows.
 
-    patterns: names of datasets that are on the shelf, patterns, `benchmark`; none: all of them. out gets results.csv
-    and index.html; results/ keeps each result, work/ what programs said. SceneError: no such dataset, method or
-    program; a dataset that has changed.
+    out gets results.csv and index.html; results/ keeps each result, work/ what programs said. SceneError: no such
+    dataset, method or program; a dataset that has changed.
     """
     # What an earlier run was told is not kept.
     solving = replace(
-        solving, profile=solving.profile or DEFAULT_PROFILE, external=solving.external or (),
-        external_timeout_s=solving.external_timeout_s or TIMEOUT_S, trust=None,
+        said, profile=said.profile or DEFAULT_PROFILE, external=said.external or (),
+        external_timeout_s=said.external_timeout_s or TIMEOUT_S, trust=None,
     )  # fmt: skip
     programs = solving.programs()
     names = [*solving.methods(), *programs]
-    there, rows, shown, code = _wanted(shelf, patterns), [], {}, code_fingerprint("experiments")
+    there, rows, shown, code = _wanted(shelf, on or []), [], {}, code_fingerprint("experiments")
     with open_record(out, origin="table of datasets") as record, logged(record):
         for number, entry in enumerate(there, 1):
             digest, kept = contents_of(shelf, entry), {}
@@ -60,6 +69,8 @@ def run(shelf: Path, patterns: Sequence[str], *, solving: Solving = BY_DEFAULT, 
         rows = [{key: row.get(key) for key in DATASETS} for row in rows]
         write_text(out / "results.csv", csv_text(rows))
         write_text(out / "index.html", _gallery(rows, shown))
+    print(results_text(rows), end="")
+    say(f"gallery: {out / 'index.html'}")
     return rows
 
 
@@ -116,7 +127,7 @@ def _row(name: str, profile: str, job: Any, dataset: str) -> Row:
     if row["status"] != "ok":
         return row
     error = angular_error_deg(np.where(judged[..., None], normals, np.nan), truth)
-    small = shrink(PixelBox.of_mask(judged, margin=0.03).of(error), WIDTH)
+    small = shrink(PixelBox.of_mask(judged, margin=0.03).of(error), PICTURE_PX)
     picture = data_uri(error_picture(small, END_DEG), photograph=False)
     return {**row, "seconds": facts["seconds"], "doubts": " ".join(facts["warnings"]), "picture": picture}
 
@@ -125,7 +136,7 @@ def _failed(name: str, profile: str | None, error: Exception) -> Row:
     return {"method": name, "profile": profile, "status": f"failed: {' '.join(str(error).split())}"}
 
 
-def results_text(rows: Rows, quantity: str = "mean_deg") -> str:
+def results_text(rows: Rows) -> str:
     """Return mean angular errors, degrees, as lines for a terminal, and what failed.
 
     The last line's means are over the datasets that every method solved: else a method gained by failing on what is
@@ -133,7 +144,7 @@ def results_text(rows: Rows, quantity: str = "mean_deg") -> str:
     """
     from pandas import DataFrame
 
-    table = DataFrame(rows).pivot(index="dataset", columns="method", values=quantity).astype(float)
+    table = DataFrame(rows).pivot(index="dataset", columns="method", values="mean_deg").astype(float)
     table = table.loc[
         list(dict.fromkeys(row["dataset"] for row in rows)), list(dict.fromkeys(r["method"] for r in rows))
     ]
@@ -153,10 +164,10 @@ def _figures(entry: Entry, errors: Mapping[str, str]) -> str:
     _, image, mask, normals = contents(entry.folder)
     colours = image[..., :3] if image.ndim == 3 else np.repeat(image[..., None], 3, -1)
     box = PixelBox.of_mask(mask, margin=0.03)
-    small = shrink(box.of(colours).astype(np.float32), WIDTH)
+    small = shrink(box.of(colours).astype(np.float32), PICTURE_PX)
     shown = Exposure(max(float(np.quantile(small.max(-1), 0.995)), 1e-6), np.ones(3)).develop(small)
     pictures = {"photograph": data_uri(shown, photograph=True)}
-    pictures |= {"true normals": data_uri(normal_picture(box.of(normals), WIDTH), photograph=False)}
+    pictures |= {"true normals": data_uri(normal_picture(box.of(normals), PICTURE_PX), photograph=False)}
     return "".join(
         f'<figure><img src="{uri}" alt=""><figcaption>{escape(words)}</figcaption></figure>'
         for words, uri in (pictures | dict(errors)).items()

@@ -4,7 +4,7 @@ import os
 import shlex
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -37,18 +37,10 @@ MOST = 12
 COLOURS = {"chrome": (90, 220, 255), "white": (255, 190, 60)}
 
 
-class Made(NamedTuple):
-    """A session that was written: what was found, its file, and its contact sheet."""
-
-    draft: Draft
-    manifest: Path
-    sheet: Path
-
-
 def init_sessions(
     folder: Path, /, *, yes: Annotated[bool, Parameter(alias="-y", negative="")] = False, told: Answers = NOTHING
-) -> list[Made]:
-    """Write a session.toml for a folder, or one for each object's subfolder: `rgbn init`.
+) -> list[tuple[Draft, Path, Path]]:
+    """Write a session.toml for a folder, or one for each object's subfolder; return each with its draft and sheet.
 
     One that rgbn wrote and nobody changed is written anew: what it says holds where nothing else is said.
 
@@ -87,13 +79,13 @@ def init_sessions(
         out = default_out(origin, draft.folder.name)
         with open_record(out, origin=origin, input_folders=[draft.folder]) as record:
             sheet = write_sheet(draft, record)
-        made.append(Made(draft, write_manifest(draft), sheet))
-    for one in made:
-        print(f"written  {one.manifest}")
-        print(f"         {one.sheet}: the balls in circles; look whether all are found")
-    for one in made:
-        place = shlex.quote(str(one.draft.folder))
-        unknown = sorted({f" --{ball.kind} MM" for ball in one.draft.balls if ball.diameter_mm is None})
+        made.append((draft, write_manifest(draft), sheet))
+    for _, manifest, sheet in made:
+        print(f"written  {manifest}")
+        print(f"         {sheet}: the balls in circles; look whether all are found")
+    for draft, _, _ in made:
+        place = shlex.quote(str(draft.folder))
+        unknown = sorted({f" --{ball.kind} MM" for ball in draft.balls if ball.diameter_mm is None})
         if unknown:
             print(f"tell     rgbn init {place}{''.join(unknown)}: diameters, for the lights' positions")
         print(f"next     rgbn process {place}")

@@ -19,14 +19,23 @@ from lab.session_place import is_output, is_session
 from lab.terminal_tables import cells_of, number_table, show
 from scene.errors import SceneError
 from scene.files import plain, write_json, write_text
-from scene.lights import known_median
+from scene.lights import Lights, known_median
 from scene.mesh import Mesh
 from scene.origin import Origin
 from scene.output_folder import open_record, own_folder
 from scene.record import Record
 from shoot.plan.plan_options import AS_USUAL, PlanOptions
-from shoot.plan.set_up import EXPOSURE, GOOD_PX, LEAST_PX, SetUp, before_camera, corner_balls, lens_camera, pixels_of
-from shoot.plan.shoot_plan import ShootPlan, plan_shoot
+from shoot.plan.set_up import (
+    EXPOSURE,
+    GOOD_PX,
+    LEAST_PX,
+    ObjectPixels,
+    before_camera,
+    corner_balls,
+    lens_camera,
+    pixels_of,
+)
+from shoot.plan.shoot_plan import Predicted, plan_shoot
 from shoot.plan.under_way import UnderWay, session_so_far
 from twin.camera.virtual_camera import Sensor
 from twin.description.object_mesh import built_in
@@ -95,26 +104,29 @@ def run_plan(source: Path | None, options: PlanOptions, *, out: Path | None = No
             )
         with open_job(source, out=out) as job:
             so_far = session_so_far(job)
-            return _written(job.record, plan_shoot(so_far, so_far.within(options)), name, source)
-    set_up = _new_set_up(source, options)
+            return _written(job.record, so_far, so_far.within(options), name, source)
+    pixels = _new_pixels(source, options)
     usual, origin = Path("out") / "plan-sphere", "plan"
     if source is not None:
         origin = Origin("scan", source.resolve())
         usual = own_folder(Path("out") / f"plan-{source.stem}", origin)
     with open_record(out or usual, origin=origin, inputs=[] if source is None else [source]) as record:
-        begun = UnderWay.begun(pixels_of(set_up), corner_balls(set_up, options.ball_mm))
-        return _written(record, plan_shoot(begun, options), name, source)
+        begun = UnderWay.begun(pixels, corner_balls(pixels, options.ball_mm))
+        return _written(record, begun, options, name, source)
 
 
-def _written(record: Record, plan: ShootPlan, name: str, source: Path | None) -> dict[str, Any]:
-    facts = plan_facts(plan) | {"name": name, "source": None if source is None else str(source)}
+def _written(record: Record, so_far: UnderWay, options: PlanOptions, name: str, source: Path | None) -> dict[str, Any]:
+    facts = plan_facts(so_far, *plan_shoot(so_far, options)) | {
+        "name": name,
+        "source": None if source is None else str(source),
+    }
     with record.part_of("plan"):
         write_json(record.folder / "plan.json", facts)
         write_text(record.folder / "plan.html", plan_page(facts))
     return facts | {"folder": str(record.folder)}
 
 
-def _new_set_up(source: Path | None, options: PlanOptions) -> SetUp:
+def _new_pixels(source: Path | None, options: PlanOptions) -> ObjectPixels:
     if source is None:
         ball = built_in("sphere")
         mesh = Mesh(ball.vertices * options.size_mm / 2, ball.faces)
@@ -134,28 +146,28 @@ def _new_set_up(source: Path | None, options: PlanOptions) -> SetUp:
         f"camera: {options.focal_mm:g} mm on {options.sensor_mm:g} mm, {lens.width} x {lens.height} px; {where}",
         f"noise of a usual sensor at ISO {options.iso:g}",
     )
-    return SetUp(lens, mesh, replace(Sensor(), iso=options.iso), options.albedo, said=said)
+    return pixels_of(lens, mesh, albedo=options.albedo, sensor=replace(Sensor(), iso=options.iso), said=said)
 
 
-def plan_facts(plan: ShootPlan) -> dict[str, Any]:
+def plan_facts(so_far: UnderWay, lights: Lights, predictions: list[Predicted | None]) -> dict[str, Any]:
     """Return the plan."""
-    set_up, result = plan.so_far.pixels.set_up, plan.predicted[-1]
-    camera, middle = set_up.camera, set_up.middle_mm
+    pixels, result = so_far.pixels, predictions[-1]
+    camera, middle = pixels.camera, pixels.middle_mm
     if result is not None and result.error_deg >= 90:
         result = None
-    rows = plan.lights.facts()["frames"]
-    for number, (row, predicted) in enumerate(zip(rows, plan.predicted, strict=True), 1):
+    rows = lights.facts()["frames"]
+    for number, (row, predicted) in enumerate(zip(rows, predictions, strict=True), 1):
         away = row["position_mm"] - middle
         row |= {
             "number": number,
-            "there": "there" if number <= len(plan.so_far.lights) else "",
+            "there": "there" if number <= len(so_far.lights) else "",
             "clock": clock(row["azimuth_deg"]),
-            "height_cm": (row["position_mm"][2] - set_up.table_mm) / 10,
+            "height_cm": (row["position_mm"][2] - pixels.table_mm) / 10,
             "aside_cm": np.hypot(*away[:2]) / 10,
             "error_median_deg": None if predicted is None or predicted.error_deg >= 90 else predicted.error_deg,
         }
     balls = []
-    for sphere in plan.so_far.spheres:
+    for sphere in so_far.spheres:
         # Where a ball of unknown size stands nobody knows.
         if sphere.diameter_mm:
             right, up, _ = (sphere.center_mm(camera) - middle) / 10
@@ -163,22 +175,22 @@ def plan_facts(plan: ShootPlan) -> dict[str, Any]:
             balls.append(told | {"center_px": sphere.center_px, "right_cm": right, "up_cm": up})
     facts = {
         "flashes": rows,
-        "there": len(plan.so_far.lights),
+        "there": len(so_far.lights),
         "error_median_deg": None if result is None else result.error_deg,
         "by_noise_deg": None if result is None else np.median(result.by_noise_deg),
         "by_lights_deg": None if result is None else np.median(result.by_lights_deg),
-        "lights_sigma_deg": known_median(plan.lights.direction_sigma_deg),
+        "lights_sigma_deg": known_median(lights.direction_sigma_deg),
         "balls": balls,
         "camera": {"width": camera.width, "height": camera.height, "distance_mm": np.linalg.norm(middle)},
         "object": {
-            "size_mm": set_up.size_mm,
+            "size_mm": pixels.size_mm,
             "mm_per_px": None if camera.is_orthographic else -middle[2] / camera.fx,
-            "albedo": set_up.albedo,
+            "albedo": np.median(pixels.albedo),
         },
         "flash_mm": np.median([row["distance_mm"] for row in rows]),
         "white_ball_value": EXPOSURE,
-        "said": set_up.said,
-        "warnings": _warnings(plan),
+        "said": pixels.said,
+        "warnings": _warnings(so_far, min(row["distance_mm"] for row in rows), predictions[-1]),
     }
     return plain(facts)
 
@@ -189,22 +201,21 @@ def clock(azimuth_deg: float) -> str:
     return f"{(quarters // 4) or 12}:{15 * (quarters % 4):02d}"
 
 
-def _warnings(plan: ShootPlan) -> list[str]:
-    """Return what is to be looked at before the shoot."""
-    found, result = [], plan.predicted[-1]
+def _warnings(so_far: UnderWay, nearest: float, result: Predicted | None) -> list[str]:
+    """Return what is to be looked at before the shoot; `nearest`: of the flashes, mm."""
+    found = []
     if result is not None and (told := float((result.sigma_deg < 90).mean())) < 0.995:
         found.append(
             f"{1 - told:.1%} of the object is lit by fewer than three of the flashes, and has no normal: lower "
             "flashes (--to-deg), or a second view."
         )
-    smallest = min((sphere.radius_px for sphere in plan.so_far.spheres), default=LEAST_PX)
+    smallest = min((sphere.radius_px for sphere in so_far.spheres), default=LEAST_PX)
     if smallest < LEAST_PX:
         found.append(
             f"balls of {smallest:.0f} px in radius are not found surely: {LEAST_PX:g} px are needed, {GOOD_PX:g} are "
             "good. Larger balls, or a nearer camera."
         )
-    depth = float(np.ptp(plan.so_far.pixels.points[:, 2]))
-    nearest = min(row["distance_mm"] for row in plan.lights.facts()["frames"])
+    depth = float(np.ptp(so_far.pixels.points[:, 2]))
     if depth > 0.1 * nearest:
         found.append(
             f"the object is {depth:.0f} mm deep under flashes {nearest:.0f} mm away. Solve with --method near, which "

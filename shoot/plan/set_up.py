@@ -1,7 +1,7 @@
 """What is photographed by what camera, with flashes and balls where; what each flash shows of pixels, how noisily."""
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,51 +43,6 @@ LEAST_PX, GOOD_PX = 20.0, 60.0
 """Radius under which some balls are not found, and from which all are: docs/guide/shopping-list.md."""
 GAP = 0.3
 """Radii between a ball and the picture's border."""
-
-
-@dataclass(frozen=True, eq=False)
-class SetUp:
-    """Object, camera, exposure, noise.
-
-    Parameters
-    ----------
-    camera : Camera
-    mesh : Mesh
-        The object in the camera frame, mm.
-    sensor : Sensor
-        Whose photon and read noise the photographs have.
-    albedo : float
-        Reflectance of the object; a white ball has 0.8.
-    white_value : float
-        Pixel value of a surface of reflectance 1 that faces the mean flash.
-    is_mosaic : bool
-        Two of three colours are interpolated, which averages noise.
-    said : tuple of str
-        Where each of these comes from.
-    """
-
-    camera: Camera
-    mesh: Mesh
-    sensor: Sensor = field(default_factory=Sensor)
-    albedo: float = AS_USUAL.albedo
-    white_value: float = EXPOSURE / WHITE_BALL_ALBEDO
-    is_mosaic: bool = True
-    said: tuple[str, ...] = ()
-
-    @property
-    def middle_mm(self) -> Array:
-        """(3,) the object's middle, where directions are wanted."""
-        return self.mesh.center_mm
-
-    @property
-    def table_mm(self) -> float:
-        """Z of the table: the object's farthest point; the table is taken to face the camera."""
-        return float(self.mesh.vertices[:, 2].min())
-
-    @property
-    def size_mm(self) -> float:
-        """The object's largest extent across the view."""
-        return float(np.ptp(self.mesh.vertices[:, :2], axis=0).max())
 
 
 def lens_camera(focal_mm: float, sensor_mm: float, pixels: tuple[int, int]) -> Camera:
@@ -143,18 +98,40 @@ def lights_at(positions: Array, reference: Array) -> Lights:
 
 @dataclass(frozen=True, eq=False)
 class ObjectPixels:
-    """The object's pixels for which a plan is made.
+    """An object before a camera, and those of its pixels for which a plan is made.
 
-    `scatter`: standard deviation of a sample about its shading beside the sensor's noise, as a share of it.
+    `white_value`: of a pixel that shows a surface of reflectance 1 facing the mean flash. `is_mosaic`: two of three
+    colours are interpolated, which averages noise. `scatter`: standard deviation of a sample about its shading beside
+    the sensor's noise, as a share of it. `said`: where each of these comes from.
     """
 
-    set_up: SetUp
+    camera: Camera
+    mesh: Mesh  # in the camera frame, mm
     points: Array  # (P, 3) mm
     normals: Array  # (P, 3) unit
     flat: Array  # (P, 3) the faces' own normals
-    albedo: Array  # (P,)
+    albedo: Array  # (P,) reflectance; a white ball has 0.8
+    sensor: Sensor = field(default_factory=Sensor)  # whose photon and read noise the photographs have
+    white_value: float = EXPOSURE / WHITE_BALL_ALBEDO
+    is_mosaic: bool = True
     casts_shadows: bool = True
     scatter: float = 0.0
+    said: tuple[str, ...] = ()
+
+    @property
+    def middle_mm(self) -> Array:
+        """(3,) the object's middle, where directions are wanted."""
+        return self.mesh.center_mm
+
+    @property
+    def table_mm(self) -> float:
+        """Z of the table: the object's farthest point; the table is taken to face the camera."""
+        return float(self.mesh.vertices[:, 2].min())
+
+    @property
+    def size_mm(self) -> float:
+        """The object's largest extent across the view."""
+        return float(np.ptp(self.mesh.vertices[:, :2], axis=0).max())
 
     @property
     def b(self) -> Array:
@@ -166,32 +143,33 @@ class ObjectPixels:
 
         Notes
         -----
-        value = white x intensity x albedo n.l; white is `SetUp.white_value`. Its variance is value /
+        value = white x intensity x albedo n.l; white is `white_value`. Its variance is value /
         electrons + read^2; gray is the channels' mean by `GRAY`, each divided by the intensity.
         """
-        set_up, sensor = self.set_up, self.set_up.sensor
+        sensor = self.sensor
         vectors = np.asarray(lights.toward(self.points))
         shade = np.einsum("fpi,pi->fp", vectors, self.normals)
         if self.casts_shadows:
-            attached, cast = Sight(set_up.mesh, set_up.camera, lights).shadows(self.points, self.normals, self.flat)
+            attached, cast = Sight(self.mesh, self.camera, lights).shadows(self.points, self.normals, self.flat)
             seen = ~(attached | cast).T
         else:
             seen = shade > 0
-        body, white = self.albedo * np.maximum(shade, 0), set_up.white_value * lights.intensities.mean(1)[:, None]
+        body, white = self.albedo * np.maximum(shade, 0), self.white_value * lights.intensities.mean(1)[:, None]
         seen &= shade > SHADOWED * np.quantile(np.where(seen, shade, 0), 0.75, axis=0)
         neutral = np.array(sensor.neutral)
         value = white * body
         read = sensor.noise_e / sensor.white_e
-        kept = LEFT_BY_MOSAIC if set_up.is_mosaic else np.ones(3)
+        kept = LEFT_BY_MOSAIC if self.is_mosaic else np.ones(3)
         variance = np.einsum("c,fpc->fp", GRAY**2 * kept, value[..., None] * neutral / sensor.white_e + read**2)
         noise = np.hypot(np.sqrt(variance) / (white * (GRAY @ neutral)), self.scatter * body)
         seen &= value < 1
         return ShownObject(vectors, noise, seen)
 
 
-def pixels_of(set_up: SetUp, count: int = PIXELS) -> ObjectPixels:
-    """Return some of the pixels that show the object, evenly in the picture."""
-    camera, mesh = set_up.camera, set_up.mesh
+def pixels_of(
+    camera: Camera, mesh: Mesh, count: int = PIXELS, *, albedo: float = AS_USUAL.albedo, **known: Any
+) -> ObjectPixels:
+    """Return some of the pixels that show the object, evenly in the picture; `known`: fields of `ObjectPixels`."""
     corners = camera.project(mesh.vertices)
     low = np.floor(np.nanmin(corners, 0)).clip(0, [camera.width - 1, camera.height - 1])
     high = np.ceil(np.nanmax(corners, 0)).clip(1, [camera.width, camera.height])
@@ -212,8 +190,8 @@ def pixels_of(set_up: SetUp, count: int = PIXELS) -> ObjectPixels:
     flat = mesh.face_normals[face]
     toward = np.array([[0.0, 0.0, 1.0]]) if camera.is_orthographic else unit(-points)
     good = (np.sum(normals * toward, 1) > RIM) & (np.sum(flat * toward, 1) > 0)
-    albedo = np.full(int(good.sum()), set_up.albedo)
-    return ObjectPixels(set_up, points[good], normals[good], flat[good], albedo)
+    reflectances = np.full(int(good.sum()), albedo)
+    return ObjectPixels(camera, mesh, points[good], normals[good], flat[good], reflectances, **known)
 
 
 def places_in_reach(options: PlanOptions, middle: Array, size_mm: float, count: int = CANDIDATES) -> Array:
@@ -261,12 +239,12 @@ def out_of_view(camera: Camera, positions: Array) -> Array:
     return outside
 
 
-def corner_balls(set_up: SetUp, diameter_mm: float | None) -> list[Sphere]:
+def corner_balls(pixels: ObjectPixels, diameter_mm: float | None) -> list[Sphere]:
     """Return three chrome balls and a white one on the table, in the picture's corners; None: large enough.
 
     Raises SceneError: there is no room for them.
     """
-    camera, away = set_up.camera, -set_up.table_mm
+    camera, away = pixels.camera, -pixels.table_mm
     diameter = diameter_mm or max(USUAL_MM, float(np.ceil(2 * GOOD_PX * away / (camera.fx + GOOD_PX))))
     depth = diameter / 2 - away
     if depth >= 0:

@@ -1,6 +1,6 @@
 """The plan: which flashes, in which order, and what they give."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +24,8 @@ from solve.design.normal_information import (
 Array = NDArray[np.float64]
 RAYLEIGH_MEDIAN = float(np.sqrt(2 * np.log(2)))
 """Median of an angle whose two components have the standard deviation 1."""
-FEWEST = 3
+TOLD_BY = 3
+"""Flashes that tell a normal."""
 FAR_MM = 1000.0
 """Where a light without a position is put."""
 
@@ -40,25 +41,6 @@ class Predicted(NamedTuple):
     def error_deg(self) -> float:
         """Median angle between the normals and the truth that is to be expected."""
         return float(RAYLEIGH_MEDIAN * np.median(self.sigma_deg))
-
-
-@dataclass(frozen=True, eq=False)
-class ShootPlan:
-    """Flashes in the order in which they help most.
-
-    Parameters
-    ----------
-    so_far : UnderWay
-        What is there: the flashes of which the first are.
-    lights : Lights
-        First the flashes that there are already, then those that help most; as well known as the balls tell them.
-    predicted : list of Predicted or None
-        After each of them, with those before; None before the third.
-    """
-
-    so_far: UnderWay
-    lights: Lights
-    predicted: list[Predicted | None]
 
 
 def light_slopes(positions: Array, reference: Array, points: Array, b: Array) -> Array:
@@ -92,7 +74,7 @@ def predict(pixels: ObjectPixels, shown: ShownObject, slopes: Array, covariance:
     `slopes` (F, P, K), `covariance` (F, K, F, K): see `solve.design.normal_information.lights_covariance`.
     """
     pull = pulls(shown.vectors, shown.seen.astype(np.float64))
-    told = np.isfinite(pull[0, :, 0]) & (shown.seen.sum(0) >= FEWEST)
+    told = np.isfinite(pull[0, :, 0]) & (shown.seen.sum(0) >= TOLD_BY)
     sigma = np.full((3, len(told)), 90.0)
     if told.any():
         by_noise = noise_covariance(pull[:, told], shown.noise[:, told])
@@ -102,7 +84,7 @@ def predict(pixels: ObjectPixels, shown: ShownObject, slopes: Array, covariance:
     return Predicted(*sigma)
 
 
-def plan_shoot(so_far: UnderWay, options: PlanOptions) -> ShootPlan:
+def plan_shoot(so_far: UnderWay, options: PlanOptions) -> tuple[Lights, list[Predicted | None]]:
     """Return the flashes that one after the other help most, and what they give.
 
     As many as wanted, one more than there are at least.
@@ -114,14 +96,21 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> ShootPlan:
     options : PlanOptions
         How many flashes, and where they can be.
 
+    Returns
+    -------
+    lights : Lights
+        First the flashes that there are already, then those that help most; as well known as the balls tell them.
+    predicted : list of Predicted or None
+        After each of them, with those before; None before the third.
+
     Raises
     ------
     SceneError
         Too few places are in reach and out of the picture.
     """
     pixels, there, n = so_far.pixels, so_far.lights, len(so_far.lights)
-    set_up, middle = pixels.set_up, pixels.set_up.middle_mm
-    candidates = out_of_view(set_up.camera, places_in_reach(options, middle, set_up.size_mm))
+    camera, middle = pixels.camera, pixels.middle_mm
+    candidates = out_of_view(camera, places_in_reach(options, middle, pixels.size_mm))
     placed = middle + FAR_MM * there.directions if there.positions_mm is None else there.positions_mm
     both = zip(so_far.shown, pixels.under(lights_at(candidates, middle)), strict=True)
     shown = ShownObject._make(map(np.concatenate, both))
@@ -130,7 +119,7 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> ShootPlan:
     def known_lights(flashes: NDArray) -> PredictedLights:
         if n and not so_far.has_known_balls:
             return known_alike(there, positions[flashes], middle)
-        return predict_lights(set_up.camera, so_far.spheres, positions[flashes], middle)
+        return predict_lights(camera, so_far.spheres, positions[flashes], middle)
 
     slopes = light_slopes(positions, middle, pixels.points, pixels.b)
     # To the samples' noise comes the error of each flash's own calibration.
@@ -140,12 +129,12 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> ShootPlan:
     start = known_before(pixels.b, information(shown.vectors[:n], noise[:n], shown.seen[:n]) if n else None)
     chosen = choose_flashes(pixels.b, start, *rest, max(options.flashes - n, 1))
     order = np.concatenate([np.arange(n), n + exchange_flashes(pixels.b, start, *rest, chosen)])
-    predicted: list[Predicted | None] = [None] * min(len(order), max(FEWEST, n) - 1)
+    predicted: list[Predicted | None] = [None] * min(len(order), max(TOLD_BY, n) - 1)
     for used in range(len(predicted) + 1, len(order) + 1):
         some = order[:used]
         predicted.append(predict(pixels, shown.only(some), slopes[some], joint_covariance(known_lights(some))))
     lights = replace(lights_at(positions[order], middle), direction_sigma_deg=known_lights(order).direction_sigma_deg)
-    return ShootPlan(so_far, lights, predicted)
+    return lights, predicted
 
 
 def next_flash(so_far: UnderWay, camera: Camera, lights: Lights) -> tuple[dict[str, Any], Array]:
@@ -171,16 +160,14 @@ def next_flash(so_far: UnderWay, camera: Camera, lights: Lights) -> tuple[dict[s
     SceneError
         No place in reach is out of the picture.
     """
-    pixels = so_far.pixels
-    so_far = so_far._replace(pixels=replace(pixels, set_up=replace(pixels.set_up, camera=camera)))
-    plan = plan_shoot(so_far, replace(so_far.within(AS_USUAL), flashes=0))
-    now, then = plan.predicted[-2:]
+    so_far = so_far._replace(pixels=replace(so_far.pixels, camera=camera))
+    planned, (*_, now, then) = plan_shoot(so_far, replace(so_far.within(AS_USUAL), flashes=0))
     assert now is not None
     assert then is not None
     is_near = lights.positions_mm is not None
-    here = lights.reference_point_mm if is_near else pixels.set_up.middle_mm
-    assert plan.lights.positions_mm is not None
-    row = lights_at(plan.lights.positions_mm[-1:], here).facts()["frames"][0]
+    here = lights.reference_point_mm if is_near else so_far.pixels.middle_mm
+    assert planned.positions_mm is not None
+    row = lights_at(planned.positions_mm[-1:], here).facts()["frames"][0]
     told = {"zenith_deg": row["zenith_deg"], "azimuth_deg": row["azimuth_deg"]}
     distance = row["distance_mm"] if is_near else None
     return told | {"distance_mm": distance, "sigma_deg": float(np.median(then.sigma_deg))}, now.sigma_deg

@@ -1,7 +1,7 @@
 """A shoot under way: its object, noise and flashes so far, as the set-up of the flashes that follow."""
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.spheres import Sphere
 from shoot.plan.plan_options import PlanOptions
-from shoot.plan.set_up import PIXELS, ObjectPixels, SetUp, ShownObject, pixels_of
+from shoot.plan.set_up import PIXELS, ObjectPixels, ShownObject, pixels_of
 from solve.samples import GRAY
 from twin.camera.grain import sensor_like
 
@@ -62,13 +62,13 @@ class UnderWay(NamedTuple):
         """Whether the balls predict how well further flashes will be known: two mirrors, which tell ranges."""
         chrome = [sphere for sphere in self.spheres if sphere.kind == "chrome"]
         known = len(chrome) > 1 and all(sphere.diameter_mm for sphere in chrome)
-        return known and self.lights.positions_mm is not None and not self.pixels.set_up.camera.is_orthographic
+        return known and self.lights.positions_mm is not None and not self.pixels.camera.is_orthographic
 
     def within(self, options: PlanOptions) -> PlanOptions:
         """Return options whose flashes, where they are at no distance, are at that of the flashes so far."""
         if options.flash_mm is not None or self.lights.positions_mm is None:
             return options
-        away = self.lights.positions_mm - self.pixels.set_up.middle_mm
+        away = self.lights.positions_mm - self.pixels.middle_mm
         return replace(options, flash_mm=float(np.median(np.linalg.norm(away, axis=1))))
 
 
@@ -131,25 +131,23 @@ def under_way(
     some = np.linspace(0, len(rows) - 1, min(count, len(rows))).astype(int)
     places = np.stack([columns[some], rows[some]], -1)
     points = camera.points_at_depth(places, float(lights.reference_point_mm[2]) or -1000.0)
-    set_up = SetUp(
-        camera, mesh or Mesh(points, np.zeros((0, 3), np.int64)), sensor_like(frames),
-        white_value=1.0, is_mosaic=frames.is_mosaic,
-        said=(f"{len(lights)} flashes so far; noise measured on the frames",
-              "object: registered scan" if mesh else f"object: normals by {estimate.method}, no cast shadows"),
-    )  # fmt: skip
+    known_by = "object: registered scan" if mesh else f"object: normals by {estimate.method}, no cast shadows"
+    said = f"{len(lights)} flashes so far; noise measured on the frames", known_by
+    how: Any = {"sensor": sensor_like(frames), "white_value": 1.0, "is_mosaic": frames.is_mosaic, "said": said}
     if mesh is not None:
-        pixels = pixels_of(set_up, count)
+        pixels = pixels_of(camera, mesh, count, **how)
         places = np.rint(camera.project(pixels.points)).astype(np.int64).clip(0, [camera.width - 1, camera.height - 1])
     else:
         normals = np.asarray(estimate.normals[rows[some], columns[some]], np.float64)
-        pixels = ObjectPixels(set_up, points, normals, normals, np.ones(len(some)), False)
+        mesh = Mesh(points, np.zeros((0, 3), np.int64))
+        pixels = ObjectPixels(camera, mesh, points, normals, normals, np.ones(len(some)), casts_shadows=False, **how)
     # Intensities are those at the object's middle from here on, each channel's mean 1: albedo takes the factor.
-    at_middle = np.linalg.norm(lights.at(set_up.middle_mm[None])[:, 0], axis=-1).mean(0)
-    lights = lights.seen_from(set_up.middle_mm)
+    at_middle = np.linalg.norm(lights.at(pixels.middle_mm[None])[:, 0], axis=-1).mean(0)
+    lights = lights.seen_from(pixels.middle_mm)
     known_albedo = estimate.albedo @ (at_middle * GRAY).astype(np.float32)
     usual, (u, v) = float(np.median(known_albedo[known])), places.T
     albedo = np.where(known[v, u], known_albedo[v, u], usual).astype(np.float64)
-    pixels = replace(pixels, set_up=replace(set_up, albedo=usual), albedo=albedo)
+    pixels = replace(pixels, albedo=albedo)
     found = [frames.read_pixels(i, v, u) for i in range(len(frames))]
     gray = [(linear / intensity) @ GRAY for (linear, _), intensity in zip(found, lights.intensities, strict=True)]
     samples, clipped = np.array(gray, np.float64), np.array([clipped for _, clipped in found])

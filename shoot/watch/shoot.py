@@ -31,7 +31,7 @@ from scene.frames import Frames
 from scene.lights import Lights
 from shoot.init.answers import Asking
 from shoot.init.prepare import drafted, with_diameters
-from shoot.plan.shoot_plan import next_flash
+from shoot.plan.shoot_plan import TOLD_BY, next_flash
 from shoot.plan.under_way import under_way
 from shoot.watch.taken import Shot, sort_shots
 from solve.solve import solve
@@ -41,8 +41,6 @@ LOOKED_BACK = 12
 FEWEST = 8
 """Frames from which on a movement is sought, and said what is no frame's own: among fewer, light that moves looks like
 it."""
-TOLD_BY = 3
-"""Flashes that tell a normal."""
 FIRST, BALLS_AGAIN, OBJECT_AGAIN = 4, 3, 2
 """Frames with which balls and object are first looked for; how many times as many there are when they are again."""
 PIXELS = 4000

@@ -88,9 +88,9 @@ class Screen:
                 scaled = with_colour_scale(error_picture(shoot.sigma_deg, end), end, "sigma of the normals")
                 write_png(self._out / MAP, scaled)
             lights, ambient = shoot.lights.facts() if shoot.lights else None, len(shoot.roles["ambient"])
-            status = {"flash": len(shoot.flash), "ambient": ambient, "warnings": self._warnings}
+            lines = state_lines(shoot, known)
+            status = {"flash": len(shoot.flash), "ambient": ambient, "warnings": self._warnings, "told": lines}
             write_json(self._out / STATUS, {"is_over": is_over, **status, "lights": lights, "normals": known})
-        lines = state_lines(shoot, known)
         # What is as it was need not be said again.
         for line in [] if is_over else [line for line in lines if line not in self._said]:
             self.note(line)

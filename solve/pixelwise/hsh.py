@@ -5,7 +5,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.relight_files import harmonics
 from solve.methods import Method
 from solve.problem import Problem
 from solve.samples import Samples
@@ -115,6 +114,21 @@ def fit(samples: Samples, scale: float, settings: HshSettings):
         matrices = _matrices(toward / length[..., None], known, settings)
         b[some] = np.einsum("pif,pf->pi", matrices, np.where(known, gray[some] / length, 0))
     return b, used
+
+
+def harmonics(directions: NDArray, order: int) -> NDArray[np.float64]:
+    """Return the hemispherical harmonics (..., (order + 1)^2) at unit vectors (..., 3), those below z = 0 as on it."""
+    from scipy.special import sph_harm_y
+
+    polar = np.arccos(2 * np.clip(directions[..., 2], 0, 1) - 1)
+    azimuth = np.arctan2(directions[..., 1], directions[..., 0])
+    found = []
+    for degree in range(order + 1):
+        # Those of the whole sphere, twice as dense; by their real and imaginary parts.
+        whole = [np.sqrt(2.0) * sph_harm_y(degree, m, polar, azimuth) for m in range(degree + 1)]
+        found += [np.sqrt(2.0) * one.imag for one in whole[:0:-1]] + [whole[0].real]
+        found += [np.sqrt(2.0) * one.real for one in whole[1:]]
+    return np.stack(found, -1)
 
 
 METHOD = Method("hsh", {"default": HshSettings(), "seed": SEED}, fit=fit, prepare=_warned)

@@ -191,11 +191,6 @@ class EditorWindow(Window):
         """Where the scene's dataset is rendered to."""
         return (self.saved.folder or self.workspace.root / "not saved yet") / "dataset"
 
-    @property
-    def is_rendered(self) -> bool:
-        """Whether there is a dataset to be solved."""
-        return self.dataset.is_dir() and not self.is_busy
-
     def job(self) -> RunningJob:
         """Render the scene, which is saved first; solving comes first once that is done."""
 

@@ -1,6 +1,5 @@
 """The preview of a scene, drawn in a thread of its own: small and rough at once, then refined; and its panel."""
 
-import time
 import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -26,12 +25,11 @@ PATHS = {"first picture": 4, "refined": 16}
 class Drawn:
     """A picture (h, w, 3), linear, under the light of this name; or None and why there is none.
 
-    stage: A key of `PATHS`. seconds: From the request to the picture.
+    stage: A key of `PATHS`.
     """
 
     picture: Picture | None
     stage: str
-    seconds: float
     light: str
     fault: str = ""
 
@@ -51,16 +49,16 @@ class Preview:
     def request(self, scene: TwinScene, light: int, show: Callable[[Drawn], Any]) -> None:
         """Ask for a picture; `show` is called in the preview's thread with each `Drawn`: the rough one, the refined."""
         self._newest = asked = object()
-        self._thread.submit(self._draw, asked, time.monotonic(), scene, light, show)
+        self._thread.submit(self._draw, asked, scene, light, show)
 
     def close(self) -> None:
         """Stop the thread, after the picture that it is at."""
         self._newest = None
         self._thread.shutdown(cancel_futures=True)
 
-    def _draw(self, asked: object, at_s: float, scene: TwinScene, light: int, show: Callable[[Drawn], Any]) -> None:
+    def _draw(self, asked: object, scene: TwinScene, light: int, show: Callable[[Drawn], Any]) -> None:
         for stage in PATHS if self._newest is asked else ():
-            drawn, newest = _drawn(scene, light, stage, at_s), self._newest
+            drawn, newest = _drawn(scene, light, stage), self._newest
             # While something is dragged there is always a newer request: an older first picture is better than none.
             # And one that failed says nothing yet: the refined one tells all that is at fault.
             if newest is asked if drawn.is_refined else newest is not None and drawn.picture is not None:
@@ -69,7 +67,7 @@ class Preview:
                 break
 
 
-def _drawn(scene: TwinScene, light: int, stage: str, at_s: float) -> Drawn:
+def _drawn(scene: TwinScene, light: int, stage: str) -> Drawn:
     fault, picture = "", None
     try:
         picture = rendered(scene, light, stage)
@@ -79,7 +77,7 @@ def _drawn(scene: TwinScene, light: int, stage: str, at_s: float) -> Drawn:
         # Whatever a strange mesh does to a renderer, the studio lives on.
         traceback.print_exc()
         fault = f"the preview failed ({type(error).__name__}: {error})."
-    return Drawn(picture, stage, time.monotonic() - at_s, scene.lights.names[light], fault)
+    return Drawn(picture, stage, scene.lights.names[light], fault)
 
 
 def fitted(scene: TwinScene, light: int, width: int, height: int) -> TwinScene:
@@ -121,7 +119,7 @@ def _status(window: Any) -> str:
         return "drawing ..."
     if drawn.picture is None:
         return f"**No preview.** {plain(drawn.fault)}"
-    return f"{plain(drawn.light)}: {drawn.stage}, {drawn.seconds:.2f} s after the change"
+    return f"{plain(drawn.light)}: {drawn.stage}"
 
 
 ROWS = (

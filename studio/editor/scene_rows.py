@@ -215,8 +215,8 @@ SCENE_ROWS = tab_rows({
         Row("folder", "Dataset", rows=(
             button("Export for Mitsuba", lambda window: window.export()),
             *WORK_ROWS,
-            button("Solve", lambda window: window.solve(), lambda window: {"visible": window.is_rendered}, kind="main",
-                   visible=False),
+            button("Solve", lambda window: window.solve(), lambda window: {
+                "visible": window.dataset.is_dir() and not window.is_busy}, kind="main", visible=False),
         )),
     ),
 })  # fmt: skip

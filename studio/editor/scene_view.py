@@ -12,14 +12,13 @@ from scipy.spatial.transform import Rotation
 from studio.editor import edits
 from studio.editor.editor_window import Edit, EditorWindow
 from studio.editor.edits import placement_of, quaternion
-from studio.widgets import UNITS_PER_MM, Layers, add_light, display_mesh, light_places
+from studio.widgets import HELD, LIGHT, UNITS_PER_MM, Layers, add_light, display_mesh, light_places
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import Diffuse, Material, Principled, RoughPlastic
 
 Array = NDArray[np.float64]
 KEPT = 8
 """Meshes whose display is remembered: each change of an object's place asks for it again."""
-PICKED, PLAIN = (255, 140, 0), (250, 210, 60)
 
 
 class SceneView:
@@ -81,7 +80,7 @@ class SceneView:
         return own, faces, max(float(np.ptp(own, axis=0).max()) / 2, 1e-4)
 
     def _add_light(self, index: int, place: Array, is_lit: bool, spread: float) -> list[Any]:
-        ends, colour = (place, self._window.scene.lights.reference_point_mm), PICKED if is_lit else PLAIN
+        ends, colour = (place, self._window.scene.lights.reference_point_mm), HELD if is_lit else LIGHT
         handles = add_light(self._view, f"/light_{index}", ends, spread, colour, 0.028)
         self._window.on(handles[0].on_click, lambda: self._window.select("light", index))
 

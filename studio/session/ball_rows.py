@@ -90,7 +90,7 @@ def _remove(window: SessionWindow) -> None:
 
 def _diameter(kind: str) -> Row:
     def show(window: SessionWindow) -> dict[str, Any]:
-        known = [ball.diameter_mm or 0.0 for ball in window.balls if ball.kind == kind]
+        known = [ball.diameter_mm or 0.0 for ball in window.picks.balls if ball.kind == kind]
         return {"value": known[0] if len(set(known)) == 1 else 0.0, "disabled": not known}
 
     return Row("number", f"{kind} balls, mm", show, lambda window, value: window.measure(kind, value),

@@ -1,7 +1,7 @@
 """What the output folder of a session holds to be reviewed, and why the rest is not there."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from capture.session.session import load_session
 from capture.session.session_types import CaptureSession, Encoding
 from capture.survey.small_pictures import read_small
-from compare.report.facts import Material, all_warnings, read_optional
+from compare.report.facts import Material, all_warnings, read_optional, there
 from compare.report.pictures import Exposure, thumbnail
 from formats.picture_files import read_values
 from lab.options import Settings
@@ -40,8 +40,6 @@ OWN = "# Its own: "
 """Begins the second line, which names the session that was corrected."""
 SMALL_PX = 200
 """Width of a photograph of which its white is taken."""
-UNREADABLE = (OSError, ValueError, KeyError, TypeError, SceneError)
-"""What a part that is missing, or that a killed run left half-made, raises when it is read."""
 
 
 class Review:
@@ -67,12 +65,12 @@ class Review:
             # As long as no light tells what is white, it is what the photograph itself takes for it.
             look = Exposure.for_picture(thumbnail(material.frames, 0, SMALL_PX))
             material.exposure = Exposure.for_frames(material.frames, white_value=look.balance)
-        self._balls: tuple[Sphere, ...] = tuple(_readable(store.load_spheres) or ())
+        self._balls: tuple[Sphere, ...] = tuple(there(store.load_spheres) or ())
         self.spheres: tuple[Sphere, ...] = tuple(sphere for sphere in self._balls if not sphere.apart)
-        lights: Lights | None = _readable(store.load_lights)
+        lights: Lights | None = there(store.load_lights)
         self.lights = None if lights is None or lights.is_unknown else lights
-        self.truth = _readable(lambda: np.load(store.path("normals", "truth.npy"), mmap_mode="r"))
-        self.twin: Frames | None = _readable(Store(store.path("twin")).load_frames)
+        self.truth = there(material.map_of, "normals", "truth")
+        self.twin: Frames | None = material.twin_frames
         self._calibration, self.summary, self.pose = (
             found if isinstance(found := read_optional(store, f"{name}.json"), dict) else {}
             for name in ("calibration", "summary", "pose")
@@ -157,7 +155,7 @@ class Review:
         """A picture for as long as no photograph is decoded: of a shoot, what `rgbn init` saw, the first; or None."""
         for path in map(self.store.path, (MAP, SHEET)):
             if path.is_file():
-                return _readable(lambda path=path: read_values(path)[0])
+                return there(lambda path=path: read_values(path)[0])
         return first_look(self.session.flash[0], self.session.encoding) if self.session else None
 
     @cached_property
@@ -186,12 +184,6 @@ def first_look(path: Path, encoding: Encoding = "linear") -> Image | None:
         linear = decode(small.codes)
         return Exposure.for_picture(linear).develop(linear)
     return None
-
-
-def _readable(read: Callable[[], Any]) -> Any:
-    """Return what can be read, else None."""
-    with suppress(*UNREADABLE):
-        return read()
 
 
 def is_kept(store: Store) -> bool:

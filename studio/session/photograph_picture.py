@@ -12,14 +12,14 @@ from draw.readable import share
 from scene.frames import Frames
 from scene.map_pictures import Image, normal_picture
 from studio.session.folder import Review
+from studio.widgets import HELD
 
 MASK_COLOUR = (0, 190, 255)
-CLIPPED_COLOUR = (255, 0, 60)
+CLIPPED = (255, 0, 60)
 BAND = 64
 """Rows."""
 MUCH_CLIPPED = 0.002
 """Share of a frame's pixels; a chrome ball's highlight is far less."""
-CLIPPED, WARNED = (255, 60, 90), (255, 160, 0)
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def frame_strip(review: Review) -> PictureStrip | None:
     def label(index: int, name: str) -> Label:
         if shares is not None and shares[index] >= MUCH_CLIPPED:
             return f"{index + 1}  clipped {share(shares[index], 1)} %", CLIPPED
-        return (f"{index + 1} {name}  (!)", WARNED) if index in warned else (f"{index + 1} {name}", INK)
+        return (f"{index + 1} {name}  (!)", HELD) if index in warned else (f"{index + 1} {name}", INK)
 
     pictures = [exposure.develop(thumbnail(frames, index, CELL_PX)) for index in range(len(frames))]
     return PictureStrip.of(pictures, [label(index, name) for index, name in enumerate(frames.names)])
@@ -61,7 +61,7 @@ def photograph(review: Review, index: int, look: PictureLook) -> Image:
     exposure = replace(exposure, white=exposure.white / look.brightness)
     picture = exposure.develop(thumbnail(frames, index, WIDTH))
     if look.marks_clipped:
-        picture = np.where(_clipped(frames, index, picture.shape)[..., None], CLIPPED_COLOUR, picture).astype(np.uint8)
+        picture = np.where(_clipped(frames, index, picture.shape)[..., None], CLIPPED, picture).astype(np.uint8)
     return _with_mask(review, picture) if look.marks_object else picture
 
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from capture.session.manifest import SphereTable
 from compare.report import pictures
-from compare.report.picture_strip import PictureStrip
+from compare.report.picture_strip import CHOSEN, PictureStrip
+from compare.report.registration_pictures import SCAN_COLOUR
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.map_pictures import Image, shrink
@@ -19,22 +20,15 @@ from studio.session.ball_edits import Balls, circle_of, moved, resized
 from studio.session.photograph_picture import frame_strip, normals_beside, photograph
 from studio.session.plane import ROOT, WIDE, Plane, add_lines, add_numbered, add_picture
 from studio.session.session_window import SessionWindow
-from studio.widgets import NO_SHADOW, Layers
+from studio.widgets import HELD, LIGHT, NO_SHADOW, Layers
 
 Array = NDArray[np.float64]
 GAP = 0.25
 """Between the photograph, the strip and what stands beside, in the view's units."""
-KNOB = (255, 150, 0)
 CROP_PX = 500
 """Width of the chosen ball's picture."""
-
-
-FITTED, MOVED, WAITING = (60, 220, 90), (255, 150, 0), (170, 170, 170)
-"""Of a ball that was found; that a hand has moved; that was not found, and waits to be put in its place."""
-SEEN, NOW = (255, 235, 60), (60, 170, 255)
-"""Highlights; that of the frame that is chosen, and pixels that are picked."""
-OUTLINE = (255, 0, 190)
-"""Of the registered scan."""
+FITTED, WAITING = (60, 220, 90), (170, 170, 170)
+"""Of a ball that was found; that was not found, and waits to be put in its place."""
 
 
 class PhotographView:
@@ -67,7 +61,7 @@ class PhotographView:
         draw("beside", (reading, method), lambda: self._add_beside(plane, method))
         camera = review.material.camera if review.names else None
         found = FITTED if review.spheres else WAITING if window.tab == "Balls" else None
-        colours = [found if window.is_found(ball) else MOVED for ball in balls]
+        colours = [found if window.is_found(ball) else HELD for ball in balls]
         draw("outlines", (reading, window.ball, balls, colours), lambda: self._add_outlines(plane, camera, colours))
         now = (reading, window.ball, len(balls))
         draw("knobs", now, lambda: self._add_knobs(plane, camera is not None))
@@ -75,7 +69,7 @@ class PhotographView:
         draw("highlights", (now, window.frame), lambda: self._add_highlights(plane))
         is_scan = window.tab == "Scan"
         places = [tuple(plane.place(pixel, lift=0.003)) for pixel in picks.pixels if is_scan]
-        draw("picks", places, lambda: add_numbered(self._view, f"{ROOT}/pick", places, 0.04, NOW))
+        draw("picks", places, lambda: add_numbered(self._view, f"{ROOT}/pick", places, 0.04, CHOSEN))
         draw("scan", (reading, is_scan), lambda: self._add_scan(plane) if is_scan else [])
         if window.ball is not None and self._knobs:
             # A knob is moved, not made anew: it may be under a hand.
@@ -101,7 +95,7 @@ class PhotographView:
             return []
         mesh, pose = placed
         strokes = outline_strokes(mesh, pose, review.material.camera)
-        return add_lines(self._view, "scan", plane.place(strokes, lift=0.002), OUTLINE, 2)
+        return add_lines(self._view, "scan", plane.place(strokes, lift=0.002), SCAN_COLOUR, 2)
 
     def _face(self, plane: Plane, aside: float) -> None:
         """Look straight at the photograph with what stands around it, or at the chosen ball."""
@@ -168,8 +162,8 @@ class PhotographView:
         crosses = plane.place(seen[index], lift=0.0024)[:, None, None] + crosses
         known = np.isfinite(seen[index]).all(-1)
         is_now = known & (np.arange(len(known)) == window.frame)
-        handles = add_lines(self._view, "seen", crosses[known].reshape(-1, 2, 3), SEEN, 2)
-        return handles + add_lines(self._view, "this_frame", crosses[is_now].reshape(-1, 2, 3), NOW, 4)
+        handles = add_lines(self._view, "seen", crosses[known].reshape(-1, 2, 3), LIGHT, 2)
+        return handles + add_lines(self._view, "this_frame", crosses[is_now].reshape(-1, 2, 3), CHOSEN, 4)
 
     def _add_outlines(self, plane: Plane, camera: Camera | None, colours: list[Any]) -> list[Any]:
         window, handles = self._window, []
@@ -191,7 +185,7 @@ class PhotographView:
         if index is None or not are_drawn:
             return []
         ball = self._window.outlines[index]
-        look = {"radius": 0.05 * circle_of(ball)[1] * plane.per_px, "color": KNOB, **NO_SHADOW}
+        look = {"radius": 0.05 * circle_of(ball)[1] * plane.per_px, "color": HELD, **NO_SHADOW}
         edits = (("move", moved), ("resize", _to_rim))
         for name, at, edit in zip(("center", "rim"), _knob_places(plane, ball), edits, strict=True):
             self._knobs.append(self._view.add_icosphere(f"{ROOT}/{name}", position=tuple(at), **look))

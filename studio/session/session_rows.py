@@ -170,15 +170,9 @@ def shoot_text(window: SessionWindow) -> str:
     with reading(window.folder / STATUS, "is no state of a shoot", do="It is written anew by rgbn watch."):
         if status["is_over"]:
             return OVER
-        lines = [f"**Shoot under way: {int(status['flash'])} flash frames**, {int(status['ambient'])} ambient"]
-        if normals := status["normals"]:
-            following, wanted = normals["next_flash"], float(normals["wanted_deg"])
-            lines += [
-                f"- sigma of the normals {readable(float(normals['sigma_deg_median']))}° (median), "
-                f"{share(float(normals['share_under_wanted']))} % of the object under {wanted:g}°",
-                f"- next flash: {place_text(following)}: sigma to {readable(float(following['sigma_deg']))}°",
-            ]
-        return "\n".join([*lines, *(f"- **{plain(str(one))}**" for one in reversed(list(status["warnings"])[-SHOWN:]))])
+        told = [plain(str(one)) for one in status["told"]]
+        warned = [f"**{plain(str(one))}**" for one in reversed(list(status["warnings"])[-SHOWN:])]
+        return "\n- ".join(["**Shoot under way**\n", *told, *warned])
 
 
 def _is_shooting(window: SessionWindow) -> bool:

@@ -94,14 +94,9 @@ class SessionWindow(Window):
         return None if preview is None else Plane(*preview.shape[1::-1])
 
     @property
-    def balls(self) -> Balls:
-        """The balls that are known so far."""
-        return self.picks.balls
-
-    @property
     def outlines(self) -> Balls:
         """The balls that have circles."""
-        return tuple(ball for ball in self.balls if ball.center_px and ball.radius_px)
+        return tuple(ball for ball in self.picks.balls if ball.center_px and ball.radius_px)
 
     def is_found(self, ball: SphereTable) -> bool:
         """Whether a ball is as it was found."""
@@ -154,12 +149,12 @@ class SessionWindow(Window):
 
     def correct(self, outlines: Balls, label: str = "correct a ball", held_s: float | None = None) -> None:
         """Take other balls in the photograph; held_s: as of `did`."""
-        others = tuple(ball for ball in self.balls if not ball.center_px)
+        others = tuple(ball for ball in self.picks.balls if not ball.center_px)
         self.alter(label, replace(self.picks, balls=(*others, *outlines)), held_s)
 
     def measure(self, which: str | int, diameter_mm: float) -> None:
         """Say the diameter of all balls of a kind, or of one in the photograph; 0: it is not known."""
-        balls, one = self.balls, self.outlines[which] if isinstance(which, int) else None
+        balls, one = self.picks.balls, self.outlines[which] if isinstance(which, int) else None
         for index, ball in enumerate(balls):
             if ball is one or ball.kind == which:
                 balls = changed(balls, index, diameter_mm=float(diameter_mm) or None)

@@ -5,15 +5,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compare.report.picture_strip import CHOSEN
 from studio.session.corrections import met
 from studio.session.plane import add_numbered
 from studio.session.session_window import SessionWindow
-from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light, display_mesh, light_places
+from studio.widgets import LIGHT, NO_SHADOW, UNITS_PER_MM, Layers, add_light, display_mesh, light_places
 
 Array = NDArray[np.float64]
 LIGHTS, SCAN = "/lights", "/scan"
 PARTS = {"Lights in 3-D": {"object", "lights", "look"}, "Scan": {"scan", "marks", "look"}}
-CHOSEN, PLAIN, CLAY = (26, 115, 232), (250, 210, 60), (205, 190, 170)
+CLAY = (205, 190, 170)
 FAR_MM = 1000.0
 """So far toward distant lights they are drawn."""
 SCAN_SIZE = 6.0
@@ -66,7 +67,7 @@ class SpatialView:
         places, reference = light_places(lights, FAR_MM), lights.reference_point_mm
         reach = float(np.median(np.linalg.norm(places - reference, axis=1)))
         for index, place in enumerate(places):
-            colour, at = CHOSEN if index == window.frame else PLAIN, tuple(place * UNITS_PER_MM)
+            colour, at = CHOSEN if index == window.frame else LIGHT, tuple(place * UNITS_PER_MM)
             added = add_light(view, f"{LIGHTS}/light_{index}", (place, reference), reach, colour, 0.02)
             window.on(added[0].on_click, lambda frame=index: window.choose(frame=frame))
             handles += [*added, view.add_label(f"{LIGHTS}/number_{index}", str(index + 1), position=at)]

@@ -111,7 +111,7 @@ def random_summary(rng: np.random.Generator) -> dict[str, Any]:
 def terminal(summary):
     job: Any = None
     console = Console(file=StringIO(), width=10_000)
-    for table in TABLES["compare"](job, summary):
+    for table in TABLES["compare"][0](job, summary):
         console.print(table)
     return " ".join(console.file.getvalue().split())  # type: ignore[attr-defined]
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from experiments.series import series, series_page, series_rows
-from lab.options import Settings
+from lab.options import Place, Settings
 from scene.errors import SceneError
 
 FOLDER = Path(__file__).parents[2] / "fixtures" / "bumpy"
@@ -66,7 +66,7 @@ def test_what_is_no_series_is_refused_before_anything_is_made(tables, words, tmp
         for frame in range(3):
             (tmp_path / "in" / str(number) / f"{frame}.png").write_bytes(b"")
     with pytest.raises(SceneError, match=re.escape(words)):
-        series(tmp_path / "in", tmp_path / "out", Settings())
+        series(tmp_path / "in", place=Place(tmp_path / "out"))
     assert not (tmp_path / "out").exists()
 
 
@@ -81,7 +81,7 @@ def test_fewer_photographs_err_more_on_both(tmp_path):
         for number in set(range(12)) - {*range(0, 12, 12 // count)}:
             (folder / "raw" / f"flash_{number:03d}.dng").unlink()
         (folder / "session.toml").write_text(f'{text}\n[series]\nfactor = "flashes"\nvalue = {count}\n')
-    series(tmp_path / "in", tmp_path / "out", Settings("ls,iterative", error=0.02))
+    series(tmp_path / "in", place=Place(tmp_path / "out"), said=Settings("ls,iterative", error=0.02))
     with (tmp_path / "out" / "series.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     errors = {(row["method"], row["frames"], float(row["value"])): float(row["mean_deg"]) for row in rows}

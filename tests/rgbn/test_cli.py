@@ -124,14 +124,14 @@ def test_a_slip_is_one_message_with_what_there_is(run, words, parts):
 def test_doctor_says_what_to_do(run, monkeypatch):
     from rgbn import doctor
 
-    good = doctor.Finding("ok", "packages", "all there")
-    monkeypatch.setattr(doctor, "examine", lambda: [good, doctor.Finding("!", "disk", "2 GB free here")])
+    good = {"packages": lambda: ("ok", "all there")}
+    monkeypatch.setattr(doctor, "CHECKS", {**good, "disk": lambda: ("!", "2 GB free here")})
     code, out, said = run("doctor")
     assert (code, said) == (0, "")
     assert out.splitlines()[0].split() == ["ok", "packages", "all", "there"]
     assert out.splitlines()[-1].startswith("rgbn can be used here.")
     assert run("doctor", "-q")[1].split()[:2] == ["!", "disk"]
-    monkeypatch.setattr(doctor, "examine", lambda: [good, doctor.Finding("X", "renderer", "gone. Run: make setup")])
+    monkeypatch.setattr(doctor, "CHECKS", {**good, "renderer": lambda: ("X", "gone. Run: make setup")})
     code, out, said = run("doctor")
     assert code == 2
     assert "renderer" in said

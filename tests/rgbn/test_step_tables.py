@@ -40,11 +40,13 @@ def test_a_camera_is_told_by_its_field_of_view_and_source():
 
 def test_without_scan_or_twin_the_tables_say_so():
     job = SimpleNamespace(session=session(scan=None))
-    assert "the session names no scan" in " ".join(shown(TABLES["align"](job, {"align": None})).split())
-    assert "given normals" in shown(TABLES["align"](SimpleNamespace(session=session(normals="n.mat")), {"align": {}}))
-    assert "no scan is registered" in shown(TABLES["twin"](job, {"twin": None}))
+    assert "the session names no scan" in " ".join(shown(TABLES["align"][0](job, {"align": None})).split())
+    assert "given normals" in shown(
+        TABLES["align"][0](SimpleNamespace(session=session(normals="n.mat")), {"align": {}})
+    )
+    assert "no scan is registered" in shown(TABLES["twin"][0](job, {"twin": None}))
     surface = {"method": "ls", "scale": "nothing tells the distance"}
-    text = shown(TABLES["compare"](job, {"compare": {}, "results": {"surface": surface}}))
+    text = shown(TABLES["compare"][0](job, {"compare": {}, "results": {"surface": surface}}))
     assert "no ground truth" in text
     assert "by ls; nothing tells the distance" in text
 
@@ -68,7 +70,7 @@ def test_lights_and_balls_are_where_a_tape_measure_finds_them(tmp_path):
     ball = Sphere("chrome", np.array([600.0, 40.0]), 45.0, 100.0, 0.02)
     store.save_spheres([ball], CAMERA)
     job = SimpleNamespace(store=store, done={"align": {}})
-    text = shown(TABLES["calibrate"](job, {}), 100)
+    text = shown(TABLES["calibrate"][0](job, {}), 100)
     rows = {line.split()[0]: line.split()[1:] for line in text.splitlines() if line.split()}
     assert rows["right"] == ["53.1", "0.0", "500", "1.200", "0.20"]
     assert rows["below"] == ["0.0", "270.0", "600", "0.800", "–", "no", "highlight", "seen"]
@@ -79,4 +81,4 @@ def test_lights_and_balls_are_where_a_tape_measure_finds_them(tmp_path):
     assert rows["chrome"] == ["(600.0,", "40.0)", "45.00", "100", f"{away:.0f}", "0.020"]
     assert away > 1.02 * -ball.center_mm(CAMERA)[2]
     job.done = {}
-    assert "amid the balls" in shown(TABLES["calibrate"](job, {}))
+    assert "amid the balls" in shown(TABLES["calibrate"][0](job, {}))

@@ -80,7 +80,7 @@ def balls(session):
 def test_two_questions_give_the_session_that_was_written_by_hand(folder, monkeypatch, capsys):
     before = lay_out(folder)
     monkeypatch.setattr(sys, "stdin", io.StringIO("100\n90\n"))
-    (made,) = init_sessions(folder, told=Answers())
+    ((draft, _, sheet),) = init_sessions(folder, told=Answers())
     assert capsys.readouterr().err.count("Enter") == 2
     after = lay_out(folder)
     assert after.pop("session.toml")
@@ -91,8 +91,8 @@ def test_two_questions_give_the_session_that_was_written_by_hand(folder, monkeyp
     assert [path.read_bytes() for path in ours.ambient] == [path.read_bytes() for path in theirs.ambient]
     assert balls(ours) == balls(theirs)
     assert (ours.scan_unit, ours.camera) == ("mm", None)
-    assert made.sheet.is_file()
-    assert any("13 .jpg" in note and "beside a file of the same name" in note for note in made.draft.notes)
+    assert sheet.is_file()
+    assert any("13 .jpg" in note and "beside a file of the same name" in note for note in draft.notes)
     # What nobody has changed is written anew, with what is known now, and what was said before.
     init_sessions(folder, told=Answers(chrome=(60.0,)), yes=True)
     assert {spec.kind: spec.diameter_mm for spec in load_session(folder).spheres} == {"chrome": 60.0, "white": 90.0}
@@ -104,13 +104,13 @@ def test_only_its_own_file_is_written_anew(mine, tmp_path, monkeypatch):
     monkeypatch.chdir(mine)
     said = Answers(focal_mm=50.0, sensor_mm=36.0)
     for answers in (said, Answers()):
-        (made,) = init_sessions(mine, told=answers, yes=True)
+        ((_, _, sheet),) = init_sessions(mine, told=answers, yes=True)
         assert load_session(mine).camera == SessionCameraTable(focal_mm=50.0, sensor_mm=36.0), "as it was said before"
-    assert made.sheet == tmp_path / "out" / mine.name / "contact-sheet.png"
-    assert made.sheet.is_file()
+    assert sheet == tmp_path / "out" / mine.name / "contact-sheet.png"
+    assert sheet.is_file()
     assert sorted(path.name for path in mine.iterdir()) == [*(f"{n}.png" for n in range(4)), "session.toml"]
     # The file is the user's: no output folder's record has it, and it is written anew when its results are gone.
-    assert list(json.loads((made.sheet.parent / ".rgbn" / "record.json").read_text())["files"]) == [made.sheet.name]
+    assert list(json.loads((sheet.parent / ".rgbn" / "record.json").read_text())["files"]) == [sheet.name]
     shutil.rmtree(tmp_path / "out")
     init_sessions(mine, told=said, yes=True)
     written = manifest.read_text()
@@ -143,11 +143,11 @@ def test_the_command_says_what_to_run_for_each_object(run_rgbn, tmp_path, monkey
 def test_a_photograph_that_is_called_a_chart_is_the_chart(mine):
     for name, wide in (("Color Checker", 60), ("chart_2", 60), ("chart_0", 30)):
         write_png(mine / f"{name}.png", np.full((40, wide, 3), 3000, np.uint16))
-    (made,) = init_sessions(mine, told=Answers(), yes=True)
+    ((draft, *_),) = init_sessions(mine, told=Answers(), yes=True)
     session = load_session(mine)
     assert session.chart == mine / "chart_2.png"
     assert len(session.flash) == 4
-    assert "left out: chart_0.png, Color Checker.png: one photograph" in " ".join(made.draft.notes)
+    assert "left out: chart_0.png, Color Checker.png: one photograph" in " ".join(draft.notes)
 
 
 def test_several_objects_in_one_folder_are_no_session(mine, tmp_path):
@@ -157,8 +157,8 @@ def test_several_objects_in_one_folder_are_no_session(mine, tmp_path):
         init_sessions(tmp_path / "mixed", told=Answers(), yes=True)
     for name in ("left_{}", "right_{}"):
         take_photographs(tmp_path / "same", name)
-    (made,) = init_sessions(tmp_path / "same", told=Answers(), yes=True)
-    assert len(made.draft.photographs["flash"]) == 8, "two names of one object"
+    ((draft, *_),) = init_sessions(tmp_path / "same", told=Answers(), yes=True)
+    assert len(draft.photographs["flash"]) == 8, "two names of one object"
 
 
 @pytest.mark.parametrize(
@@ -213,12 +213,12 @@ def test_photographs_that_others_took(shared, tmp_path, monkeypatch, place):
     shutil.copytree(shared(f"real/{place}"), tmp_path / "theirs", ignore=shutil.ignore_patterns("*.txt"))
     made = init_sessions(tmp_path / "theirs", told=Answers(), yes=True)
     if place == "uw_psm/png":
-        assert [one.draft.folder.name for one in made] == ["buddha", "cat", "horse", "owl", "rock"]
-        assert all(len(load_session(one.draft.folder).spheres) == 2 for one in made)
+        assert [draft.folder.name for draft, *_ in made] == ["buddha", "cat", "horse", "owl", "rock"]
+        assert all(len(load_session(draft.folder).spheres) == 2 for draft, *_ in made)
     else:
-        (ball,) = made[0].draft.balls
+        (ball,) = made[0][0].balls
         assert (ball.kind, ball.radius_px) == ("chrome", pytest.approx(487, rel=0.03))
-        assert any("ref.JPG is brighter" in note for note in made[0].draft.notes)
+        assert any("ref.JPG is brighter" in note for note in made[0][0].notes)
 
 
 @pytest.mark.full

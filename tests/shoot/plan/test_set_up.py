@@ -11,7 +11,6 @@ from scene.mesh import Mesh
 from shoot.plan.plan_options import AS_USUAL, PlanOptions
 from shoot.plan.set_up import (
     ObjectPixels,
-    SetUp,
     before_camera,
     lens_camera,
     lights_at,
@@ -28,7 +27,7 @@ CAMERA = lens_camera(50.0, 36.0, (600, 400))
 
 def ball():
     sphere = built_in("sphere")
-    return SetUp(CAMERA, before_camera(Mesh(50.0 * sphere.vertices, sphere.faces), CAMERA, None)[0])
+    return before_camera(Mesh(50.0 * sphere.vertices, sphere.faces), CAMERA, None)[0]
 
 
 @pytest.mark.parametrize(
@@ -47,8 +46,8 @@ def test_the_scan_is_turned_and_not_mirrored(seen_from, right, up):
 
 
 def test_a_convex_body_shadows_itself_alone_and_a_wall_its_foot():
-    pixels = pixels_of(ball(), 300)
-    middle = pixels.set_up.middle_mm
+    pixels = pixels_of(CAMERA, ball(), 300)
+    middle = pixels.middle_mm
     shown = pixels.under(lights_at(places_in_reach(AS_USUAL, middle, 100.0), middle))
     shade = np.einsum("fpi,pi->fp", shown.vectors, pixels.normals)
     # At the terminator the facets, not the smooth normals, decide.
@@ -60,7 +59,7 @@ def test_a_convex_body_shadows_itself_alone_and_a_wall_its_foot():
     mesh = Mesh(np.concatenate([floor, wall]) - [0, 0, 600], np.concatenate([quad, quad + 4, quad[:, ::-1] + 4]))
     up = np.array([[0, 0, 1.0], [0, 0, 1.0]])
     points = np.array([[-20, 0, -600], [20, 0, -600.0]])
-    two = ObjectPixels(SetUp(CAMERA, mesh), points, up, up, np.full(2, 0.5))
+    two = ObjectPixels(CAMERA, mesh, points, up, up, np.full(2, 0.5))
     shown = two.under(lights_at(np.array([[800, 0, 0], [-800, 0, 0.0]]), np.array([0, 0, -600.0])))
     assert shown.seen.tolist() == [[False, True], [True, False]]
 
@@ -70,9 +69,9 @@ def test_the_noise_is_that_of_the_virtual_camera(iso):
     """Gray of a plain picture through a Bayer sensor and the decoder, against what a plan says of it."""
     sensor = Sensor(iso=iso)
     plate = np.array([[-50, -50, -900], [50, -50, -900], [50, 50, -900], [-50, 50, -900]], float)
-    set_up = SetUp(CAMERA, Mesh(plate, np.array([[0, 1, 2], [0, 2, 3]])), sensor, albedo=0.4, white_value=0.8)
+    mesh = Mesh(plate, np.array([[0, 1, 2], [0, 2, 3]]))
     up = np.array([[0, 0, 1.0]])
-    pixel = ObjectPixels(set_up, np.array([[0, 0, -900.0]]), up, up, np.array([0.4]))
+    pixel = ObjectPixels(CAMERA, mesh, np.array([[0, 0, -900.0]]), up, up, np.array([0.4]), sensor, 0.8)
     lights = lights_at(np.array([[300, 0, -100], [-300, 0, -100.0], [0, 300, -100]]), np.array([0, 0, -900.0]))
     shown = pixel.under(lights)
     value = 0.8 * 0.4 * (lights.directions[0] @ [0, 0, 1])

@@ -14,7 +14,6 @@ from shoot.plan.plan_options import PlanOptions
 from shoot.plan.run_plan import MOST_ROWS, answer_of, lights_of, plan_facts, plan_page
 from shoot.plan.set_up import (
     GOOD_PX,
-    SetUp,
     before_camera,
     corner_balls,
     lens_camera,
@@ -46,16 +45,16 @@ def relief():
 
 @pytest.fixture(scope="module")
 def pixels():
-    return pixels_of(SetUp(CAMERA, before_camera(relief(), CAMERA, None)[0]), 120)
+    return pixels_of(CAMERA, before_camera(relief(), CAMERA, None)[0], 120)
 
 
 @pytest.fixture(scope="module")
 def spheres(pixels):
-    return corner_balls(pixels.set_up, 40.0)
+    return corner_balls(pixels, 40.0)
 
 
 def test_slopes_are_those_of_the_light_vectors(pixels):
-    middle = pixels.set_up.middle_mm
+    middle = pixels.middle_mm
     positions = places_in_reach(REACH, middle, 120.0)[:5]
 
     def values(positions):
@@ -71,7 +70,7 @@ def test_slopes_are_those_of_the_light_vectors(pixels):
 
 def test_sigma_is_that_of_least_squares_under_noise_and_misplaced_lights(pixels, spheres):
     """Lights drawn from their joint covariance, samples from their noise, solved by plain least squares."""
-    middle, rng = pixels.set_up.middle_mm, np.random.default_rng(0)
+    middle, rng = pixels.middle_mm, np.random.default_rng(0)
     positions = places_in_reach(REACH, middle, 120.0)[::5]
     known = predict_lights(CAMERA, spheres, positions, middle)
     covariance = joint_covariance(known)
@@ -95,18 +94,18 @@ def test_sigma_is_that_of_least_squares_under_noise_and_misplaced_lights(pixels,
 
 
 def test_a_plan_beats_the_even_dome(pixels, spheres):
-    begun, middle = UnderWay.begun(pixels, spheres), pixels.set_up.middle_mm
-    plan = planned(begun, 8)
+    begun, middle = UnderWay.begun(pixels, spheres), pixels.middle_mm
+    lights, predicted = planned(begun, 8)
     places = places_in_reach(REACH, middle, 120.0, 8)
     covariance = joint_covariance(predict_lights(CAMERA, spheres, places, middle))
     slopes = light_slopes(places, middle, pixels.points, pixels.b)
     even = predict(pixels, pixels.under(lights_at(places, middle)), slopes, covariance)
-    assert plan.predicted[-1].sigma_deg.mean() < even.sigma_deg.mean()
-    assert len(plan.lights) == 8
+    assert predicted[-1].sigma_deg.mean() < even.sigma_deg.mean()
+    assert len(lights) == 8
 
 
 def test_flashes_so_far_count_and_the_next_one_comes_from_elsewhere(pixels, spheres):
-    middle = pixels.set_up.middle_mm
+    middle = pixels.middle_mm
     places = places_in_reach(REACH, middle, 120.0)
     right = places[places[:, 0] > 150][:8]
     lights = lights_at(right, middle)
@@ -118,33 +117,32 @@ def test_flashes_so_far_count_and_the_next_one_comes_from_elsewhere(pixels, sphe
         (replace(distant, direction_sigma_deg=unknown), "is not known, and the error counts nothing of it"),
     ):
         so_far = UnderWay(pixels, pixels.under(given), np.zeros((0, 2), int), given, spheres)
-        plan = planned(so_far, 9)
-        assert len(plan.so_far.lights) == 8
-        assert plan.lights.positions_mm[8, 0] < 0
+        flashes, predicted = planned(so_far, 9)
+        assert flashes.positions_mm[8, 0] < 0
         if given is lights:
-            assert plan.lights.positions_mm[:8] == pytest.approx(right)
+            assert flashes.positions_mm[:8] == pytest.approx(right)
         else:
             # No ball tells the places of distant lights: the next one is as well known as those before.
-            assert told in lights_of(plan_facts(plan))
-            assert (plan.predicted[-1].by_lights_deg > 0).all() == (given.direction_sigma_deg is sigma)
+            assert told in lights_of(plan_facts(so_far, flashes, predicted))
+            assert (predicted[-1].by_lights_deg > 0).all() == (given.direction_sigma_deg is sigma)
 
 
 def test_a_session_that_has_all_its_flashes_is_told_what_one_more_brings(pixels, spheres):
     """Balls whose size nobody stated are in no drawing."""
-    middle = pixels.set_up.middle_mm
+    middle = pixels.middle_mm
     given = lights_at(places_in_reach(REACH, middle, 120.0)[::6], middle)
     for some in (spheres, [replace(sphere, diameter_mm=None) for sphere in spheres]):
         so_far = UnderWay(pixels, pixels.under(given), np.zeros((0, 2), int), given, some)
-        plan = planned(so_far, 4)
-        assert len(plan.lights) == len(plan.so_far.lights) + 1 == len(given) + 1
-        facts = plan_facts(plan) | {"name": "a"}
+        flashes, predicted = planned(so_far, 4)
+        assert len(flashes) == len(given) + 1
+        facts = plan_facts(so_far, flashes, predicted) | {"name": "a"}
         assert "Next: " in answer_of(facts)
         assert len(facts["balls"]) == (len(spheres) if some is spheres else 0)
         assert ("none is of known diameter" in plan_page(facts)) == (not facts["balls"])
 
 
 def test_balls_stand_whole_in_the_picture_beside_the_object_and_apart(pixels, spheres):
-    outline = CAMERA.project(pixels.set_up.mesh.vertices)
+    outline = CAMERA.project(pixels.mesh.vertices)
     for number, sphere in enumerate(spheres):
         places = sphere.outline(CAMERA)
         assert (places > 0).all()
@@ -152,15 +150,16 @@ def test_balls_stand_whole_in_the_picture_beside_the_object_and_apart(pixels, sp
         assert np.linalg.norm(outline - sphere.center_px, axis=1).min() > sphere.radius_px
         for other in spheres[:number]:
             assert np.hypot(*(sphere.center_px - other.center_px)) > sphere.radius_px + other.radius_px
-        assert sphere.center_mm(CAMERA)[2] == pytest.approx(pixels.set_up.table_mm + 20.0)
+        assert sphere.center_mm(CAMERA)[2] == pytest.approx(pixels.table_mm + 20.0)
     with pytest.raises(SceneError, match="no room in the picture"):
-        corner_balls(pixels.set_up, 300.0)
-    assert corner_balls(pixels.set_up, None)[0].radius_px >= GOOD_PX
+        corner_balls(pixels, 300.0)
+    assert corner_balls(pixels, None)[0].radius_px >= GOOD_PX
 
 
 @pytest.mark.full
 def test_the_page_says_what_the_plan_says_on_one_sheet(pixels, spheres, chromium):
-    facts = plan_facts(planned(UnderWay.begun(pixels, spheres), 6)) | {"name": "<cup & saucer>"}
+    begun = UnderWay.begun(pixels, spheres)
+    facts = plan_facts(begun, *planned(begun, 6)) | {"name": "<cup & saucer>"}
     page = plan_page(facts)
     assert "&lt;cup &amp; saucer&gt;" in page
     assert "<script" not in page

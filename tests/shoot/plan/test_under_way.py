@@ -56,7 +56,7 @@ def test_what_the_flashes_show_is_the_shading_of_the_object(shoot):
     assert len(found.pixels.points) == 300
     assert found.shown.seen.mean() > 0.85
     assert found.pixels.scatter < 0.002
-    middle = found.pixels.set_up.middle_mm
+    middle = found.pixels.middle_mm
     assert found.within(AS_USUAL).flash_mm == pytest.approx(
         np.median(np.linalg.norm(lights.positions_mm - middle, axis=1))
     )
@@ -111,8 +111,7 @@ def test_the_next_flash_is_told_as_the_lights_so_far_are(shoot):
     zenith, azimuth = np.radians([told["zenith_deg"], told["azimuth_deg"]])
     toward = [np.sin(zenith) * np.cos(azimuth), np.sin(zenith) * np.sin(azimuth), np.cos(zenith)]
     place = lights.reference_point_mm + told["distance_mm"] * np.array(toward)
-    set_up = found.pixels.set_up
-    candidates = places_in_reach(found.within(AS_USUAL), set_up.middle_mm, set_up.size_mm)
+    candidates = places_in_reach(found.within(AS_USUAL), found.pixels.middle_mm, found.pixels.size_mm)
     assert np.linalg.norm(candidates - place, axis=1).min() < 5
 
 

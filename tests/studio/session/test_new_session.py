@@ -10,11 +10,11 @@ import pytest
 from capture.session.session import load_session
 from scene.errors import SceneError
 from studio.opening import open_path
+from studio.server import studio
 from studio.session.new_session import NEW_ROWS, NewWindow
 from studio.session.photograph_view import PhotographView
 from studio.session.session_rows import SESSION_ROWS
 from studio.session.session_window import SessionWindow
-from studio.studio_command import studio
 from studio.studio_state import StudioState
 from studio.workspace import Workspace
 
@@ -120,7 +120,7 @@ def test_diameters_typed_before_the_photographs_are_decoded_are_kept(made, nobod
         ("chrome", 100.0, None), ("chrome", 100.0, None), ("white", 80.0, None)
     ]  # fmt: skip
     window.read_again()
-    assert [ball.diameter_mm for ball in window.balls] == [100.0, 100.0, 80.0]
+    assert [ball.diameter_mm for ball in window.picks.balls] == [100.0, 100.0, 80.0]
 
 
 def test_the_command_opens_what_a_path_is(folder, monkeypatch):

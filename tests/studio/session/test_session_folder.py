@@ -22,8 +22,6 @@ from studio.session.corrections import Corrections, balls_of, met, tables_of, wr
 from studio.session.folder import Review, frames_named
 from studio.session.photograph_picture import (
     CLIPPED,
-    CLIPPED_COLOUR,
-    WARNED,
     PictureLook,
     frame_strip,
     normals_beside,
@@ -31,6 +29,7 @@ from studio.session.photograph_picture import (
 )
 from studio.session.plane import Plane
 from studio.studio_state import StudioState
+from studio.widgets import HELD
 from studio.workspace import Workspace
 
 
@@ -112,17 +111,17 @@ def test_the_strip_leads_to_the_frame_that_is_seen_there(review, made):
         hits = {sheet.frame_at((u + 0.5) / wide, (v + 0.5) / high) for u, v in zip(columns, rows, strict=True)}
         assert hits == {index}
     clipped, warned = (
-        (sheet.image == colour).all(-1).any(0).nonzero()[0] // sheet.cells.shape[3] for colour in (CLIPPED, WARNED)
+        (sheet.image == colour).all(-1).any(0).nonzero()[0] // sheet.cells.shape[3] for colour in (CLIPPED, HELD)
     )
     assert set(clipped) == {1}, "the frame with a clipped block"
     assert set(warned) == {2, 3}, "a step warned of one, the other's light has a flag"
 
 
 def test_clipped_pixels_are_marked_and_no_others(review):
-    marked = (photograph(review, 1, PictureLook()) == CLIPPED_COLOUR).all(-1)
+    marked = (photograph(review, 1, PictureLook()) == CLIPPED).all(-1)
     assert marked[100:110, 60:80].all()
     assert marked.sum() == 200
-    assert not (photograph(review, 1, PictureLook(marks_clipped=False)) == CLIPPED_COLOUR).all(-1).any()
+    assert not (photograph(review, 1, PictureLook(marks_clipped=False)) == CLIPPED).all(-1).any()
 
 
 def test_the_object_is_marked_and_nothing_else(review, made):

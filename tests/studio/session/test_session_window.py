@@ -13,7 +13,7 @@ from capture.session.session import load_session
 from scene.errors import SceneError
 from scene.files import write_png
 from scene.output_folder import open_record
-from shoot.watch.watch_folder import MAP, STATUS
+from shoot.watch.watch_folder import MAP, STATUS, state_lines
 from studio import window as windows
 from studio.session import photograph_view
 from studio.session.ball_edits import moved
@@ -23,6 +23,7 @@ from studio.session.session_rows import SESSION_ROWS, TABS
 from studio.session.session_window import SessionWindow
 from studio.session.spatial_view import SpatialView
 from studio.studio_state import StudioState
+from studio.widgets import plain
 from studio.workspace import Workspace
 from tests.studio.session.conftest import note_steps
 
@@ -273,13 +274,15 @@ STATE = {
         "next_flash": {"zenith_deg": 45.0, "azimuth_deg": 180.0, "distance_mm": None, "sigma_deg": 1.2},
     },
 }  # fmt: skip
+SHOOT = SimpleNamespace(flash=[1, 2, 3], roles={"ambient": [4]}, newest=None, lights="3 lights")
+STATE["told"] = state_lines(SHOOT, STATE["normals"])
 
 
 def test_a_shoot_is_told_renewed_and_ends(reviewing, made):
     (made.folder / STATUS).write_text(json.dumps(STATE))
     window = reviewing()
     assert "3 flash frames" in texts(window)
-    assert "45 degrees from the axis at 9:00" in texts(window)
+    assert plain("45 degrees from the axis at 9:00") in texts(window)
     assert "<b>" not in texts(window)
     (made.folder / STATUS).write_text(json.dumps(STATE | {"is_over": True}))
     eventually(lambda: "3 flash frames" not in texts(window))
