@@ -24,7 +24,8 @@ AS_GOOD = 0.1  # of what it explains, by which other suspects may explain less a
 NOTABLE = 0.02  # relative change from which a diameter or a focal length is called wrong
 MANY = 0.25  # share of the highlights left out from which it is no longer the highlights' fault
 DOUBT = 0.5  # relative sigma of a diameter that nobody stated
-DISAGREE_DEG = 0.5
+DISAGREE_DEG = 2.0
+"""By how much highlights miss (rms) where a ball or the camera is wrong; on sound sessions by others 1.3 at most."""
 
 
 def choose_model(seen: ObservedSpots, notes: Notes) -> LightFit:
