@@ -59,9 +59,9 @@ def test_a_ball_is_not_called_mirrored(ask):
 
 def test_a_scan_that_fits_as_well_when_it_is_turned_is_not_believed():
     """Cycles' scene 500, five flashes: scans that were accepted 9 and 14 degrees off; scene 501's right one; a ball."""
-    assert Fit(0.940, 4.3, 4.5, 0.51).is_alike_turned
-    assert Fit(0.957, 1.2, 1.3, 0.2).is_alike_turned
-    assert not Fit(0.919, 4.6, 7.0, 0.21).is_alike_turned
+    wrong, ball, right = Fit(0.940, 4.3, 4.5, 0.51), Fit(0.957, 1.2, 1.3, 0.2), Fit(0.919, 4.6, 7.0, 0.21)
+    assert [fit.is_alike_turned for fit in (wrong, ball, right)] == [True, True, False]
+    assert wrong.misfit > 1 > max(right.misfit, 2 * ball.misfit)
 
 
 def test_normals_tell_the_mirror_image(ask):
