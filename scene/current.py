@@ -99,7 +99,7 @@ def look_of(path: Path) -> FileLook | None:
     """Return how a file looks now; None where there is none."""
     try:
         status = path.stat()
-    except OSError:
+    except (OSError, ValueError):  # ValueError: a null character in the path
         return None
     return FileLook(status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino)
 

@@ -192,7 +192,7 @@ def display_mesh(vertices: NDArray[np.float64], faces: NDArray) -> tuple[NDArray
     o3d = import_open3d()
     whole = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(vertices), o3d.utility.Vector3iVector(faces))
     # A surface of area a few extents squared has about this many cells.
-    mesh, cell = whole, float(np.ptp(vertices, axis=0).max()) / np.sqrt(MOST_FACES / 2)
+    mesh, cell = whole, (float(np.ptp(vertices, axis=0).max()) or 1.0) / np.sqrt(MOST_FACES / 2)
     while len(mesh.triangles) > MOST_FACES:
         mesh, cell = whole.simplify_vertex_clustering(cell), 1.25 * cell
     return np.asarray(mesh.vertices), np.asarray(mesh.triangles)

@@ -15,16 +15,16 @@ from scene.pose import Pose
 from scene.rays import RayCaster
 
 MIRROR_MISFIT = 0.4
-"""Above it the mirrored scan is tried. Right scans of matte objects have 0.2 to 0.4, of metals 0.6. The wrong ones of
-objects that are nearly symmetric had 0.2 to 0.55: below it, a mirror image must fit better where symmetry brings it."""
+"""Above it the mirrored scan is sought all around. Right scans of matte objects have 0.2 to 0.4, of metals 0.6.
+Mirrored scans of nearly symmetric objects had 0.2 to 0.55: below it, the plane of symmetry tells where to look."""
 MIRROR_REACH_PX = 10.0
-"""How far from there its outline's edges are looked for."""
+"""How far from the outline of the mirrored scan, laid by that plane, its edges are looked for."""
 MIRRORED = 0.75
 """Of its normals' angle, what a mirrored scan must fit better by to be the right one."""
 
 
 def refuse_mirrored(evidence: FinalEvidence, fit: Fit, search_for: Callable[[RayCaster], Found]) -> str | None:
-    """Raise AlignError where the scan fits mirrored only; return what to say where it fits better so, else None."""
+    """Raise AlignError where the scan fits mirrored only; return what to say where it fits as well or better so."""
     caster, mirror = evidence.seen.caster, np.array([-1.0, 1.0, 1.0])
     mesh = caster.mesh
     flipped = replace(mesh, vertices=mesh.vertices * mirror, faces=mesh.faces[:, [0, 2, 1]])
@@ -65,9 +65,9 @@ def _as_well(other: FinalEvidence, evidence: FinalEvidence, better: float) -> st
     if better < -SURE or turned < 2 * doubt:
         return None
     return (
-        f"scan: its mirror image fits as well, to {abs(better):.1f} standard deviations, and its normals differ by "
-        f"{turned:.2g} degrees (median): the photographs do not tell whether one axis of the scan is reversed. Look at "
-        "the scan in the scanner's program."
+        f"scan: its mirror image fits as well ({abs(better):.1f} standard deviations apart), and with it the true "
+        f"normals would be {turned:.2g} degrees (median) others: the photographs do not tell whether one axis of the "
+        "scan is reversed. Look at the scan in the scanner's program."
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.cast_shadows import shadow_scale
-from align.pose.fit import BESIDE_DEG, OUTSIDE, WORST_MISFIT, fit_of
+from align.pose.fit import OUTSIDE, WORST_MISFIT, fit_of
 from align.pose.mirror_image import refuse_mirrored
 from align.pose.photographed import FEWEST, Photographs
 from align.pose.scan_scale import check_distance, doubted_lengths
@@ -132,12 +132,6 @@ def register(
         )
     if fit.misfit > POOR_MISFIT:
         warnings.append(f"scan: it fits poorly: {fit.words}. Check the silhouette in the report.")
-    if fit.is_alike_turned:
-        warnings.append(
-            f"scan: its shading hardly tells how it is turned: its normals are {fit.normals_deg:.1f} degrees (median) "
-            f"from what the photographs show, and {fit.beside_deg:.1f} when it is turned by {BESIDE_DEG:g} degrees. Is "
-            "it round, or the wrong scan? Look at both in the report's viewer; shoot more flashes."
-        )
     if found.second is not None:
         facts["second_deviations"] = found.deviations
         facts["second_angle_deg"] = (pose.inverse() @ found.second).angle_deg()
@@ -157,7 +151,6 @@ def register(
     if shadow := shadow_scale(evidence, photographs):
         facts["shadow_scale"], facts["scale_sigma"] = shadow.scale, shadow.sigma
         doubted = doubted_lengths(photographs, distance)
-        # What surroundings may send back can make up for lights that are far off, but not for both.
         if shadow.warning and doubted:
             raise AlignError(shadow.warning + doubted)
         warnings += [shadow.warning] if shadow.warning else []

@@ -33,6 +33,8 @@ RANGE_PRIOR = 0.7
 STEP, PIXEL_STEP = 1e-4, 0.01
 """Of the differences by the unknowns, in sigmas' order of magnitude, and by the pixel: the mirror's law is smooth."""
 ALL, NONE = -1, -2  # in place of a ball's or a light's number: what depends on all of them, and on none
+FREEDOM = 6  # of outlines' errors, which are Student's: a circle that is another thing's lies far off
+ALONE, HARDLY = 25.0, 1e-4  # chi-square of three numbers from which an outline is another thing's; its weight then
 OFF_BALL = 1e3  # sigmas: off the ball there is no mirror; a large constant keeps the step from going there
 
 
@@ -96,7 +98,8 @@ class Adjustment:
             np.eye(self.first_light - self.first_bend) / np.deg2rad(SURROUNDINGS_DEG),
             *([[[0, 0, 1 / RANGE_PRIOR]]] * self.lights if near else [np.zeros((0, 2 * self.lights))]),
         )
-        self.prior = np.asarray(prior, np.float64)
+        self.stated = np.asarray(prior, np.float64)
+        self.prior, self.outline_weight = self.stated, np.ones(self.balls)
         self.middle = np.zeros(len(self.ball_of))
         self.middle[self.first_light + 2 :: 3] = np.log(typical) if near else 0
 
@@ -207,6 +210,28 @@ class Adjustment:
         """Return (W, F, 2) sigmas; NaN where a white ball shows too little."""
         bend = x[self.first_bend : self.first_light]
         return self.shading.misses(*self.lights_at(x), self.reference, bend if len(bend) else np.zeros(3))
+
+    def outline_chi2(self, x: Array) -> Array:
+        """Return (S,): by how much each ball is moved, against its outline's covariance."""
+        rows = slice(self.first_ball, self.first_diameter)
+        return np.sum((self.stated[rows] @ (x - self.middle)).reshape(-1, 3) ** 2, 1)
+
+    def outline_excess(self, x: Array) -> float:
+        """Return by how much -2 log of Student's density is above the outlines' weighted squares."""
+        chi2 = self.outline_chi2(x)
+        return float(np.sum((FREEDOM + 3) * np.log1p(chi2 / FREEDOM) - self.outline_weight * chi2))
+
+    def loosen(self, x: Array) -> None:
+        """Let outlines that the highlights contradict count less, as Student's errors do [Lange1989].
+
+        Where all but one of three and more agree, that one hardly counts.
+        """
+        chi2 = self.outline_chi2(x)
+        self.outline_weight = np.minimum((FREEDOM + 3) / (FREEDOM + chi2), 1)
+        if self.balls > 2 and (chi2 > ALONE).sum() == 1:
+            self.outline_weight[chi2 > ALONE] = HARDLY
+        self.prior = self.stated.copy()
+        self.prior[self.first_ball : self.first_diameter] *= np.repeat(np.sqrt(self.outline_weight), 3)[:, None]
 
     def _misses(self, x: Array) -> Array:
         """Return (S + W, F, 2) sigmas: what highlights and shading miss by."""

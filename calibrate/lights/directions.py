@@ -23,8 +23,9 @@ TURNS, RESTS = 60, 1e-12
 """Of the iteration to where a ball mirrors a light: each brings it nearer by the ball's radius over its distance."""
 SURROUNDINGS_DEG = 1.3
 """What bends a white ball's shading, one axis: a vector, added to the direction in all frames and on all balls, and as
-much again in each frame. On 36 balls of path-traced scenes by others, with tables of any albedo and slant, the vectors
-had 0.8, 0.7 and 1.2 degrees (rms), what was left 0.6; but lights that stand side by side err alike."""
+much again in each frame. On 36 balls of path-traced scenes by others the vectors had 0.8, 0.7 and 1.2 degrees (rms),
+what was left 0.6: more is stated of it, since lights that stand side by side err alike. With 1.0 to 1.5 for either,
+lights differ by less than their sigma."""
 CLEAR_DEG, CLEAR = 1.0, 5.0
 """The fit's own sigma up to which a frame's shading is clear, or times the ball's median: half in shadow it is 3 to 12
 degrees, else 0.2."""

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calibrate.lights.adjustment import Adjustment, ObservedSpots
-from calibrate.silhouette.outline import difference
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.spheres import Sphere
@@ -16,6 +15,7 @@ from scene.spheres import Sphere
 Array = NDArray[np.float64]
 ROUNDS = (("soft_l1", 2.0), ("linear", 1.0), ("linear", 1.0), ("linear", 1.0))
 """Loss, and sigmas from which on residuals count in proportion, in each round."""
+LOOSENED = (1, 2)  # rounds after which outlines that the highlights contradict count less
 MOST_TRIALS = 100
 """Points at which a round looks: sound highlights need 50 at most, and those that contradict each other never rest."""
 INLIER_SIGMAS, INLIER_PX = 5.0, 0.25
@@ -43,7 +43,7 @@ class LightFit:
     residual_px: Array  # (S, F) from the highlight to where the model mirrors the light; NaN where unused
     used: NDArray[np.bool_]  # (S, F)
     shaded: NDArray[np.bool_]  # (W, F) which of the white balls' shading is used
-    chi2: float  # sum of squared residuals in expected standard deviations
+    chi2: float  # sum of squared residuals in expected standard deviations, outlines' as Student's
     outline_chi2: Array  # (S,) of each ball's three numbers against its outline's
     left_out_chi2: float  # of highlights that were left out, capped at `CAP` sigmas each: to compare models
     highlight_chi2: float  # the highlights' part of `chi2`
@@ -102,7 +102,7 @@ def fit_lights(seen: ObservedSpots, *, near: bool) -> LightFit:
     problem = Adjustment(seen, near=near)
     x = problem.start()
     shown = np.isfinite(seen.highlights[..., 0])
-    for loss, reach in ROUNDS:
+    for index, (loss, reach) in enumerate(ROUNDS):
         # By name through a dict: the type stub takes no function for the Jacobian.
         options: dict[str, Any] = {"jac": problem.slopes, "x_scale": "jac", "max_nfev": MOST_TRIALS}
         options |= {"loss": loss, "f_scale": reach}
@@ -117,6 +117,8 @@ def fit_lights(seen: ObservedSpots, *, near: bool) -> LightFit:
             doubt = size[:, f] if shown[:, f].sum() > 2 else seen.sigma_px[:, f]
             problem.used[np.where(shown[:, f], doubt, -1).argmax(), f] = False
         problem.shaded = _agreeing_shading(problem, x)
+        if index in LOOSENED:
+            problem.loosen(x)
         problem.scale = _scale(problem, x)
         problem.sigma = seen.sigma_px * problem.scale
     return _conclude(problem, x)
@@ -165,8 +167,6 @@ def _conclude(problem: Adjustment, x: Array) -> LightFit:
     rows = 2 * int(problem.used.sum())
     highlight_chi2 = float(np.sum(residual[:rows] ** 2)) * problem.scale**2
     spheres = [problem.ball_at(x, ball) for ball in range(problem.balls)]
-    beside_outline = [difference(*pair) for pair in zip(spheres, seen.spheres, strict=True)]
-    outlines = zip(beside_outline, seen.covariances, strict=True)
     moves = problem.position_slopes(x) if problem.near else np.zeros(0)
     return LightFit(
         camera=replace(camera, focal_sigma=float(sigmas[0]), center_sigma_px=center),
@@ -182,8 +182,8 @@ def _conclude(problem: Adjustment, x: Array) -> LightFit:
         residual_px=np.where(problem.used, size, np.nan),
         used=problem.used.copy(),
         shaded=problem.shaded.copy(),
-        chi2=highlight_chi2 + float(np.sum(residual[rows:] ** 2)),
-        outline_chi2=np.array([d @ np.linalg.solve(c, d) for d, c in outlines]),
+        chi2=highlight_chi2 + float(np.sum(residual[rows:] ** 2)) + problem.outline_excess(x),
+        outline_chi2=problem.outline_chi2(x),
         left_out_chi2=float(np.sum(capped**2)),
         highlight_chi2=highlight_chi2,
         scale=problem.scale,

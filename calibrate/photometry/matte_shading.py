@@ -21,7 +21,8 @@ FEWEST_PIXELS, FEWEST_SHADED = 40, 20  # that tell a direction, and on which sha
 RINGS, ANGLES = 4, 12  # of the patches
 AROUND, GLARE = (1.1, 2.5), 0.95  # radii about a ball of what lights it from below, and the quantile of its glare
 SENT_BACK = 0.5
-"""Of the table's brightness, what a white ball's underside gets: its albedo, and the ball shades the table under it."""
+"""Share of the table's brightness that a white ball's underside sends on: its albedo of 0.75, less because it shades
+the table under it. With 0.5 the bend along the view is 0 in the mean on the scenes of `directions.SURROUNDINGS_DEG`."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +85,9 @@ def brightness_beside(frames: Frames, sphere: Sphere) -> NDArray[np.float32]:
 def shading_directions(surface: MatteSurface, beside: NDArray | None = None) -> tuple[Array, Array]:
     """Return distant directions (F, 3) and their sigma (F,), degrees, from the shading alone; NaN where it is little.
 
-    I = max(0, n.b) + a + w L (1 - n.t) / 2, b's direction is the light's. The last is what a table of normal t, as
-    bright as the picture around the ball, L, throws on it: it would draw b away from the table by some degrees.
+    I = max(0, n.b) + a + s L (1 - n.t) / 2, b's direction is the light's. The last is what a table of normal t, as
+    bright as the picture around the ball, L, throws on it (s: `SENT_BACK`): it would draw b away from the table by some
+    degrees.
     `beside` (F,) is L, of `brightness_beside`; None: there is no table.
     """
     values, normals = surface.values.mean(-1, dtype=np.float64), surface.normals

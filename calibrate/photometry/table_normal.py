@@ -13,9 +13,10 @@ from scene.spheres import Sphere
 Array = NDArray[np.float64]
 TOWARD_CAMERA = np.array([0.0, 0.0, 1.0])
 SLANT = 0.5
-"""Standard deviation of the tangent of the angle, in each direction, by which a camera looks at a table aslant."""
+"""Standard deviation of the tangent of the angle by which a camera looks at a table aslant, in each direction: 27
+degrees. At more than twice that tangent a ball stands on something, or a diameter is wrong."""
 DEPTH = 0.005
-"""Relative doubt of a ball's distance beside its own: a diameter that was rounded, a ball on a ring."""
+"""Relative doubt of a ball's distance beside its outline's: a diameter that was rounded, a ball on a ring."""
 
 
 def table_normal(camera: Camera, spheres: Sequence[Sphere]) -> Array:
@@ -36,4 +37,5 @@ def table_normal(camera: Camera, spheres: Sequence[Sphere]) -> Array:
         return np.concatenate([(heights - x[2]) / sigma, x[:2] / SLANT])
 
     found = least_squares(misses, [0.0, 0.0, np.median(centers[:, 2] - radii)], loss="soft_l1", x_scale="jac")
-    return unit(np.append(found.x[:2], 1.0))
+    slope = np.hypot(*found.x[:2])
+    return unit(np.append(found.x[:2], 1.0)) if slope < 2 * SLANT else TOWARD_CAMERA

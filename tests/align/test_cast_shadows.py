@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from align.pose import cast_shadows
-from align.pose.cast_shadows import shadow_scale
+from align.pose.cast_shadows import ScanScale, shadow_scale
 from align.pose.full_resolution import FinalEvidence, ObservedObject
+from align.pose.register import register
 from align.pose.scan_scale import scaled_pose
 from align.pose.scan_view import View
 from scene.camera import Camera
@@ -65,3 +66,17 @@ def test_a_scan_too_large_is_named_with_its_scale_and_a_right_one_is_not(beside_
 def test_balls_of_unknown_size_tell_nothing(beside_balls, monkeypatch):
     unknown = tuple(replace(ball, diameter_mm=None) for ball in beside_balls[1])
     assert told(beside_balls, 1.0, monkeypatch, unknown) is None
+
+
+@pytest.mark.parametrize(
+    ("scale", "scan", "balls"), [(0.9, "too large", "too small"), (1.1, "too small", "too large"), (0.99, "", "")]
+)
+def test_which_length_may_be_wrong_is_said(scale, scan, balls, world, monkeypatch):
+    """A scan that must be smaller to cast its shadow is too large, or all the balls' diameters are too small."""
+    monkeypatch.setattr("align.pose.register.shadow_scale", lambda *seen: ScanScale(scale, 0.002))
+    found = register(world.mesh, world.photographs, world.normals, start=world.pose)
+    assert found.evidence["shadow_scale"] == scale
+    told = [text for text in found.warnings if "diameter_mm" in text]
+    assert bool(told) == bool(scan)
+    assert all(f"the scan is {scan} (scan_unit)" in text for text in told)
+    assert all(f"diameter_mm of all the balls is {balls}" in text for text in told)

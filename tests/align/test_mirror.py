@@ -87,7 +87,7 @@ def test_that_it_cannot_be_told_is_said_where_it_matters(ask):
     """Cycles' scene 401: symmetric to 0.04 % of its size, its normals to 0.4 degrees; sigma: 0.1."""
     scan, mirrored = Fit(0.989, 2.5, 4.1, 0.1), Fit(0.989, 2.4, 4.1, 0.1)
     for better in (-1.9, 1.5):
-        assert "differ by 0.41 degrees" in ask(scan, mirrored, better, 0.41)
+        assert "would be 0.41 degrees" in ask(scan, mirrored, better, 0.41)
         assert ask(scan, mirrored, better, 0.15) is None
 
 

@@ -247,7 +247,7 @@ def test_three_balls_name_the_wrong_one_and_the_lights_are_right_all_the_same(sc
     (warning,) = notes.warnings
     assert all(word.format(wrong + 1) in warning for word in words)
     if fault == "hidden":
-        assert float(warning.split("miss by ")[1].split()[0]) > 2.5, "a number that contradicts the words"
+        assert float(warning.split("highlights, ")[1].split()[0]) > 2.5, "a number that contradicts the words"
         assert angular_error_deg(fit.directions, unit(lights - fit.reference)).max() < 0.5
     else:
         np.testing.assert_allclose(fit.positions_mm, lights, atol=12)

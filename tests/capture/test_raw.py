@@ -44,6 +44,14 @@ def test_every_bayer_pattern_gives_its_own_colours_back(tmp_path, write_dng, mos
     assert np.abs(decode(found.codes)[inner] - scene[inner]).max() < 0.5 * DN + 1.5 * CODE
 
 
+def test_all_colours_at_every_pixel_above_a_black_level(tmp_path, write_dng):
+    image = np.random.default_rng(5).integers(600, 16383, (40, 60, 3), dtype=np.uint16)
+    level = (50714, 3, 3, (512, 512, 512), True)
+    found = read_raw(write_dng(tmp_path / "l.dng", image, black=None, white=16383, more=[level]))
+    assert not found.is_mosaic
+    assert np.abs(decode(found.codes) - (image.astype(float) - 512) * DN).max() < CODE
+
+
 def test_bands_have_no_seams(tmp_path, write_dng, mosaic, monkeypatch):
     rng = np.random.default_rng(0)
     path = write_dng(tmp_path / "a.dng", mosaic(rng.uniform(0, 1, (70, 40, 3))))
