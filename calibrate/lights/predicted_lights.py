@@ -48,12 +48,6 @@ class PredictedLights:
     position_covariance_mm2: Array
     intensity_sigma: float
 
-    @property
-    def position_sigma_mm(self) -> Array:
-        """(F,) root mean square over the three axes."""
-        own = np.einsum("fifi->f", self.position_covariance_mm2)
-        return np.sqrt(np.maximum(own, 0) / 3)
-
 
 def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, reference: Array) -> PredictedLights:
     """Return how well balls will tell lights at positions (F, 3), mm, with the errors that `calibrate` states.

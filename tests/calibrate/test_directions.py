@@ -109,7 +109,8 @@ def test_the_sigma_is_that_of_the_fit_to_noisy_highlights_and_outlines():
         moves.append(fit.positions_mm - POSITIONS)
     found = np.sqrt(np.mean(np.square(turns)) / 2)
     assert found == pytest.approx(np.sqrt(np.mean(predicted.direction_sigma_deg**2)), rel=0.2)
-    assert np.sqrt(np.mean(np.square(moves))) == pytest.approx(np.mean(predicted.position_sigma_mm), rel=0.25)
+    own = np.einsum("fifi->f", predicted.position_covariance_mm2)
+    assert np.sqrt(np.mean(np.square(moves))) == pytest.approx(np.sqrt(own / 3).mean(), rel=0.25)
     # What all lights share: the mean position of all is far from averaged out.
     mean = np.sqrt(np.mean(np.square(np.mean(moves, 1))))
     joint = predicted.position_covariance_mm2.mean((0, 2))
