@@ -134,7 +134,10 @@ def _ball(material: Material, index: int, sphere: Sphere, seen: list | None) -> 
     row, camera = {"kind": "", **material.spheres[index], "number": str(index + 1)}, material.camera
     frames, exposure = material.photographs_of_ball(index)
     outline = sphere.outline(camera)
-    box = pictures.ball_box(sphere, outline, width=camera.width, height=camera.height)
+    known = outline[np.isfinite(outline).all(-1)]
+    known = known if known.size else sphere.center_px + sphere.radius_px * np.array([[-1.0], [1.0]])
+    size = {"width": camera.width, "height": camera.height}
+    box = PixelBox.around(known.min(0), known.max(0), margin=0.1, **size)
     corner = np.array([box.left - 0.5, box.top - 0.5])
     shapes, arm = "", max(box.width / 60, 1.0)
     for frame, pixel in enumerate(seen or []):
@@ -149,11 +152,9 @@ def _ball(material: Material, index: int, sphere: Sphere, seen: list | None) -> 
     found = {"row": row, "overlay": page.overlay(box, lines, "fitted outline and highlights", shapes)}
     if frames is None or exposure is None:
         return found
-    mean = pictures.shrink(pictures.ball_picture(frames, box, brightest=False), BALL_WIDTH)
-    image = exposure.develop(mean)
-    if row["kind"] == "chrome":
-        brightest = pictures.ball_picture(frames, box, brightest=True)
-        image = pictures.mirror_picture(mean / exposure.balance, pictures.shrink(brightest, BALL_WIDTH))
+    mean, brightest = (pictures.shrink(one, BALL_WIDTH) for one in pictures.ball_pictures(frames, box))
+    is_mirror, balance = row["kind"] == "chrome", exposure.balance
+    image = pictures.mirror_picture(mean / balance, brightest) if is_mirror else exposure.develop(mean)
     return found | {"image": image}
 
 
