@@ -125,14 +125,14 @@ def _legend(points: Sequence[SpeedPoint], hollow: str) -> list[str]:
     if any(p.kind == "twin" for p in points):
         items.append((f"hollow: {hollow}", _mark(0, 0, families[0], hollow=True)))
     front = line([(-10, 0), (20, 0)], "#777", **FRONT)
-    items.append(("Pareto front: no other is both faster and more accurate", front))
-    parts, x, y = [], LEFT + 8, BOTTOM + 64
-    for words, mark in items:
-        if x + 18 + text_width(words) > RIGHT:
-            x, y = LEFT + 8, y + 20
-        parts += [f'<g transform="translate({x:.0f} {y - 4})">{mark}</g>', text(x + 24, y, words, "start")]
-        x += 24 + text_width(words) + 22
-    return parts
+    rows = [items, [("Pareto front: no other is both faster and more accurate", front)]]
+    placed = (
+        (LEFT + 8 + 170 * i, BOTTOM + 64 + 20 * j, *item) for j, row in enumerate(rows) for i, item in enumerate(row)
+    )
+    return [
+        f'<g transform="translate({x:.0f} {y - 4})">{mark}</g>' + text(x + 24, y, words, "start")
+        for x, y, words, mark in placed
+    ]
 
 
 def place_labels(points: Array, sizes: Array, marks: Array) -> Array:

@@ -54,14 +54,18 @@ class ViewerLayers:
     scales: Summary
 
     @classmethod
-    def of(cls, material: Material, summary: Summary) -> "ViewerLayers":
-        """Return the folder's pictures."""
-        sides = {"real": material.frames, "twin": material.twin_frames}
+    def of(cls, material: Material, summary: Summary, step: int = 0) -> "ViewerLayers":
+        """Return the folder's pictures of every `step`-th pixel; 0: the least step by which all fit."""
+        box, scales = PixelBox.of_mask(material.mask, margin=0.04), {}
+        step = step or int(np.ceil(np.sqrt(max(1.0, box.width * box.height / MOST_PIXELS))))
+        grid, sides = replace(box, step=step), {"real": material.frames, "twin": material.twin_frames}
         there = {side: frames for side, frames in sides.items() if frames is not None}
-        grid, scales = _grid(material, PixelBox.of_mask(material.mask, margin=0.04), sum(map(len, there.values()))), {}
         layers = [one for side, frames in there.items() for one in _photographs(material, frames, side, grid, scales)]
         end = (summary.get("compare") or {}).get("error_scale_deg")
         layers += _maps(material, grid, end if is_number(end) else None, scales)
+        size = 0.75 * sum(len(layer.uri) for layer in layers)
+        if size > MOST_BYTES:
+            return cls.of(material, summary, int(np.ceil(step * np.sqrt(size / MOST_BYTES))))
         return cls(grid, layers, scales)
 
 
@@ -119,11 +123,13 @@ def _maps(material: Material, grid: PixelBox, error_end: float | None, scales: S
             white = max(float(np.quantile(known, ALBEDO_QUANTILE)) if known.size else 1.0, 1e-6)
             scales[f"albedo-{name}"] = {"white": white, "balance": balance.tolist()}
             yield layer("albedo", "real", name, name, Exposure(white, balance).develop(np.maximum(albedo, 0)))
-    known = np.concatenate([np.zeros(0), *(sigma[np.isfinite(sigma)] for *_, sigma in sigmas)])
-    if known.size:
-        end = pictures.colour_scale_end(float(np.quantile(known, 0.98)), least=0.1)
-        scales["sigma"] = {"end_deg": end}
-        yield from (layer("sigma", *which, pictures.error_picture(sigma, end)) for *which, sigma in sigmas)
+    for side in ("truth", "real"):
+        shown = [(name, of, sigma) for which, name, of, sigma in sigmas if which == side]
+        known = np.concatenate([np.zeros(0), *(sigma[np.isfinite(sigma)] for *_, sigma in shown)])
+        if known.size:
+            end = pictures.colour_scale_end(float(np.quantile(known, 0.98)), least=0.1)
+            scales[f"sigma-{side}"] = {"end_deg": end}
+            yield from (layer("sigma", side, *which, pictures.error_picture(sigma, end)) for *which, sigma in shown)
     if error_end is not None:
         scales["error"] = {"end_deg": error_end}
 
@@ -142,20 +148,6 @@ def _surface(material: Material, grid: PixelBox) -> Summary | None:
     codes = np.where(known, 1 + np.round((z - low) / span * 65534), 0).astype("<u2")
     shown = {"codes": base64.b64encode(codes.tobytes()).decode(), "low": low, "span": span}
     return {**shown, "width": z.shape[1], "step": grid.step}
-
-
-def _grid(material: Material, box: PixelBox, frames: int) -> PixelBox:
-    """Return every n-th pixel of the box, n the least by which all pictures fit, by the size of one of each."""
-    step = int(np.ceil(np.sqrt(max(1.0, box.width * box.height / MOST_PIXELS))))
-    grid, size = replace(box, step=step), 0
-    image = material.exposure.develop(grid.frame(material.frames, 0))
-    size += frames * len(data_uri(image, photograph=True))
-    normals = material.map_of("normals", material.methods[0]) if material.methods else None
-    if normals is not None:
-        image = normal_picture(grid.of(normals), grid.size[0])
-        # Two of normals, one of albedo, three of angles.
-        size += 6 * len(material.methods) * len(data_uri(image, photograph=False))
-    return replace(box, step=max(step, int(np.ceil(step * np.sqrt(size * 0.75 / MOST_BYTES)))))
 
 
 def viewer_facts(material: Material, layers: ViewerLayers, best: str | None) -> Summary:

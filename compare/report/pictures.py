@@ -180,24 +180,22 @@ def with_colour_scale(picture: Image, end_deg: float, caption: str) -> Image:
     return np.asarray(shown)
 
 
-def ball_pictures(frames: Frames, box: PixelBox) -> tuple[NDArray, NDArray]:
-    """Return a crop, linear: its mean over all frames, and each pixel's brightest value, which collects highlights."""
+def ball_picture(frames: Frames, exposure: Exposure, box: PixelBox, width: int, *, is_mirror: bool) -> Image:
+    """Return the crop of a ball, the mean of all frames; of a chrome one in grey, its edge and its highlights seen.
+
+    A mirror shows the table around it, so that brightness hardly tells ball from background. Half of the grey is each
+    pixel's rank among the crop's means (histogram equalisation), which lifts small steps such as the edge; half is the
+    mean itself, which keeps noise in the dark dark. Highlights, each pixel's brightest value, lie over it as bright as
+    they were: one of sixty frames would not show in a mean.
+    """
     mean = brightest = np.zeros((box.height, box.width, 3), np.float32)
     for index in range(len(frames)):
         crop = box.frame(frames, index)
         mean, brightest = mean + crop / len(frames), np.maximum(brightest, crop)
-    return mean, brightest
-
-
-def mirror_picture(mean: NDArray, brightest: NDArray) -> Image:
-    """Return a chrome ball's crop in grey, as one sees both its edge and its highlights.
-
-    `mean`, `brightest` (h, w, 3): each pixel over all frames, linear. A mirror shows the table around it, so that
-    brightness hardly tells ball from background. Half of the grey is each pixel's rank among the crop's means
-    (histogram equalisation), which lifts small steps such as the edge; half is the mean itself, which keeps noise in
-    the dark dark. Highlights lie over it as bright as they were: one of sixty frames would not show in a mean.
-    """
-    grey, peak = np.nan_to_num(mean).mean(-1), np.nan_to_num(brightest).mean(-1)
+    if not is_mirror:
+        return exposure.develop(shrink(mean, width))
+    grey = np.nan_to_num(shrink(mean, width) / exposure.balance).mean(-1)
+    peak = np.nan_to_num(shrink(brightest, width)).mean(-1)
     rank = np.interp(grey, np.sort(grey, axis=None), np.linspace(0, 1, grey.size))
     low, high = np.quantile(grey, [0.02, 0.97])
     level = np.clip((grey - low) / max(high - low, 1e-9), 0, 1)

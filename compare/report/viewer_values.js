@@ -36,7 +36,7 @@ function normalAt(side, name, x, y) {
 function angleAt(kind, side, name, x, y) {
   const codes = codesAt(`${kind}:${side}:${name}`, x, y);
   const level = codes && levelOf.get((codes[0] << 16) | (codes[1] << 8) | codes[2]);
-  return level === undefined || level === null ? null : level / 255 * info.scales[kind].end_deg;
+  return level === undefined || level === null ? null : level / 255 * (info.scales[`${kind}-${side}`] ?? info.scales[kind]).end_deg;
 }
 function albedoAt(name, x, y) {
   const codes = codesAt(`albedo:real:${name}`, x, y);
