@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape, unescape
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -29,10 +28,6 @@ class Drawing(str):
 
     def __repr__(self) -> str:
         return "drawing: " + unescape(self.partition('aria-label="')[2].partition('"')[0])
-
-    def save(self, path: Path | str) -> None:
-        """Write the drawing to a file."""
-        Path(path).write_text(self, "utf-8")
 
 
 def svg(width: float, height: float, parts: Iterable[str], *, label: str = "chart") -> Drawing:

@@ -129,7 +129,7 @@ def _maps(material: Material, grid: PixelBox, error_end: float | None, scales: S
         if known.size:
             end = pictures.colour_scale_end(float(np.quantile(known, 0.98)), least=0.1)
             scales[f"sigma-{side}"] = {"end_deg": end}
-            yield from (layer("sigma", side, *which, pictures.error_picture(sigma, end)) for *which, sigma in shown)
+            yield from (layer("sigma", side, name, of, pictures.error_picture(each, end)) for name, of, each in shown)
     if error_end is not None:
         scales["error"] = {"end_deg": error_end}
 
