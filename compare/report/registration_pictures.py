@@ -20,7 +20,7 @@ from scene.store import Store
 FOLDER = "align"
 """Of the pictures, below the output folder."""
 WIDTH = 1200
-BALL_WIDTH, PHOTOGRAPH_WIDTH = 420, 1000
+BALL_WIDTH = 420
 SCAN_COLOUR = (255, 0, 190)
 """Of the scan's outline: no object under white flashes has it."""
 WINDOW_PX = 46
@@ -138,7 +138,7 @@ def placed(material: Material) -> Summary:
         # line last: where the two agree, the other shows between the dashes.
         what = "the registered scan's ground truth" if registered else "the given ground truth"
         regions[:0] = [] if truth is None else [(known_pixels(truth), "scan", what)]
-        drawn = material.photograph(material.raking, box, box.shown_width(PHOTOGRAPH_WIDTH))
+        drawn = material.photograph(material.raking, box, box.shown_width(WIDTH))
     else:
         legend = ['<span class="key scan"></span> the registered scan']
     lines = []
