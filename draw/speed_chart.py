@@ -44,8 +44,6 @@ def speed_chart(
     *,
     label: str = "Time against median angular error",
     kinds: tuple[str, str] = ("photographs", "twin"),
-    hollow: str = "the same method on the twin",
-    is_twin_in_front: bool = False,
 ) -> Drawing:
     """Return the chart, both axes logarithmic: left and low is better.
 
@@ -57,11 +55,7 @@ def speed_chart(
     label : str
         What the chart is, for who cannot see it.
     kinds : (str, str)
-        What `real` and `twin` points are, in the words of who points at one.
-    hollow : str
-        Likewise of `twin`, in the legend.
-    is_twin_in_front : bool
-        The Pareto front is that of all points, not of the real ones.
+        What `real` and `twin` points are, in words.
 
     Notes
     -----
@@ -73,7 +67,7 @@ def speed_chart(
     at = {(p.method, p.kind): (x.at(p.seconds), y.at(p.median_deg)) for p in points}
     named = {p.method: at[p.method, p.kind] for p in sorted(points, key=lambda p: p.kind != "twin")}
     ties = [(at[name, "real"], at[name, "twin"]) for name in named if (name, "real") in at and (name, "twin") in at]
-    front = pareto_front([p for p in points if p.kind == "real" or is_twin_in_front] or points)
+    front = pareto_front([p for p in points if p.kind == "real"] or points)
     parts = Axes(x, y).drawn("processor seconds per megapixel-image", "median angular error (°)")
     parts.append(line(_steps([at[p.method, p.kind] for p in front]), "#777", **FRONT))
     parts += [line(tie, "#aaa") for tie in ties]
@@ -92,7 +86,7 @@ def speed_chart(
     halo = {"class": "name", "stroke": "white", "stroke_width": "3", "paint_order": "stroke"}
     for name, (u, v) in zip(named, middles, strict=True):
         parts.append(text(u, v + 0.36 * FONT, name, size=FONT, fill="#1d2329", **halo))
-    return svg(760, 470, [*parts, *_legend(points, hollow)], label=label)
+    return svg(760, 470, [*parts, *_legend(points, kinds[1])], label=label)
 
 
 def pareto_front(points: Sequence[SpeedPoint]) -> list[SpeedPoint]:
@@ -131,14 +125,14 @@ def _legend(points: Sequence[SpeedPoint], hollow: str) -> list[str]:
     if any(p.kind == "twin" for p in points):
         items.append((f"hollow: {hollow}", _mark(0, 0, families[0], hollow=True)))
     front = line([(-10, 0), (20, 0)], "#777", **FRONT)
-    items.append(("Pareto front: no other is both faster and more accurate", front))
-    parts, x, y = [], LEFT + 8, BOTTOM + 64
-    for words, mark in items:
-        if x + 18 + text_width(words) > RIGHT:
-            x, y = LEFT + 8, y + 20
-        parts += [f'<g transform="translate({x:.0f} {y - 4})">{mark}</g>', text(x + 24, y, words, "start")]
-        x += 24 + text_width(words) + 22
-    return parts
+    rows = [items, [("Pareto front: no other is both faster and more accurate", front)]]
+    placed = (
+        (LEFT + 8 + 170 * i, BOTTOM + 64 + 20 * j, *item) for j, row in enumerate(rows) for i, item in enumerate(row)
+    )
+    return [
+        f'<g transform="translate({x:.0f} {y - 4})">{mark}</g>' + text(x + 24, y, words, "start")
+        for x, y, words, mark in placed
+    ]
 
 
 def place_labels(points: Array, sizes: Array, marks: Array) -> Array:

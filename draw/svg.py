@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape, unescape
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -13,11 +12,8 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#0
 INK, GRID, EDGE = "#444", "#e3e7ea", "#9aa5b0"
 MOST_LETTERS = 12
 """Longer names of ticks are written small, and on two rows in turn."""
-ROOM = 0.12
-"""Share of a logarithmic axis, and decades at least, that are left free at either end."""
-FEWEST_DECADES = 0.5
-HEADROOM = 0.04
-"""The same of a linear axis, at its upper end."""
+ROOM, HEADROOM = 0.25, 0.04
+"""Decades that are left free at either end of a logarithmic axis; share of a linear one at its upper end."""
 
 
 class Drawing(str):
@@ -32,10 +28,6 @@ class Drawing(str):
 
     def __repr__(self) -> str:
         return "drawing: " + unescape(self.partition('aria-label="')[2].partition('"')[0])
-
-    def save(self, path: Path | str) -> None:
-        """Write the drawing to a file."""
-        Path(path).write_text(self, "utf-8")
 
 
 def svg(width: float, height: float, parts: Iterable[str], *, label: str = "chart") -> Drawing:
@@ -103,9 +95,7 @@ class Axis:
         every = every[np.isfinite(every)]
         low, high = (every.min(), every.max()) if every.size else (0.0, 1.0)
         if log:
-            low, high = np.log10(low), np.log10(high)
-            room = max(ROOM * (high - low), (FEWEST_DECADES - (high - low)) / 2, ROOM)
-            low, high = low - room, high + room
+            low, high = np.log10(low) - ROOM, np.log10(high) + ROOM
             decades = range(int(np.floor(low)), int(np.ceil(high)) + 1)
             digits = (1, 2, 5) if high - low < 3.2 else (1,)
             ticks = [float(f"{digit}e{decade}") for decade in decades for digit in digits]

@@ -107,16 +107,16 @@ def series_page(title: str, factor: str, rows: Sequence[Mapping[str, Any]]) -> s
     """Return the page: a chart and a table for each method, and how alike photographs and twins rank the levels."""
     if not rows:
         said = "No session has a ground truth: without a scan or given normals there is no error to show."
-        return whole_page(title, "series", said, {})
+        return whole_page(title, "series", said, "")
     every = list(dict.fromkeys(row["value"] for row in rows))
-    chapters, means, ranked = {}, [], []
+    chapters, means, ranked = [], [], []
     for method in dict.fromkeys(row["method"] for row in rows):
         own = [row for row in rows if row["method"] == method]
         curves = {kind: [_mean(own, kind, value) for value in every] for kind in KINDS}
         pairs = np.array([curves["real"], curves["twin"]])
         means.append(pairs)
         ranked.append((escape(method), _rank(*pairs), str(np.isfinite(pairs).all(0).sum())))
-        chapters[method] = section(method, escape(method), _chart(factor, every, curves) + _table(factor, own))
+        chapters.append(section(method, escape(method), _chart(factor, every, curves) + _table(factor, own)))
     together = _rank(*np.concatenate(means, axis=1))
     lead = (
         "Mean angular errors of the photographs against those of the twins, which are rendered with each session's own "
@@ -124,7 +124,7 @@ def series_page(title: str, factor: str, rows: Sequence[Mapping[str, Any]]) -> s
     )
     alike = section("alike", "Fail alike?", table(("method", "rank correlation", "levels"), ranked), lead)
     said = f"{factor}: {', '.join(map(_value, every))}"
-    return whole_page(title, "series", escape(said), {"Fail alike?": alike, **chapters})
+    return whole_page(title, "series", escape(said), alike + "".join(chapters))
 
 
 def _rank(real: Sequence[float], twin: Sequence[float]) -> str:

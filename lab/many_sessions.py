@@ -186,7 +186,7 @@ def _page(folder: Path, title: str, rows: Sequence[dict[str, Any]]) -> str:
     count = Counter(row["badge"] for row in rows)
     said = f"{len(rows)} sessions: {', '.join(f'{number} {words}' for words, number in count.most_common())}"
     body = table(("session", "normals", "verdict", "warnings"), lines)
-    return whole_page(title, "sessions", said, {"Sessions": section("sessions", "Sessions", body)})
+    return whole_page(title, "sessions", said, section("sessions", "Sessions", body))
 
 
 def row_picture(folder: Path, row: dict[str, Any]) -> str:

@@ -73,7 +73,7 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     lights = lights.seen_from(found.pose.apply(mesh.center_mm))
     store.save_lights(lights, files=job.frame_files)
     strokes = outline_strokes(mesh, found.pose, camera)
-    write_pictures(store, frames, lights, strokes=strokes, mask=final_mask.mask, sigma_deg=truth.sigma_deg)
+    write_pictures(store, frames, lights, strokes=strokes, mask=final_mask.mask)
     result = {
         "residual_px": found.residual_px,
         "sigma_mm": found.sigma_mm,

@@ -139,15 +139,12 @@ def all_warnings(summary: dict[str, Any]) -> list[tuple[str, str]]:
         causes.setdefault((step, NUMBER.sub("#", said)), []).append((name, said))
     found = []
     for (step, _), alike in causes.items():
-        name, said = alike[0]
-        if len(alike) == 1:
-            found.append((step, f"{name}: {said}" if name else said))
-            continue
         names = by_runs([part for name, _ in alike for part in name.split(", ") if part])
         columns = zip(*(NUMBER.findall(said) for _, said in alike), strict=True)
         spans = (dict.fromkeys([min(column, key=float), max(column, key=float)]) for column in columns)
         ends = iter([" to ".join(span) for span in spans])
-        found.append((step, f"{names}{': ' if names else ''}{NUMBER.sub(lambda _, ends=ends: next(ends), said)}"))
+        said = NUMBER.sub(lambda _, ends=ends: next(ends), alike[0][1])
+        found.append((step, f"{names}: {said}" if names else said))
     return found
 
 

@@ -1,11 +1,10 @@
 """The object's pixels as pictures that people see and the viewer reads values from: one grid of pixels for all.
 
 A picture's colour is its value's code: photographs and albedo in sRGB, normals (n + 1) / 2, angles by their
-place in a palette.
+place on a scale of colours.
 """
 
 import base64
-import io
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
@@ -19,10 +18,8 @@ from compare.report.pictures import Exposure, PixelBox
 from draw.readable import is_number
 from formats.picture_files import linear_from_srgb
 from scene.frames import Frames
-from scene.map_pictures import PAPER, data_uri, normal_picture
+from scene.map_pictures import data_uri, normal_picture
 
-LEVELS = 255
-"""Of an angle's palette; one more stands for unknown."""
 MOST_PIXELS = 400_000
 MOST_BYTES = 5_500_000
 """Of all pictures, before base64 makes four thirds of them."""
@@ -57,14 +54,18 @@ class ViewerLayers:
     scales: Summary
 
     @classmethod
-    def of(cls, material: Material, summary: Summary) -> "ViewerLayers":
-        """Return the folder's pictures."""
-        sides = {"real": material.frames, "twin": material.twin_frames}
+    def of(cls, material: Material, summary: Summary, step: int = 0) -> "ViewerLayers":
+        """Return the folder's pictures of every `step`-th pixel; 0: the least step by which all fit."""
+        box, scales = PixelBox.of_mask(material.mask, margin=0.04), {}
+        step = step or int(np.ceil(np.sqrt(max(1.0, box.width * box.height / MOST_PIXELS))))
+        grid, sides = replace(box, step=step), {"real": material.frames, "twin": material.twin_frames}
         there = {side: frames for side, frames in sides.items() if frames is not None}
-        grid, scales = _grid(material, PixelBox.of_mask(material.mask, margin=0.04), sum(map(len, there.values()))), {}
         layers = [one for side, frames in there.items() for one in _photographs(material, frames, side, grid, scales)]
         end = (summary.get("compare") or {}).get("error_scale_deg")
         layers += _maps(material, grid, end if is_number(end) else None, scales)
+        size = 0.75 * sum(len(layer.uri) for layer in layers)
+        if size > MOST_BYTES:
+            return cls.of(material, summary, int(np.ceil(step * np.sqrt(size / MOST_BYTES))))
         return cls(grid, layers, scales)
 
 
@@ -99,6 +100,9 @@ def _maps(material: Material, grid: PixelBox, error_end: float | None, scales: S
         found = material.map_of(place, name)
         return None if found is None else grid.of(found)
 
+    def layer(kind: str, side: str, name: str, of: str, image: NDArray[np.uint8]) -> Layer:
+        return Layer(kind, side, name, f"{kind}, {of}", data_uri(image, photograph=False))
+
     balance = material.exposure.balance
     sigmas: list[tuple[str, str, str, NDArray]] = []
     for name, side in [("truth", "truth"), *product(material.methods, ("real", "twin"))]:
@@ -106,45 +110,28 @@ def _maps(material: Material, grid: PixelBox, error_end: float | None, scales: S
         if normals is None:
             continue
         of = {"truth": "ground truth", "real": f"{name}, photographs", "twin": f"{name}, twin"}[side]
-        image = normal_picture(normals, grid.size[0])
-        yield Layer("normals", side, name, f"normals, {of}", data_uri(image, photograph=False))
+        yield layer("normals", side, name, of, normal_picture(normals, grid.size[0]))
         error = there("compare", f"error_{side}_{name}")
         if error is not None and error_end is not None:
-            yield Layer("error", side, name, f"error, {of}", angle_uri(error, error_end))
+            yield layer("error", side, name, of, pictures.error_picture(error, error_end))
         sigma = {"truth": ("normals", "truth_sigma"), "real": ("sigma", name)}.get(side)
         if sigma and (found := there(*sigma)) is not None:
-            sigmas.append((side, name, f"sigma, {of}", found))
+            sigmas.append((side, name, of, found))
         albedo = there("albedo", name) if side == "real" else None
         if albedo is not None:
             known = (albedo / balance)[np.isfinite(albedo).all(-1)]
             white = max(float(np.quantile(known, ALBEDO_QUANTILE)) if known.size else 1.0, 1e-6)
-            image = Exposure(white, balance).develop(np.maximum(albedo, 0))
             scales[f"albedo-{name}"] = {"white": white, "balance": balance.tolist()}
-            yield Layer("albedo", "real", name, f"albedo, {name}", data_uri(image, photograph=False))
-    known = np.concatenate([np.zeros(0), *(sigma[np.isfinite(sigma)] for *_, sigma in sigmas)])
-    if known.size:
-        end = pictures.colour_scale_end(float(np.quantile(known, 0.98)), least=0.1)
-        scales["sigma"] = {"end_deg": end}
-        yield from (Layer("sigma", side, name, label, angle_uri(sigma, end)) for side, name, label, sigma in sigmas)
+            yield layer("albedo", "real", name, name, Exposure(white, balance).develop(np.maximum(albedo, 0)))
+    for side in ("truth", "real"):
+        shown = [(name, of, sigma) for which, name, of, sigma in sigmas if which == side]
+        known = np.concatenate([np.zeros(0), *(sigma[np.isfinite(sigma)] for *_, sigma in shown)])
+        if known.size:
+            end = pictures.colour_scale_end(float(np.quantile(known, 0.98)), least=0.1)
+            scales[f"sigma-{side}"] = {"end_deg": end}
+            yield from (layer("sigma", side, name, of, pictures.error_picture(each, end)) for name, of, each in shown)
     if error_end is not None:
         scales["error"] = {"end_deg": error_end}
-
-
-def palette() -> NDArray[np.uint8]:
-    """Return (256, 3): the colours of an angle's levels, 0 to the scale's end and beyond, and last that of unknown."""
-    return np.array([*pictures.error_scale_colours(LEVELS), (PAPER,) * 3], np.uint8)
-
-
-def angle_uri(angle_deg: NDArray, end_deg: float) -> str:
-    """Return angles (h, w) as a picture of `LEVELS` levels; beyond `end_deg` the last one."""
-    from PIL import Image
-
-    codes = np.round(np.clip(np.nan_to_num(angle_deg) / end_deg, 0, 1) * (LEVELS - 1))
-    image = Image.fromarray(np.where(np.isfinite(angle_deg), codes, LEVELS).astype(np.uint8), "L")
-    image.putpalette(palette().tobytes())
-    buffer = io.BytesIO()
-    image.save(buffer, "PNG", optimize=True)
-    return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"
 
 
 def _surface(material: Material, grid: PixelBox) -> Summary | None:
@@ -161,20 +148,6 @@ def _surface(material: Material, grid: PixelBox) -> Summary | None:
     codes = np.where(known, 1 + np.round((z - low) / span * 65534), 0).astype("<u2")
     shown = {"codes": base64.b64encode(codes.tobytes()).decode(), "low": low, "span": span}
     return {**shown, "width": z.shape[1], "step": grid.step}
-
-
-def _grid(material: Material, box: PixelBox, frames: int) -> PixelBox:
-    """Return every n-th pixel of the box, n the least by which all pictures fit, by the size of one of each."""
-    step = int(np.ceil(np.sqrt(max(1.0, box.width * box.height / MOST_PIXELS))))
-    grid, size = replace(box, step=step), 0
-    image = material.exposure.develop(grid.frame(material.frames, 0))
-    size += frames * len(data_uri(image, photograph=True))
-    normals = material.map_of("normals", material.methods[0]) if material.methods else None
-    if normals is not None:
-        image = normal_picture(grid.of(normals), grid.size[0])
-        # Two of normals, one of albedo, and angles, a byte a pixel, count as a third.
-        size += 4 * len(material.methods) * len(data_uri(image, photograph=False))
-    return replace(box, step=max(step, int(np.ceil(step * np.sqrt(size * 0.75 / MOST_BYTES)))))
 
 
 def viewer_facts(material: Material, layers: ViewerLayers, best: str | None) -> Summary:
@@ -195,7 +168,7 @@ def viewer_facts(material: Material, layers: ViewerLayers, best: str | None) -> 
         "width": width, "height": height, "left": grid.left, "top": grid.top, "step": grid.step,
         "frames": list(material.frames.names), "scales": layers.scales,
         "frame": material.raking,
-        "palette": palette().tolist(), "surface": _surface(material, grid), "best": best, **parts,
+        "palette": pictures.error_scale_colours(256), "surface": _surface(material, grid), "best": best, **parts,
     }  # fmt: skip
     return {
         "options": {GROUPS[group]: [*rows.items()] for group, rows in found.items() if rows},

@@ -145,14 +145,13 @@ def section(anchor: str, title: str, body: str, lead: str = "") -> str:
     return pieces().section(anchor, title, Markup(lead), Markup(body))
 
 
-def whole_page(title: str, kind: str, subtitle: str, chapters: Mapping[str, str], *, script: str = "") -> str:
-    """Return the page: `chapters` are sections by their names in the row of links; `subtitle` is HTML already."""
-    anchors = {words: re.search(r'<section id="([\w-]+)"', html) for words, html in chapters.items()}
+def whole_page(title: str, kind: str, subtitle: str, body: str, *, script: str = "") -> str:
+    """Return the page, its row of links to all sections of `body`; that and `subtitle` are HTML already."""
+    sections = re.findall(r'<section id="([\w-]+)">(?:<details><summary>)?<h2(?: data-link="(.*?)")?>(.*?)<', body)
     style = (HERE / "report_style.css").read_text(encoding="utf-8")
     return template("report_template.html").render(
         title=title, kind=kind, subtitle=Markup(subtitle), style=Markup(style), script=Markup(script),
-        anchors={words: found[1] for words, found in anchors.items() if found},
-        body=Markup("\n".join(chapters.values())),
+        links=[(anchor, Markup(short or words)) for anchor, short, words in sections], body=Markup(body),
     )  # fmt: skip
 
 

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from formats.picture_files import srgb_from_linear
 from scene.frames import Frames
 from scene.map_pictures import PAPER, Image, normal_picture, shrink
-from scene.spheres import Sphere
 
 SCALE_ENDS_DEG = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0)
 
@@ -33,12 +32,9 @@ class PixelBox:
         return self.bottom - self.top
 
     @property
-    def rows(self) -> slice:
-        return slice(self.top, self.bottom, self.step)
-
-    @property
-    def columns(self) -> slice:
-        return slice(self.left, self.right, self.step)
+    def slices(self) -> tuple[slice, slice]:
+        """Rows and columns."""
+        return slice(self.top, self.bottom, self.step), slice(self.left, self.right, self.step)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -47,11 +43,12 @@ class PixelBox:
 
     def of(self, image: NDArray) -> NDArray:
         """Return the box's pixels of an image (H, W, ...)."""
-        return np.ascontiguousarray(image[self.rows, self.columns])
+        return np.ascontiguousarray(image[self.slices])
 
     def frame(self, frames: Frames, index: int) -> NDArray[np.float32]:
         """Return the box's pixels of one photograph, linear (h, w, 3)."""
-        return frames.read(self.rows, [index], columns=self.columns)[0]
+        rows, columns = self.slices
+        return frames.read(rows, [index], columns=columns)[0]
 
     def shown_width(self, largest: int) -> int:
         """Return the width at which a picture of this box has at most as many pixels as a square of side `largest`."""
@@ -68,12 +65,14 @@ class PixelBox:
     @classmethod
     def of_mask(cls, mask: NDArray[np.bool_], *, margin: float) -> "PixelBox":
         """Return the box around a mask's pixels; the whole image where the mask is empty."""
+        import cv2
+
         height, width = mask.shape
-        rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-        if not rows.size:
+        left, top, wide, high = cv2.boundingRect(mask.astype(np.uint8))
+        if not wide:
             return cls(0, 0, width, height)
-        low, high = np.array([columns[0], rows[0]]), np.array([columns[-1], rows[-1]])
-        return cls.around(low, high, width=width, height=height, margin=margin)
+        high_end = np.array([left + wide - 1, top + high - 1])
+        return cls.around(np.array([left, top]), high_end, width=width, height=height, margin=margin)
 
 
 @dataclass(frozen=True)
@@ -163,56 +162,45 @@ def error_scale_colours(count: int) -> list[tuple[int, int, int]]:
 
 def with_colour_scale(picture: Image, end_deg: float, caption: str) -> Image:
     """Return a picture in the colours of `error_picture` with their scale, in degrees, and a caption drawn below it."""
-    import cv2
+    from PIL import Image as Pillow
+    from PIL import ImageDraw, ImageFont
 
-    width = max(picture.shape[1], 260)
-    size, (left, right) = width / 520, (round(0.06 * width), round(0.94 * width))
-    bottom = 8 + round(16 * size)
-    bar = np.full((round(62 * size) + 18, width, 3), 255, np.uint8)
-    bar[4:bottom, left:right] = error_picture(np.linspace(0, end_deg, right - left)[None], end_deg)
-    font, scale = cv2.FONT_HERSHEY_SIMPLEX, 0.42 * size + 0.1
-    ink: Any = {"fontFace": font, "fontScale": scale, "color": (40, 40, 40), "lineType": cv2.LINE_AA}
+    height, width = len(picture), max(picture.shape[1], 260)
+    step, size = width // 5, 6 + width // 50
+    shown = Pillow.new("RGB", (width, height + 4 * size + 10), "white")
+    shown.paste((PAPER,) * 3, (0, 0, width, height))
+    shown.paste(Pillow.fromarray(picture))
+    bar = error_picture(np.linspace(0, end_deg, 4 * step)[None].repeat(size, 0), end_deg)
+    shown.paste(Pillow.fromarray(bar), (step // 2, height + 4))
+    how: Any = {"fill": (40, 40, 40), "font": ImageFont.load_default(size)}
     for part in range(5):
-        label = f"{end_deg * part / 4:g}" + ("+ deg" if part == 4 else "")
-        (wide, high), _ = cv2.getTextSize(label, font, scale, 1)
-        middle = left + (right - left) * part // 4
-        cv2.putText(bar, label, (min(max(middle - wide // 2, 1), width - wide - 1), bottom + high + 4), **ink)
-    cv2.putText(bar, caption, (left, bar.shape[0] - 5), **ink)
-    pad = np.full((picture.shape[0], width - picture.shape[1], 3), PAPER, np.uint8)
-    return np.concatenate([np.concatenate([picture, pad], 1), bar])
+        label = f"{end_deg * part / 4:g}°{'+' * (part == 4)}"
+        ImageDraw.Draw(shown).text((step // 2 + part * step, height + 6 + size), label, anchor="ma", **how)
+    ImageDraw.Draw(shown).text((step // 2, shown.height - 5), caption, anchor="ld", **how)
+    return np.asarray(shown)
 
 
-def ball_picture(frames: Frames, box: PixelBox, *, brightest: bool) -> NDArray:
-    """Return a crop over all frames, linear: each pixel's brightest value (collects the highlights), or its mean."""
-    total = np.zeros((box.height, box.width, 3), np.float32)
+def ball_picture(frames: Frames, exposure: Exposure, box: PixelBox, width: int, *, is_mirror: bool) -> Image:
+    """Return the crop of a ball, the mean of all frames; of a chrome one in grey, its edge and its highlights seen.
+
+    A mirror shows the table around it, so that brightness hardly tells ball from background. Half of the grey is each
+    pixel's rank among the crop's means (histogram equalisation), which lifts small steps such as the edge; half is the
+    mean itself, which keeps noise in the dark dark. Highlights, each pixel's brightest value, lie over it as bright as
+    they were: one of sixty frames would not show in a mean.
+    """
+    mean = brightest = np.zeros((box.height, box.width, 3), np.float32)
     for index in range(len(frames)):
         crop = box.frame(frames, index)
-        total = np.maximum(total, crop) if brightest else total + crop / len(frames)
-    return total
-
-
-def mirror_picture(mean: NDArray, brightest: NDArray) -> Image:
-    """Return a chrome ball's crop in grey, as one sees both its edge and its highlights.
-
-    `mean`, `brightest` (h, w, 3): each pixel over all frames, linear. A mirror shows the table around it, so that
-    brightness hardly tells ball from background. Half of the grey is each pixel's rank among the crop's means
-    (histogram equalisation), which lifts small steps such as the edge; half is the mean itself, which keeps noise in
-    the dark dark. Highlights lie over it as bright as they were: one of sixty frames would not show in a mean.
-    """
-    grey, peak = np.nan_to_num(mean).mean(-1), np.nan_to_num(brightest).mean(-1)
+        mean, brightest = mean + crop / len(frames), np.maximum(brightest, crop)
+    if not is_mirror:
+        return exposure.develop(shrink(mean, width))
+    grey = np.nan_to_num(shrink(mean, width) / exposure.balance).mean(-1)
+    peak = np.nan_to_num(shrink(brightest, width)).mean(-1)
     rank = np.interp(grey, np.sort(grey, axis=None), np.linspace(0, 1, grey.size))
     low, high = np.quantile(grey, [0.02, 0.97])
     level = np.clip((grey - low) / max(high - low, 1e-9), 0, 1)
     shown = np.maximum((rank + level) / 2, np.clip(peak / max(peak.max(), 1e-9), 0, 1))
     return np.repeat(np.round(shown * 255).astype(np.uint8)[..., None], 3, -1)
-
-
-def ball_box(sphere: Sphere, outline: NDArray, *, width: int, height: int) -> PixelBox:
-    """Return the crop that shows a ball with a margin of a tenth around its outline."""
-    known = outline[np.isfinite(outline).all(-1)]
-    if not known.size:
-        known = np.array([sphere.center_px - sphere.radius_px, sphere.center_px + sphere.radius_px])
-    return PixelBox.around(known.min(0), known.max(0), width=width, height=height, margin=0.1)
 
 
 def contours(mask: NDArray[np.bool_], box: PixelBox) -> list[NDArray[np.float64]]:

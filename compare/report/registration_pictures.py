@@ -1,4 +1,4 @@
-"""Pictures that show whether balls and scan lie where they are in the photographs: outlines, wipe, sigma."""
+"""Pictures that show whether balls and scan lie where they are in the photographs: outlines over them."""
 
 from itertools import chain, repeat
 
@@ -20,30 +20,19 @@ from scene.store import Store
 FOLDER = "align"
 """Of the pictures, below the output folder."""
 WIDTH = 1200
-BALL_WIDTH, PHOTOGRAPH_WIDTH = 420, 1000
+BALL_WIDTH = 420
 SCAN_COLOUR = (255, 0, 190)
 """Of the scan's outline: no object under white flashes has it."""
-DOUBT_COLOUR = (214, 104, 128)
-"""Of pixels on the object without a ground-truth normal."""
 WINDOW_PX = 46
 ZOOM = 6
 SIDES = {"left": (-1.0, 0.0), "top": (0.0, -1.0), "right": (1.0, 0.0), "bottom": (0.0, 1.0)}
 """Image axes (u, v)."""
 
 
-def write_pictures(
-    store: Store,
-    frames: Frames,
-    lights: Lights,
-    *,
-    strokes: NDArray,
-    mask: NDArray[np.bool_],
-    sigma_deg: NDArray,
-) -> None:
-    """Write the pictures of a registration to align/: outline, outline_zoom, sigma.
+def write_pictures(store: Store, frames: Frames, lights: Lights, *, strokes: NDArray, mask: NDArray[np.bool_]) -> None:
+    """Write the pictures of a registration to align/: outline, outline_zoom.
 
     `strokes` (K, 2, 2): both ends, pixels, of short strokes along the scan's outline. `mask` (H, W): the object.
-    `sigma_deg` (H, W): of the ground-truth normals, NaN where unknown.
     """
     import cv2
 
@@ -53,13 +42,9 @@ def write_pictures(
     grow = max(1, WIDTH // linear.shape[1])
     size = (grow * linear.shape[1], grow * linear.shape[0])
     photograph = exposure.develop(np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_CUBIC)))
-    images = {
-        "outline": draw_strokes(photograph, strokes, [box.left, box.top], photograph.shape[1] / box.width),
-        "outline_zoom": zoom_picture(frames, exposure, lights.directions, strokes),
-        "sigma": sigma_picture(sigma_deg, mask, box),
-    }
-    for name, image in images.items():
-        write_png(store.path(FOLDER, f"{name}.png"), image)
+    drawn = draw_strokes(photograph, strokes, [box.left, box.top], photograph.shape[1] / box.width)
+    write_png(store.path(FOLDER, "outline.png"), drawn)
+    write_png(store.path(FOLDER, "outline_zoom.png"), zoom_picture(frames, exposure, lights.directions, strokes))
 
 
 def read_picture(store: Store, name: str) -> Image | None:
@@ -106,21 +91,6 @@ def draw_strokes(image: Image, strokes: NDArray, corner: list[int], scale: float
     return np.asarray(cv2.polylines(image, list(lines), False, SCAN_COLOUR, 1, cv2.LINE_AA, 6), np.uint8)
 
 
-def sigma_picture(sigma_deg: NDArray, mask: NDArray[np.bool_], box: PixelBox) -> Image:
-    """Return sigma (H, W) in a box as colours, their scale below; rose where the mask has a pixel without sigma."""
-    import cv2
-
-    known = sigma_deg[np.isfinite(sigma_deg)]
-    # All but 2 % stay under the end.
-    end = pictures.colour_scale_end(float(np.quantile(known, 0.98)) if known.size else 1.0, least=0.1)
-    small = pictures.shrink(box.of(sigma_deg), box.shown_width(WIDTH))
-    image = pictures.error_picture(small, end)
-    share = cv2.resize(box.of(mask).astype(np.float32), small.shape[::-1], interpolation=cv2.INTER_AREA)
-    image[(np.asarray(share) > 0.5) & ~np.isfinite(small)] = DOUBT_COLOUR
-    image = pictures.enlarged(image, max(1, WIDTH // image.shape[1]))
-    return pictures.with_colour_scale(image, end, "sigma of the ground truth; rose: no normal")
-
-
 def ball_figures(material: Material) -> Summary:
     """Return each ball's crop with its fitted outline and highlights, and the candidates that were refused."""
     calibration = read_optional(material.store, "calibration.json") or {}
@@ -134,7 +104,10 @@ def _ball(material: Material, index: int, sphere: Sphere, seen: list | None) -> 
     row, camera = {"kind": "", **material.spheres[index], "number": str(index + 1)}, material.camera
     frames, exposure = material.photographs_of_ball(index)
     outline = sphere.outline(camera)
-    box = pictures.ball_box(sphere, outline, width=camera.width, height=camera.height)
+    known = outline[np.isfinite(outline).all(-1)]
+    known = known if known.size else sphere.center_px + sphere.radius_px * np.array([[-1.0], [1.0]])
+    size = {"width": camera.width, "height": camera.height}
+    box = PixelBox.around(known.min(0), known.max(0), margin=0.1, **size)
     corner = np.array([box.left - 0.5, box.top - 0.5])
     shapes, arm = "", max(box.width / 60, 1.0)
     for frame, pixel in enumerate(seen or []):
@@ -147,34 +120,25 @@ def _ball(material: Material, index: int, sphere: Sphere, seen: list | None) -> 
         shapes += f'<g>{title}<path class="highlight-halo" d="{cross}"/><path class="highlight" d="{cross}"/></g>'
     lines = [(kind, outline - corner) for kind in ("outline-halo", "outline")]
     found = {"row": row, "overlay": page.overlay(box, lines, "fitted outline and highlights", shapes)}
-    if frames is None or exposure is None:
-        return found
-    mean = pictures.shrink(pictures.ball_picture(frames, box, brightest=False), BALL_WIDTH)
-    image = exposure.develop(mean)
-    if row["kind"] == "chrome":
-        brightest = pictures.ball_picture(frames, box, brightest=True)
-        image = pictures.mirror_picture(mean / exposure.balance, pictures.shrink(brightest, BALL_WIDTH))
-    return found | {"image": image}
+    if frames is not None and exposure is not None:
+        is_mirror = row["kind"] == "chrome"
+        found["image"] = pictures.ball_picture(frames, exposure, box, BALL_WIDTH, is_mirror=is_mirror)
+    return found
 
 
 def placed(material: Material) -> Summary:
-    """Return the pictures that show whether the scan lies where the object is.
-
-    registered: there is a pose; outline, as HTML; zoom and sigma, as `align` drew them, or None.
-    """
+    """Return whether a scan is `registered`, and its `outline` (HTML) and `zoom` (None where `align` drew none)."""
     frames, mask, truth = material.frames, material.mask, material.map_of("normals", "truth")
     registered = material.store.path("pose.json").exists()
     box = PixelBox.of_mask(mask, margin=0.12)
-    drawn, zoom, sigma = (
-        read_picture(material.store, name) if registered else None for name in ("outline", "outline_zoom", "sigma")
-    )
+    drawn, zoom = (read_picture(material.store, name) if registered else None for name in ("outline", "outline_zoom"))
     regions, legend = [(mask, "mask", "the object's mask")], []
     if drawn is None:
         # Where the outline itself is not there to a fraction of a pixel, the truth ends a pixel inside it. The dashed
         # line last: where the two agree, the other shows between the dashes.
         what = "the registered scan's ground truth" if registered else "the given ground truth"
         regions[:0] = [] if truth is None else [(known_pixels(truth), "scan", what)]
-        drawn = material.photograph(material.raking, box, box.shown_width(PHOTOGRAPH_WIDTH))
+        drawn = material.photograph(material.raking, box, box.shown_width(WIDTH))
     else:
         legend = ['<span class="key scan"></span> the registered scan']
     lines = []
@@ -186,4 +150,4 @@ def placed(material: Material) -> Summary:
     caption = f"{escape(frames.names[material.raking])} with the outline of {'; '.join(legend)}."
     alt = "photograph with the object's outline"
     outline = Markup(page.picture(drawn, alt, caption, photograph=True, overlay=overlay))
-    return {"registered": registered, "outline": outline, "zoom": zoom, "sigma": sigma}
+    return {"registered": registered, "outline": outline, "zoom": zoom}

@@ -1,6 +1,5 @@
 """One self-contained page: what the cameras saw, what was computed of it, and how far it can be trusted."""
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -25,13 +24,6 @@ from draw.svg import Drawing
 from scene.files import write_text
 from scene.store import Store
 
-CHAPTERS = {
-    "verdict": "Verdict", "viewer": "Viewer", "why": "Why", "warnings": "Warnings", "frames": "Photographs",
-    "balls": "Balls", "lights": "Lights", "registration": "Registration", "normals": "Normals",
-    "trust": "Which normals", "twin": "Twin", "errors": "Errors", "statistics": "Statistics", "time": "Speed",
-    "truth-check": "Known truth", "provenance": "Provenance", "how-to-read": "How to read",
-}  # fmt: skip
-"""The sections of report.html, and their names in the row of links."""
 SCRIPTS = ("report_page.js", "viewer_values.js", "viewer_pixel.js", "viewer_scene.js", "viewer.js")
 """The page's program in parts, each reading none that follows it."""
 ELSEWHERE = ("warnings", "material", "held_out")
@@ -74,13 +66,11 @@ def write_report(store: Store, summary: dict[str, Any], digests: Mapping[str, st
         "trust_sentence": trust_sentence,
     }  # fmt: skip
     module = page.template("report.html").make_module(facts)
-    sections = re.finditer(r'<section id="([\w-]+)">.*?</section>', str(module), re.DOTALL)
-    chapters = {CHAPTERS[found[1]]: found[0] for found in sections}
     name = str(summary.get("name") or store.folder.resolve().name)
     script = "\n".join((page.HERE / part).read_text("utf-8") for part in SCRIPTS)
     script = f'"use strict";\n(() => {{\n{script}\n}})();'
     subtitle = str(module.subtitle()).strip()
-    html = page.whole_page(name, "Photometric stereo report", subtitle, chapters, script=script)
+    html = page.whole_page(name, "Photometric stereo report", subtitle, str(module), script=script)
     write_text(store.path("report.html"), html)
     if digests is not None:
         write_paper(store, name, subtitle, facts, digests)

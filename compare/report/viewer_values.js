@@ -4,7 +4,7 @@ const info = JSON.parse(byId("viewer-data")?.textContent ?? "null");
 const images = new Map([...document.querySelectorAll("img[data-kind]")].map((image) =>
   [`${image.dataset.kind}:${image.dataset.side}:${image.dataset.name}`, image]));
 const decoded = new Map();
-const levelOf = new Map((info?.palette ?? []).slice(0, -1).map(([r, g, b], level) => [(r << 16) | (g << 8) | b, level]));
+const levelOf = new Map((info?.palette ?? []).map(([r, g, b], level) => [(r << 16) | (g << 8) | b, level]));
 const known = ([r, g, b]) => !(r === 246 && g === 246 && b === 246);
 
 async function decode(key) {
@@ -36,7 +36,7 @@ function normalAt(side, name, x, y) {
 function angleAt(kind, side, name, x, y) {
   const codes = codesAt(`${kind}:${side}:${name}`, x, y);
   const level = codes && levelOf.get((codes[0] << 16) | (codes[1] << 8) | codes[2]);
-  return level === undefined || level === null ? null : level / 254 * info.scales[kind].end_deg;
+  return level === undefined || level === null ? null : level / 255 * (info.scales[`${kind}-${side}`] ?? info.scales[kind]).end_deg;
 }
 function albedoAt(name, x, y) {
   const codes = codesAt(`albedo:real:${name}`, x, y);

@@ -195,6 +195,4 @@ def _gallery(rows: Rows, shown: Mapping[str, str]) -> str:
     )
     pictures = section("datasets", "Datasets", f"{colour_scale(END_DEG)}{''.join(parts)}")
     said = f"{len(shown)} datasets, {len(methods)} methods"
-    return whole_page(
-        "Photometric stereo on datasets with known truth", "datasets", said, {"Errors": errors, "Datasets": pictures}
-    )
+    return whole_page("Photometric stereo on datasets with known truth", "datasets", said, errors + pictures)

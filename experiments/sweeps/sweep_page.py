@@ -50,19 +50,12 @@ def write_page(
     all_of = results(rows)
     failures, numbers = levels(all_of), statistics(all_of)
     there = [one for one in experiments(staging).values() if one.name in set(all_of["experiment"])]
-    chapters = {"What breaks whom": _failure_map(failures, there)}
+    sections = [_failure_map(failures, there)]
     if points := speed_points(all_of, seconds):
-        words = "Processor time against median angular error"
-        chart = speed_chart(
-            points,
-            label=words,
-            kinds=("default", "seed"),
-            hollow="the same method, profile seed",
-            is_twin_in_front=True,
-        )
+        chart = speed_chart(points, kinds=("default", "profile seed"))
         write_text(folder / "speed.svg", chart)
-        chapters["Speed"] = section("speed", words, chart)
-    chapters["Errors"] = _errors(numbers, there)
+        sections.append(section("speed", "Speed", chart))
+    sections.append(_errors(numbers, there))
     for one in there:
         charts = {name: _chart(all_of, one, name) for name in QUANTITIES}
         for name, chart in charts.items():
@@ -70,13 +63,13 @@ def write_page(
         lost = all_of[(all_of["experiment"] == one.name) & ~all_of["is_ok"]]
         drawn = "".join(f"<figure>{chart}</figure>" for chart in charts.values())
         body = f'{_pictures(found, one)}<div class="gallery" style="{WIDE}">{drawn}</div>{_without_result(lost)}'
-        chapters[one.label] = section(one.name, one.label, body)
+        sections.append(section(one.name, one.label, body))
     silent = int((~all_of["is_ok"] & ~all_of["has_failed"]).sum())
     said = (
         f"{len(found)} cells, {len(rows)} results: {silent} without an answer, {int(all_of['has_failed'].sum())} "
         f"failed; shapes {escape(', '.join(dict.fromkeys(all_of['shape'])))}"
     )
-    write_text(folder / "index.html", whole_page("Where each method fails", "sweeps", said, chapters))
+    write_text(folder / "index.html", whole_page("Where each method fails", "sweeps", said, "".join(sections)))
 
 
 def _failure_map(failures: Results, there: list[Experiment]) -> str:

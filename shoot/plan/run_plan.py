@@ -266,4 +266,4 @@ def plan_page(facts: dict[str, Any]) -> str:
         left_out=len(rows) - MOST_ROWS,
         lights_told=lights_of(facts),
     )
-    return whole_page(facts["name"], "plan of a shoot", escape(answer_of(facts)), {"Plan": body})
+    return whole_page(facts["name"], "plan of a shoot", escape(answer_of(facts)), body)

@@ -14,7 +14,7 @@ from compare.report.picture_strip import CHOSEN, PictureStrip
 from compare.report.registration_pictures import SCAN_COLOUR
 from scene.camera import Camera
 from scene.errors import SceneError
-from scene.map_pictures import Image, shrink
+from scene.map_pictures import Image
 from scene.spheres import Sphere
 from studio.session.ball_edits import Balls, circle_of, moved, resized
 from studio.session.photograph_picture import frame_strip, normals_beside, photograph
@@ -141,12 +141,7 @@ class PhotographView:
         center, radius = circle_of(ball)
         size = {"width": frames.width, "height": frames.height}
         box = pictures.PixelBox.around(np.subtract(center, radius), np.add(center, radius), margin=0.25, **size)
-        image = shrink(pictures.ball_picture(frames, box, brightest=False), CROP_PX)
-        if ball.kind == "chrome":
-            brightest = shrink(pictures.ball_picture(frames, box, brightest=True), CROP_PX)
-            image = pictures.mirror_picture(image / exposure.balance, brightest)
-        else:
-            image = exposure.develop(image)
+        image = pictures.ball_picture(frames, exposure, box, CROP_PX, is_mirror=ball.kind == "chrome")
         # Edges of pixels are half a pixel from their centres.
         middle = np.array([box.left + box.right, box.top + box.bottom]) / 2 - 0.5
         wide, high = box.width * plane.per_px, box.height * plane.per_px

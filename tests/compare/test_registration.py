@@ -63,10 +63,9 @@ def test_the_zooms_show_each_side_in_the_frame_that_lights_it_and_the_line_on_it
 def test_all_pictures_are_written_and_read_back(tmp_path):
     frames, lights, mask, strokes = scene(300, 200)
     store = Store(tmp_path)
-    sigma = np.where(mask, 0.2, np.nan)
-    registration_pictures.write_pictures(store, frames, lights, strokes=strokes, mask=mask, sigma_deg=sigma)
+    registration_pictures.write_pictures(store, frames, lights, strokes=strokes, mask=mask)
     shapes = {path.stem: cv2.imread(str(path)).shape for path in (tmp_path / "align").glob("*.png")}
-    assert set(shapes) == {"outline", "outline_zoom", "sigma"}
+    assert set(shapes) == {"outline", "outline_zoom"}
     read = registration_pictures.read_picture(store, "outline")
     assert read is not None
     # Red, green, blue, as it was drawn.

@@ -127,10 +127,9 @@ def test_how_alike_each_photograph_and_its_twin_are_is_listed(page, session):
 
 def test_what_align_drew_of_a_registered_scan_is_shown(copied):
     store, summary = copied
-    for name in ("outline_zoom", "sigma"):
-        write_png(store.path("align", f"{name}.png"), np.zeros((20, 30, 3), np.uint8))
+    write_png(store.path("align", "outline_zoom.png"), np.zeros((20, 30, 3), np.uint8))
     shown = [image["alt"] for image in Page(write_report(store, summary)).all("img")]
-    assert {"four stretches of the outline", "map of the ground truth’s sigma"} <= set(shown)
+    assert "four stretches of the outline" in shown
 
 
 def test_hostile_names_stay_text_wherever_they_go(copied):
