@@ -121,7 +121,7 @@ class _Suspect(NamedTuple):
 
 
 def _suspects(seen: ObservedSpots) -> Iterator[_Suspect]:
-    """Free one ball, its diameter and its outline, or the focal length after the other."""
+    """Free one ball's diameter after the other, then the focal length; outlines count less by themselves."""
     assert seen.diameter_sigma is not None
     for i, sphere in enumerate(seen.spheres):
         doubted = seen.diameter_sigma.copy()
@@ -138,7 +138,7 @@ def _suspects(seen: ObservedSpots) -> Iterator[_Suspect]:
 
 
 def _with_culprit(near: LightFit, seen: ObservedSpots, notes: Notes) -> LightFit:
-    """Return the fit in which one ball or the focal length is free, if that alone explains the rest.
+    """Return the fit in which one diameter or the focal length is free, if that alone explains the rest.
 
     Three balls show which it is; two, only that they contradict each other: the sigmas are then as wide as the
     suspects are apart. Highlights of which all are blurred alike miss by more than was stated, too: with their common

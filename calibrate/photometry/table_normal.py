@@ -12,9 +12,9 @@ from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
 TOWARD_CAMERA = np.array([0.0, 0.0, 1.0])
-SLANT = 0.5
-"""Standard deviation of the tangent of the angle by which a camera looks at a table aslant, in each direction: 27
-degrees. At more than twice that tangent a ball stands on something, or a diameter is wrong."""
+SLANT, STEEPEST = 0.5, 2.0
+"""Tangents of the angle by which a camera looks at a table aslant: the standard deviation in each direction (27
+degrees), and from where on (63 degrees) a ball stands on something, or a diameter is wrong."""
 DEPTH = 0.005
 """Relative doubt of a ball's distance beside its outline's: a diameter that was rounded, a ball on a ring."""
 
@@ -38,4 +38,4 @@ def table_normal(camera: Camera, spheres: Sequence[Sphere]) -> Array:
 
     found = least_squares(misses, [0.0, 0.0, np.median(centers[:, 2] - radii)], loss="soft_l1", x_scale="jac")
     slope = np.hypot(*found.x[:2])
-    return unit(np.append(found.x[:2], 1.0)) if slope < 2 * SLANT else TOWARD_CAMERA
+    return unit(np.append(found.x[:2], 1.0)) if slope < STEEPEST else TOWARD_CAMERA
