@@ -48,7 +48,7 @@ def test_threads_that_were_there_before_change_no_byte_of_the_photographs():
             drjit.set_thread_count(threads)
             _render.cache_clear()
             run_cell(cell)
-            images.append(_render(recipe.scene).images.tobytes())
+            images.append(_render(recipe.scene)[0].tobytes())
             assert _render.cache_info().misses == 1
             assert drjit.thread_count() == threads, "it is set back"
     finally:
