@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from cyclopts import Parameter
 
 from capture.session.session import load_session
 from compare.report.facts import read_optional
@@ -19,7 +18,7 @@ from compare.statistics.statistics import error_correlation, statistics_rows
 from draw.line_chart import line_chart
 from draw.readable import readable
 from lab.many_sessions import process_all, sessions_below
-from lab.options import AS_BEFORE, BY_NAME, Jobs, Place, Scheduler, Settings
+from lab.options import AS_BEFORE, Place, Settings
 from lab.progress import say
 from scene.errors import SceneError
 from scene.files import write_text
@@ -34,16 +33,7 @@ Value = float | str
 
 
 def series(
-    folder: Annotated[
-        Path,
-        Parameter(help='Folder of the sessions. Each session.toml has [series], such as factor = "iso", value = 400.'),
-    ],
-    /,
-    *,
-    place: Place = BY_NAME,
-    said: Settings = AS_BEFORE,
-    scheduler: Scheduler = None,
-    jobs: Jobs = 1,
+    folder: Path, place: Place, said: Settings = AS_BEFORE, *, jobs: int = 1, scheduler: str | None = None
 ) -> None:
     """Process all sessions of a series, as `rgbn process PARENT` does, and write series.html and series.csv, too.
 

@@ -1,24 +1,18 @@
-"""`rgbn studio`, and its server: viser on the loopback address, one browser's window at a time."""
+"""The studio's server: viser on the loopback address, one browser's window at a time."""
 
 import contextlib
 import io
 import threading
-import warnings
-import webbrowser
 from functools import partial
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from cyclopts import Parameter
-
-from lab.progress import say
 from lab.session_place import is_session
 from scene.errors import SceneError
 from studio.editor.editor_window import EditorWindow
 from studio.editor.preview import Preview, PreviewPanel
 from studio.editor.scene_rows import SCENE_ROWS
 from studio.editor.scene_view import SceneView
-from studio.opening import OPEN_ROWS, OpenWindow, open_path
+from studio.opening import OPEN_ROWS, OpenWindow
 from studio.served_page import LOOPBACK, ServedPage
 from studio.session.new_session import NEW_ROWS, NewWindow
 from studio.session.photograph_view import PhotographView
@@ -141,36 +135,3 @@ class Studio:
                 return NewWindow(*place)
             return SessionWindow(*place, address_of=self.page.address_of)
         return EditorWindow(*place, self.preview) if state.area == "Scene" else OpenWindow(*place)
-
-
-def studio(
-    source: Annotated[
-        Path | None,
-        Parameter(
-            help="A folder of photographs, a session, a folder of sessions, an output folder, a scene description "
-            "or a model in the workspace. Default: a page on which one is chosen."
-        ),
-    ] = None,
-    /,
-    *,
-    out: Annotated[Path | None, Parameter(alias="-o", help="Output folder of a session. Default: out/NAME.")] = None,
-    workspace: Annotated[Path, Parameter(help="Folder that is listed, and that results go into.")] = Path("."),
-    port: Annotated[int, Parameter(help="Port on this machine; 0 takes a free one.")] = 8080,
-    browser: Annotated[bool, Parameter(help="Open the page in the system's browser.")] = True,
-) -> None:
-    """Work in the browser, from a folder of photographs to the verdict, or from models to a dataset."""
-    # viser's, of each place that still writes when its window is closed.
-    warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
-    place = Workspace.at(workspace)
-    state = StudioState()
-    if source is not None:
-        open_path(state, place, source, out)
-    running = Studio(place, port=port, state=state)
-    say(f"studio: {running.address}   workspace {place.root}   Ctrl-C ends it")
-    if browser:
-        # Where the system has none, the address that was printed does.
-        webbrowser.open(running.address)
-    try:
-        threading.Event().wait()
-    finally:
-        running.close()

@@ -176,9 +176,9 @@ def _left_out(fit: LightFit, highlights: Array) -> float:
 def _judged(fit: LightFit, seen: ObservedSpots, notes: Notes) -> LightFit:
     """Say how well the highlights fit, and which outlines they contradict."""
     for i in np.flatnonzero(fit.outline_chi2 > ALONE):
-        off = float(np.abs(difference(fit.spheres[i], seen.spheres[i])).max())
+        off, times = np.abs(difference(fit.spheres[i], seen.spheres[i])).max(), np.sqrt(fit.outline_chi2[i] / 3)
         notes.warnings.append(
-            f"chrome ball {i + 1}'s outline is {off:.1f} px off by the highlights, {fit.miss:.1f} times what was "
+            f"chrome ball {i + 1}'s outline is {off:.1f} px off by the highlights, {times:.1f} times what was "
             "expected of it: it counts less. Look at its circle in the report, or check its diameter_mm."
         )
     rms = float(np.sqrt(np.nanmean(fit.residual_px**2)))

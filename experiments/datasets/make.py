@@ -8,16 +8,11 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from experiments.catalogue import benchmark_names, catalogue, first_names, wanted
 from experiments.photographs import VirtualPhotographs, one_thread, photograph_dataset
 from experiments.recipe import Dataset
 from experiments.scenes import dataset_scene
 from experiments.workers import run_all
-from lab.options import Processes
 from lab.progress import progress_bar, say
 from scene.current import code_fingerprint, file_digest, fingerprint
 from scene.errors import SceneError
@@ -59,30 +54,6 @@ The layout is that of the DiLiGenT benchmark: a program that reads one reads the
 |---|---|
 {recipe}
 """
-
-
-SHELF = Path("out") / "datasets"
-Shelf = Annotated[Path, Parameter(help="Folder of the datasets and of their list.")]
-NAMES = "Names, patterns such as 'pear-*', or benchmark, which is a list of 93."
-
-
-def make_named(
-    name: Annotated[list[str], Parameter(help=NAMES)],
-    /,
-    *,
-    shelf: Shelf = SHELF,
-    side: Annotated[
-        int, Parameter(help="Side of a picture, pixels. A side other than 256 is part of the dataset's name.")
-    ] = 256,
-    processes: Processes = None,
-) -> None:
-    """Make datasets of the catalogue, and print their folders."""
-    if side < 16:
-        raise SceneError(f"--side {side}: expected 16 pixels or more.")
-    known = catalogue()
-    names = wanted(name, known, benchmark_names(), first_names())
-    sized = [one.sized(side) for one in known.values() if one.name in names]
-    print(*make(shelf, sized, processes=processes), sep="\n")
 
 
 def make(shelf: Path, datasets: Sequence[Dataset], *, processes: int | None = None) -> list[Path]:

@@ -4,12 +4,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from cyclopts import Parameter
 
-from experiments.datasets.make import SHELF, Shelf
 from experiments.datasets.shelf import Entry, contents, contents_of, entries, select
 from experiments.tables import DATASETS, Row, Rows, errors_of
 from lab.many_sessions import PICTURE_PX
@@ -27,29 +25,21 @@ END_DEG = 20.0
 """Where the colours of error maps end: one scale for all, so that pictures can be compared."""
 
 
-def run(
-    *,
-    on: Annotated[
-        list[str] | None,
-        Parameter(help="Datasets of the shelf, by names, patterns or benchmark. Default: all.", negative=""),
-    ] = None,
-    said: Solving = BY_DEFAULT,
-    shelf: Shelf = SHELF,
-    out: Annotated[Path, Parameter(alias="-o", help="Output folder.")] = Path("out") / "datasets-table",
-) -> Rows:
+def run(shelf: Path, patterns: Sequence[str], *, solving: Solving = BY_DEFAULT, out: Path) -> Rows:
     """Run methods on datasets, as far as their results are not there yet; write table and page, and return the rows.
 
-    out gets results.csv and index.html; results/ keeps each result, work/ what programs said. SceneError: no such
-    dataset, method or program; a dataset that has changed.
+    patterns: names of datasets that are on the shelf, patterns, `benchmark`; none: all of them. out gets results.csv
+    and index.html; results/ keeps each result, work/ what programs said. SceneError: no such dataset, method or
+    program; a dataset that has changed.
     """
     # What an earlier run was told is not kept.
     solving = replace(
-        said, profile=said.profile or DEFAULT_PROFILE, external=said.external or (),
-        external_timeout_s=said.external_timeout_s or TIMEOUT_S, trust=None,
+        solving, profile=solving.profile or DEFAULT_PROFILE, external=solving.external or (),
+        external_timeout_s=solving.external_timeout_s or TIMEOUT_S, trust=None,
     )  # fmt: skip
     programs = solving.programs()
     names = [*solving.methods(), *programs]
-    there, rows, shown, code = _wanted(shelf, on or []), [], {}, code_fingerprint("experiments")
+    there, rows, shown, code = _wanted(shelf, patterns), [], {}, code_fingerprint("experiments")
     with open_record(out, origin="table of datasets") as record, logged(record):
         for number, entry in enumerate(there, 1):
             digest, kept = contents_of(shelf, entry), {}
@@ -69,8 +59,6 @@ def run(
         rows = [{key: row.get(key) for key in DATASETS} for row in rows]
         write_text(out / "results.csv", csv_text(rows))
         write_text(out / "index.html", _gallery(rows, shown))
-    print(results_text(rows), end="")
-    say(f"gallery: {out / 'index.html'}")
     return rows
 
 

@@ -1,19 +1,16 @@
 """The shelf: one folder of the datasets that were made, and of notes on others' that were added; and its list."""
 
-import json as json_module
 import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from cyclopts import Parameter
 from numpy.typing import NDArray
 
 from experiments.catalogue import benchmark_names, catalogue, first_names, wanted
-from experiments.datasets.make import NAMES, SHELF, SUMS, Shelf, checksums_of, mark_of
-from lab.options import Json
+from experiments.datasets.make import SUMS, checksums_of, mark_of
 from scene.current import fingerprint
 from scene.errors import SceneError
 from scene.files import write_json
@@ -97,18 +94,11 @@ def contents(folder: Path) -> tuple[int, NDArray, NDArray[np.bool_], NDArray[np.
     return len(session.flash), photograph, read_mask(files[1], *size), read_normals(files[2], *size)
 
 
-def add(
-    folder: Annotated[Path, Parameter(help="Folder in the DiLiGenT layout.")],
-    /,
-    *,
-    name: Annotated[str | None, Parameter(help="Its name. Default: the folder's.")] = None,
-    text: Annotated[str, Parameter(help="A line that says what it is.")] = "",
-    shelf: Shelf = SHELF,
-) -> Entry:
-    """Read a dataset, and note on the shelf where it is.
+def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "") -> Entry:
+    """Read a dataset, and note on the shelf where it is, by default under its folder's name.
 
-    SceneError: a file is at fault, or the name is taken. Whether the photographs agree with the lights is told when the
-    dataset is solved.
+    text: what it is, in a line. The files stay where they are. SceneError: one is at fault, or the name is taken.
+    Whether the photographs agree with the lights is told when the dataset is solved.
     """
     folder = folder.resolve()
     try:
@@ -128,7 +118,6 @@ def add(
         entry = Entry(name, "added", text, "added", folder)
         with record.making(f"{ADDED}/{name}", fingerprint(sums)):
             write_json(note, {**asdict(entry), "checksums": sums})
-    print(f"{entry.name}: added, {entry.text}; {entry.folder}")
     return entry
 
 
@@ -147,21 +136,8 @@ def contents_of(shelf: Path, entry: Entry) -> str:
     return expected
 
 
-def list_datasets(
-    pattern: Annotated[list[str] | None, Parameter(help=f"{NAMES} Default: all.")] = None,
-    /,
-    *,
-    shelf: Shelf = SHELF,
-    json: Json = False,
-) -> None:
-    """Print the datasets, a line each, and how many there are."""
-    found = entries(shelf)
-    if pattern:
-        names = {one.name for one in select(found, pattern)}
-        found = [one for one in found if one.name in names or one.same_as in names]
-    if json:
-        print(json_module.dumps([{**asdict(one), "folder": str(one.folder)} for one in found], indent=1))
-        return
+def listing(found: list[Entry]) -> str:
+    """Return a line a dataset, and how many there are."""
     lines = [("name", "list", "on the shelf", "what it is")]
     lines += [(one.name, "benchmark" if one.benchmark else "ours", one.state or "-", one.text) for one in found]
     widths = [max(len(line[place]) for line in lines) + 2 for place in range(3)]
@@ -171,4 +147,4 @@ def list_datasets(
     # A copy of another size is the same one of the list.
     marked = sum(one.name in benchmark_names() for one in own)
     there = sum(bool(one.state) for one in own)
-    print(*rows, f"{len(own)} datasets{more}; {marked} of the benchmark's list; {there} on the shelf", sep="\n")
+    return "\n".join([*rows, f"{len(own)} datasets{more}; {marked} of the benchmark's list; {there} on the shelf"])

@@ -6,60 +6,42 @@ Cells lie in OUT/cells, one file each, whoever asked for them; OUT/NAME holds wh
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
-
-from cyclopts import Parameter
+from typing import Any
 
 from experiments.recipe import ROOM, Cell, code_times
 from experiments.stagings import SOLVERS, experiments, experiments_of
 from experiments.sweeps.cell import failed_rows, run_cell
 from experiments.tables import RESULTS, SECONDS, Rows, write_table
 from experiments.workers import Work, WorkerDied, run_all
-from lab.options import Processes, Scheduler, Solving, Staging
+from lab.options import Solving, Staging
 from lab.progress import logged, progress_bar, say
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json
-from scene.method_names import METHODS
 from scene.output_folder import open_record
 from scene.reading import json_of
 from scene.record import Record
 
-SEVEN = ",".join(SOLVERS)
-
 
 def sweep(
-    experiment: Annotated[
-        str,
-        Parameter(
-            help="Experiments, with commas, or all: ambient, interreflection, material, images, noise, ring, "
-            "roughness, shadow, specularity; and, with wrong lights, directions, intensities."
-        ),
-    ],
-    /,
+    wanted: str,
     *,
-    staging: Annotated[
-        Staging,
-        Parameter(
-            help="one-factor: all else is easy. benchmark: path-traced scenes as in the RGBN benchmark's text, "
-            "with levels that span its errors."
-        ),
-    ] = "one-factor",
-    quick: Annotated[bool, Parameter(help="A first look: few levels, one shape, small pictures.", negative="")] = False,
-    shape: Annotated[
-        str, Parameter(help="Other shapes than the experiments' own, with commas: gyroid, or bear,heart.")
-    ] = "",
-    method: Annotated[str, Parameter(alias="-m", help=f"Methods, with commas: {', '.join(METHODS)}.")] = SEVEN,
-    out: Annotated[Path | None, Parameter(alias="-o", help="Output folder. Default: out/sweeps.")] = None,
-    processes: Processes = None,
-    scheduler: Scheduler = None,
+    out: Path | None = None,
+    quick: bool = False,
+    staging: Staging = "one-factor",
+    shape: str = "",
+    method: str = ",".join(SOLVERS),
+    scheduler: str | None = None,
+    processes: int | None = None,
 ) -> Path:
     """Run experiments, as far as their cells are not there yet; return the folder of the tables and the page.
 
-    SceneError: unknown experiment, shape or method, no cluster, a full disk, a folder in use.
+    wanted: names with commas, or all. staging: see `experiments.stagings`. quick: a first look, with fewer levels, one
+    shape, one draw, small pictures. shape: others than the experiments' own, with commas. method: solvers with commas.
+    scheduler: address of a Dask scheduler; default: processes here, one a core. SceneError: unknown experiment, shape
+    or method, no cluster, a full disk, a folder in use.
     """
-    shape = shape.casefold()
-    chosen, methods = experiments_of(experiment.casefold(), staging, shape), Solving(method, "seed").methods()
+    chosen, methods = experiments_of(wanted, staging, shape), Solving(method, "seed").methods()
     cells = [cell for one in chosen for cell in one.cells(methods=methods, quick=quick)]
     names = "all" if len(chosen) == len(experiments(staging)) else "-".join(one.name for one in chosen)
     words = ["benchmark"] * (staging == "benchmark") + [names] + shape.replace(",", " ").split() + ["quick"] * quick
@@ -67,7 +49,6 @@ def sweep(
     with open_record(folder.parent, origin="sweep") as record, logged(record):
         run_cells(record, cells, scheduler=scheduler, processes=processes)
         join_cells(record, record.folder / folder.name, cells, staging=staging)
-    print(folder / "index.html")
     return folder
 
 

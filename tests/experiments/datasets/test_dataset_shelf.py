@@ -57,7 +57,7 @@ def test_what_is_at_fault_is_not_added(striped, tmp_path):
     lights = striped / "light_directions.txt"
     np.savetxt(lights, np.loadtxt(lights)[:-1])
     with pytest.raises(SceneError, match=r"not added, light_directions.txt"):
-        add(striped, shelf=tmp_path / "shelf")
+        add(tmp_path / "shelf", striped)
     assert not (tmp_path / "shelf").exists()
 
 
@@ -65,8 +65,8 @@ def test_what_is_added_is_listed_and_must_not_change(striped, tmp_path):
     shelf = tmp_path / "shelf"
     # Whatever lies in it; even under a name that one of ours might have.
     (striped / "recipe.json").write_text('{"flour": "500 g"}')
-    assert add(striped, shelf=shelf, text="a striped ball").folder == striped
-    add(striped, shelf=shelf, name="pear-roughness-0.30-48px")
+    assert add(shelf, striped, text="a striped ball").folder == striped
+    add(shelf, striped, name="pear-roughness-0.30-48px")
     found = [(one.name, one.state) for one in entries(shelf) if one.state]
     assert found == [("pear-roughness-0.30-48px", "added"), ("striped", "added")]
     other = tmp_path / "other"
@@ -75,14 +75,14 @@ def test_what_is_added_is_listed_and_must_not_change(striped, tmp_path):
         for path in striped.iterdir():
             (folder / path.name).write_bytes(path.read_bytes())
         with pytest.raises(SceneError, match="the name is taken"):
-            add(folder, shelf=shelf, name=name)
-    how = {"said": Solving("ls"), "out": tmp_path / "out"}
-    assert [row["status"] for row in run(shelf=shelf, **how)] == ["ok", "ok"]
+            add(shelf, folder, name=name)
+    how = {"solving": Solving("ls"), "out": tmp_path / "out"}
+    assert [row["status"] for row in run(shelf, [], **how)] == ["ok", "ok"]
     (striped / "003.png").write_bytes((striped / "003.png").read_bytes() + b" ")
     with pytest.raises(SceneError, match=r"003.png is not as it was when the dataset was put on the shelf"):
-        run(shelf=shelf, on=["striped"], **how)
+        run(shelf, ["striped"], **how)
     with pytest.raises(SceneError, match=r"pear-roughness-0.30: is in the catalogue, but not made yet"):
-        run(shelf=shelf, on=["pear-roughness-0.30"], **how)
+        run(shelf, ["pear-roughness-0.30"], **how)
 
 
 def test_what_was_killed_while_it_was_added_can_be_added_again(striped, tmp_path, monkeypatch):
@@ -93,14 +93,14 @@ def test_what_was_killed_while_it_was_added_can_be_added_again(striped, tmp_path
     with monkeypatch.context() as patch:
         patch.setattr("experiments.datasets.shelf.write_json", kill)
         with pytest.raises(KeyboardInterrupt):
-            add(striped, shelf=shelf)
-    add(striped, shelf=shelf)
+            add(shelf, striped)
+    add(shelf, striped)
     assert [one.name for one in entries(shelf) if one.state] == ["striped"]
 
 
 def test_a_stopped_run_keeps_the_methods_that_were_done(striped, tmp_path, monkeypatch):
     shelf, asked = tmp_path / "shelf", []
-    add(striped, shelf=shelf)
+    add(shelf, striped)
 
     def counted(name, *more):
         asked.append(name)
@@ -111,8 +111,8 @@ def test_a_stopped_run_keeps_the_methods_that_were_done(striped, tmp_path, monke
     row_of = run_module._row
     monkeypatch.setattr(run_module, "_row", counted)
     with pytest.raises(KeyboardInterrupt):
-        run(shelf=shelf, on=["striped"], said=Solving("ls,iterative"), out=tmp_path / "out")
-    rows = run(shelf=shelf, on=["striped"], said=Solving("ls,iterative"), out=tmp_path / "out")
+        run(shelf, ["striped"], solving=Solving("ls,iterative"), out=tmp_path / "out")
+    rows = run(shelf, ["striped"], solving=Solving("ls,iterative"), out=tmp_path / "out")
     assert asked == ["ls", "iterative", "iterative"]
     assert [(row["method"], row["status"]) for row in rows] == [("ls", "ok"), ("iterative", "ok")]
 
@@ -120,10 +120,10 @@ def test_a_stopped_run_keeps_the_methods_that_were_done(striped, tmp_path, monke
 @pytest.mark.full
 def test_a_program_that_was_changed_runs_again(striped, tmp_path, command):
     shelf, words = tmp_path / "shelf", command("fine")
-    add(striped, shelf=shelf)
+    add(shelf, striped)
 
     def mean_deg():
-        return run(shelf=shelf, said=Solving("ls", external=(words,)), out=tmp_path / "out")[1]["mean_deg"]
+        return run(shelf, [], solving=Solving("ls", external=(words,)), out=tmp_path / "out")[1]["mean_deg"]
 
     first, again = mean_deg(), mean_deg()
     command("fine", PROGRAM.replace("gray)\nnp.save", "gray ** 0.3)\nnp.save"))
@@ -133,9 +133,9 @@ def test_a_program_that_was_changed_runs_again(striped, tmp_path, command):
 
 def test_programs_join_the_table_and_what_fails_is_told(striped, tmp_path, command):
     shelf, out = tmp_path / "shelf", tmp_path / "out"
-    add(striped, shelf=shelf, text="the <first> one")
+    add(shelf, striped, text="the <first> one")
     programs = (command("fine", PROGRAM + GAPS), command("striped"))
-    rows = run(shelf=shelf, said=Solving("ls", external=programs, external_timeout_s=60.0), out=out)
+    rows = run(shelf, [], solving=Solving("ls", external=programs, external_timeout_s=60.0), out=out)
     assert (tmp_path / "calls" / "log").read_text() == "xx"
     by_method = {row["method"]: row for row in rows}
     assert by_method["ls"]["status"] == by_method["Fine"]["status"] == "ok"

@@ -92,7 +92,7 @@ def test_names_change_with_the_code_that_makes_the_rows(tmp_path, monkeypatch):
         return current.code_fingerprint.__wrapped__(recipe.ROOM)
 
     before = hash_with("rgbn/cli.py")
-    assert hash_with("rgbn/cli.py") == hash_with("studio/server.py") == before
+    assert hash_with("rgbn/cli.py") == hash_with("studio/studio_command.py") == before
     seen = {before}
     for name in ("solve/pixelwise/ls.py", "twin/engines/many.py", "scene/frames.py", "experiments/shapes.py"):
         changed = hash_with(name)

@@ -10,11 +10,11 @@ import pytest
 from capture.session.session import load_session
 from scene.errors import SceneError
 from studio.opening import open_path
-from studio.server import studio
 from studio.session.new_session import NEW_ROWS, NewWindow
 from studio.session.photograph_view import PhotographView
 from studio.session.session_rows import SESSION_ROWS
 from studio.session.session_window import SessionWindow
+from studio.studio_command import studio
 from studio.studio_state import StudioState
 from studio.workspace import Workspace
 
