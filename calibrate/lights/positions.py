@@ -13,18 +13,18 @@ from scene.lights import Lights
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
-ROUNDS = (("soft_l1", 2.0), ("linear", 1.0), ("linear", 1.0), ("linear", 1.0))
-"""Loss, and sigmas from which on residuals count in proportion, in each round."""
+ROUNDS = 4  # of least squares, each with the highlights that agree with the one before
 LOOSENED = (1, 2)  # rounds after which outlines that the highlights contradict count less
 MOST_TRIALS = 100
 """Points at which a round looks: sound highlights need 50 at most, and those that contradict each other never rest."""
-INLIER_SIGMAS, INLIER_PX = 5.0, 0.25
+INLIER_SIGMAS = 5.0
 CONTRADICTION_PX = 1.0
 """Miss from which one of two balls is left out, which costs the light's range: a reflection of something else misses
 by pixels, an undersampled highlight by a third of one."""
 MEDIAN_SQUARE = 1.39  # median of the sum of two squared normal errors
-STATED = 3.0  # how many residuals' worth the highlights' stated sigmas are believed, against their scatter
-LEAST_SCALE = 0.3
+STATED = 8.0
+"""How many residuals' worth the highlights' stated sigmas are believed, against their scatter: on balls of others these
+are a quarter apart, in the logarithm, and 8 residuals tell a scatter to that."""
 CAP = 30.0  # sigmas at which a highlight that was left out counts in the comparison of models
 
 
@@ -102,14 +102,13 @@ def fit_lights(seen: ObservedSpots, *, near: bool) -> LightFit:
     problem = Adjustment(seen, near=near)
     x = problem.start()
     shown = np.isfinite(seen.highlights[..., 0])
-    for index, (loss, reach) in enumerate(ROUNDS):
-        # By name through a dict: the type stub takes no function for the Jacobian.
-        options: dict[str, Any] = {"jac": problem.slopes, "x_scale": "jac", "max_nfev": MOST_TRIALS}
-        options |= {"loss": loss, "f_scale": reach}
+    # By name through a dict: the type stub takes no function for the Jacobian.
+    options: dict[str, Any] = {"jac": problem.slopes, "x_scale": "jac", "max_nfev": MOST_TRIALS}
+    for index in range(ROUNDS):
         x = least_squares(problem.residuals, x, **options).x
         size = np.linalg.norm(problem.residual_pixels(x), axis=-1)
         square = np.nanmedian((size / seen.sigma_px)[problem.used] ** 2) / MEDIAN_SQUARE
-        least = np.where(shown.sum(0) < 3, CONTRADICTION_PX, INLIER_PX)
+        least = np.where(shown.sum(0) < 3, CONTRADICTION_PX, 0)
         good = size < np.maximum(INLIER_SIGMAS * max(1.0, float(np.sqrt(square))) * seen.sigma_px, least)
         problem.used = shown.copy()
         for f in np.flatnonzero((shown & ~good).any(0)):
@@ -135,7 +134,7 @@ def _scale(problem: Adjustment, x: Array) -> float:
     # What the unknowns took of the highlights' freedom, their leverage; the priors carry the rest of them.
     taken = np.sum((slopes @ _covariance(slopes) * slopes)[:rows])
     chi2 = float(residual @ residual) * problem.scale**2
-    return max(LEAST_SCALE, float(np.sqrt((chi2 + STATED) / (max(rows - taken, 0.0) + STATED))))
+    return float(np.sqrt((chi2 + STATED) / (max(rows - taken, 0.0) + STATED)))
 
 
 def _agreeing_shading(problem: Adjustment, x: Array) -> NDArray[np.bool_]:
