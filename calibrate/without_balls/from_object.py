@@ -1,19 +1,28 @@
-"""The last resort for the flashes' strengths: no white ball, no file has them, but something matte is seen.
+"""The flashes' strengths where no white ball and no file tells them: by something matte that is seen.
 
 Directions are known. Every matte pixel says I_f = e_f b.l_f with a vector b of its own: three unknowns a pixel, and
 F - 1 in common.
 """
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.calibration import Notes, leave_out
 from calibrate.lights.directions import two_across
+from calibrate.photometry.from_table import strengths_on_table
 from calibrate.photometry.from_white import no_flash
-from calibrate.without_balls.probe import CANDIDATES, FEWEST_PIXELS, LIT, Probe, read_probe, turned, varied
+from calibrate.without_balls.probe import (
+    CANDIDATES,
+    FEWEST_PIXELS,
+    LIT,
+    Probe,
+    ProbePhotometry,
+    read_beside,
+    turned,
+    varied,
+)
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.intensities import GROUPS, Eliminated, Evidence, evidence, solve_intensities
@@ -37,32 +46,31 @@ TOO_VAGUE = 0.25  # sigma of the strengths from which they are no better than ta
 def strengths_from_object(
     frames: Frames, camera: Camera, spheres: list[Sphere], lights: Lights, notes: Notes
 ) -> tuple[Array, Array] | None:
-    """Read the flashes' strengths from the object, drawn to equal power as far as their errors allow; say so.
+    """Read the flashes' strengths from the table, or from the object, whichever tells them better; say so.
 
     Returns intensities (F, 3), each channel's mean 1, and their relative sigma (F,); None where nothing matte is lit
     from enough sides, and the lights are distant.
     """
-    read, equal = measured_on_object(frames, camera, spheres, lights), _of_equal_power(lights)
+    read = measured_beside_balls(frames, camera, spheres, lights)
     if read is None or not np.median(read.sigma) < TOO_VAGUE:
         if lights.positions_mm is None:
             return None
+        equal = 1 / np.sum((lights.positions_mm - lights.reference_point_mm) ** 2, 1)
         notes.warnings.append(
             "no white ball, and nothing matte that tells the flashes' strengths: all are taken as equally powerful, by "
             "their distances. 5 % of variation bends normals by 2 degrees."
         )
-        return np.repeat(equal[:, None], 3, 1), np.full(len(lights), np.nan)
-    intensities, sigma, scatter = _shrunk(read.intensities, read.sigma, equal)
+        return np.repeat(equal[:, None] / equal.mean(), 3, 1), np.full(len(lights), np.nan)
     notes.evidence.append(
-        f"no white ball: the flashes' strengths from {read.pixels} pixels of the object itself (misfit "
-        f"{read.residual:.1%} of a flash); they vary in power by {scatter:.0%}, each to {np.median(sigma):.1%}; "
-        "what is within their errors is drawn to equal power"
+        f"no white ball: the flashes' strengths from {read.pixels} pixels of {read.surface} (misfit "
+        f"{read.residual:.1%} of a flash), each to {np.median(read.sigma):.1%}"
     )
     notes.warnings.append(
-        "no white ball: the flashes' strengths are from the object's own shading, which supposes that it is matte; to "
-        f"{np.median(sigma):.1%}, and errors that bend all normals alike. Put a white ball beside the object, or list "
-        "the one that is there under [[spheres]]."
+        f"no white ball: the flashes' strengths are from the shading of {read.surface}, which supposes that it is "
+        f"matte; to {np.median(read.sigma):.1%}, and errors that bend all normals alike. Put a white ball beside the "
+        "object, or list the one that is there under [[spheres]]."
     )
-    return intensities, sigma
+    return read.intensities, read.sigma
 
 
 def white_in_shadow(frames: Frames, camera: Camera, spheres: list[Sphere], lights: Lights, notes: Notes) -> Lights:
@@ -73,7 +81,7 @@ def white_in_shadow(frames: Frames, camera: Camera, spheres: list[Sphere], light
     """
     hidden = np.isinf(lights.intensity_sigma)
     names = [name for name, lacks in zip(lights.names, hidden, strict=True) if lacks]
-    read, white, sigma = measured_on_object(frames, camera, spheres, lights), lights.intensities, np.inf
+    read, white, sigma = measured_beside_balls(frames, camera, spheres, lights), lights.intensities, np.inf
     if read is not None and np.count_nonzero(~hidden) > 1 and _is_seen_in(read, hidden):
         ratio = np.log(white[~hidden] / read.intensities[~hidden])
         sigma = float(ratio.mean(1).std(ddof=1))
@@ -88,14 +96,20 @@ def white_in_shadow(frames: Frames, camera: Camera, spheres: list[Sphere], light
     return replace(lights, intensities=intensities, intensity_sigma=np.where(hidden, sigma, lights.intensity_sigma))
 
 
-def _is_seen_in(read: "ObjectPhotometry", frames: NDArray[np.bool_]) -> bool:
+def _is_seen_in(read: ProbePhotometry, frames: NDArray[np.bool_]) -> bool:
     """Whether the object is lit in frames (F,), and looks there as in the others: else they show something else."""
     return bool((read.believed[frames] > USUALLY_BELIEVED * np.median(read.believed[~frames])).all())
 
 
-def measured_on_object(
+def measured_beside_balls(
     frames: Frames, camera: Camera, spheres: list[Sphere], lights: Lights
-) -> "ObjectPhotometry | None":
+) -> ProbePhotometry | None:
+    """Read the flashes' strengths from the table, or from what matte surfaces there are: what tells them better."""
+    both = strengths_on_table(frames, camera, spheres, lights), measured_on_object(frames, camera, spheres, lights)
+    return min((one for one in both if one is not None), key=lambda one: float(np.median(one.sigma)), default=None)
+
+
+def measured_on_object(frames: Frames, camera: Camera, spheres: list[Sphere], lights: Lights) -> ProbePhotometry | None:
     """Read the flashes' strengths from whatever matte surfaces the frames show, with directions known.
 
     None where these do not tell them. The balls are left out; the lights' intensities are not looked at.
@@ -105,11 +119,7 @@ def measured_on_object(
     A table fills the picture with one normal, which does not determine them [Cho2016]: so pixels are drawn evenly over
     the directions that they seem to face, not over the picture.
     """
-    outside = np.ones((frames.height, frames.width), bool)
-    for sphere in spheres:
-        if not sphere.apart:
-            outside &= ~sphere.mask(camera, grow_px=0.1 * sphere.radius_px + 2)
-    probe = read_probe(frames, outside, most=CANDIDATES)
+    probe = read_beside(frames, camera, spheres, most=CANDIDATES)
     depth = lights.reference_point_mm[2]
 
     def toward(stretch: float) -> Array:
@@ -129,42 +139,7 @@ def measured_on_object(
     return good[0]._replace(sigma=sigma)
 
 
-def _of_equal_power(lights: Lights) -> Array:
-    """Return (F,) what flashes of one power do at the reference point, mean 1."""
-    if lights.positions_mm is None:
-        return np.ones(len(lights))
-    fall = 1 / np.sum((lights.positions_mm - lights.reference_point_mm) ** 2, 1)
-    return fall / fall.mean()
-
-
-def _shrunk(intensities: Array, sigma: Array, equal: Array) -> tuple[Array, Array, float]:
-    """Draw the strengths to those of equal power as far as their scatter is no more than their errors.
-
-    Notes
-    -----
-    Mostly one flash is carried around. With measured log powers p of errors sigma, and tau^2 what their variance
-    exceeds the errors' by, the best guess is the mean and tau^2 / (tau^2 + sigma^2) of the rest.
-    """
-    power = np.log(intensities.mean(1) / equal)
-    power -= power.mean()
-    square = max(float(np.var(power) - np.mean(sigma**2)), 0.0)
-    keep = square / (square + sigma**2)
-    drawn = intensities * np.exp((keep - 1) * power)[:, None]
-    # Flashes of one power that vary by nothing would have no error: leave them a third of what was measured.
-    return drawn / drawn.mean(0), sigma * np.sqrt(np.maximum(keep, 1 / 9)), float(np.sqrt(square))
-
-
-class ObjectPhotometry(NamedTuple):
-    """What the object's own shading says of the flashes."""
-
-    intensities: Array  # (F, 3) relative, each channel's mean 1
-    sigma: Array  # (F,) relative standard deviation, one frame
-    residual: float  # relative misfit of the samples that were believed, robust standard deviation
-    pixels: int  # how many spoke
-    believed: Array  # (F,) share of a frame's lit samples that keep to the surface of the other frames; of few less
-
-
-def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> ObjectPhotometry | None:
+def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> ProbePhotometry | None:
     """Read the flashes' intensities from matte pixels of unknown normal and albedo.
 
     Parameters
@@ -178,7 +153,7 @@ def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> Ob
 
     Returns
     -------
-    ObjectPhotometry or None
+    ProbePhotometry or None
         None where the pixels do not determine the intensities: too few, or all facing one way.
 
     Notes
@@ -238,4 +213,4 @@ def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> Ob
     if moved:
         sigma = np.hypot(sigma, np.sqrt(np.mean(np.square(moved), 0)))
     share = used.sum(0) / np.maximum(believable.sum(0), 2 * FEWEST_PIXELS)
-    return ObjectPhotometry(relative, sigma, scale, int(np.count_nonzero(used.any(1))), share)
+    return ProbePhotometry("the object", relative, sigma, scale, int(np.count_nonzero(used.any(1))), share)

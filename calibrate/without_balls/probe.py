@@ -1,12 +1,16 @@
-"""Pixels of the object itself, read in every frame: what the fall-backs have instead of balls."""
+"""Pixels of the object itself, read in every frame: what there is instead of balls."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.camera import Camera
 from scene.frames import Frames
+from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
 MOST_PIXELS = 3000
@@ -39,6 +43,26 @@ class Probe:
     def lit(self) -> NDArray[np.bool_]:
         """(F, P): unclipped and in no shadow."""
         return ~self.clipped & (self.values.mean(-1) > LIT * self.bright)
+
+
+class ProbePhotometry(NamedTuple):
+    """What surfaces beside the balls say of the flashes."""
+
+    surface: str  # in words, whose it is
+    intensities: Array  # (F, 3) relative, each channel's mean 1
+    sigma: Array  # (F,) relative standard deviation, one frame
+    residual: float  # relative misfit of the samples that were believed, robust standard deviation
+    pixels: int  # how many spoke
+    believed: Array  # (F,) share of a frame's lit samples that keep to the surface of the other frames; of few less
+
+
+def read_beside(frames: Frames, camera: Camera, spheres: Sequence[Sphere], *, most: int) -> Probe:
+    """Read about `most` pixels of all that is no ball, see `read_probe`."""
+    outside = np.ones((frames.height, frames.width), bool)
+    for sphere in spheres:
+        if not sphere.apart:
+            outside &= ~sphere.mask(camera, grow_px=0.1 * sphere.radius_px + 2)
+    return read_probe(frames, outside, most=most)
 
 
 def read_probe(frames: Frames, region: NDArray[np.bool_], *, most: int = MOST_PIXELS) -> Probe:

@@ -168,7 +168,7 @@ def test_a_file_without_intensities_and_no_white_ball_is_said(table, tmp_path, k
     assert rms < 0.6 * np.sqrt(np.mean((1 / intensities - 1) ** 2))
     assert np.isfinite(result.lights.intensity_sigma).all()
     (warning,) = result.warnings
-    for said in ("lights.lp", "no white ball", "the object's own shading"):
+    for said in ("lights.lp", "no white ball", "the shading of the object"):
         assert said in warning
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from calibrate.calibration import Notes
+from calibrate.photometry.from_table import strengths_on_table
 from calibrate.without_balls.from_object import intensities_from_object, strengths_from_object
 from calibrate.without_balls.probe import read_probe
 from fixtures.ball_scene import World, render
@@ -107,6 +108,29 @@ def test_near_flashes_are_told_as_well_as_is_said():
     relative = _relative(found, strength)
     assert _rms(relative) < 0.3 * _rms(_relative(np.ones((COUNT, 3)), strength))
     assert np.mean(np.abs(relative.mean(1)) < 1.96 * sigma) >= 0.8
+
+
+@pytest.mark.parametrize("texture", ["plain", "wood"])
+@pytest.mark.parametrize("balls", [[(-200, -90, 38), (210, 80, 30), (-60, 120, 25)], [(-200, -90, 38)]], ids=len)
+def test_a_table_of_any_pattern_tells_near_flashes(texture, balls):
+    """Of its plane one ball tells a point alone; the slopes are in the shading, which changes across it."""
+    center = np.array([0.0, 0.0, -1050.0])
+    lights = _lights(direction_sigma_deg=np.full(COUNT, 0.05), reference_point_mm=center)
+    distance = np.linspace(500, 800, COUNT)[:, None]
+    lights = replace(lights, positions_mm=center + lights.directions * distance, intensities=np.ones((COUNT, 3)))
+    camera = Camera(300, 200, 420.0, 420.0, 151.0, 98.0)
+    powers = 0.5 * _lights().intensities * (distance / 1000) ** 2
+    world = World(camera, [], lights.positions_mm, powers, table_texture=texture, table_albedo=0.3, bounce=False)
+    for ball in balls:
+        world.stand("chrome", *ball)
+    world.stand("object", 30, -10, 45)
+    told = strengths_on_table(
+        render(world, seed=10005), camera, [s for s in world.spheres() if s.kind == "chrome"], lights
+    )
+    relative = _relative(told.intensities, world.truth(center)[1])
+    assert _rms(relative) < 0.02
+    assert (np.abs(relative.mean(1)) < 2 * told.sigma).all()
+    assert (told.sigma < 0.08).all()
 
 
 def test_a_dark_frame_leaves_the_strengths_of_the_others():
