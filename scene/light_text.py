@@ -39,7 +39,7 @@ def table_in(path: Path, error: type[SceneError] = SceneError, beside: str | Non
         Of the type `error`: unreadable, empty, or a line of another length or with a word that is no number.
     """
     lines = text_of(path, error=error).splitlines()
-    rows = [row for line in lines if (row := line.replace(",", " ").split())]
+    rows = [row for line in lines if (row := line.split("#")[0].replace(",", " ").split())]
     if len(rows) > 1 and len(rows[1]) > 1 and rows[0] in ([str(len(rows) - 1)], [str(len(rows[1]))]):
         rows = rows[1:]
     width = len(rows[0]) if rows else 0
