@@ -64,18 +64,11 @@ def table_in(path: Path, error: type[SceneError] = SceneError, beside: str | Non
     return np.broadcast_to(values, (len(values), 3)), BY_COLUMN if by_column else "" if is_told else EITHER
 
 
-def number_rows(rows: NDArray[np.float64]) -> str:
-    """Return DiLiGenT's text of (N, 3): a light's three numbers a line."""
-    return "".join(" ".join(f"{value:.8f}" for value in row) + "\n" for row in rows)
-
-
 def light_tables(files: Sequence[str], lights: Lights) -> dict[str, str]:
     """Return DiLiGenT's three files, {name: text}; `files` are those of the photographs."""
-    return {
-        DIRECTIONS: number_rows(lights.directions),
-        INTENSITIES: number_rows(lights.intensities),
-        FILENAMES: "".join(f"{file}\n" for file in files),
-    }
+    columns = {DIRECTIONS: lights.directions, INTENSITIES: lights.intensities}
+    rows = {name: [" ".join(f"{value:.8f}" for value in row) for row in table] for name, table in columns.items()}
+    return {name: "".join(f"{line}\n" for line in lines) for name, lines in (rows | {FILENAMES: files}).items()}
 
 
 def lp_file(files: Sequence[str], lights: Lights) -> dict[str, str]:
