@@ -2,9 +2,8 @@
 
 import hashlib
 import importlib.util
-import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib import metadata
@@ -45,17 +44,31 @@ def fingerprint(*values: Any, code: str = "", digest: Callable[[Path], str | Non
     digest : callable or None
         Gives a file's `file_digest`, perhaps from memory.
     """
+    whole = hashlib.sha256()
+    if code:
+        _feed((code, libraries()), whole.update, file_digest)
+    _feed(values, whole.update, digest or file_digest)
+    return whole.hexdigest()
 
-    def told(value: Any) -> Any:
-        if is_dataclass(value) and not isinstance(value, type):
-            return [type(value).__name__, *(getattr(value, field.name) for field in fields(value))]
-        if isinstance(value, np.ndarray):
-            data = np.ascontiguousarray(value).reshape(-1).view(np.uint8).data
-            return [str(value.dtype), value.shape, hashlib.sha256(data).hexdigest()]
-        return [value.name, (digest or file_digest)(value)] if isinstance(value, Path) else repr(value)
 
-    made = [code, libraries()] if code else []
-    return hashlib.sha256(json.dumps([made, values], default=told).encode()).hexdigest()
+def _feed(value: Any, update: Callable[[Any], Any], digest: Callable[[Path], str | None]) -> None:
+    if is_dataclass(value) and not isinstance(value, type):
+        update(f"{type(value).__name__} ".encode())
+        for field in fields(value):
+            _feed(getattr(value, field.name), update, digest)
+    elif isinstance(value, np.ndarray):
+        update(f"{value.dtype} {value.shape} ".encode())
+        update(np.ascontiguousarray(value).reshape(-1).view(np.uint8).data)
+    elif isinstance(value, Mapping):
+        _feed(tuple(value.items()), update, digest)
+    elif isinstance(value, tuple | list):
+        update(f"{len(value)} ".encode())
+        for part in value:
+            _feed(part, update, digest)
+    elif isinstance(value, Path):
+        update(f"{value.name!r} {digest(value)} ".encode())
+    else:
+        update(f"{value!r} ".encode())
 
 
 def file_digest(path: Path) -> str | None:
