@@ -39,7 +39,7 @@ def table_in(path: Path, error: type[SceneError] = SceneError, beside: str | Non
         Of the type `error`: unreadable, empty, or a line of another length or with a word that is no number.
     """
     lines = text_of(path, error=error).splitlines()
-    rows = [row for line in lines if (row := line.replace(",", " ").split())]
+    rows = [row for line in lines if (row := line.split("#")[0].replace(",", " ").split())]
     if len(rows) > 1 and len(rows[1]) > 1 and rows[0] in ([str(len(rows) - 1)], [str(len(rows[1]))]):
         rows = rows[1:]
     width = len(rows[0]) if rows else 0
@@ -64,18 +64,11 @@ def table_in(path: Path, error: type[SceneError] = SceneError, beside: str | Non
     return np.broadcast_to(values, (len(values), 3)), BY_COLUMN if by_column else "" if is_told else EITHER
 
 
-def number_rows(rows: NDArray[np.float64]) -> str:
-    """Return DiLiGenT's text of (N, 3): a light's three numbers a line."""
-    return "".join(" ".join(f"{value:.8f}" for value in row) + "\n" for row in rows)
-
-
 def light_tables(files: Sequence[str], lights: Lights) -> dict[str, str]:
     """Return DiLiGenT's three files, {name: text}; `files` are those of the photographs."""
-    return {
-        DIRECTIONS: number_rows(lights.directions),
-        INTENSITIES: number_rows(lights.intensities),
-        FILENAMES: "".join(f"{file}\n" for file in files),
-    }
+    columns = {DIRECTIONS: lights.directions, INTENSITIES: lights.intensities}
+    rows = {name: [" ".join(f"{value:.8f}" for value in row) for row in table] for name, table in columns.items()}
+    return {name: "".join(f"{line}\n" for line in lines) for name, lines in (rows | {FILENAMES: files}).items()}
 
 
 def lp_file(files: Sequence[str], lights: Lights) -> dict[str, str]:

@@ -5,13 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.photographs.photograph import CLIPPED_CODE, FLOAT16_MAX, SATURATION, pile_at_top
+from capture.photographs.photograph import BIN, CLIPPED_CODE, FLOAT16_MAX, SATURATION, piles
 from scene.frames import PEDESTAL, WHITE, gray
 
 SMALL_PX = 768
 """Longer side of the reduced picture, at most."""
-BIN = 64
-"""Codes in one bin of the histogram."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +24,8 @@ class FrameFacts:
         Share of pixels with a clipped channel.
     blown_share : float
         The part of it in spots wider than a chrome ball's highlight (1 % of the picture's width).
-    histogram : (3, 1024) int64
-        Codes by channel, of a regular sample of the pixels; empty for float frames.
+    tops : list of int
+        Bins of codes in which the channels' greatest values pile up; none of float frames.
     white : float
         Linear value at which this file's header says that the sensor clips; of floating point, see
         `capture.photographs.photograph.clip_level`.
@@ -36,7 +34,7 @@ class FrameFacts:
     small: NDArray[np.float32]
     clipped_share: float
     blown_share: float
-    histogram: NDArray[np.int64]
+    tops: list[int]
     white: float = 1.0
     is_mosaic: bool = False
 
@@ -44,12 +42,8 @@ class FrameFacts:
 def facts_of(codes: NDArray, *, white: float = 1.0, is_mosaic: bool = False) -> FrameFacts:
     """Return the facts of one frame's codes (H, W, 3)."""
     clipped_share, blown_share = _clipped(codes, white)
-    histogram = np.zeros((3, 0), np.int64)
-    if codes.dtype == np.uint16:
-        step = max(1, round(np.sqrt(codes.shape[0] * codes.shape[1] / 1e6)))
-        sample = codes[::step, ::step] // BIN
-        histogram = np.stack([np.bincount(sample[..., i].ravel(), minlength=65536 // BIN) for i in range(3)])
-    return FrameFacts(reduced(codes), clipped_share, blown_share, histogram, white, is_mosaic)
+    tops = piles(codes) if codes.dtype == np.uint16 else []
+    return FrameFacts(reduced(codes), clipped_share, blown_share, tops, white, is_mosaic)
 
 
 def reduced(codes: NDArray, longest_px: int = SMALL_PX) -> NDArray[np.float32]:
@@ -97,14 +91,13 @@ def sensor_ceiling(facts: list[FrameFacts]) -> float | None:
     anywhere. A ceiling shows as a pile at the top of the histogram, at the same value in several frames: what is lit
     by another flash has another highest value in each.
     """
-    tops = [pile_at_top(counts) for fact in facts for counts in fact.histogram]
-    piles = [top for top in tops if top is not None and top >= 36 + PEDESTAL // BIN // 2]
-    if not piles:
+    tops = [top for fact in facts for top in fact.tops if top >= 36 + PEDESTAL // BIN // 2]
+    if not tops:
         return None
-    top = int(np.median(piles))
-    agreeing = sum(abs(other - top) <= 1 for other in piles)
-    level = ((top + 1) * BIN - PEDESTAL) / (WHITE - PEDESTAL)
-    return level if agreeing >= max(2, len(piles) / 2) and level < SATURATION else None
+    usual = int(np.median(tops))
+    agreeing = sum(abs(top - usual) <= 1 for top in tops)
+    level = ((usual + 1) * BIN - PEDESTAL) / (WHITE - PEDESTAL)
+    return level if agreeing >= max(2, len(tops) / 2) and level < SATURATION else None
 
 
 def saturation_of(facts: list[FrameFacts], dtype: np.dtype) -> tuple[list[FrameFacts], float, tuple[str, ...]]:

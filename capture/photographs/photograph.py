@@ -11,6 +11,8 @@ SATURATION = 0.98
 """Share of the white level from which a sample counts as clipped: sensors bend before they clip."""
 CLIPPED_CODE = round(SATURATION * (WHITE - PEDESTAL)) + PEDESTAL
 FLOAT16_MAX = 65504.0
+BIN = 64
+"""Codes in one bin of a histogram."""
 
 
 @dataclass(frozen=True)
@@ -68,25 +70,28 @@ def clip_level(codes: NDArray) -> float:
     """
     if codes.dtype == np.uint16:
         return 1.0
-    step = max(1, round(np.sqrt(codes.shape[0] * codes.shape[1] / 1e6)))
-    # Half floats above 0 have the order of their bits: a bin is 0.1 to 0.2 % wide.
-    bins = np.maximum(codes[::step, ::step].view(np.int16), 0) >> 1
-    # Where brightness is continuous most windows are filled; below a flat face of a rendering there is nothing.
-    tops = [pile_at_top(np.bincount(channel), windows=4) for channel in bins.reshape(-1, 3).T]
-    found = [top for top in tops if top is not None]
-    return float(np.int16(2 * min(found)).view(np.float16)) if found else np.inf
+    tops = piles(codes)
+    return float(np.int16(2 * min(tops)).view(np.float16)) if tops else np.inf
 
 
-def pile_at_top(counts: NDArray[np.int64], *, windows: int = 0) -> int | None:
-    """Return the last filled bin of a histogram where samples pile up in it and the 3 before, else None.
+def piles(codes: NDArray) -> list[int]:
+    """Return, for each channel of codes (H, W, 3) that piles up at its top, the last bin: of `BIN`, or 2 half floats.
 
-    The pile is compared with the eight windows of 4 bins below it, of which `windows` must be filled.
+    A pile has the last four bins, and is compared with the eight times four below them. A pixel in a million is looked
+    at, in a regular sample.
     """
-    filled = np.flatnonzero(counts)
-    if not len(filled) or filled[-1] < 35:
-        return None
-    top = int(filled[-1])
-    pile = counts[top - 3 : top + 1].sum()
-    below = counts[top - 35 : top - 3].reshape(8, 4).sum(axis=1)
-    stands = pile >= 20 and pile > 3 * below.max() and pile > 8 * below.mean()
-    return top if stands and np.count_nonzero(below) >= windows else None
+    step, tops = max(1, round(np.sqrt(codes.shape[0] * codes.shape[1] / 1e6))), []
+    some, is_whole = codes[::step, ::step], codes.dtype == np.uint16
+    # Half floats above 0 have the order of their bits: a bin is 0.1 to 0.2 % wide.
+    bins = some // BIN if is_whole else np.maximum(some.view(np.int16), 0) >> 1
+    for counts in map(np.bincount, bins.reshape(-1, 3).T):
+        top = len(counts) - 1
+        if top < 35:
+            continue
+        pile = counts[top - 3 :].sum()
+        below = counts[top - 35 : top - 3].reshape(8, 4).sum(axis=1)
+        # Where brightness is continuous most of them are filled; below a flat face of a rendering there is nothing.
+        is_filled = is_whole or np.count_nonzero(below) >= 4
+        if pile >= 20 and pile > 3 * below.max() and pile > 8 * below.mean() and is_filled:
+            tops.append(top)
+    return tops

@@ -49,15 +49,9 @@ class HotFolder:
 
     A photograph is all files of one name, of whatever ending; the one that holds most stands for it. Where that is
     being written, the one that stood for it before still does.
-
-    Parameters
-    ----------
-    still_s, alone_s : float
-        See `STILL_S` and `ALONE_S`.
     """
 
-    def __init__(self, *, still_s: float = STILL_S, alone_s: float = ALONE_S) -> None:
-        self._still_s, self._alone_s = still_s, max(alone_s, still_s)
+    def __init__(self) -> None:
         self._since: dict[str, tuple[FileLook, float]] = {}
         self._whole: dict[str, WholeFile] = {}
         self.is_there, self.is_growing = True, False
@@ -86,7 +80,7 @@ class HotFolder:
             look, since = self._since[best]
             # Where photographs are pictures alone, no RAW file is waited for.
             is_alone = kind_of(PurePath(best)) != "raw" and ("raw" in kinds or not kinds)
-            if now - since >= (self._alone_s if is_alone else self._still_s):
+            if now - since >= (ALONE_S if is_alone else STILL_S):
                 whole[key] = WholeFile(best, look)
             else:
                 self.is_growing = True

@@ -20,11 +20,11 @@ from scene.reading import shortened
 
 Integers = NDArray[np.int64]
 TYPES = {
-    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
-    "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
-    "double": "f8", "float64": "f8",
+    "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q",
+    "float32": "f", "float64": "d", "char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I",
+    "float": "f", "double": "d",
 }  # fmt: skip
-WRITTEN = {"f8": "double", "f4": "float", "u1": "uchar"}
+"""As `struct` and NumPy name them; of two names the last one is written."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def _read_binary(data: bytes, at: int, elements: list[Element], order: str) -> C
 def _walk(data: bytes, at: int, count: int, element: Element, order: str) -> Integers:
     """Return where rows start and the last one ends (count + 1,): known only when the lists before were read."""
     layout = [
-        (struct.Struct(order + np.dtype(length).char) if length else None, np.dtype(kind).itemsize)
+        (struct.Struct(order + length) if length else None, np.dtype(kind).itemsize)
         for _, kind, length in element.properties
     ]
     edges = [at]
@@ -176,7 +176,7 @@ def write_ply(path: Path, columns: Mapping[str, NDArray], faces: NDArray, commen
     columns: Arrays (V, n) by the names of their n columns, "x y z", each written in the type that it has.
     """
     known = {name: values[:, i] for names, values in columns.items() for i, name in enumerate(names.split())}
-    types = {name: column.dtype.str[1:] for name, column in known.items()}
+    types, written = {name: column.dtype.char for name, column in known.items()}, {TYPES[name]: name for name in TYPES}
     vertex = np.rec.fromarrays(list(known.values()), [(name, f"<{kind}") for name, kind in types.items()])
     face = np.rec.fromarrays([np.full(len(faces), 3), faces], [("count", "u1"), ("corners", "<i4", 3)])
     header = [
@@ -184,7 +184,7 @@ def write_ply(path: Path, columns: Mapping[str, NDArray], faces: NDArray, commen
         "format binary_little_endian 1.0",
         *([f"comment {comment}"] if comment else []),
         f"element vertex {len(vertex)}",
-        *(f"property {WRITTEN[kind]} {name}" for name, kind in types.items()),
+        *(f"property {written[kind]} {name}" for name, kind in types.items()),
         f"element face {len(faces)}",
         "property list uchar int vertex_indices",
         "end_header\n",

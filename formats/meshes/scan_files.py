@@ -224,12 +224,12 @@ def _read_off(path: Path) -> Columns:
     Below its head it is what an ASCII PLY is.
     """
     text = read_text(path)
-    head = re.match(rb"\s*(?:(?:ST)?C?N?OFF\b(\s+BINARY)?)?\s*(\d+)[ \t]+(\d+)[^\n]*", text)
+    head = re.match(rb"(?i)\s*(?:(?:ST)?C?N?OFF\b(\s+BINARY)?)?\s*(\d+)[ \t]+(\d+)[^\n]*", text)
     if head is None or head[1]:
         raise ValueError(f"it starts with {text[1:13]!r}; expected OFF as text, and the numbers of vertices and faces")
     elements = [
-        Element("vertex", int(head[2]), [(axis, "f8", None) for axis in "xyz"]),
-        Element("face", int(head[3]), [("vertex_indices", "f8", "f8")]),
+        Element("vertex", int(head[2]), [(axis, "d", None) for axis in "xyz"]),
+        Element("face", int(head[3]), [("vertex_indices", "d", "d")]),
     ]
     return read_rows(text[head.end() :], elements)
 

@@ -18,23 +18,22 @@ def volume(mesh) -> float:
     return float(np.einsum("tk,tk->", a, np.cross(b, c)) / 6)
 
 
-def ascii_ply(path, vertices, rows, element="face"):
+def ascii_ply(path, vertices, rows):
     lines = ["ply", "format ascii 1.0", "comment scanner", f"element vertex {len(vertices)}"]
     lines += [f"property float {axis}" for axis in "xyz"]
-    lines += [f"element {element} {len(rows)}", "property list int int vertex_indices", "end_header"]
+    lines += [f"element face {len(rows)}", "property list int int vertex_indices", "end_header"]
     lines += [" ".join(f"{x:.9g}" for x in vertex) for vertex in vertices]
     lines += [" ".join(map(str, [len(row), *row])) for row in rows]
     path.write_text("\n".join(lines) + "\n")
     return path
 
 
-def binary_ply(path, vertices, rows, order="<", element="face", extra=False):
-    name = "little" if order == "<" else "big"
-    head = f"ply\nformat binary_{name}_endian 1.0\nelement vertex {len(vertices)}\n"
-    head += "".join(f"property float {axis}\n" for axis in "xyz") + ("property uchar red\n" if extra else "")
-    head += f"element {element} {len(rows)}\nproperty list int int vertex_indices\nend_header\n"
-    body = b"".join(struct.pack(f"{order}3f", *vertex) + (b"\x07" if extra else b"") for vertex in vertices)
-    body += b"".join(struct.pack(f"{order}i{len(row)}i", len(row), *row) for row in rows)
+def binary_ply(path, vertices, rows):
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz")
+    head += f"element face {len(rows)}\nproperty list int int vertex_indices\nend_header\n"
+    body = b"".join(struct.pack("<3f", *vertex) for vertex in vertices)
+    body += b"".join(struct.pack(f"<i{len(row)}i", len(row), *row) for row in rows)
     path.write_bytes(head.encode() + body)
     return path
 
@@ -49,37 +48,6 @@ def test_every_format_gives_the_same_solid(tmp_path, suffix):
     assert len(mesh.vertices) == 4
     assert volume(mesh) == pytest.approx(1000.0)
     assert sorted(map(tuple, mesh.vertices.round(6).tolist())) == sorted(map(tuple, VERTICES.tolist()))
-
-
-@pytest.mark.parametrize("order", ["<", ">"])
-@pytest.mark.parametrize("extra", [False, True])
-def test_binary_ply_of_both_byte_orders(tmp_path, order, extra):
-    mesh = load_scan(binary_ply(tmp_path / "a.ply", VERTICES, FACES, order, extra=extra), "mm")
-    assert volume(mesh) == pytest.approx(1000.0)
-    assert mesh.repairs == ()
-
-
-@pytest.mark.parametrize("write", [ascii_ply, binary_ply])
-def test_triangle_strips_turn_every_second_face(tmp_path, write):
-    # One list with two strips, as Cyberware wrote them: 2 1 3 0, then 2 0 1 (-1 ends a strip).
-    path = write(tmp_path / "strip.ply", VERTICES, [[2, 3, 1, 0, -1, 2, 0, 3, -1, 0, 2, 1]], element="tristrips")
-    mesh = load_scan(path, "mm")
-    assert len(mesh.faces) == 4
-    assert volume(mesh) == pytest.approx(1000.0)
-    # Only a wrong rule for the turned faces would need mending.
-    assert not any("agree" in repair for repair in mesh.repairs)
-
-
-def test_polygons_become_fans(tmp_path):
-    cube = np.array([[x, y, z] for x in (0, 10) for y in (0, 10) for z in (0, 10)], float)
-    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    for path in (ascii_ply(tmp_path / "a.ply", cube, quads), binary_ply(tmp_path / "b.ply", cube, quads)):
-        mesh = load_scan(path, "mm")
-        assert len(mesh.faces) == 12
-        assert volume(mesh) == pytest.approx(1000.0)
-    # Rows of different lengths in one element.
-    mixed = [[0, 1, 3], [0, 3, 2], *quads[1:]]
-    assert volume(load_scan(binary_ply(tmp_path / "c.ply", cube, mixed), "mm")) == pytest.approx(1000.0)
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("m", 1000.0), ("cm", 10.0), ("mm", 1.0), ("inch", 25.4)])

@@ -280,6 +280,7 @@ STRANGE = {
     "a colour table.stl": b"part".ljust(80) + struct.pack("<I", 4) + BINARY_STL + bytes(range(48)),
     "text as its name.stl": b"solid a\nfacet normal 0 0 1".ljust(80) + struct.pack("<I", 4) + BINARY_STL + b"\n",
     "no count of edges.off": b"OFF\n8 4\n" + POINTS.replace(b"v ", b"") + numbered(TETRAHEDRON, 0).replace(b"f", b"3"),
+    "small letters.off": b"off\n8 4 0\n" + POINTS.replace(b"v ", b"") + numbered(TETRAHEDRON, 0).replace(b"f", b"3"),
     "no keyword.off": b"8 4 0\n" + POINTS.replace(b"v ", b"") + numbered(TETRAHEDRON, 0).replace(b"f", b"3"),
 }
 
@@ -304,7 +305,7 @@ def test_solids_of_one_name_are_all_read(tmp_path):
 def test_lists_and_places_of_all_types(tmp_path, order):
     """Lengths and corners in all integers, faces before vertices, a list beside positions, bytes to fill up."""
     kind, small = f"binary_{'little' if order == '<' else 'big'}_endian", {"b": "char", "B": "uchar", "h": "short"}
-    small |= {"H": "ushort", "i": "int", "I": "uint"}
+    small |= {"H": "ushort", "i": "int", "I": "uint", "q": "int64", "Q": "uint64"}
     for length in small:
         for index in small:
             head = f"ply\nformat {kind} 1.0\ncomment before end_header\nelement face 7\nproperty list {small[length]} "

@@ -82,7 +82,7 @@ def test_foreign_names_in_another_order_by_number(tmp_path):
 
 
 def table(path, values, count=None):
-    lines = [] if count is None else [str(count)]
+    lines = ["# x y z, as NumPy writes a head" if count is None else str(count)]
     path.write_text("\n".join([*lines, *(" ".join(map(repr, map(float, row))) for row in np.asarray(values))]) + "\n")
     return path
 

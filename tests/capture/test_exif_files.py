@@ -1,52 +1,30 @@
-"""Where each kind of file keeps its settings: files written here, byte by byte, without a picture."""
+"""Where each kind of file keeps its settings: blocks by Pillow in files of every kind, without a picture."""
 
 import struct
 import zlib
 
 import numpy as np
 import pytest
+from PIL.TiffImagePlugin import IFDRational, ImageFileDirectory_v2
 
 from capture.camera.exif import Exif, read_exif
 
 SHOT = Exif(1 / 125, 200.0, 5.6, 50.0, 75.0, (2540 / 25.4, 5080 / 25.4), 60, 1350.0, "Maker Model 1")
 
 
-def directory(entries, at, order):
-    """Return a TIFF directory (tag, kind, values) that lies at an offset, and its values after it."""
-    out, data, behind = struct.pack(f"{order}H", len(entries)), b"", at + 2 + 12 * len(entries) + 4
-    for tag, kind, values in sorted(entries):
-        if kind == 2:
-            count, body = len(values) + 1, values.encode() + b"\0"
-        elif kind == 5:
-            count, body = 1, struct.pack(f"{order}2I", *values)
-        else:
-            count, body = len(values), struct.pack(f"{order}{len(values)}{'H' if kind == 3 else 'I'}", *values)
-        out += struct.pack(f"{order}HHI", tag, kind, count)
-        out += body.ljust(4, b"\0") if len(body) <= 4 else struct.pack(f"{order}I", behind + len(data))
-        data += body + b"\0" * (len(body) % 2) if len(body) > 4 else b""
-    return out + bytes(4) + data
-
-
-FIRST = [(271, 2, "Maker"), (272, 2, "Model 1"), (274, 3, [6])]
-SETTINGS = [
-    (33434, 5, (1, 125)), (33437, 5, (56, 10)), (34855, 3, [200]), (37386, 5, (50, 1)), (41989, 3, [75]),
-    (36867, 2, "2026:11:21 09:30:12"), (37382, 5, (135, 100)), (40962, 4, [60]),
-    (41486, 5, (2540, 1)), (41487, 5, (5080, 1)), (41488, 3, [2]),
-]  # fmt: skip
+FIRST = {271: "Maker", 272: "Model 1", 274: 6}
+SETTINGS = {
+    33434: 1 / 125, 33437: 5.6, 34855: 200, 37386: 50.0, 41989: 75, 36867: "2026:11:21 09:30:12", 37382: 1.35,
+    40962: 60, 41486: 2540.0, 41487: 5080.0, 41488: 2,
+}  # fmt: skip
 
 
 def tiff(order="<", first=FIRST, exif=SETTINGS, magic=None):
-    """Return a TIFF of one directory, and the one of EXIF behind it."""
-    magic = magic or struct.pack(f"{'<' if order == '<' else '>'}2sH", b"II" if order == "<" else b"MM", 42)
-    if not exif:
-        return magic + struct.pack(f"{order}I", 8) + directory(first, 8, order)
-    at = 8 + len(directory([*first, (34665, 4, [0])], 8, order))
-    return (
-        magic
-        + struct.pack(f"{order}I", 8)
-        + directory([*first, (34665, 4, [at])], 8, order)
-        + directory(exif, at, order)
-    )
+    """Return a TIFF of one directory, and the one of EXIF in it."""
+    head = (b"II*\0" if order == "<" else b"MM\0*") + struct.pack(f"{order}I", 8)
+    found = ImageFileDirectory_v2(head)
+    found.update(first | ({34665: exif} if exif else {}))
+    return (magic or head[:4]) + head[4:] + found.tobytes(8)
 
 
 def jpeg(block):
@@ -60,7 +38,7 @@ def box(kind, body):
 
 def cr3(order):
     canon = bytes.fromhex("85c0b687820f11e08111f4ce462b6a48")
-    blocks = box(b"CMT1", tiff(order, exif=())) + box(b"CMT2", tiff(order, SETTINGS, ()))
+    blocks = box(b"CMT1", tiff(order, exif={})) + box(b"CMT2", tiff(order, SETTINGS, {}))
     return box(b"ftyp", b"crx \0\0\0\1crx isom") + box(b"moov", box(b"uuid", canon + blocks)) + box(b"mdat", bytes(64))
 
 
@@ -77,8 +55,8 @@ def mrw(order):
 
 def rw2(order):
     """ISO in a tag of its own, the rest in EXIF; what is only in the JPEG is the equivalent focal length."""
-    own = tiff(order, [*FIRST, (23, 3, [200])], [e for e in SETTINGS if e[0] not in (34855, 41989)], b"IIU\0")
-    return own + jpeg(tiff(order, exif=[(33434, 5, (1, 60)), (41989, 3, [75])]))
+    exif = {tag: value for tag, value in SETTINGS.items() if tag not in (34855, 41989)}
+    return tiff(order, FIRST | {23: 200}, exif, b"IIU\0") + jpeg(tiff(order, exif={33434: 1 / 60, 41989: 75}))
 
 
 def chunk(kind, body):
@@ -125,19 +103,20 @@ def test_a_damaged_block_does_not_hide_the_other(tmp_path):
 @pytest.mark.parametrize("tag", [34866, 34865, 34867])
 def test_a_sensitivity_of_more_than_16_bits(tmp_path, tag):
     """65535 stands for "more": taken as it is, 102400 and 204800 would be one exposure."""
-    exif = [e for e in SETTINGS if e[0] != 34855]
-    (tmp_path / "a.tif").write_bytes(tiff(exif=[*exif, (34855, 3, [65535]), (tag, 4, [204800])]))
+    more = SETTINGS | {34855: 65535}
+    (tmp_path / "a.tif").write_bytes(tiff(exif=more | {tag: 204800}))
     assert read_exif(tmp_path / "a.tif").iso == 204800
-    (tmp_path / "a.tif").write_bytes(tiff(exif=[*exif, (34855, 3, [65535])]))
+    (tmp_path / "a.tif").write_bytes(tiff(exif=more))
     assert read_exif(tmp_path / "a.tif").iso is None
-    (tmp_path / "a.rw2").write_bytes(tiff("<", [*FIRST, (23, 3, [65535]), (55, 4, [204800])], exif, b"IIU\0"))
+    del more[34855]
+    (tmp_path / "a.rw2").write_bytes(tiff("<", FIRST | {23: 65535, 55: 204800}, more, b"IIU\0"))
     assert read_exif(tmp_path / "a.rw2").iso == 204800
 
 
 @pytest.mark.parametrize(
     "exif",
     [
-        [(33434, 5, (0, 1)), (33437, 5, (0, 0)), (37386, 5, (0, 1)), (37382, 5, (0xFFFFFFFF, 1))],
+        {33434: 0.0, 33437: IFDRational(0, 0), 37386: 0.0, 37382: float(0xFFFFFFFF)},
         "P5\n1 1\n255\nx",
         "\xff\xd8\xff\xe1\x00\x10Exif\0\0II*\0\xff\xff",
         None,
@@ -149,7 +128,7 @@ def test_what_is_not_there_is_nothing(tmp_path, exif, capsys):
     if isinstance(exif, str):
         (tmp_path / "a.jpg").write_bytes(exif.encode("latin-1"))
     elif exif:
-        (tmp_path / "a.jpg").write_bytes(jpeg(tiff(first=[], exif=exif)))
+        (tmp_path / "a.jpg").write_bytes(jpeg(tiff(first={}, exif=exif)))
     assert read_exif(tmp_path / "a.jpg") == Exif()
     assert capsys.readouterr() == ("", "")
 

@@ -29,7 +29,7 @@ def test_photographs_alone_are_listed_and_nothing_hidden(tmp_path):
 @pytest.mark.parametrize("other", [look(20), look(10, mtime=-(10**18)), look(10, inode=2)])
 def test_a_file_is_whole_when_it_has_stood_still(other):
     """What the files' own clock says is only another look."""
-    hot = HotFolder(still_s=0.5)
+    hot = HotFolder()
     assert hot.see({"a.dng": look(10)}, 0.0) == []
     assert hot.see({"a.dng": other}, 0.4) == []
     assert hot.see({"a.dng": other}, 0.8) == []
@@ -39,13 +39,13 @@ def test_a_file_is_whole_when_it_has_stood_still(other):
 
 
 def test_raw_and_jpeg_are_one_photograph_whichever_comes_first():
-    hot, jpeg, raw = HotFolder(still_s=0.5, alone_s=3), {"a.jpg": look(1)}, {"a.dng": look(5)}
+    hot, jpeg, raw = HotFolder(), {"a.jpg": look(1)}, {"a.dng": look(5)}
     assert hot.see(jpeg, 0.0) == hot.see(jpeg, 2.9) == [], "its RAW file may still come"
     assert names(hot.see(jpeg, 3.0)) == ["a.jpg"]
     assert names(hot.see(jpeg | raw, 4.0)) == ["a.jpg"], "its RAW file comes, and is not whole yet"
     assert names(hot.see(jpeg | raw | {"b.jpg": look(2)}, 4.5)) == ["a.dng"]
     assert names(hot.see(jpeg | raw | {"b.jpg": look(2)}, 7.5)) == ["a.dng", "b.jpg"]
-    alone = HotFolder(still_s=0.5, alone_s=3)
+    alone = HotFolder()
     alone.see(jpeg, 0.0)
     alone.see(jpeg, 3.0)
     alone.see(jpeg | {"b.jpg": look(2)}, 3.1)
@@ -53,7 +53,7 @@ def test_raw_and_jpeg_are_one_photograph_whichever_comes_first():
 
 
 def test_a_folder_that_is_gone_says_nothing_of_its_files():
-    hot = HotFolder(still_s=0.5)
+    hot = HotFolder()
     hot.see({"a.dng": look(10)}, 0.0)
     assert names(hot.see(None, 0.5)) == ["a.dng"]
     assert not hot.is_there
