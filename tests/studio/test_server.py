@@ -146,7 +146,9 @@ def test_a_browser_that_is_gone_before_its_panels_are_made_leaves_none(studio, n
     assert studio.window is None
 
 
-def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(tmp_path, nobody, settle, monkeypatch):
+def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(
+    tmp_path, nobody, run_studio, settle, monkeypatch
+):
     """Reading takes long on a large folder: it is done in the window's thread, and what fails there is shown."""
     go_on = threading.Event()
 
@@ -155,17 +157,12 @@ def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(t
         raise OSError("the disk is gone")
 
     monkeypatch.setattr(Review, "__init__", read)
-    running = Studio(Workspace.at(tmp_path), port=0, state=StudioState(area="Session", session=(tmp_path, None)))
-    try:
-        client = nobody(8)
-        monkeypatch.setattr(running._server, "get_clients", lambda: {8: client})
-        running._come(client)
-        go_on.set()
-        settle(running.window)
-        assert "the disk is gone" in client.told[0]
-    finally:
-        go_on.set()
-        running.close()
+    running, client = run_studio(tmp_path, area="Session", session=(tmp_path, None)), nobody(8)
+    monkeypatch.setattr(running._server, "get_clients", lambda: {8: client})
+    running._come(client)
+    go_on.set()
+    settle(running.window)
+    assert "the disk is gone" in client.told[0]
 
 
 @pytest.mark.parametrize(

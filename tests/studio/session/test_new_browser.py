@@ -8,8 +8,6 @@ import pytest
 
 from scene.current import ROOT
 from scene.normals import angular_error_deg
-from studio.server import Studio
-from studio.workspace import Workspace
 
 pytestmark = [pytest.mark.slow]
 FIXTURE = ROOT / "fixtures" / "bumpy"
@@ -17,13 +15,11 @@ MOST_INTERACTIONS = 8
 
 
 @pytest.fixture
-def studio(tmp_path):
+def studio(tmp_path, run_studio):
     """A studio in whose workspace the fixture's photographs and scan lie, without a session.toml."""
     for part in ("raw", "scan"):
         shutil.copytree(FIXTURE / part, tmp_path / "bumpy" / part)
-    running = Studio(Workspace.at(tmp_path), port=0)
-    yield running
-    running.close()
+    return run_studio(tmp_path)
 
 
 @pytest.mark.full

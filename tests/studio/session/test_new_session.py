@@ -48,25 +48,27 @@ def begin(nobody, furnish, monkeypatch):
     return begun
 
 
-def ends(window):
-    """Wait until the work has ended and was told."""
-    end = time.monotonic() + 120
-    while not window.turned and not window.client.told:
-        assert time.monotonic() < end, window.work and window.work.said
-        time.sleep(0.05)
+@pytest.fixture
+def write(say):
+    """Return what types values, has the session written, and waits until that has ended and was told."""
+
+    def written(window, *typed):
+        say(window, *typed, "Write session.toml")
+        end = time.monotonic() + 120
+        while not window.turned and not window.client.told:
+            assert time.monotonic() < end, window.work and window.work.said
+            time.sleep(0.05)
+
+    return written
 
 
-def test_what_is_typed_is_in_the_session_that_is_shown(begin, folder, nobody, furnish, settle):
+def test_what_is_typed_is_in_the_session_that_is_shown(begin, folder, nobody, furnish, say, write):
     """The whole way: a first photograph, session.toml, the folder as `init` saw it; its results go to the workspace."""
     window = begin(folder)
     folders = window.client.gui._container_handle_from_uuid.values()
     pictures = [one.image for folder in folders for one in folder._children.values() if hasattr(one, "image")]
     assert pictures[0].shape == (60, 80, 3)
-    for label, value in (("focal, mm", 50.0), ("sensor, mm", 36.0), ("unit", "cm"), ("unit", "(not said)")):
-        window.client.says(label, value)
-    window.client.says("Write session.toml")
-    settle(window)
-    ends(window)
+    write(window, ("focal, mm", 50.0), ("sensor, mm", 36.0), ("unit", "cm"), ("unit", "(not said)"))
     assert not window.client.told
     assert "focal_mm = 50.0" in (folder / "session.toml").read_text()
     out = folder.parent / "out" / "jug"
@@ -75,46 +77,36 @@ def test_what_is_typed_is_in_the_session_that_is_shown(begin, folder, nobody, fu
     assert window.client.seen("/photograph/picture") is not None
     assert window.review.preview.shape[1] > 1000, "the contact sheet"
     window.open_tab("Balls")
-    window.client.says("Add a chrome ball")
-    settle(window)
+    say(window, "Add a chrome ball")
     assert "frames: the step `check` has not ended here" in window.client.told[-1], "in which pixels is not known"
 
 
-def test_what_init_refuses_is_told(begin, folder, settle):
+def test_what_init_refuses_is_told(begin, folder, write):
     """As it says it on the command line, and what was typed stays."""
     window = begin(folder)
-    window.client.says("sensor, mm", 3000.0)
-    window.client.says("Write session.toml")
-    settle(window)
-    ends(window)
+    write(window, ("sensor, mm", 3000.0))
     assert "expected 1 to 250" in window.client.told[-1]
     assert window.client.input("sensor, mm").value == 3000
     assert not (folder / "session.toml").exists()
 
 
-def test_of_several_objects_each_gets_a_session(begin, tmp_path, settle):
+def test_of_several_objects_each_gets_a_session(begin, tmp_path, write):
     for name in ("cup", "jug"):
         photographs(tmp_path / "shelf" / name)
     window = begin(tmp_path / "shelf")
-    window.client.says("Write session.toml")
-    settle(window)
-    ends(window)
+    write(window)
     assert all((tmp_path / "shelf" / name / "session.toml").exists() for name in ("cup", "jug"))
     assert (window.state.area, window.state.folder) == ("Open", tmp_path / "shelf")
-    photographs(tmp_path / "other" / "a")
-    photographs(tmp_path / "other" / "b")
     with pytest.raises(SceneError, match="2 objects"):
-        begin(tmp_path / "other", tmp_path / "out")
+        begin((tmp_path / "shelf").rename(tmp_path / "other"), tmp_path / "out")
 
 
-def test_diameters_typed_before_the_photographs_are_decoded_are_kept(made, nobody, furnish, settle, tmp_path):
+def test_diameters_typed_before_the_photographs_are_decoded_are_kept(made, nobody, furnish, say, tmp_path):
     """Where the balls are is not known yet, nor changed."""
     state = StudioState(area="Session", session=(tmp_path / "new", made.session))
     window = furnish(SessionWindow(nobody(), Workspace.at(tmp_path), state), SESSION_ROWS)
     window.open_tab("Balls")
-    for label, value in (("white balls, mm", 80.0), ("Keep", True)):
-        window.client.says(label, value)
-        settle(window)
+    say(window, ("white balls, mm", 80.0), "Keep")
     kept = load_session(tmp_path / "new" / "review").spheres
     assert [(one.kind, one.diameter_mm, one.center_px) for one in kept] == [
         ("chrome", 100.0, None), ("chrome", 100.0, None), ("white", 80.0, None)

@@ -9,13 +9,10 @@ import pytest
 from align.pose.picks import read_picks
 from capture.session.session import load_session
 from scene.rays import RayCaster
-from studio.server import Studio
 from studio.session.corrections import met
 from studio.session.photograph_picture import PictureLook
 from studio.session.plane import Plane
 from studio.session.spatial_view import SCAN_SIZE
-from studio.studio_state import StudioState
-from studio.workspace import Workspace
 
 pytestmark = [pytest.mark.slow, pytest.mark.full]
 READY = "Show all of it"
@@ -23,17 +20,9 @@ FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
 
 
 @pytest.fixture
-def at_session():
-    """Return what makes a studio at a session; all are closed in the end."""
-    running = []
-
-    def made(root, folder, session):
-        running.append(Studio(Workspace.at(root), port=0, state=StudioState(area="Session", session=(folder, session))))
-        return running[-1]
-
-    yield made
-    for one in running:
-        one.close()
+def at_session(run_studio):
+    """Return what makes a studio at a session."""
+    return lambda root, folder, session: run_studio(root, area="Session", session=(folder, session))
 
 
 def strip_middle(window, index):

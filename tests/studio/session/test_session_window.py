@@ -90,7 +90,7 @@ def test_the_registered_scan_is_outlined_under_its_tab(reviewing):
     assert not window.client.told
 
 
-def test_a_ball_is_added_where_it_is_clicked(reviewing, settle):
+def test_a_ball_is_added_where_it_is_clicked(reviewing, say, settle):
     """The next click is its middle, and no other's; it can be turned into one of the other kind."""
     window = reviewing(PhotographView)
     window.open_tab("Capture")
@@ -102,27 +102,22 @@ def test_a_ball_is_added_where_it_is_clicked(reviewing, settle):
         client.clicks(client.seen("/photograph/picture"), ray_origin=aim + [0, 0, 5], ray_direction=[0.0, 0.0, -1.0])
         settle(window)
 
-    def say(label, value=True):
-        client.says(label, value)
-        settle(window)
-
     click((90.0, 20.0))
-    say("Add a white ball")
+    say(window, "Add a white ball")
     click((100.5, 30.25))
     assert window.outlines[:3] == found
     assert window.outlines[3].center_px == pytest.approx([100.5, 30.25])
     assert (window.outlines[3].kind, window.outlines[3].radius_px, window.ball) == ("white", 13.0, 3)
     click((26.0, 92.0))
     assert (len(window.outlines), window.ball) == (4, 2), "the next click chooses a ball again"
-    say("kind", "chrome")
+    say(window, ("kind", "chrome"))
     assert [ball.kind for ball in window.outlines] == ["chrome", "chrome", "chrome", "white"]
     assert not window.is_found(window.outlines[2])
-    say("centre, px", (27.0, 92.0))
+    say(window, ("centre, px", (27.0, 92.0)))
     assert window.outlines[2].center_px == [27.0, 92.0]
-    say("Remove this ball")
+    say(window, "Remove this ball")
     assert [ball.kind for ball in window.outlines] == ["chrome", "chrome", "white"]
-    say("frame", 3)
-    say("mark the object", True)
+    say(window, ("frame", 3), "mark the object")
     assert (window.frame, window.how.marks_object) == (2, True)
     assert not client.told
 
@@ -149,35 +144,28 @@ def test_a_drag_is_undone_as_one_however_slow_it_is(reviewing, settle, monkeypat
     assert window.outlines[0] == found
 
 
-def test_balls_are_as_found_again_whatever_was_done_to_them(reviewing, settle):
+def test_balls_are_as_found_again_whatever_was_done_to_them(reviewing, say):
     """The only white ball is taken for a mirror, and moved: its diameter comes back with it."""
     window = reviewing(PhotographView)
     found = window.outlines
     window.choose_ball(2)
-    for label, value in (("kind", "chrome"), ("centre, px", (30.0, 80.0))):
-        window.client.says(label, value)
-        settle(window)
+    say(window, ("kind", "chrome"), ("centre, px", (30.0, 80.0)))
     assert [ball.diameter_mm for ball in window.outlines] == [100.0] * 3, "as large as all of its kind"
-    window.client.says("Back to the balls as found")
-    settle(window)
+    say(window, "Back to the balls as found")
     assert window.outlines == found
     assert all(map(window.is_found, window.outlines))
     window.choose_ball(2)
-    for kind in ("chrome", "white"):
-        window.client.says("kind", kind)
-        settle(window)
+    say(window, ("kind", "chrome"), ("kind", "white"))
     assert window.outlines[2].diameter_mm is None, "of another kind it was another size"
 
 
-def test_a_diameter_that_was_kept_stays_when_the_balls_are_found_with_it(reviewing, made, settle):
+def test_a_diameter_that_was_kept_stays_when_the_balls_are_found_with_it(reviewing, made, say):
     """The session itself states none: what was typed is known from what was kept."""
     path = made.session / "session.toml"
     path.write_text(path.read_text().replace("diameter_mm = 90.0\n", ""))
     window = reviewing()
     window.open_tab("Balls")
-    for label, value in (("white balls, mm", 90.0), ("Keep", True)):
-        window.client.says(label, value)
-        settle(window)
+    say(window, ("white balls, mm", 90.0), "Keep")
     window.read_again()
     assert [ball.diameter_mm for ball in window.history.state.found] == [100.0, 100.0, 90.0]
     assert not window.client.told[1:]
@@ -201,15 +189,14 @@ def runs(made, monkeypatch):
     return begun
 
 
-def test_a_run_takes_what_was_corrected_and_the_session_as_it_is_now(reviewing, made, settle, runs):
+def test_a_run_takes_what_was_corrected_and_the_session_as_it_is_now(reviewing, made, say, settle, runs):
     """It says with what other programs: a folder that came from elsewhere may name any. A step's end is shown."""
     with open_record(made.folder, among_others=True) as record:
         record.note("settings", {"external": ["Net=python `net` {data} {out}"]})
     window = reviewing()
 
     def run(label):
-        window.client.says(label)
-        settle(window)
+        say(window, label)
         before = window.reading
         with open_record(made.folder) as record, record.making("compare", str(time.monotonic())) as entry:
             entry["warnings"] = []
@@ -234,13 +221,12 @@ def test_a_run_takes_what_was_corrected_and_the_session_as_it_is_now(reviewing, 
     assert run("Run up to Balls")[0].spheres[0].center_px == (40.0, 30.0), "what was kept stays so"
 
 
-def test_corrections_stay_while_the_balls_are_sought_anew(reviewing, made, runs, settle):
+def test_corrections_stay_while_the_balls_are_sought_anew(reviewing, made, runs, say):
     """A step that begins is forgotten first: for a while the folder has no balls that were found."""
     window = reviewing()
     window.open_tab("Balls")
     window.correct(moved(window.outlines, 0, (40.0, 30.0), made.camera))
-    window.client.says("Run up to Balls")
-    settle(window)
+    say(window, "Run up to Balls")
     assert window.is_busy
     with open_record(made.folder) as record:
         record.forget(["calibrate", "align", "solve", "trust", "twin", "compare"])
