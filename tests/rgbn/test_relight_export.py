@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from compare.report.pictures import Exposure
+from fixtures.lit_surfaces import ball_seen, flashes_at, matte, spiral
 from formats.picture_files import srgb_from_linear
 from rgbn.export_command import export_relight
 from scene.camera import Camera
 from scene.errors import SceneError
-from scene.frames import Frames, encode
-from scene.lights import Lights
-from scene.normals import unit
+from scene.frames import Frames
 from scene.store import Store
 
 COUNT = 16
+DIRECTIONS = spiral(np.cos(np.radians(15 + 50 * np.arange(COUNT) / COUNT)))
 
 
 def as_viewed(folder, light):
@@ -37,27 +37,16 @@ def as_viewed(folder, light):
     return np.clip(picture, 0, 1)
 
 
-def directions(count=COUNT):
-    zenith, azimuth = np.radians(15 + 50 * np.arange(count) / count), 2.399963 * np.arange(count)
-    return np.stack([np.sin(zenith) * np.cos(azimuth), np.sin(zenith) * np.sin(azimuth), np.cos(zenith)], -1)
-
-
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
     """A matte ball under near flashes of unlike power."""
     store = Store(tmp_path_factory.mktemp("relight") / "out")
     camera = Camera(80, 64, 400.0, 400.0, 39.5, 31.5)
-    reference, rng = np.array([0.0, 0.0, -500.0]), np.random.default_rng(3)
-    powers = rng.uniform(0.6, 1.4, (COUNT, 1)) * np.ones(3)
-    places = reference + 900 * directions()
-    lights = Lights(tuple(f"f{i}" for i in range(COUNT)), directions(), powers / powers.mean(0), places, reference)
-    grid = camera.grid()
-    x, y = (grid[..., 0] - 39.5) / 30, -(grid[..., 1] - 31.5) / 30
-    inside = x * x + y * y < 0.95
-    normals = unit(np.stack([x, y, np.sqrt(np.where(inside, 1 - x * x - y * y, 1))], -1))
-    vectors = lights.at(camera.points_at_depth(grid.reshape(-1, 2), -500.0)).reshape(COUNT, 64, 80, 3, 3)
-    shade = np.maximum(np.einsum("fhwci,hwi->fhwc", vectors, normals), 0) * inside[..., None]
-    store.save_frames(Frames(lights.names, encode(0.5 * shade * [1.0, 0.8, 0.6]), np.ones(COUNT)))
+    reference, powers = np.array([0.0, 0.0, -500.0]), np.random.default_rng(3).uniform(0.6, 1.4, (COUNT, 1))
+    lights = flashes_at(reference + 900 * DIRECTIONS, reference, powers / powers.mean() * np.ones(3))
+    _, normals, inside = ball_seen(camera, reference, 37.5, rim=0.22)
+    images = matte(lights, camera.points_at_depth(camera.grid(), -500.0), normals, [0.5, 0.4, 0.3])
+    store.save_frames(Frames.from_linear(lights.names, images * inside[..., None]))
     store.save_camera(camera)
     store.save_lights(lights)
     return store, lights
@@ -95,9 +84,8 @@ def test_right_is_right_and_up_is_up(session):
 
 
 def test_lights_that_tell_too_little_are_refused(session, tmp_path):
-    ring = unit(np.stack([np.cos(np.arange(12.0)), np.sin(np.arange(12.0)), np.ones(12)], -1))
     store, lights = session
-    for few in (directions(6), ring):
+    for few in (DIRECTIONS[:6], spiral(np.full(12, 0.7), turn=1.0)):
         place = Store(tmp_path / str(len(few)))
         count = len(few)
         place.save_frames(store.load_frames().only(range(count)))

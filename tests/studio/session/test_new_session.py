@@ -91,14 +91,14 @@ def test_what_init_refuses_is_told(begin, folder, write):
 
 
 def test_of_several_objects_each_gets_a_session(begin, tmp_path, write):
-    for name in ("cup", "jug"):
-        photographs(tmp_path / "shelf" / name)
+    for name in ("shelf/cup", "shelf/jug", "other/a", "other/b"):
+        photographs(tmp_path / name)
     window = begin(tmp_path / "shelf")
     write(window)
     assert all((tmp_path / "shelf" / name / "session.toml").exists() for name in ("cup", "jug"))
     assert (window.state.area, window.state.folder) == ("Open", tmp_path / "shelf")
     with pytest.raises(SceneError, match="2 objects"):
-        begin((tmp_path / "shelf").rename(tmp_path / "other"), tmp_path / "out")
+        begin(tmp_path / "other", tmp_path / "out")
 
 
 def test_diameters_typed_before_the_photographs_are_decoded_are_kept(made, nobody, furnish, say, tmp_path):
