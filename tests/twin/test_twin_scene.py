@@ -76,18 +76,6 @@ def test_a_disc_of_light_gives_what_a_point_gives_where_its_intensity_holds():
         assert np.allclose(image(scene, samples=1600)[15:17, 15:17], 0.5, rtol=0.02), radius
 
 
-@pytest.mark.full
-def test_a_flash_that_is_changed_in_place_is_the_flash_itself():
-    vectors = [[100, 150, 200], [-150, 50, 220], [30, -180, 150.0]]
-    for near, radius in ((False, 0.0), (True, 0.0), (True, 30.0)):
-        three = one("sphere", GREY, lights(*vectors, near=near), radii_mm=np.full(3, radius))
-        tracer = PathTracer(three, three.film())
-        for index in (2, 0):
-            alone = one("sphere", GREY, lights(vectors[index], near=near), radii_mm=np.full(1, radius))
-            expected = PathTracer(alone, alone.film()).image(0, 64)
-            assert np.abs(tracer.image(index, 64) - expected).mean() < 0.03 * expected.mean()
-
-
 def test_a_convex_body_in_an_even_light_has_reflectance_times_radiance():
     for environment in (
         Environment(ambient=(0.3, 0.2, 0.1)),

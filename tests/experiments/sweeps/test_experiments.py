@@ -100,14 +100,6 @@ def test_names_change_with_the_code_that_makes_the_rows(tmp_path, monkeypatch):
         seen.add(changed)
 
 
-def test_a_quick_look_is_small():
-    cells = [cell for one in ONE_FACTOR.values() for cell in one.cells(quick=True)]
-    assert len(cells) == 36
-    assert {cell.recipe.side for cell in cells} == {96}
-    ambient = [cell.value for cell in ONE_FACTOR["ambient"].cells(quick=True)]
-    assert (ambient[0], ambient[-1]) == (ONE_FACTOR["ambient"].levels[0], ONE_FACTOR["ambient"].levels[-1])
-
-
 def test_what_is_asked_for():
     assert [one.name for one in experiments_of("all")] == [*ONE_FACTOR, *TOLD_WRONGLY]
     assert [one.name for one in experiments_of("all", "benchmark")] == [*ONE_FACTOR]
