@@ -12,8 +12,9 @@ import cv2
 import numpy as np
 import pytest
 
-from fixtures.lit_surfaces import matte
+from fixtures.lit_surfaces import ball_seen, even_cap, lights_along, matte
 from formats.diligent_layout import write_diligent
+from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
@@ -67,16 +68,27 @@ else:
 """
 
 
+def reddish(strength=1.0, texture=0.0):
+    """Return (frames, lights, camera, mask, normals) of a reddish ball off the middle, uneven if wished."""
+    camera = Camera(110, 90, 1.0, 1.0, 62.0, 40.0, projection="orthographic")
+    _, normals, mask = ball_seen(camera, (0, 0, -100), 32.0, rim=0.45)
+    normals = np.where(mask[..., None], normals, 0)
+    lights = lights_along(even_cap(9, 26), strength).normalised()
+    v, u = np.mgrid[:90, :110]
+    albedo = [0.4, 0.25, 0.15] * (1 + texture * np.sin(np.stack([u / 5, v / 7, (u + v) / 6], -1)))
+    return Frames.from_linear(lights.names, matte(lights, normals, normals, albedo)), lights, camera, mask, normals
+
+
 @pytest.fixture
-def scene(asked):
+def scene():
     """An albedo of a varying colour, under lights of unlike strength."""
-    return asked(np.random.default_rng(10071).uniform(0.6, 1.4, (9, 3)), texture=0.25)
+    return reddish(np.random.default_rng(10071).uniform(0.6, 1.4, (9, 3)), texture=0.25)
 
 
 @pytest.fixture
-def plain(asked):
-    """Lights of one strength, which programs of others that know no lights are given."""
-    return asked()
+def plain():
+    """Lights of one strength: programs of others that know no lights are given it."""
+    return reddish()
 
 
 @pytest.fixture
