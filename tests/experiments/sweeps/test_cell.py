@@ -17,7 +17,7 @@ from tests.twin.twin_scenes import NEEDS_LLVM
 from twin.description.object_mesh import smooth
 
 pytestmark = [pytest.mark.render, NEEDS_LLVM]
-CELL = Cell("ambient", 0, 0.0, Recipe(side=64, count=16), tuple(SOLVERS))
+CELL = Cell("ambient", 0, 0.0, Recipe(side=48, count=16), tuple(SOLVERS))
 
 
 def test_every_method_and_profile_has_a_row_and_the_same_again():
