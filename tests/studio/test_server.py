@@ -169,6 +169,7 @@ def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(
 )
 def test_bad_arguments_are_told_in_one_message(tmp_path, run_rgbn, monkeypatch, arguments, told):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("studio.server.Studio", lambda *_, **how: pytest.fail("it began"))
     code, _, said = run_rgbn("studio", *arguments)
     assert (code, said.count("rgbn: "), "Traceback" in said) == (2, 1, False)
     assert told in said
