@@ -87,6 +87,14 @@ def rgbn_process():
     return run
 
 
+def started(*words, **how):
+    """Start this checkout's command line, which Ctrl-C ends also where the shell that runs the tests ignores it."""
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from rgbn.cli import main; main()"
+    environment = {**os.environ, "PYTHONPATH": os.path.dirname(os.path.dirname(__file__))}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen([sys.executable, "-c", code, *map(str, words)], env=environment, **pipes, **how)
+
+
 @pytest.fixture(scope="session")
 def chromium():
     """The system's Chromium, driven by Playwright."""

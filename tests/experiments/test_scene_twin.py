@@ -1,4 +1,4 @@
-"""`rgbn twin SCENE.toml`: what it writes is a session that `rgbn process` goes all the way with."""
+"""`rgbn twin SCENE.toml`: what it writes is a session that `rgbn process` goes all the way with; and `rgbn export`."""
 
 import json
 
@@ -100,15 +100,40 @@ def test_a_scene_is_rendered_photographed_and_processed(plum, rgbn_process):
         ("twin", ["--engine", "fast"], "many"),
     ],
 )
-def test_what_cannot_be_asked_for_is_refused_and_nothing_is_written(plum, rgbn_process, out, words, message):
+def test_what_cannot_be_asked_for_is_refused_and_nothing_is_written(plum, run_rgbn, out, words, message):
     """Nor is anything of anybody else's written over."""
     (plum / "mine").mkdir()
     (plum / "mine" / "session.toml").write_text('[frames]\nflash = "*.png"\n')
-    run = rgbn_process("twin", plum / "plum.toml", "--out", plum / out, *words)
-    assert run.returncode == 2
-    assert message in run.stderr
-    assert "Traceback" not in run.stderr
+    code, _, said = run_rgbn("twin", plum / "plum.toml", "--out", plum / out, *words)
+    assert (code, "Traceback" in said) == (2, False)
+    assert message in said
     assert sorted(path.name for path in plum.rglob("*")) == ["mine", "plum.toml", "session.toml"]
+
+
+def test_a_scene_description_goes_out_whole(plum, run_rgbn):
+    np.save(plum / "a.npy", np.full((2, 2, 3), 0.5))
+    (plum / "plum.toml").write_text(SCENE.replace("[0.7, 0.5, 0.6]", '{ file = "a.npy" }'))
+    code, out, said = run_rgbn("export", plum / "plum.toml", "--out", plum / "out", "--format", "mitsuba")
+    assert code == 0, said
+    folder = plum / "out" / "export"
+    assert out.strip() == str(folder / "scene.xml")
+    assert "8 lights, one at a time" in said
+    assert "-D light=ring_000" in said
+    found = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+    lights = [f"lights/ring_00{i}.xml" for i in range(8)]
+    assert found == [*lights, "meshes/00.ply", "scene.xml", "textures/00.exr"]
+
+
+def test_what_cannot_be_exported_is_refused(plum, run_rgbn):
+    (plum / "bad.toml").write_text(SCENE.replace("fx", "focal"))
+    for source, form, message in (
+        ("bad.toml", "mitsuba", "camera.focal: unknown key"),
+        ("no.toml", "mitsuba", "not found"),
+        ("bad.toml", "dome", ""),
+    ):
+        code, _, said = run_rgbn("export", plum / source, "--out", plum / "out", "--format", form)
+        assert (code, message in said, "Traceback" in said) == (2, True, False), said
+        assert not (plum / "out" / "export").exists()
 
 
 def test_a_scene_that_fills_the_picture_leaves_a_border_unmarked():

@@ -7,8 +7,6 @@ import os
 import re
 import shutil
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -19,11 +17,11 @@ from calibrate.known_lights.read_known import read_lights
 from scene.errors import CalibrationError
 from scene.files import write_png
 from scene.output_folder import open_record
+from tests.conftest import started
 
 ROOT = Path(__file__).parents[2]
 FIXTURE = ROOT / "fixtures" / "bumpy"
 TEXT = (FIXTURE / "session.toml").read_text()
-COMMAND = [sys.executable, "-c", "from rgbn.cli import main; main()"]
 BALL = '[[spheres]]\nkind = "white"\ndiameter_mm = 90.0'
 
 
@@ -235,24 +233,16 @@ def test_a_light_file(tmp_path):
         assert str(error.value).startswith(str(tmp_path / "lights.lp"))
 
 
-def start(session, out):
-    # A shell that runs the tests in the background ignores Ctrl-C, and its children inherit that.
-    inherited = signal.signal(signal.SIGINT, signal.default_int_handler)
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    try:
-        return subprocess.Popen([*COMMAND, "process", str(session), "--out", str(out)], cwd=ROOT, **pipes)
-    finally:
-        signal.signal(signal.SIGINT, inherited)
-
-
-def wait_for(process, text):
-    assert any(text in line for line in process.stderr), f"{text!r} was never said"
+def processing(session, out, said):
+    """Return a process that goes the whole way, when it has said something."""
+    process = started("process", session, "--out", out)
+    assert any(said in line for line in process.stderr), f"{said!r} was never said"
+    return process
 
 
 @pytest.mark.parametrize("moment", ["check ...", pytest.param("align ...", marks=pytest.mark.full)])
 def test_ctrl_c(session, moment):
-    process = start(session, session.parent / "out")
-    wait_for(process, moment)
+    process = processing(session, session.parent / "out", moment)
     time.sleep(0.3)
     process.send_signal(signal.SIGINT)
     _, message = process.communicate(timeout=60)
@@ -266,8 +256,7 @@ def test_ctrl_c(session, moment):
 @pytest.mark.slow
 def test_a_killed_run_leaves_no_half_file_and_the_next_goes_on(run_rgbn, session):
     out = session.parent / "out"
-    process = start(session, out)
-    wait_for(process, "calibrate ...")
+    process = processing(session, out, "calibrate ...")
     os.kill(process.pid, signal.SIGKILL)
     process.communicate()
     decoded = (out / "frames" / "codes.npy").stat().st_mtime_ns

@@ -5,10 +5,15 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import pytest
 
 from compare.report.facts import all_warnings
+from lab.options import Solving, TwinSettings, named
+from rgbn.export_command import FORMATS, export
+from scene.errors import SceneError
+from solve.methods import METHODS
 from tests.lab.test_foreign_files import make_session
 
 
@@ -92,6 +97,11 @@ def test_lights_are_a_table_for_a_spreadsheet_and_exported_in_every_format(run, 
         assert [float(row[f"direction_{axis}"]) for axis in "xyz"] == pytest.approx([*map(float, direction)], abs=1e-7)
         assert row["x_mm"] == "", "a distant light has no position"
     assert not Path("out/pear/statistics.csv").exists(), "nothing was compared"
+    # What was exported does not outlive the lights that it was made from.
+    known = session / "known" / "lights.lp"
+    known.write_text(known.read_text().replace("1.0", "0.9"))
+    assert run("export", session, "-f", "lp")[0] == 0
+    assert [path.name for path in folder.iterdir()] == ["lights.lp"]
 
 
 @pytest.mark.parametrize(
@@ -138,6 +148,23 @@ def test_doctor_says_what_to_do(run, monkeypatch):
     assert code == 2
     assert "renderer" in said
     assert "make setup" in out
+
+
+@pytest.mark.parametrize(("verb", "option", "known"), [(Solving, "method", METHODS), (export, "format", FORMATS)])
+def test_the_help_lists_what_there_is(verb, option, known):
+    """It may not load them to find out."""
+    text = get_args(get_type_hints(verb, include_extras=True)[option])[1].help
+    assert text.split(": ")[1].split(". ")[0].split(", ") == list(known)
+
+
+def test_names_are_read_in_any_case_and_each_once():
+    assert Solving("LS,Iterative, ls").methods() == ("ls", "iterative")
+    assert named("--on", "net,TWO", ("Net", "two")) == ("Net", "two")
+    for text, unknown in (("ls,magic", "magic is unknown"), (" , ", "nothing is unknown")):
+        with pytest.raises(SceneError, match=f"{unknown}; there are ls, iterative,"):
+            Solving(text).methods()
+    with pytest.raises(SceneError, match="--engine fast: fast is unknown; there are auto, many"):
+        TwinSettings(engine="fast")
 
 
 @pytest.mark.parametrize("verb", ["", "process", "studio", "sweep", "series", "dataset run", "dataset make"])

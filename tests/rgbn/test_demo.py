@@ -1,11 +1,9 @@
 """The whole way on the fixture: what the demo must reach, the contract's files, resuming."""
 
 import json
-import os
 import re
 import shutil
-import subprocess
-import sys
+import tomllib
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -27,6 +25,16 @@ def demo(tmp_path_factory, rgbn_process):
     run = rgbn_process("demo", "--out", out, "--json")
     assert run.returncode == 0, run.stderr
     return out, json.loads(run.stdout)
+
+
+def test_the_fixture_is_small_and_whole():
+    """That its truth is that of its files, the demo finds."""
+    assert sum(path.stat().st_size for path in FIXTURE.rglob("*") if path.is_file()) < 20e6
+    names = sorted(path.name for path in (FIXTURE / "raw").iterdir())
+    assert names == ["ambient_000.dng", *(f"flash_{i:03d}.dng" for i in range(12))]
+    text, truth = (FIXTURE / "session.toml").read_text(), json.loads((FIXTURE / "truth.json").read_text())
+    assert [ball["kind"] for ball in tomllib.loads(text)["spheres"]] == [ball["kind"] for ball in truth["spheres"]]
+    assert "truth" not in text, "it is for judging: the session says nothing of it"
 
 
 def test_every_file_is_in_the_reference(demo):
@@ -188,9 +196,8 @@ def test_a_photographed_twin_is_of_the_sessions_kind(demo, rgbn_process, tmp_pat
 @pytest.mark.full
 def test_mitsuba_alone_renders_the_exported_twin(demo, rgbn_process, tmp_path):
     """`rgbn export --format mitsuba`, then Mitsuba's own command line: the frames that `rgbn twin` rendered."""
-    from formats.picture_files import read_picture
     from scene.store import Store
-    from twin.engines.variant import pick_variant
+    from tests.twin.test_twin_scene import stock
 
     out = tmp_path / "out"
     shutil.copytree(demo[0], out)
@@ -200,18 +207,13 @@ def test_mitsuba_alone_renders_the_exported_twin(demo, rgbn_process, tmp_path):
     assert "solve ..." not in run.stderr, "what is current is not done again"
     frames, mask = Store(out / "twin").load_frames(), Store(out).load_mask()
     index = 3
-    name = frames.names[index]
-    command = [str(Path(sys.executable).parent / "mitsuba"), "-m", pick_variant()[0], "-D", f"light={name}"]
-    command += ["-D", "samples=64", "-o", str(tmp_path / "a.exr"), str(out / "export" / "scene.xml")]
-    run = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ)
-    assert run.returncode == 0, run.stdout[-2000:] + run.stderr[-2000:]
-    stock = read_picture(tmp_path / "a.exr", "linear")
+    theirs = stock(out / "export", frames.names[index], 64)
     ours, other = frames.frame(index), frames.frame(index + 1)
     inside = mask & (ours.min(-1) > 0.01)
     assert inside.sum() > 1000
-    difference = np.abs(stock - ours)[inside].mean() / ours[inside].mean()
+    difference = np.abs(theirs - ours)[inside].mean() / ours[inside].mean()
     assert difference < 0.03
-    assert np.abs(stock - other)[inside].mean() / ours[inside].mean() > 5 * difference
+    assert np.abs(theirs - other)[inside].mean() / ours[inside].mean() > 5 * difference
 
 
 def test_python_goes_on_with_what_the_command_line_made(demo):

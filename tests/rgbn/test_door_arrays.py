@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import rgbn
+from fixtures.lit_surfaces import ball_seen
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.lights import Lights
@@ -18,11 +19,7 @@ HEIGHT, WIDTH = 30, 40
 def world():
     """A matte ball of changing colour under lights of unequal strength: images, light vectors, normals, mask."""
     rng = np.random.default_rng(5)
-    v, u = np.mgrid[:HEIGHT, :WIDTH]
-    x, y = (u - 19.5) / 22, -(v - 14.5) / 22
-    mask = x * x + y * y < 0.4
-    z = np.sqrt(np.where(mask, 1 - x * x - y * y, 1))
-    normals = np.stack([x, y, z], -1)
+    _, normals, mask = ball_seen(Camera.orthographic(WIDTH, HEIGHT), (0, 0, -100), 22.0, rim=0.6**0.5)
     toward = rng.normal(size=(9, 3)) * [0.35, 0.35, 0.05] + [0, 0, 1]
     vectors = toward / np.linalg.norm(toward, axis=1, keepdims=True) * rng.uniform(0.6, 1.4, (9, 1))
     albedo = rng.uniform(0.3, 0.6, (HEIGHT, WIDTH, 3))

@@ -3,14 +3,14 @@
 import csv
 import json
 import os
+import re
 import signal
-import subprocess
-import sys
 import time
-from html.parser import HTMLParser
+from html import unescape
 from pathlib import Path
 from urllib.parse import unquote
 
+import psutil
 import pytest
 
 from lab import many_sessions
@@ -19,9 +19,9 @@ from lab.options import AS_BEFORE
 from lab.run import run_session
 from scene.errors import SceneError
 from scene.files import write_json
+from tests.conftest import started
 from tests.lab.test_foreign_files import make_session
 
-ROOT = Path(__file__).parents[2]
 ODD = 'b #1 100%25 [red]<i>"x"&'
 """A folder's name that means something else in HTML, in an address, and in the tables' own markup."""
 NAMES = ["a", ODD, "broken", "x/y", "x-y"]
@@ -57,20 +57,9 @@ def here(monkeypatch):
     return begun
 
 
-class Page(HTMLParser):
-    """The links and the words of a page."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.links, self.tags, self.words = [], set(), []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.add(tag)
-        self.links += [dict(attrs)["href"]] if tag == "a" else []
-
-    def handle_data(self, data):
-        self.words.append(data)
+def words_of(page):
+    """Return what stands between the tags of a page."""
+    return [unescape(text) for text in re.split(r"<[^>]*>", page)]
 
 
 def marks(out):
@@ -135,12 +124,13 @@ def test_one_that_is_refused_stops_no_other(captures, here, run_rgbn):
     assert {row["level"] for row in rows if not row["fault"]} == {"unknown"}, "there is nothing to judge them by"
     table = list(csv.DictReader((out / "sessions.csv").read_text().splitlines()))
     assert [row["name"] for row in table] == NAMES
-    page = Page((out / "index.html").read_text())
-    reports = [out / unquote(link) for link in page.links if link.endswith("report.html")]
+    page = (out / "index.html").read_text()
+    links = map(unescape, re.findall(r'<a [^>]*href="([^"]*)"', page))
+    reports = [out / unquote(link) for link in links if link.endswith("report.html")]
     assert reports == [out / name / "report.html" for name in NAMES if name != "broken"]
     assert all(path.is_file() for path in reports)
-    assert ODD in page.words
-    assert "i" not in page.tags
+    assert ODD in words_of(page)
+    assert "<i>" not in page
 
     before = marks(out)
     assert set(before) == set(NAMES) - {"broken"}
@@ -164,7 +154,7 @@ def test_a_tolerance_is_passed_or_failed_on_the_page(captures, monkeypatch, run_
     assert run_rgbn("process", captures, "--tolerance", "3deg", "-o", "out/captures")[0] == 0
     text = Path("out/captures/index.html").read_text()
     assert "5 sessions: 4 pass, 1 fail" in text
-    assert Page(text).words.count("fail") == 1
+    assert words_of(text).count("fail") == 1
 
 
 def test_of_one_that_can_no_longer_be_processed_nothing_old_is_told(captures, here, run_rgbn):
@@ -229,54 +219,25 @@ def test_a_process_that_dies_is_told(monkeypatch, tmp_path):
     assert str(tmp_path / "out" / ".rgbn" / "running.log") in fault, "where a killed run leaves what it had said"
 
 
-def children_of(process):
-    return [int(pid) for path in Path(f"/proc/{process}/task").glob("*/children") for pid in path.read_text().split()]
-
-
-def is_alive(process):
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
-
-
-def wait_for(what, seconds=120):
-    end = time.monotonic() + seconds
-    while not (found := what()):
+def wait_for(what):
+    end = time.monotonic() + 120
+    while not what():
         assert time.monotonic() < end, "it took too long"
         time.sleep(0.02)
-    return found
-
-
-COMMAND = """
-import signal
-from rgbn.cli import main
-# Where tests run in a shell's background, Ctrl-C is another program's.
-signal.signal(signal.SIGINT, signal.default_int_handler)
-main()
-"""
-
-
-def start(*words, **how):
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.Popen(
-        [sys.executable, "-c", COMMAND, "process", "captures", *words], env=environment, **pipes, **how
-    )
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_no_session_goes_on_without_the_command(captures, number):
-    command = start("--jobs", "2")
+    command = started("process", "captures", "--jobs", "2")
     wait_for(lambda: len(list(Path("out").glob("captures/*/.rgbn/running.log"))) == 2)
-    children = children_of(command.pid)
+    children = psutil.Process(command.pid).children()
     assert len(children) >= 2
     # To the command alone, as a service's end is; a terminal tells all.
     command.send_signal(number)
     _, said = command.communicate(timeout=60)
     assert command.returncode == (130 if number == signal.SIGINT else -number)
-    wait_for(lambda: not any(map(is_alive, children)), 30)
+    assert not psutil.wait_procs(children, 30)[1]
     assert not list(Path("out").rglob("summary.json")), "they were ended, not waited for"
     assert "Traceback" not in said
     if number == signal.SIGINT:
@@ -287,13 +248,13 @@ def test_no_session_goes_on_without_the_command(captures, number):
 @pytest.mark.full
 def test_processes_of_their_own_go_on_where_they_were_stopped(captures):
     """Ctrl-C as a terminal sends it, to all; then the same command does the rest, two at a time."""
-    command = start(start_new_session=True)
+    command = started("process", "captures", start_new_session=True)
     wait_for(lambda: list(Path("out").glob("captures/a/.rgbn/running.log")))
     os.killpg(command.pid, signal.SIGINT)
     said = command.communicate(timeout=60)[1]
     assert command.returncode == 130
     assert "Traceback" not in said
-    again = start("--jobs", "2", "--json")
+    again = started("process", "captures", "--jobs", "2", "--json")
     printed, said = again.communicate(timeout=300)
     assert again.returncode == 2
     rows = json.loads(printed)

@@ -3,21 +3,20 @@
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from formats.meshes.ply import write_ply
 from shoot.plan.plan_options import PlanOptions
 from shoot.plan.run_plan import run_plan
+from twin.description.object_mesh import built_in
 
 ROOT = Path(__file__).parents[2]
 
 
 def box(path):
     """Write a scan of a cube of 100 mm."""
-    corners = np.array([[x, y, z] for x in (0, 100) for y in (0, 100) for z in (0, 100)], float)
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    write_ply(path, {"x y z": corners}, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]))
+    cube = built_in("cube")
+    write_ply(path, {"x y z": 50 * cube.vertices}, cube.faces)
     return path
 
 

@@ -1,7 +1,6 @@
-"""Robust principal components: the recursion against the textbook's, and normals that the test made."""
+"""Robust principal components: a matrix, and normals, that the test made."""
 
 import numpy as np
-import pytest
 
 from fixtures.lit_surfaces import as_samples, dome, even_cap, gloss, lights_along
 from scene.normals import angular_error_deg, unit
@@ -10,30 +9,6 @@ from solve.whole import rpca
 from solve.whole.low_rank import low_rank
 
 DEFAULT = rpca.RpcaSettings()
-
-
-def textbook(data, there, weight, *, tolerance, rounds=100):
-    """The recursion as it is written down, by full singular value decompositions of X (P, F)."""
-    data = np.where(there, data, 0)
-    largest = np.linalg.norm(data, 2)
-    strength = 1.25 / largest
-    limit = 1e7 * strength
-    dual = data / max(largest, np.abs(data).max() / weight)
-    low = np.zeros_like(data)
-    turn = 0
-    for turn in range(1, rounds + 1):  # noqa: B007
-        argument = data - low + dual / strength
-        sparse = np.sign(argument) * np.maximum(np.abs(argument) - weight / strength, 0)
-        sparse = np.where(there, sparse, argument)
-        left_over = np.where(there, data - low - sparse, 0)
-        u, s, vt = np.linalg.svd(data - sparse + dual / strength, full_matrices=False)
-        s = np.maximum(s - 1 / strength, 0)
-        low = (u * s) @ vt
-        if np.linalg.norm(left_over) < tolerance * np.linalg.norm(data):
-            break
-        dual = dual + strength * (data - low - sparse)
-        strength = min(1.5 * strength, limit)
-    return low, turn
 
 
 def ball(size=32, count=24, *, shine=0.0, seed=20_000):
@@ -52,18 +27,6 @@ def run(gray, directions, mask, settings=DEFAULT):
 
 def error(b, normals):
     return angular_error_deg(unit(b), normals)
-
-
-@pytest.mark.parametrize("shadows_are_missing", [True, False])
-def test_by_the_gram_matrix_it_is_the_recursion_by_singular_values(shadows_are_missing):
-    gray, _, _, _ = ball(shine=0.8)
-    gray = gray.astype(np.float64)
-    there = gray > 0.02 if shadows_are_missing else np.ones(gray.shape, bool)
-    weight = 1 / np.sqrt(len(gray))
-    found = low_rank(gray, there, weight, tolerance=1e-6)
-    low, rounds = textbook(gray, there, weight, tolerance=1e-6)
-    assert found.rounds == rounds < 60
-    assert np.linalg.norm(found.low - low) < 1e-6 * np.linalg.norm(low)
 
 
 def test_a_low_rank_matrix_with_gross_corruptions_and_gaps_comes_back():

@@ -145,22 +145,6 @@ def test_bands_wherever_they_are_solved_and_garbage_outside_the_mask_change_noth
     np.testing.assert_array_equal(pieces.albedo, whole.albedo)
 
 
-@pytest.mark.parametrize("method", ["ls", "iterative", "position", "l1", "sbl", "hsh", "rpca"])
-def test_sixteen_bits_give_what_the_same_values_as_floats_give(method):
-    lights = lights_around()
-    images = shade(lights) + 0.002 * np.random.default_rng(10_020).standard_normal((12, SIZE, SIZE, 3))
-    frames = Frames.from_linear(lights.names, images)
-    assert frames.codes.dtype == np.uint16
-    coded = solve(method, frames, lights, CAMERA, MASK)
-    floats = solve(method, as_floats(lights, frames.read()), lights, CAMERA, MASK)
-    both = MASK & np.isfinite(coded.normals).all(-1) & np.isfinite(floats.normals).all(-1)
-    assert both.sum() == (MASK & np.isfinite(coded.normals).all(-1)).sum()
-    # A sample at a threshold's edge may fall on the other side of it by rounding: a handful of pixels.
-    apart = apart_deg(coded, floats)[both]
-    assert np.percentile(apart, 99) < 2e-3
-    assert apart.max() < 0.5
-
-
 def test_pixels_that_cannot_be_solved_are_unknown_and_counted():
     """A third of the ball is dark in all frames but two: no normal, and the estimate says so."""
     lights = lights_around()

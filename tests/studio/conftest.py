@@ -11,6 +11,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from studio.editor import edits
+from studio.server import Studio
+from studio.studio_state import StudioState
+from studio.workspace import Workspace
+
 PATIENCE_S = 240
 """For what comes in the end, however busy the machine is."""
 STUCK_S = 60
@@ -113,6 +118,20 @@ class Nobody:
 
 
 @pytest.fixture
+def run_studio():
+    """Return what makes a studio at a folder; all are closed in the end."""
+    running = []
+
+    def run(root, **state):
+        running.append(Studio(Workspace.at(root), port=0, state=StudioState(**state)))
+        return running[-1]
+
+    yield run
+    for one in running:
+        one.close()
+
+
+@pytest.fixture
 def nobody(viser_server):
     """Return what makes a client that nobody sits at."""
     yield lambda number=1: Nobody(viser_server, number)
@@ -153,6 +172,27 @@ def settle():
         assert done.wait(60), "the window is stuck"
 
     return wait
+
+
+@pytest.fixture
+def say(settle):
+    """Return what says things in a window, each done before the next: a button's words, or an input's and its value."""
+
+    def said(window, *things):
+        for thing in things:
+            window.client.says(*((thing,) if isinstance(thing, str) else thing))
+            settle(window)
+
+    return said
+
+
+def small_document(**tables):
+    """Return a new scene's document with these values, table by table."""
+    document = edits.start_document()
+    for key, change in tables.items():
+        for name, value in change.items():
+            document = edits.with_value(document, (key, name), value)
+    return document
 
 
 class Visitor:

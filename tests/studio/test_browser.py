@@ -13,10 +13,9 @@ from formats.picture_files import read_picture
 from scene.mesh import Mesh
 from studio.editor import edits
 from studio.editor.editor_window import begun
-from studio.server import Studio
-from studio.studio_state import StudioState
 from studio.widgets import UNITS_PER_MM
 from studio.workspace import Workspace
+from tests.studio.conftest import small_document
 from twin.description.object_mesh import built_in
 from twin.engines.variant import SLOW, pick_variant
 
@@ -24,25 +23,17 @@ pytestmark = [pytest.mark.render, pytest.mark.slow]
 
 
 @pytest.fixture
-def studio(tmp_path):
+def studio(tmp_path, run_studio):
     """A studio whose camera takes small pictures, with one model in its workspace."""
     root = tmp_path / "bench"
     cone = built_in("cone")
     root.mkdir()
     write_mesh(root / "cone.ply", Mesh(cone.vertices * [40, 40, 90], cone.faces, None, cone.texcoords))
-    quick = edits.start_document()
     # Direct light alone: what is tested here is the way, not the renderer.
     engine = "mitsuba" if pick_variant()[0] == SLOW else "many"
-    for key, change in {
-        "camera": {"width": 96, "height": 72, "fx": 240.0},
-        "sampling": {"engine": engine, "samples": 16, "max_depth": 2},
-    }.items():
-        for name, value in change.items():
-            quick = edits.with_value(quick, (key, name), value)
-    workspace = Workspace.at(root)
-    running = Studio(workspace, port=0, state=StudioState(area="Scene", edits={"Scene": begun(workspace, quick, None)}))
-    yield running
-    running.close()
+    sampling = {"engine": engine, "samples": 16, "max_depth": 2}
+    quick = small_document(camera={"width": 96, "height": 72, "fx": 240.0}, sampling=sampling)
+    return run_studio(root, area="Scene", edits={"Scene": begun(Workspace.at(root), quick, None)})
 
 
 @pytest.fixture

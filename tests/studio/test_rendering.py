@@ -9,6 +9,7 @@ import pytest
 from studio import studio_state
 from studio.editor import edits
 from studio.studio_state import Work
+from tests.studio.conftest import small_document
 from twin.description.description_file import write_document
 from twin.description.light_groups import RingTable
 
@@ -16,13 +17,8 @@ pytestmark = [pytest.mark.render]
 
 
 def small_scene(folder, samples):
-    document = edits.start_document()
-    for key, change in {
-        "camera": {"width": 48, "height": 36, "fx": 120.0},
-        "sampling": {"engine": "mitsuba", "samples": samples},
-    }.items():
-        for name, value in change.items():
-            document = edits.with_value(document, (key, name), value)
+    camera, sampling = {"width": 48, "height": 36, "fx": 120.0}, {"engine": "mitsuba", "samples": samples}
+    document = small_document(camera=camera, sampling=sampling)
     return write_document(edits.with_value(document, ("lights",), (RingTable(count=24, polar_deg=40.0),)), folder)
 
 

@@ -1,8 +1,6 @@
 """Who may speak to the studio, one window at a time, and what is given out."""
 
 import http.client
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
@@ -146,7 +144,9 @@ def test_a_browser_that_is_gone_before_its_panels_are_made_leaves_none(studio, n
     assert studio.window is None
 
 
-def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(tmp_path, nobody, settle, monkeypatch):
+def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(
+    tmp_path, nobody, run_studio, settle, monkeypatch
+):
     """Reading takes long on a large folder: it is done in the window's thread, and what fails there is shown."""
     go_on = threading.Event()
 
@@ -155,31 +155,24 @@ def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(t
         raise OSError("the disk is gone")
 
     monkeypatch.setattr(Review, "__init__", read)
-    running = Studio(Workspace.at(tmp_path), port=0, state=StudioState(area="Session", session=(tmp_path, None)))
-    try:
-        client = nobody(8)
-        monkeypatch.setattr(running._server, "get_clients", lambda: {8: client})
-        running._come(client)
-        go_on.set()
-        settle(running.window)
-        assert "the disk is gone" in client.told[0]
-    finally:
-        go_on.set()
-        running.close()
+    running, client = run_studio(tmp_path, area="Session", session=(tmp_path, None)), nobody(8)
+    monkeypatch.setattr(running._server, "get_clients", lambda: {8: client})
+    running._come(client)
+    go_on.set()
+    settle(running.window)
+    assert "the disk is gone" in client.told[0]
 
 
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [(["--workspace", "nowhere"], "not a folder"), (["../scene.toml"], "outside of the workspace")],
 )
-def test_bad_arguments_are_told_in_one_message(tmp_path, arguments, told):
-    code = "from rgbn.cli import main; main()"
-    ran = subprocess.run(
-        [sys.executable, "-c", code, "studio", *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=300
-    )
-    assert ran.returncode == 2
-    assert told in ran.stderr
-    assert "Traceback" not in ran.stderr
+def test_bad_arguments_are_told_in_one_message(tmp_path, run_rgbn, monkeypatch, arguments, told):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("studio.server.Studio", lambda *_, **how: pytest.fail("it began"))
+    code, _, said = run_rgbn("studio", *arguments)
+    assert (code, said.count("rgbn: "), "Traceback" in said) == (2, 1, False)
+    assert told in said
 
 
 def test_a_report_is_given_out_alone_and_without_rights(studio, tmp_path):

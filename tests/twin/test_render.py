@@ -128,14 +128,10 @@ def test_interreflection_in_a_bowl_is_that_of_an_integrating_sphere():
     radiance 1 has the radiance r f / (1 - r (1 - f)), f = 1/2 the share of the missing half; r f without
     interreflection.
     """
-    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 65), np.linspace(0, np.pi / 2, 25))
-    direction = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), -np.cos(v)], -1).reshape(-1, 3)
-    corner = np.arange(24 * 65).reshape(24, 65)[:, :-1].ravel()
-    around, down = corner + 1, corner + 65
-    faces = np.concatenate([np.stack([corner, down, around], 1), np.stack([around, down, down + 1], 1)])
-    shape = Mesh(50 * direction + [0, 0, -100.0], faces)
-    if np.sum(shape.face_normals * direction[faces[:, 0]]) > 0:  # the inside is the outside here
-        shape = Mesh(shape.vertices, shape.faces[:, ::-1].copy())
+    sphere = trimesh.creation.uv_sphere(50.0, count=[49, 64])
+    # Its farther half; the inside is the outside here.
+    faces = np.array(sphere.faces)[sphere.triangles_center[:, 2] < 0][:, ::-1]
+    shape = Mesh(np.array(sphere.vertices) + [0, 0, -100.0], faces.copy())
     camera = Camera(40, 40, 0.36, 0.36, 19.5, 19.5, projection="orthographic")
     sky = distant(*even_cap(96, 90))
     inside, (r, f) = np.linalg.norm(camera.grid() - 19.5, axis=-1) < 0.36 * 42, (0.6, 0.5)

@@ -10,13 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from scipy.io import loadmat
+from scipy.io import loadmat, savemat
 
 from experiments.datasets import run_methods as run_module
 from experiments.datasets.run_methods import results_text, run
 from experiments.datasets.shelf import add, entries
+from fixtures.lit_surfaces import dome, even_cap, lights_along, matte
+from formats.diligent_layout import write_diligent
 from lab.options import Solving
 from scene.errors import SceneError
+from scene.frames import Frames
 
 ROOT = Path(__file__).parents[3]
 PROGRAM = """
@@ -38,6 +41,19 @@ normals = np.load(out / "normals.npy")
 normals[:, :20] = np.nan
 np.save(out / "normals.npy", normals)
 """
+
+
+@pytest.fixture
+def striped(tmp_path):
+    """The folder of a small dataset of our own truth: a striped ball under twelve uneven lights, seen straight."""
+    normals, mask = dome(44, rim=0.07)
+    rng = np.random.default_rng(10001)
+    lights = lights_along(even_cap(12, 60.0), rng.uniform(0.4, 1.6, (12, 1)) * rng.uniform(0.9, 1.1, (12, 3)))
+    albedo = 0.2 + 0.2 * ((np.arange(44) // 6) % 2)[None, :, None] * np.array([1.0, 0.6, 0.3])
+    folder = tmp_path / "striped"
+    write_diligent(folder, Frames.from_linear(lights.names, matte(lights, normals, normals, albedo)), lights, mask)
+    savemat(folder / "Normal_gt.mat", {"Normal_gt": normals})
+    return folder
 
 
 @pytest.fixture

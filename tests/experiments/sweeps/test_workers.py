@@ -1,13 +1,12 @@
 """Workers and whole runs that are killed lose nothing: real kills, of real processes."""
 
 import json
-import os
-import signal
 import subprocess
 import sys
 import time
 
 import numpy as np
+import psutil
 import pytest
 
 from experiments import recipe
@@ -115,18 +114,18 @@ def test_a_run_killed_at_random_moments_ends_as_one_that_was_not(program, whole,
     torn.mkdir()
     generator = np.random.default_rng(10001)
     moments = (0, 3, 9, 16)
-    pids = []
+    workers = []
     for done in moments:
-        process = subprocess.Popen([*program, str(torn)], stderr=subprocess.DEVNULL, start_new_session=True)
-        pids.append(process.pid)
+        process = subprocess.Popen([*program, str(torn)], stderr=subprocess.DEVNULL)
         while len(list((torn / "cells").glob("*.json"))) < done and process.poll() is None:
             time.sleep(0.002)
         time.sleep(generator.uniform(0, 0.1))
         assert process.poll() is None, "killed in the middle"
+        workers += psutil.Process(process.pid).children(recursive=True)
         process.kill()
         process.wait()
-    for pid in pids:
-        assert gone(pid), "workers leave with the run that started them"
+    assert workers
+    assert not psutil.wait_procs(workers, 10)[1], "workers leave with the run that started them"
     run(program, torn)
     names = sorted(path.name for path in (whole / "cells").iterdir())
     assert sorted(path.name for path in (torn / "cells").iterdir() if path.suffix == ".json") == names
@@ -134,19 +133,6 @@ def test_a_run_killed_at_random_moments_ends_as_one_that_was_not(program, whole,
     assert table_of(torn) == table_of(whole)
     # Only what was in work when a run was killed was done twice.
     assert sum(times_run(torn).values()) <= 24 + 2 * len(moments)
-
-
-def gone(group, patience_s=10.0):
-    """Whether no process of a group is left, some seconds later."""
-    end = time.monotonic() + patience_s
-    while time.monotonic() < end:
-        try:
-            os.killpg(group, 0)
-        except ProcessLookupError:
-            return True
-        time.sleep(0.1)
-    os.killpg(group, signal.SIGKILL)
-    return False
 
 
 @pytest.mark.full

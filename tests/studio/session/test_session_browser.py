@@ -1,6 +1,7 @@
-"""A session in a real browser: a half-done one put right, a whole one looked at, step by step, and picked on."""
+"""A session in a real browser: begun from a folder of photographs, put right, looked at step by step, and picked on."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -8,14 +9,12 @@ import pytest
 
 from align.pose.picks import read_picks
 from capture.session.session import load_session
+from scene.normals import angular_error_deg
 from scene.rays import RayCaster
-from studio.server import Studio
 from studio.session.corrections import met
 from studio.session.photograph_picture import PictureLook
 from studio.session.plane import Plane
 from studio.session.spatial_view import SCAN_SIZE
-from studio.studio_state import StudioState
-from studio.workspace import Workspace
 
 pytestmark = [pytest.mark.slow, pytest.mark.full]
 READY = "Show all of it"
@@ -23,17 +22,9 @@ FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
 
 
 @pytest.fixture
-def at_session():
-    """Return what makes a studio at a session; all are closed in the end."""
-    running = []
-
-    def made(root, folder, session):
-        running.append(Studio(Workspace.at(root), port=0, state=StudioState(area="Session", session=(folder, session))))
-        return running[-1]
-
-    yield made
-    for one in running:
-        one.close()
+def at_session(run_studio):
+    """Return what makes a studio at a session."""
+    return lambda root, folder, session: run_studio(root, area="Session", session=(folder, session))
 
 
 def strip_middle(window, index):
@@ -167,3 +158,59 @@ def test_the_wheel_enlarges_what_is_under_the_pointer_and_a_drag_moves_it(visit,
     np.testing.assert_allclose(camera.wxyz / np.sign(camera.wxyz[1]), [0, 1, 0, 0], atol=1e-3)
     visitor.tab("Lights")
     visitor.page.wait_for_function("() => document.documentElement.dataset.flat === 'false'")
+
+
+MOST_INTERACTIONS = 8
+
+
+@pytest.fixture
+def studio(tmp_path, run_studio):
+    """A studio in whose workspace the fixture's photographs and scan lie, without a session.toml."""
+    for part in ("raw", "scan"):
+        shutil.copytree(FIXTURE / part, tmp_path / "bumpy" / part)
+    return run_studio(tmp_path)
+
+
+def test_from_a_folder_to_the_report(visit, studio, tmp_path):
+    """Nothing but the page is used; the report that is shown in it is the session's own."""
+    visitor = visit(studio, "New session here")
+    visitor.settle()
+    visitor.keep("open")
+    visitor.press("bumpy/")
+    visitor.button("One folder up").wait_for()
+    visitor.press("New session here")
+    visitor.button("Write session.toml").wait_for()
+    visitor.fill("chrome, mm", 100)
+    visitor.fill("white, mm", 90)
+    visitor.settle()
+    visitor.keep("new_session")
+    visitor.press("Write session.toml")
+    visitor.button("Run everything").wait_for()
+    visitor.settle()
+    visitor.keep("new_session_seen")
+    text = (tmp_path / "bumpy" / "session.toml").read_text()
+    assert 'scan_unit = "mm"' in text, "the balls' diameters tell the scan's unit"
+    (tmp_path / "bumpy" / "session.toml").write_text(text.replace("[object]\n", "[object]\ntolerance_deg = 25\n"))
+    visitor.press("Run everything")
+    report = visitor.page.frame_locator("#studio-report")
+    report.get_by_text("iterative").first.wait_for(timeout=600_000)
+    assert report.locator(".headline .badge").inner_text().lower() == "pass"
+    assert visitor.interactions <= MOST_INTERACTIONS
+    visitor.settle()
+    visitor.keep("verdict")
+    out = tmp_path / "out" / "bumpy"
+    summary = json.loads((out / "summary.json").read_text())
+    assert {"ls", "iterative"} <= set(summary["compare"]["methods"])
+    truth = json.loads((FIXTURE / "truth.json").read_text())
+    lights = visitor.window.review.lights.seen_from(np.array(truth["object_centre_mm"]))
+    assert np.median(angular_error_deg(lights.directions, np.array(truth["directions_at_object"]))) < 1.5
+    # Its scripts have no part in the studio's own page.
+    frame = next(frame for frame in visitor.page.frames if "/report/" in frame.url)
+    assert frame.evaluate("self.origin") == "null"
+    # What is shown follows the tab: the view is the photograph's again, and the report's again.
+    visitor.tab("Balls")
+    visitor.page.locator("#studio-report").wait_for(state="detached")
+    visitor.tab("Verdict")
+    visitor.page.locator("#studio-report").wait_for()
+    outside = [url for url in visitor.asked if studio.address.split("//")[1] not in url]
+    assert all(url.startswith(("data:", "blob:")) for url in outside), "nothing is fetched from elsewhere"

@@ -294,7 +294,7 @@ def test_picks_give_the_pose_at_which_they_were_made(review, made):
     assert met(caster, mesh.center_mm + [0, 0, 500], np.array([0.0, 0.0, 1.0])) is None
 
 
-def test_a_folder_of_sessions_is_listed(tmp_path, nobody, furnish, settle):
+def test_a_folder_of_sessions_is_listed(tmp_path, nobody, furnish, say):
     """What is chosen there is gone to."""
     for name in ("jug", "vase"):
         (tmp_path / "captures" / name).mkdir(parents=True)
@@ -304,6 +304,5 @@ def test_a_folder_of_sessions_is_listed(tmp_path, nobody, furnish, settle):
     state, workspace = StudioState(), Workspace.at(tmp_path)
     open_path(state, workspace, tmp_path / "captures")
     window = furnish(OpenWindow(nobody(), workspace, state), OPEN_ROWS)
-    window.client.says("vase")
-    settle(window)
+    say(window, "vase")
     assert state.session == (tmp_path / "out" / "vase", tmp_path / "captures" / "vase")

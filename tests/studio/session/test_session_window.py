@@ -1,4 +1,4 @@
-"""A session's window without a browser: what is clicked, what is missing, what runs, and a shoot under way."""
+"""A session's window without a browser: begun by `init`, what is clicked, missing and run, and a shoot under way."""
 
 import json
 import time
@@ -6,6 +6,7 @@ from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -15,13 +16,16 @@ from scene.files import write_png
 from scene.output_folder import open_record
 from shoot.watch.watch_folder import MAP, STATUS, state_lines
 from studio import window as windows
+from studio.opening import open_path
 from studio.session import photograph_view
 from studio.session.ball_edits import moved
+from studio.session.new_session import NEW_ROWS, NewWindow
 from studio.session.photograph_view import PhotographView
 from studio.session.plane import ROOT
 from studio.session.session_rows import SESSION_ROWS, TABS
 from studio.session.session_window import SessionWindow
 from studio.session.spatial_view import SpatialView
+from studio.studio_command import studio
 from studio.studio_state import StudioState
 from studio.widgets import plain
 from studio.workspace import Workspace
@@ -90,7 +94,7 @@ def test_the_registered_scan_is_outlined_under_its_tab(reviewing):
     assert not window.client.told
 
 
-def test_a_ball_is_added_where_it_is_clicked(reviewing, settle):
+def test_a_ball_is_added_where_it_is_clicked(reviewing, say, settle):
     """The next click is its middle, and no other's; it can be turned into one of the other kind."""
     window = reviewing(PhotographView)
     window.open_tab("Capture")
@@ -102,27 +106,22 @@ def test_a_ball_is_added_where_it_is_clicked(reviewing, settle):
         client.clicks(client.seen("/photograph/picture"), ray_origin=aim + [0, 0, 5], ray_direction=[0.0, 0.0, -1.0])
         settle(window)
 
-    def say(label, value=True):
-        client.says(label, value)
-        settle(window)
-
     click((90.0, 20.0))
-    say("Add a white ball")
+    say(window, "Add a white ball")
     click((100.5, 30.25))
     assert window.outlines[:3] == found
     assert window.outlines[3].center_px == pytest.approx([100.5, 30.25])
     assert (window.outlines[3].kind, window.outlines[3].radius_px, window.ball) == ("white", 13.0, 3)
     click((26.0, 92.0))
     assert (len(window.outlines), window.ball) == (4, 2), "the next click chooses a ball again"
-    say("kind", "chrome")
+    say(window, ("kind", "chrome"))
     assert [ball.kind for ball in window.outlines] == ["chrome", "chrome", "chrome", "white"]
     assert not window.is_found(window.outlines[2])
-    say("centre, px", (27.0, 92.0))
+    say(window, ("centre, px", (27.0, 92.0)))
     assert window.outlines[2].center_px == [27.0, 92.0]
-    say("Remove this ball")
+    say(window, "Remove this ball")
     assert [ball.kind for ball in window.outlines] == ["chrome", "chrome", "white"]
-    say("frame", 3)
-    say("mark the object", True)
+    say(window, ("frame", 3), "mark the object")
     assert (window.frame, window.how.marks_object) == (2, True)
     assert not client.told
 
@@ -149,35 +148,28 @@ def test_a_drag_is_undone_as_one_however_slow_it_is(reviewing, settle, monkeypat
     assert window.outlines[0] == found
 
 
-def test_balls_are_as_found_again_whatever_was_done_to_them(reviewing, settle):
+def test_balls_are_as_found_again_whatever_was_done_to_them(reviewing, say):
     """The only white ball is taken for a mirror, and moved: its diameter comes back with it."""
     window = reviewing(PhotographView)
     found = window.outlines
     window.choose_ball(2)
-    for label, value in (("kind", "chrome"), ("centre, px", (30.0, 80.0))):
-        window.client.says(label, value)
-        settle(window)
+    say(window, ("kind", "chrome"), ("centre, px", (30.0, 80.0)))
     assert [ball.diameter_mm for ball in window.outlines] == [100.0] * 3, "as large as all of its kind"
-    window.client.says("Back to the balls as found")
-    settle(window)
+    say(window, "Back to the balls as found")
     assert window.outlines == found
     assert all(map(window.is_found, window.outlines))
     window.choose_ball(2)
-    for kind in ("chrome", "white"):
-        window.client.says("kind", kind)
-        settle(window)
+    say(window, ("kind", "chrome"), ("kind", "white"))
     assert window.outlines[2].diameter_mm is None, "of another kind it was another size"
 
 
-def test_a_diameter_that_was_kept_stays_when_the_balls_are_found_with_it(reviewing, made, settle):
+def test_a_diameter_that_was_kept_stays_when_the_balls_are_found_with_it(reviewing, made, say):
     """The session itself states none: what was typed is known from what was kept."""
     path = made.session / "session.toml"
     path.write_text(path.read_text().replace("diameter_mm = 90.0\n", ""))
     window = reviewing()
     window.open_tab("Balls")
-    for label, value in (("white balls, mm", 90.0), ("Keep", True)):
-        window.client.says(label, value)
-        settle(window)
+    say(window, ("white balls, mm", 90.0), "Keep")
     window.read_again()
     assert [ball.diameter_mm for ball in window.history.state.found] == [100.0, 100.0, 90.0]
     assert not window.client.told[1:]
@@ -201,15 +193,14 @@ def runs(made, monkeypatch):
     return begun
 
 
-def test_a_run_takes_what_was_corrected_and_the_session_as_it_is_now(reviewing, made, settle, runs):
+def test_a_run_takes_what_was_corrected_and_the_session_as_it_is_now(reviewing, made, say, settle, runs):
     """It says with what other programs: a folder that came from elsewhere may name any. A step's end is shown."""
     with open_record(made.folder, among_others=True) as record:
         record.note("settings", {"external": ["Net=python `net` {data} {out}"]})
     window = reviewing()
 
     def run(label):
-        window.client.says(label)
-        settle(window)
+        say(window, label)
         before = window.reading
         with open_record(made.folder) as record, record.making("compare", str(time.monotonic())) as entry:
             entry["warnings"] = []
@@ -234,13 +225,12 @@ def test_a_run_takes_what_was_corrected_and_the_session_as_it_is_now(reviewing, 
     assert run("Run up to Balls")[0].spheres[0].center_px == (40.0, 30.0), "what was kept stays so"
 
 
-def test_corrections_stay_while_the_balls_are_sought_anew(reviewing, made, runs, settle):
+def test_corrections_stay_while_the_balls_are_sought_anew(reviewing, made, runs, say):
     """A step that begins is forgotten first: for a while the folder has no balls that were found."""
     window = reviewing()
     window.open_tab("Balls")
     window.correct(moved(window.outlines, 0, (40.0, 30.0), made.camera))
-    window.client.says("Run up to Balls")
-    settle(window)
+    say(window, "Run up to Balls")
     assert window.is_busy
     with open_record(made.folder) as record:
         record.forget(["calibrate", "align", "solve", "trust", "twin", "compare"])
@@ -308,3 +298,136 @@ def test_a_first_shoot_is_shown_until_its_session_is_decoded(nobody, tmp_path, f
         eventually(lambda: "The shoot is over" in texts(window))
         note_steps(record, {"check": {"result": {}, "warnings": []}})
     eventually(lambda: "check" in window.review.done)
+
+
+def photographs(place, count=5):
+    """Leave photographs of noise in a folder."""
+    generator = np.random.default_rng(10_040)
+    place.mkdir(parents=True)
+    for number in range(count):
+        picture = generator.integers(1000, 60000, (60, 80, 3)).astype(np.uint16)
+        cv2.imwrite(str(place / f"flash_{number}.png"), picture)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    photographs(tmp_path / "bench" / "jug")
+    return tmp_path / "bench" / "jug"
+
+
+@pytest.fixture
+def begin(nobody, furnish, monkeypatch):
+    """Return what opens a folder below its workspace; the window's `turned` says that it was left."""
+
+    def begun(folder, out=None):
+        place, state = Workspace.at(folder.parent), StudioState()
+        open_path(state, place, folder, out)
+        window = furnish(NewWindow(nobody(), place, state), NEW_ROWS)
+        window.turned, window.turn = False, lambda: setattr(window, "turned", True)
+        return window
+
+    return begun
+
+
+@pytest.fixture
+def write(say):
+    """Return what types values, has the session written, and waits until that has ended and was told."""
+
+    def written(window, *typed):
+        say(window, *typed, "Write session.toml")
+        end = time.monotonic() + 120
+        while not window.turned and not window.client.told:
+            assert time.monotonic() < end, window.work and window.work.said
+            time.sleep(0.05)
+
+    return written
+
+
+def test_what_is_typed_is_in_the_session_that_is_shown(begin, folder, nobody, furnish, say, write):
+    """The whole way: a first photograph, session.toml, the folder as `init` saw it; its results go to the workspace."""
+    window = begin(folder)
+    folders = window.client.gui._container_handle_from_uuid.values()
+    pictures = [one.image for folder in folders for one in folder._children.values() if hasattr(one, "image")]
+    assert pictures[0].shape == (60, 80, 3)
+    write(window, ("focal, mm", 50.0), ("sensor, mm", 36.0), ("unit", "cm"), ("unit", "(not said)"))
+    assert not window.client.told
+    assert "focal_mm = 50.0" in (folder / "session.toml").read_text()
+    out = folder.parent / "out" / "jug"
+    assert (window.state.session, window.state.area) == ((out, folder), "Session")
+    window = furnish(SessionWindow(nobody(), window.workspace, window.state), SESSION_ROWS, PhotographView)
+    assert window.client.seen("/photograph/picture") is not None
+    assert window.review.preview.shape[1] > 1000, "the contact sheet"
+    window.open_tab("Balls")
+    say(window, "Add a chrome ball")
+    assert "frames: the step `check` has not ended here" in window.client.told[-1], "in which pixels is not known"
+
+
+def test_what_init_refuses_is_told(begin, folder, write):
+    """As it says it on the command line, and what was typed stays."""
+    window = begin(folder)
+    write(window, ("sensor, mm", 3000.0))
+    assert "expected 1 to 250" in window.client.told[-1]
+    assert window.client.input("sensor, mm").value == 3000
+    assert not (folder / "session.toml").exists()
+
+
+def test_of_several_objects_each_gets_a_session(begin, tmp_path, write):
+    for name in ("shelf/cup", "shelf/jug", "other/a", "other/b"):
+        photographs(tmp_path / name)
+    window = begin(tmp_path / "shelf")
+    write(window)
+    assert all((tmp_path / "shelf" / name / "session.toml").exists() for name in ("cup", "jug"))
+    assert (window.state.area, window.state.folder) == ("Open", tmp_path / "shelf")
+    with pytest.raises(SceneError, match="2 objects"):
+        begin(tmp_path / "other", tmp_path / "out")
+
+
+def test_diameters_typed_before_the_photographs_are_decoded_are_kept(made, nobody, furnish, say, tmp_path):
+    """Where the balls are is not known yet, nor changed."""
+    state = StudioState(area="Session", session=(tmp_path / "new", made.session))
+    window = furnish(SessionWindow(nobody(), Workspace.at(tmp_path), state), SESSION_ROWS)
+    window.open_tab("Balls")
+    say(window, ("white balls, mm", 80.0), "Keep")
+    kept = load_session(tmp_path / "new" / "review").spheres
+    assert [(one.kind, one.diameter_mm, one.center_px) for one in kept] == [
+        ("chrome", 100.0, None), ("chrome", 100.0, None), ("white", 80.0, None)
+    ]  # fmt: skip
+    window.read_again()
+    assert [ball.diameter_mm for ball in window.picks.balls] == [100.0, 100.0, 80.0]
+
+
+def test_the_command_opens_what_a_path_is(folder, monkeypatch):
+    """Before the page opens: no photographs, or an output folder outside of the workspace, end it with one message."""
+    asked, opened = [], []
+
+    def begin(place, **how):
+        asked.append(how["state"])
+        return SimpleNamespace(address="http://127.0.0.1:1", close=lambda: None)
+
+    def wait(self, timeout=None):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("studio.server.Studio", begin)
+    monkeypatch.setattr("threading.Event.wait", wait)
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    monkeypatch.chdir(folder.parent)
+
+    def opens(*arguments, **options):
+        with pytest.raises(KeyboardInterrupt):
+            studio(*arguments, **options)
+        return asked[-1]
+
+    assert opens(browser=False).area == "Open"
+    assert not opened
+    state = opens(folder)
+    assert opened == ["http://127.0.0.1:1"], "the system's browser"
+    out = folder.parent / "out" / "jug"
+    assert (state.area, state.session) == ("Session", (out, folder))
+    with pytest.raises(SceneError, match="lies outside of the workspace"):
+        studio(folder, out=folder.parent / "out", workspace=folder)
+    (folder / "session.toml").write_text('[frames]\nflash = "flash_*.png"')
+    state = opens(folder)
+    assert (state.area, state.session) == ("Session", (out, folder))
+    (folder.parent / "empty").mkdir()
+    with pytest.raises(SceneError, match="photometric stereo needs 3"):
+        studio(folder.parent / "empty")
