@@ -37,7 +37,14 @@ def say(part: str, name: str, /, **values: Any) -> Markup:
 
 
 class Sentence(Readable):
-    """Fills in texts escaped (`Markup` as it is) and numbers as HTML; what is missing is unknown."""
+    """Fills in texts escaped (`Markup` as it is) and numbers as HTML; what is missing is unknown.
+
+    A part between [[ and ]] is left out where a value in it is missing.
+    """
+
+    def vformat(self, format_string: str, args: Any, kwargs: Any) -> str:
+        parts = [super(Sentence, self).vformat(part, args, kwargs) for part in re.split(r"\[\[|]]", format_string)]
+        return "".join(part for number, part in enumerate(parts) if number % 2 == 0 or UNKNOWN not in part)
 
     def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
         try:
