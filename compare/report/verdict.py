@@ -143,7 +143,7 @@ def _truth(summary: Summary, compared: Summary) -> Statement | None:
     level = next(name for name in ("bad", "care", "good", "unknown") if name in levels)
     if not any(map(is_number, (residual, align.get("sigma_deg"), sigma))):
         return Statement("Ground truth", "unknown", say("truth", "unknown"))
-    text = say("truth", "told", residual=residual, pose=align.get("sigma_deg"), sigma=sigma)
+    text = say("truth", "told", residual=residual, pose=align.get("sigma_deg"), sigma=sigma).strip()
     own = say("truth", "its own") if is_truths_own(compared) else ""
     return _statement("Ground truth", level, text + own, _warned(summary, "align"))
 
