@@ -11,7 +11,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from compare.report.pictures import PixelBox, error_scale_colours
+from compare.report.pictures import error_scale_colours
 from draw.readable import GAP, Readable, is_number
 from scene.map_pictures import Image, data_uri
 
@@ -127,14 +127,6 @@ def picture(
     """Return a figure: an image, drawings that lie on it, and what is to be seen (HTML)."""
     uri = data_uri(image, photograph=photograph)
     return pieces().picture(uri, alt, Markup(caption), Markup(overlay), kind)
-
-
-def overlay(box: PixelBox, lines: Iterable[tuple[str, Any]], label: str, shapes: str = "") -> Markup:
-    """Return an SVG that lies over a picture of the box: closed lines (class, pixels (K, 2) of it), shapes."""
-    paths = ((kind, " ".join(f"{u:.1f},{v:.1f}" for u, v in points)) for kind, points in lines)
-    drawn = "".join(f'<polygon class="{kind}" points="{path}"/>' for kind, path in paths)
-    size = f'viewBox="0 0 {box.width} {box.height}" preserveAspectRatio="none" role="img"'
-    return Markup(f'<svg {size} aria-label="{escape(label)}">{drawn}{shapes}</svg>')
 
 
 def badge(level: str, words: str = "") -> Markup:
