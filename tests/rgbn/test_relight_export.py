@@ -9,7 +9,7 @@ import pytest
 
 from compare.report.pictures import Exposure
 from formats.picture_files import srgb_from_linear
-from rgbn.export_command import export_relight
+from rgbn.relight_export import export_relight
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames, encode
