@@ -71,12 +71,9 @@ def test_all_pictures_are_written_and_read_back(tmp_path):
     # Red, green, blue, as it was drawn.
     assert (np.abs(read.astype(int) - registration_pictures.SCAN_COLOUR).max(-1) < 40).sum() > 500
     assert registration_pictures.read_picture(store, "none") is None
-
-
-def test_the_masks_outline_lies_on_its_edge(tmp_path):
-    frames, lights, mask, strokes = scene(300, 200)
-    registration_pictures.write_pictures(Store(tmp_path), frames, lights, strokes=strokes[:1], mask=mask)
-    read = registration_pictures.read_picture(Store(tmp_path), "outline").astype(int)
+    # The mask's outline lies on its edge.
+    registration_pictures.write_pictures(store, frames, lights, strokes=strokes[:1], mask=mask)
+    read = registration_pictures.read_picture(store, "outline").astype(int)
     box = PixelBox.of_mask(mask, margin=0.12)
     v, u = np.nonzero(np.abs(read - registration_pictures.MASK_COLOUR).max(-1) < 60)
     places = (np.stack([u, v], -1) + 0.5) * box.width / read.shape[1] - 0.5 + [box.left, box.top]
