@@ -24,6 +24,8 @@ WIDTH = 1200
 BALL_WIDTH = 420
 SCAN_COLOUR, MASK_COLOUR = (255, 0, 190), (255, 210, 63)
 """Of the scan's outline: no object under white flashes has it; of the mask's."""
+DASH_PX = 12
+"""Of the mask's outline, which is drawn last."""
 WINDOW_PX = 46
 ZOOM = 6
 SIDES = {"left": (-1.0, 0.0), "top": (0.0, -1.0), "right": (1.0, 0.0), "bottom": (0.0, 1.0)}
@@ -36,29 +38,34 @@ def write_pictures(store: Store, frames: Frames, lights: Lights, *, strokes: NDA
     `strokes` (K, 2, 2): both ends, pixels, of short strokes along the scan's outline. `mask` (H, W): the object.
     """
     exposure = Exposure.for_frames(frames, white_value=lights.white_value)
-    photograph, box = _outlined(frames, exposure, pictures.raking_frame(lights.directions), mask, {MASK_COLOUR: mask})
+    photograph, box = _photographed(frames, exposure, pictures.raking_frame(lights.directions), mask)
     drawn = draw_strokes(photograph, strokes, [box.left, box.top], photograph.shape[1] / box.width)
-    write_png(store.path(FOLDER, "outline.png"), drawn)
+    write_png(store.path(FOLDER, "outline.png"), _outlined(drawn, box, mask, MASK_COLOUR, DASH_PX))
     write_png(store.path(FOLDER, "outline_zoom.png"), zoom_picture(frames, exposure, lights.directions, strokes))
 
 
-def _outlined(
-    frames: Frames, exposure: Exposure, index: int, mask: NDArray[np.bool_], regions: dict[Any, NDArray[np.bool_]]
-) -> tuple[Image, PixelBox]:
-    """Return a photograph of the object with the outlines of regions (H, W) in their colours, and the box it shows."""
+def _photographed(frames: Frames, exposure: Exposure, index: int, mask: NDArray[np.bool_]) -> tuple[Image, PixelBox]:
+    """Return a photograph of the object, and the box of pixels that it shows."""
     import cv2
 
     box = PixelBox.of_mask(mask, margin=0.12)
     linear = pictures.thumbnail(frames, index, box.shown_width(WIDTH), box)
     grow = max(1, WIDTH // linear.shape[1])
     size = (grow * linear.shape[1], grow * linear.shape[0])
-    shown = exposure.develop(np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_CUBIC)))
-    for colour, region in regions.items():
-        large = cv2.resize(box.of(region).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT)
-        lines, _ = cv2.findContours(large, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    return exposure.develop(np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_CUBIC))), box
+
+
+def _outlined(image: Image, box: PixelBox, region: NDArray[np.bool_], colour: Any, dash_px: int = 0) -> Image:
+    """Draw the outline of a region (H, W) on a picture of the box; dashed, what lies below shows in the gaps."""
+    import cv2
+
+    large = cv2.resize(box.of(region).astype(np.uint8), image.shape[1::-1], interpolation=cv2.INTER_NEAREST_EXACT)
+    for line in cv2.findContours(large, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)[0]:
+        step = 2 * dash_px or len(line)
+        parts = [line[k : k + step - dash_px] for k in range(0, len(line), step)]
         # Specks of a few pixels are noise of the mask; drawn, they would hide what is below.
-        shown = cv2.drawContours(shown, [line for line in lines if len(line) > 8], -1, colour, 2, cv2.LINE_AA)
-    return np.asarray(shown, np.uint8), box
+        image = np.asarray(cv2.polylines(image, parts if len(line) > 8 else [], not dash_px, colour, 2, cv2.LINE_AA))
+    return image
 
 
 def read_picture(store: Store, name: str) -> Image | None:
@@ -151,8 +158,9 @@ def placed(material: Material) -> Summary:
     if drawn is None:
         # Where the outline itself is not there to a fraction of a pixel, the truth ends a pixel inside it.
         shown = f"{shown}'s ground truth" if registered else "the given ground truth"
-        regions = {MASK_COLOUR: mask} | ({} if truth is None else {SCAN_COLOUR: known_pixels(truth)})
-        drawn, _ = _outlined(material.frames, material.exposure, material.raking, mask, regions)
+        drawn, box = _photographed(material.frames, material.exposure, material.raking, mask)
+        drawn = drawn if truth is None else _outlined(drawn, box, known_pixels(truth), SCAN_COLOUR)
+        drawn = _outlined(drawn, box, mask, MASK_COLOUR, DASH_PX)
     keys = {"mask": "the object's mask"} | ({} if truth is None and not registered else {"scan": shown})
     legend = Markup("; ").join(Markup('<span class="key {}"></span> {}').format(*key) for key in keys.items())
     name = material.frames.names[material.raking]
