@@ -24,8 +24,6 @@ WIDTH = 1200
 BALL_WIDTH = 420
 SCAN_COLOUR, MASK_COLOUR = (255, 0, 190), (255, 210, 63)
 """Of the scan's outline: no object under white flashes has it; of the mask's."""
-DASH_PX = 12
-"""Of the mask's outline, which is drawn last."""
 WINDOW_PX = 46
 ZOOM = 6
 SIDES = {"left": (-1.0, 0.0), "top": (0.0, -1.0), "right": (1.0, 0.0), "bottom": (0.0, 1.0)}
@@ -40,7 +38,7 @@ def write_pictures(store: Store, frames: Frames, lights: Lights, *, strokes: NDA
     exposure = Exposure.for_frames(frames, white_value=lights.white_value)
     photograph, box = _photographed(frames, exposure, pictures.raking_frame(lights.directions), mask)
     drawn = draw_strokes(photograph, strokes, [box.left, box.top], photograph.shape[1] / box.width)
-    write_png(store.path(FOLDER, "outline.png"), _outlined(drawn, box, mask, MASK_COLOUR, DASH_PX))
+    write_png(store.path(FOLDER, "outline.png"), _outlined(drawn, box, mask, MASK_COLOUR, WIDTH // 100))
     write_png(store.path(FOLDER, "outline_zoom.png"), zoom_picture(frames, exposure, lights.directions, strokes))
 
 
@@ -160,7 +158,7 @@ def placed(material: Material) -> Summary:
         shown = f"{shown}'s ground truth" if registered else "the given ground truth"
         drawn, box = _photographed(material.frames, material.exposure, material.raking, mask)
         drawn = drawn if truth is None else _outlined(drawn, box, known_pixels(truth), SCAN_COLOUR)
-        drawn = _outlined(drawn, box, mask, MASK_COLOUR, DASH_PX)
+        drawn = _outlined(drawn, box, mask, MASK_COLOUR, WIDTH // 100)
     keys = {"mask": "the object's mask"} | ({} if truth is None and not registered else {"scan": shown})
     legend = Markup("; ").join(Markup('<span class="key {}"></span> {}').format(*key) for key in keys.items())
     name = material.frames.names[material.raking]
