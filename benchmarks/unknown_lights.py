@@ -189,9 +189,8 @@ def _uncalibrated(name: str, seed: int, farther: float, height: int) -> list[Fou
     with _shot(name, seed, farther, height) as (frames, lights, camera, mask, normals, _):
         for method in ("rpca", *UNCALIBRATED):
             found = solve(method, frames, lights, camera, mask)
-            ways = four_ways(found.normals, normals, mask)
-            four = ways.raw_deg, ways.best_sign_deg, ways.oracle_relief_deg, ways.oracle_linear_deg
-            rows.append(FourWaysRow(name, method, *four, len(found.warnings)))
+            raw, sign, relief, linear, _ = four_ways(found.normals, normals, mask).values()
+            rows.append(FourWaysRow(name, method, raw, sign, relief, linear, len(found.warnings)))
     return rows
 
 

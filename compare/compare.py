@@ -1,7 +1,6 @@
 """Every method's normals against the scan's, on the photographs and on their twin."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from itertools import combinations
 from typing import Any
 
@@ -65,7 +64,7 @@ def compare(
         real/twin_within_tolerance (share of the true pixels, where a tolerance is given, rounded down to a tenth
         of a percent: it is judged as it is shown), real/twin_rotation_deg (the
         turn common to all normals) and real/twin_median_unrotated_deg (the median error
-        once it is undone), real/twin_four_ways (`FourWays`, of methods that leave an ambiguity and of other programs),
+        once it is undone), real/twin_four_ways (`four_ways`, of methods that leave an ambiguity and of other programs),
         median_to_others_deg (the median of its median angles to the other methods), histogram (pixels per bin, the
         last one: beyond the last edge), median_sigma_deg (of the median on the photographs); level: best, and the
         methods that are level with it (`level_methods`); tolerance: deg; method and share, the method that has most of
@@ -149,7 +148,7 @@ def _errors(
         angle, median = _without_common_rotation(estimate, truth, error)
         row[f"{kind}_rotation_deg"], row[f"{kind}_median_unrotated_deg"] = angle, median
         if name in LOW_RANK or family(name) == "external":
-            row[f"{kind}_four_ways"] = asdict(four_ways(estimate, truth, mask))
+            row[f"{kind}_four_ways"] = four_ways(estimate, truth, mask)
         if tolerance_deg is not None:
             row[f"{kind}_within_tolerance"] = 1000 * np.count_nonzero(error <= tolerance_deg) // pixels / 1000
         write_npy(store.path("compare", f"error_{kind}_{name}.npy"), error)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report import pictures
-from compare.report.pictures import Exposure, PixelBox
+from compare.report.pictures import Exposure
 from draw.readable import is_number
 from draw.speed_chart import SpeedPoint
 from scene.errors import SceneError
@@ -186,9 +186,6 @@ class Material:
         self.lights: Summary | None = compared.get("lights") or there(lambda: store.load_lights().facts())
         self.spheres: list[Summary] = compared.get("spheres") or sphere_rows(store)
         self.methods = by_error(compared) if "methods" in compared else method_names(store)
-
-    def photograph(self, index: int, box: PixelBox, width: int) -> pictures.Image:
-        return self.exposure.develop(pictures.thumbnail(self.frames, index, width, box))
 
     def photographs_of_ball(self, index: int) -> tuple[Frames | None, Exposure | None]:
         """Return the frames that show a ball: the session's, or its own where it was shot apart."""

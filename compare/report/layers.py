@@ -7,6 +7,7 @@ place on a scale of colours.
 import base64
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -18,7 +19,7 @@ from compare.report.pictures import Exposure, PixelBox
 from draw.readable import is_number
 from formats.picture_files import linear_from_srgb
 from scene.frames import Frames
-from scene.map_pictures import data_uri, normal_picture
+from scene.map_pictures import Image, data_uri, normal_picture
 
 MOST_PIXELS = 400_000
 MOST_BYTES = 5_500_000
@@ -41,7 +42,11 @@ class Layer:
     side: str
     name: str
     label: str
-    uri: str
+    image: Image
+
+    @cached_property
+    def uri(self) -> str:
+        return data_uri(self.image, photograph=self.kind == "photograph")
 
 
 @dataclass(frozen=True)
@@ -63,7 +68,9 @@ class ViewerLayers:
         layers = [one for side, frames in there.items() for one in _photographs(material, frames, side, grid, scales)]
         end = (summary.get("compare") or {}).get("error_scale_deg")
         layers += _maps(material, grid, end if is_number(end) else None, scales)
-        size = 0.75 * sum(len(layer.uri) for layer in layers)
+        # A kind's pictures are about as large as its first one: to encode them is most of the work.
+        firsts = {layer.kind: layer for layer in reversed(layers)}
+        size = 0.75 * sum(len(firsts[layer.kind].uri) for layer in layers)
         if size > MOST_BYTES:
             return cls.of(material, summary, int(np.ceil(step * np.sqrt(size / MOST_BYTES))))
         return cls(grid, layers, scales)
@@ -76,13 +83,13 @@ def _photographs(material: Material, frames: Frames, side: str, grid: PixelBox, 
         exposure, words = Exposure.for_frames(frames, white_value=exposure.balance), "twin"
     for index, name in enumerate(frames.names):
         values = grid.frame(frames, index)
-        uri = data_uri(exposure.develop(values), photograph=True)
+        layer = Layer("photograph", side, str(index), f"{words} {index + 1}, {name}", exposure.develop(values))
         if not index:
             scales[f"photograph-{side}"] = {
                 "white": exposure.white, "balance": exposure.balance.tolist(),
-                "error_share": _jpeg_error(uri, values / exposure.balance / exposure.white),
+                "error_share": _jpeg_error(layer.uri, values / exposure.balance / exposure.white),
             }  # fmt: skip
-        yield Layer("photograph", side, str(index), f"{words} {index + 1}, {name}", uri)
+        yield layer
 
 
 def _jpeg_error(uri: str, share: NDArray) -> float:
@@ -100,36 +107,33 @@ def _maps(material: Material, grid: PixelBox, error_end: float | None, scales: S
         found = material.map_of(place, name)
         return None if found is None else grid.of(found)
 
-    def layer(kind: str, side: str, name: str, of: str, image: NDArray[np.uint8]) -> Layer:
-        return Layer(kind, side, name, f"{kind}, {of}", data_uri(image, photograph=False))
-
     balance = material.exposure.balance
-    sigmas: list[tuple[str, str, str, NDArray]] = []
+    sigmas: dict[str, list[tuple[str, str, NDArray]]] = {"truth": [], "real": []}
     for name, side in [("truth", "truth"), *product(material.methods, ("real", "twin"))]:
         normals = there("twin/normals" if side == "twin" else "normals", name)
         if normals is None:
             continue
         of = {"truth": "ground truth", "real": f"{name}, photographs", "twin": f"{name}, twin"}[side]
-        yield layer("normals", side, name, of, normal_picture(normals, grid.size[0]))
+        yield Layer("normals", side, name, f"normals, {of}", normal_picture(normals, grid.size[0]))
         error = there("compare", f"error_{side}_{name}")
         if error is not None and error_end is not None:
-            yield layer("error", side, name, of, pictures.error_picture(error, error_end))
+            yield Layer("error", side, name, f"error, {of}", pictures.error_picture(error, error_end))
         sigma = {"truth": ("normals", "truth_sigma"), "real": ("sigma", name)}.get(side)
         if sigma and (found := there(*sigma)) is not None:
-            sigmas.append((side, name, of, found))
+            sigmas[side].append((name, f"sigma, {of}", found))
         albedo = there("albedo", name) if side == "real" else None
         if albedo is not None:
             known = (albedo / balance)[np.isfinite(albedo).all(-1)]
             white = max(float(np.quantile(known, ALBEDO_QUANTILE)) if known.size else 1.0, 1e-6)
             scales[f"albedo-{name}"] = {"white": white, "balance": balance.tolist()}
-            yield layer("albedo", "real", name, name, Exposure(white, balance).develop(np.maximum(albedo, 0)))
-    for side in ("truth", "real"):
-        shown = [(name, of, sigma) for which, name, of, sigma in sigmas if which == side]
+            yield Layer("albedo", "real", name, f"albedo, {name}", Exposure(white, balance).develop(albedo))
+    for side, shown in sigmas.items():
         known = np.concatenate([np.zeros(0), *(sigma[np.isfinite(sigma)] for *_, sigma in shown)])
         if known.size:
             end = pictures.colour_scale_end(float(np.quantile(known, 0.98)), least=0.1)
             scales[f"sigma-{side}"] = {"end_deg": end}
-            yield from (layer("sigma", side, name, of, pictures.error_picture(each, end)) for name, of, each in shown)
+            for name, label, sigma in shown:
+                yield Layer("sigma", side, name, label, pictures.error_picture(sigma, end))
     if error_end is not None:
         scales["error"] = {"end_deg": error_end}
 
@@ -152,16 +156,16 @@ def _surface(material: Material, grid: PixelBox) -> Summary | None:
 
 def viewer_facts(material: Material, layers: ViewerLayers, best: str | None) -> Summary:
     """Return what viewer.html is filled in with."""
-    found: dict[str, dict[str, str]] = {group: {} for group in GROUPS}
+    options: dict[str, dict[str, str]] = {title: {} for title in GROUPS.values()}
     for layer in layers.layers:
         key, label = f"{layer.kind}:{layer.side}:{layer.name}", layer.label
         if layer.kind == "photograph":
             key, label = f"photograph:{layer.side}", "photograph" if layer.side == "real" else "twin's photograph"
-        found[layer.kind][key] = label
+        options[GROUPS[layer.kind]][key] = label
         if layer.kind == "albedo":
-            found["relit"][f"relit:real:{layer.name}"] = f"relit, {layer.name}"
-    keys = [key for group in found.values() for key in group]
-    wanted = [f"error:real:{best}", f"normals:real:{best}", *found["normals"], keys[-1]]
+            options[GROUPS["relit"]][f"relit:real:{layer.name}"] = f"relit, {layer.name}"
+    keys = [key for rows in options.values() for key in rows]
+    wanted = [f"error:real:{best}", f"normals:real:{best}", *options[GROUPS["normals"]], keys[-1]]
     (width, height), grid = layers.grid.size, layers.grid
     parts = {name: read_optional(material.store, f"{name}.json") for name in ("camera", "lights", "spheres")}
     data = {
@@ -171,6 +175,6 @@ def viewer_facts(material: Material, layers: ViewerLayers, best: str | None) -> 
         "palette": pictures.error_scale_colours(256), "surface": _surface(material, grid), "best": best, **parts,
     }  # fmt: skip
     return {
-        "options": {GROUPS[group]: [*rows.items()] for group, rows in found.items() if rows},
+        "options": {title: rows for title, rows in options.items() if rows},
         "chosen": ("photograph:real", next(key for key in wanted if key in keys)), "viewer_data": data,
     }  # fmt: skip

@@ -11,7 +11,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from compare.report.pictures import PixelBox, error_scale_colours
+from compare.report.pictures import error_scale_colours
 from draw.readable import GAP, Readable, is_number
 from scene.map_pictures import Image, data_uri
 
@@ -37,7 +37,14 @@ def say(part: str, name: str, /, **values: Any) -> Markup:
 
 
 class Sentence(Readable):
-    """Fills in texts escaped (`Markup` as it is) and numbers as HTML; what is missing is unknown."""
+    """Fills in texts escaped (`Markup` as it is) and numbers as HTML; what is missing is unknown.
+
+    A part between [[ and ]] is left out where a value in it is missing.
+    """
+
+    def vformat(self, format_string: str, args: Any, kwargs: Any) -> str:
+        parts = [super(Sentence, self).vformat(part, args, kwargs) for part in re.split(r"\[\[|]]", format_string)]
+        return "".join(part for number, part in enumerate(parts) if number % 2 == 0 or UNKNOWN not in part)
 
     def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
         try:
@@ -120,14 +127,6 @@ def picture(
     """Return a figure: an image, drawings that lie on it, and what is to be seen (HTML)."""
     uri = data_uri(image, photograph=photograph)
     return pieces().picture(uri, alt, Markup(caption), Markup(overlay), kind)
-
-
-def overlay(box: PixelBox, lines: Iterable[tuple[str, Any]], label: str, shapes: str = "") -> Markup:
-    """Return an SVG that lies over a picture of the box: closed lines (class, pixels (K, 2) of it), shapes."""
-    paths = ((kind, " ".join(f"{u:.1f},{v:.1f}" for u, v in points)) for kind, points in lines)
-    drawn = "".join(f'<polygon class="{kind}" points="{path}"/>' for kind, path in paths)
-    size = f'viewBox="0 0 {box.width} {box.height}" preserveAspectRatio="none" role="img"'
-    return Markup(f'<svg {size} aria-label="{escape(label)}">{drawn}{shapes}</svg>')
 
 
 def badge(level: str, words: str = "") -> Markup:

@@ -162,8 +162,7 @@ class _Paper:
         lit = lights.get("frames") and lights.get("model") != "unknown"
         self.head("The set-up" + ("; the lights, as the camera sees them" if lit else ""))
         top = self.pdf.get_y()
-        whole = PixelBox(0, 0, frames.width, frames.height)
-        shown = material.photograph(material.raking, whole, PICTURE_PX)
+        shown = material.exposure.develop(pictures.thumbnail(frames, material.raking, PICTURE_PX))
         self.picture(shown, MARGIN_MM, wide, frames.names[material.raking], photograph=True)
         if lit:
             chart = light_charts.directions(lights).replace("system-ui, 'DejaVu Sans', sans-serif", "text")

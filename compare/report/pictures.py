@@ -201,19 +201,3 @@ def ball_picture(frames: Frames, exposure: Exposure, box: PixelBox, width: int, 
     level = np.clip((grey - low) / max(high - low, 1e-9), 0, 1)
     shown = np.maximum((rank + level) / 2, np.clip(peak / max(peak.max(), 1e-9), 0, 1))
     return np.repeat(np.round(shown * 255).astype(np.uint8)[..., None], 3, -1)
-
-
-def contours(mask: NDArray[np.bool_], box: PixelBox) -> list[NDArray[np.float64]]:
-    """Return the outlines of a mask's regions, each (K, 2), in pixels of the crop whose corner is (0, 0).
-
-    The line runs through the centres of the region's outermost pixels; a pixel's centre is half a pixel
-    from the corner that drawings count from.
-    """
-    import cv2
-
-    found, _ = cv2.findContours(box.of(mask).astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    # A tenth of a percent of the crop is less than one pixel on the page.
-    tolerance = max(0.4, box.width / 1500)
-    lines = [cv2.approxPolyDP(line, tolerance, True)[:, 0].astype(np.float64) + 0.5 for line in found]
-    # Specks of a few pixels are noise of the mask; drawn, they would hide what is below.
-    return [line for line in lines if len(line) > 2]

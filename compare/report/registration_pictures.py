@@ -1,12 +1,13 @@
 """Pictures that show whether balls and scan lie where they are in the photographs: outlines over them."""
 
 from itertools import chain, repeat
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
-from compare.report import page, pictures
+from compare.report import pictures
 from compare.report.facts import Material, Summary, is_seen, read_optional, there
 from compare.report.pictures import Exposure, Image, PixelBox
 from formats.picture_files import read_values
@@ -21,8 +22,8 @@ FOLDER = "align"
 """Of the pictures, below the output folder."""
 WIDTH = 1200
 BALL_WIDTH = 420
-SCAN_COLOUR = (255, 0, 190)
-"""Of the scan's outline: no object under white flashes has it."""
+SCAN_COLOUR, MASK_COLOUR = (255, 0, 190), (255, 210, 63)
+"""Of the scan's outline: no object under white flashes has it; of the mask's."""
 WINDOW_PX = 46
 ZOOM = 6
 SIDES = {"left": (-1.0, 0.0), "top": (0.0, -1.0), "right": (1.0, 0.0), "bottom": (0.0, 1.0)}
@@ -34,17 +35,35 @@ def write_pictures(store: Store, frames: Frames, lights: Lights, *, strokes: NDA
 
     `strokes` (K, 2, 2): both ends, pixels, of short strokes along the scan's outline. `mask` (H, W): the object.
     """
+    exposure = Exposure.for_frames(frames, white_value=lights.white_value)
+    photograph, box = _photographed(frames, exposure, pictures.raking_frame(lights.directions), mask)
+    drawn = draw_strokes(photograph, strokes, [box.left, box.top], photograph.shape[1] / box.width)
+    write_png(store.path(FOLDER, "outline.png"), _outlined(drawn, box, mask, MASK_COLOUR, WIDTH // 100))
+    write_png(store.path(FOLDER, "outline_zoom.png"), zoom_picture(frames, exposure, lights.directions, strokes))
+
+
+def _photographed(frames: Frames, exposure: Exposure, index: int, mask: NDArray[np.bool_]) -> tuple[Image, PixelBox]:
+    """Return a photograph of the object, and the box of pixels that it shows."""
     import cv2
 
-    exposure = Exposure.for_frames(frames, white_value=lights.white_value)
     box = PixelBox.of_mask(mask, margin=0.12)
-    linear = pictures.thumbnail(frames, pictures.raking_frame(lights.directions), box.shown_width(WIDTH), box)
+    linear = pictures.thumbnail(frames, index, box.shown_width(WIDTH), box)
     grow = max(1, WIDTH // linear.shape[1])
     size = (grow * linear.shape[1], grow * linear.shape[0])
-    photograph = exposure.develop(np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_CUBIC)))
-    drawn = draw_strokes(photograph, strokes, [box.left, box.top], photograph.shape[1] / box.width)
-    write_png(store.path(FOLDER, "outline.png"), drawn)
-    write_png(store.path(FOLDER, "outline_zoom.png"), zoom_picture(frames, exposure, lights.directions, strokes))
+    return exposure.develop(np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_CUBIC))), box
+
+
+def _outlined(image: Image, box: PixelBox, region: NDArray[np.bool_], colour: Any, dash_px: int = 0) -> Image:
+    """Draw the outline of a region (H, W) on a picture of the box; dashed, what lies below shows in the gaps."""
+    import cv2
+
+    large = cv2.resize(box.of(region).astype(np.uint8), image.shape[1::-1], interpolation=cv2.INTER_NEAREST_EXACT)
+    for line in cv2.findContours(large, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)[0]:
+        step = 2 * dash_px or len(line)
+        parts = [line[k : k + step - dash_px] for k in range(0, len(line), step)]
+        # Specks of a few pixels are noise of the mask; drawn, they would hide what is below.
+        image = np.asarray(cv2.polylines(image, parts if len(line) > 8 else [], not dash_px, colour, 2, cv2.LINE_AA))
+    return image
 
 
 def read_picture(store: Store, name: str) -> Image | None:
@@ -109,7 +128,8 @@ def _ball(material: Material, index: int, sphere: Sphere, seen: list | None) -> 
     size = {"width": camera.width, "height": camera.height}
     box = PixelBox.around(known.min(0), known.max(0), margin=0.1, **size)
     corner = np.array([box.left - 0.5, box.top - 0.5])
-    shapes, arm = "", max(box.width / 60, 1.0)
+    path, arm = " ".join(f"{u:.1f},{v:.1f}" for u, v in outline - corner), max(box.width / 60, 1.0)
+    shapes = [f'<polygon class="{kind}" points="{path}"/>' for kind in ("outline-halo", "outline")]
     for frame, pixel in enumerate(seen or []):
         if not is_seen(pixel):
             continue
@@ -117,9 +137,10 @@ def _ball(material: Material, index: int, sphere: Sphere, seen: list | None) -> 
         name = frames.names[frame] if frames is not None and frame < len(frames) else str(frame + 1)
         cross = f"M{u - arm:.2f},{v:.2f}H{u + arm:.2f}M{u:.2f},{v - arm:.2f}V{v + arm:.2f}"
         title = f"<title>{escape(f'{frame + 1}: {name}')}</title>"
-        shapes += f'<g>{title}<path class="highlight-halo" d="{cross}"/><path class="highlight" d="{cross}"/></g>'
-    lines = [(kind, outline - corner) for kind in ("outline-halo", "outline")]
-    found = {"row": row, "overlay": page.overlay(box, lines, "fitted outline and highlights", shapes)}
+        shapes.append(f'<g>{title}<path class="highlight-halo" d="{cross}"/><path class="highlight" d="{cross}"/></g>')
+    size = f'viewBox="0 0 {box.width} {box.height}" preserveAspectRatio="none" role="img"'
+    svg = Markup(f'<svg {size} aria-label="fitted outline and highlights">{"".join(shapes)}</svg>')
+    found = {"row": row, "overlay": svg}
     if frames is not None and exposure is not None:
         is_mirror = row["kind"] == "chrome"
         found["image"] = pictures.ball_picture(frames, exposure, box, BALL_WIDTH, is_mirror=is_mirror)
@@ -127,27 +148,19 @@ def _ball(material: Material, index: int, sphere: Sphere, seen: list | None) -> 
 
 
 def placed(material: Material) -> Summary:
-    """Return whether a scan is `registered`, and its `outline` (HTML) and `zoom` (None where `align` drew none)."""
-    frames, mask, truth = material.frames, material.mask, material.map_of("normals", "truth")
+    """Return whether a scan is `registered`, and the pictures `outline` and `zoom` (None where `align` drew none)."""
+    mask, truth = material.mask, material.map_of("normals", "truth")
     registered = material.store.path("pose.json").exists()
-    box = PixelBox.of_mask(mask, margin=0.12)
     drawn, zoom = (read_picture(material.store, name) if registered else None for name in ("outline", "outline_zoom"))
-    regions, legend = [(mask, "mask", "the object's mask")], []
+    shown = "the registered scan"
     if drawn is None:
-        # Where the outline itself is not there to a fraction of a pixel, the truth ends a pixel inside it. The dashed
-        # line last: where the two agree, the other shows between the dashes.
-        what = "the registered scan's ground truth" if registered else "the given ground truth"
-        regions[:0] = [] if truth is None else [(known_pixels(truth), "scan", what)]
-        drawn = material.photograph(material.raking, box, box.shown_width(WIDTH))
-    else:
-        legend = ['<span class="key scan"></span> the registered scan']
-    lines = []
-    for region, kind, shown in regions:
-        if region.any():
-            lines += [(kind, line) for line in pictures.contours(region, box)]
-            legend.append(f'<span class="key {kind}"></span> {shown}')
-    overlay = page.overlay(box, lines, "outline of the object")
-    caption = f"{escape(frames.names[material.raking])} with the outline of {'; '.join(legend)}."
-    alt = "photograph with the object's outline"
-    outline = Markup(page.picture(drawn, alt, caption, photograph=True, overlay=overlay))
-    return {"registered": registered, "outline": outline, "zoom": zoom}
+        # Where the outline itself is not there to a fraction of a pixel, the truth ends a pixel inside it.
+        shown = f"{shown}'s ground truth" if registered else "the given ground truth"
+        drawn, box = _photographed(material.frames, material.exposure, material.raking, mask)
+        drawn = drawn if truth is None else _outlined(drawn, box, known_pixels(truth), SCAN_COLOUR)
+        drawn = _outlined(drawn, box, mask, MASK_COLOUR, WIDTH // 100)
+    keys = {"mask": "the object's mask"} | ({} if truth is None and not registered else {"scan": shown})
+    legend = Markup("; ").join(Markup('<span class="key {}"></span> {}').format(*key) for key in keys.items())
+    name = material.frames.names[material.raking]
+    caption = Markup("{} with the outline of {}.").format(name, legend)
+    return {"registered": registered, "outline": drawn, "outline_caption": caption, "zoom": zoom}

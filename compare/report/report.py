@@ -69,7 +69,9 @@ def write_report(store: Store, summary: dict[str, Any], digests: Mapping[str, st
     name = str(summary.get("name") or store.folder.resolve().name)
     script = "\n".join((page.HERE / part).read_text("utf-8") for part in SCRIPTS)
     script = f'"use strict";\n(() => {{\n{script}\n}})();'
-    subtitle = str(module.subtitle()).strip()
+    versions, made = summary.get("versions") or {}, str(summary.get("created") or "")[:16].replace("T", " ")
+    told = {"methods": ", ".join(compared.get("methods") or ()) or None, "created": made or None, **(versions or {})}
+    subtitle = page.say("page", "subtitle", **{**(summary.get("capture") or {}), **told}).removeprefix(" · ")
     html = page.whole_page(name, "Photometric stereo report", subtitle, str(module), script=script)
     write_text(store.path("report.html"), html)
     if digests is not None:
@@ -106,9 +108,9 @@ def _rows(summary: Summary) -> Summary:
             for name in dict.fromkeys([*(name for name in methods if name in solved), *solved])
         ],
         "registration_rows": [
-            {"what": what, "found": Markup(page.Sentence().format(text, align[key]))}
-            for what, key, text in page.words("tables")["registered"]
-            if is_number(align.get(key))
+            {"what": what, "found": found}
+            for what in page.words("registered")
+            if (found := page.say("registered", what, **align))
         ],
         "spent_rows": {
             step: {"processor": spent.get(step), "wall": wall} for step, wall in (summary.get("seconds") or {}).items()
@@ -118,6 +120,10 @@ def _rows(summary: Summary) -> Summary:
                    if name not in ELSEWHERE}
             for part in ("versions", "arguments", "camera", "twin")
         },
+        "truth_rows": [
+            {**row, "text": str(row.get("text") or name).replace("`", ""), "verdict": _within(row)}
+            for name, row in (summary.get("truth_check") or {}).items()
+        ],
         **_square(compared.get("between_methods") or [], list(methods)),
     }  # fmt: skip
 
@@ -127,6 +133,13 @@ def _square(pairs: list[Summary], names: list[str]) -> Summary:
     medians = {key: pair["median_deg"] for pair in pairs for key in ((pair["a"], pair["b"]), (pair["b"], pair["a"]))}
     there = [name for name in names if any(name in key for key in medians)]
     return {"apart": medians, "most_apart": max(medians.values(), default=0) or 1.0, "apart_names": there}
+
+
+def _within(row: Summary) -> Markup | None:
+    """Return whether a value is as good as is asked for; None where that is not."""
+    if not (is_number(row.get("bar")) and is_number(row.get("value"))):
+        return None
+    return Markup("within") if row["value"] <= row["bar"] else Markup("<b>over</b>")
 
 
 def _misfit_chart(shares: list[Any]) -> Drawing:

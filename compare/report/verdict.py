@@ -56,9 +56,10 @@ class Statement:
         return "; ".join([*filter(None, [self.bar]), *(f"mind: {reason}" for reason in self.reasons)])
 
 
-def _statement(topic: str, level: str, html: Markup, reasons: list[str]) -> Statement:
-    """Return a statement; with a reason none is called good."""
-    return Statement(topic, _lowered(level) if reasons else level, html, tuple(reasons))
+def _statement(topic: str, level: str, html: Markup, reasons: list[str], judged: str = "") -> Statement:
+    """Return a statement; with a reason none is called good, unless by a tolerance."""
+    level = "care" if reasons and level == "good" and not judged else level
+    return Statement(topic, level, html, tuple(reasons), judged)
 
 
 def verdict(summary: Summary) -> list[Statement]:
@@ -112,32 +113,25 @@ def _normals(summary: Summary, compared: Summary, truth: Statement | None) -> St
         level = {row["name"]: row["badge"] for row in rows}
         # The user's bar tells apart what the uncertainty does not.
         alike = [] if best["judged"] or best["name"] not in tied else tied
-        others = [name for name in alike if name != best["name"] and level.get(name) == best["badge"]]
-        text = say("normals", "level" if others else "best", name=best["name"], others=", ".join(others))
-        text += say("normals", "error", **best)
-        text += say("normals", "few", **best) if best["reasons"][:1] == [words("reasons")["few"]] else ""
-        text += say("normals", "doubts", **best) if best["doubts"] else ""
-        if best["judged"]:
-            return Statement("Normals", best["level"], text, tuple(best["reasons"]), best["judged"])
-        poor = [words("reasons")["truth"]] if truth is not None and truth.level == "bad" else []
-        return _statement("Normals", best["level"], text, best["reasons"] + poor)
-    found = "unjudged" if compared.get("has_truth") else "without truth"
-    text = say("normals", found if compared.get("methods") else "none")
-    if compared.get("methods") and not compared.get("has_truth") and (pairs := compared.get("between_methods")):
-        text += say("normals", "apart", **max(pairs, key=lambda row: row["median_deg"]))
+        others = ", ".join(name for name in alike if name != best["name"] and level.get(name) == best["badge"])
+        few = best["coverage"] if words("reasons")["few"] in best["reasons"] else None
+        text = say("normals", "best", **best | {"others": others or None, "few": few, "doubts": best["doubts"] or None})
+        poor = truth is not None and truth.level == "bad" and not best["judged"]
+        reasons = best["reasons"] + [words("reasons")["truth"]] * poor
+        return _statement("Normals", best["level"], text, reasons, best["judged"])
+    if compared.get("methods") and not compared.get("has_truth"):
+        pairs = compared.get("between_methods") or [{}]
+        text = say("normals", "without truth", **max(pairs, key=lambda row: row.get("median_deg", 0)))
+    else:
+        text = say("normals", "unjudged" if compared.get("methods") else "none")
     return Statement("Normals", "unknown", text)
 
 
 def _predicted(summary: Summary) -> Markup:
     """Return what the photographs recommend; what explains them best need not be good: by that alone nothing is."""
-    trust = summary.get("trust")
-    if not trust:
+    if not (trust := summary.get("trust")):
         return Markup()
-    return _explains_best(trust) + (say("trust", "disbelieved") if trust["doubts"] else "")
-
-
-def _explains_best(trust: Summary) -> Markup:
-    return say("trust", "best" if is_number(trust["sigma_deg"]["median"]) else "best without sigma", **trust)
+    return say("trust", "best", **trust) + (say("trust", "disbelieved") if trust["doubts"] else "")
 
 
 def _truth(summary: Summary, compared: Summary) -> Statement | None:
@@ -145,16 +139,13 @@ def _truth(summary: Summary, compared: Summary) -> Statement | None:
         return None
     align = summary.get("align") or compared.get("pose") or {}
     sigma, residual = (compared.get("truth") or {}).get("sigma_deg_median"), align.get("residual_px")
-    parts = {"residual": residual, "pose": align.get("sigma_deg"), "sigma": sigma}
-    told = ", ".join(say("truth", name, value=value) for name, value in parts.items() if is_number(value))
-    if not told:
-        return Statement("Ground truth", "unknown", say("truth", "unknown"))
-    text = Markup(f"{told[0].upper()}{told[1:]}.")
     levels = {level_of(residual, DOUBT_BARS), level_of(sigma, DOUBT_BARS)}
     level = next(name for name in ("bad", "care", "good", "unknown") if name in levels)
-    if is_truths_own(compared):
-        text += say("truth", "its own")
-    return _statement("Ground truth", level, text, _warned(summary, "align"))
+    if not any(map(is_number, (residual, align.get("sigma_deg"), sigma))):
+        return Statement("Ground truth", "unknown", say("truth", "unknown"))
+    text = say("truth", "told", residual=residual, pose=align.get("sigma_deg"), sigma=sigma).strip()
+    own = say("truth", "its own") if is_truths_own(compared) else ""
+    return _statement("Ground truth", level, text + own, _warned(summary, "align"))
 
 
 def is_truths_own(compared: Summary) -> bool:
@@ -203,26 +194,20 @@ def _lights(summary: Summary, compared: Summary) -> Statement:
     if not (summary.get("calibrate") or probe or lights):
         return Statement("Lights", "unknown", say("lights", "none"))
     calibrate = stated_of_lights(summary)
-    sigma, relative = calibrate["direction_sigma_deg_median"], calibrate["intensity_sigma_median"]
-    model, count = str(calibrate.get("model") or lights.get("model") or "unknown"), lights.get("count")
-    known = "unknown" if not is_number(sigma) else "directions and intensities" if is_number(relative) else "directions"
-    if model == "unknown" and is_number(count):
-        return _statement("Lights", "bad", say("lights", "no probe", count=count), [words("reasons")["no probe"]])
-    parts = [say("lights", "count", count=count, model=model)] if is_number(count) else []
-    parts.append(say("lights", known, sigma=sigma, relative=relative))
-    parts += [say("lights", "alone", **apart)] if (apart := calibrate.get("cross_validation")) else []
-    parts += [say("lights", "by the scan")] if probe else []
+    sigma, model = calibrate["direction_sigma_deg_median"], calibrate.get("model") or lights.get("model") or "unknown"
+    if model == "unknown" and is_number(lights.get("count")):
+        return _statement("Lights", "bad", say("lights", "no probe", **lights), [words("reasons")["no probe"]])
+    told = {**calibrate, "count": lights.get("count"), "model": str(model)}
+    text = say("lights", "known" if is_number(sigma) else "unknown", **told)
+    text += say("lights", "alone", **apart) if (apart := calibrate.get("cross_validation")) else ""
+    text += say("lights", "by the scan") if probe else ""
     reasons = []
     if flagged := [row["name"] for row in lights.get("frames") or [] if row.get("flags")]:
-        parts.append(say("lights", "suspicious", names=by_runs(flagged)))
+        text += say("lights", "suspicious", names=by_runs(flagged))
         reasons.append(plain(say("reasons", "flagged", count=len(flagged))))
     # Sigmas tell how far noise moves a direction; a frame that moved, or a lone ball, moves it further unseen.
     reasons += _warned(summary, "check", "calibrate")
-    return _statement("Lights", level_of(sigma, DOUBT_BARS), Markup(" ").join(parts), reasons)
-
-
-def _lowered(level: str) -> str:
-    return "care" if level == "good" else level
+    return _statement("Lights", level_of(sigma, DOUBT_BARS), text, reasons)
 
 
 def _warned(summary: Summary, *steps: str) -> list[str]:
@@ -262,7 +247,7 @@ def ranking(summary: Summary) -> list[Summary]:
         row["level"], row["judged"] = level_of(row.get("median_deg"), MEDIAN_BARS_DEG, 1), ""
         few = is_number(row.get("coverage")) and row["coverage"] < COVERAGE_BAR
         row["reasons"] = [reasons["few"]] * few + [reasons["doubts"]] * bool(row["doubts"])
-        row["level"] = _lowered(row["level"]) if row["reasons"] else row["level"]
+        row["level"] = "care" if row["reasons"] and row["level"] == "good" else row["level"]
         if tolerance and row["level"] != "unknown":
             # The user's bar, not the habits of the trade: no page says "pass" and "do not rely on it".
             passes = (row.get("real_within_tolerance") or 0) >= tolerance["least_share"]
@@ -278,4 +263,4 @@ def trust_sentence(trust: Summary) -> Markup:
     named = {"level": ", ".join(trust["level"]), "worse": ", ".join(name for name in left if left[name] > most)}
     said = [say("trust", what, names=names) for what, names in named.items() if names]
     doubts = (escape(f" {doubt[0].upper()}{doubt[1:]}") for doubt in trust["doubts"])
-    return _explains_best(trust) + Markup("").join([*said, *doubts])
+    return say("trust", "best", **trust) + Markup("").join([*said, *doubts])

@@ -121,19 +121,27 @@ def likeness(pearson: float | None) -> str:
     return "not alike" if pearson < UNLIKE_BELOW else "alike in part" if pearson < ALIKE_FROM else "alike"
 
 
-def difference(real: NDArray, twin: NDArray) -> dict[str, float | int | None]:
+def difference(real: NDArray, twin: NDArray, *, laid_over: bool = True) -> dict[str, float | int | None]:
     """Return `error_correlation` of two error maps of one shape (None where it is not defined), and an interval.
 
     median_difference_low_deg, median_difference_high_deg: of `median_difference_deg`, 95 %, over blocks of the pixels
-    that both have, drawn for both together: what both share cancels.
+    that both have, drawn for both together: what both share cancels. Not laid over each other, the two have their own
+    pixels and blocks, and no correlation.
     """
-    found = error_correlation(real, twin)
-    row = {key: value if np.isfinite(value) else None for key, value in found.items()}
-    both = np.isfinite(real) & np.isfinite(twin)
-    maps = [thinned(np.where(both, error, np.nan)) for error in (real, twin)]
-    # Thinning may miss all of very few pixels.
-    drawn = drawn_medians(maps) if np.isfinite(maps[0]).any() else np.full((1, 2), np.nan)
-    return row | _interval(drawn[:, 0] - drawn[:, 1])
+    if laid_over:
+        found = error_correlation(real, twin)
+        both = np.isfinite(real) & np.isfinite(twin)
+        maps = [thinned(np.where(both, error, np.nan)) for error in (real, twin)]
+        # Thinning may miss all of very few pixels.
+        drawn = drawn_medians(maps).T if np.isfinite(maps[0]).any() else np.full((2, 1), np.nan)
+    else:
+        apart = np.nanmedian(real) - np.nanmedian(twin)
+        found = {"pearson": np.nan, "spearman": np.nan, "pixels": 0, "median_difference_deg": apart}
+        drawn = [drawn_medians([thinned(error)], seed=seed)[:, 0] for seed, error in enumerate((real, twin))]
+    low, high = np.quantile(drawn[0] - drawn[1], INTERVAL)
+    found |= {"median_difference_low_deg": low, "median_difference_high_deg": high}
+    return {key: (value if isinstance(value, int) else float(value)) if np.isfinite(value) else None
+            for key, value in found.items()}  # fmt: skip
 
 
 def compare_counterparts(real: Mapping[str, Map], twin: Mapping[str, Map]) -> dict[str, Any]:
@@ -171,7 +179,7 @@ def compare_counterparts(real: Mapping[str, Map], twin: Mapping[str, Map]) -> di
     rows = {}
     for name in sorted(known, key=lambda name: float(np.nanmedian(real[name]))):
         row: dict[str, Any] = {"real": angular_statistics(real[name]), "twin": angular_statistics(twin[name])}
-        row |= difference(real[name], twin[name]) if laid_over else _apart(real[name], twin[name])
+        row |= difference(real[name], twin[name], laid_over=laid_over)
         rows[name] = {**row, "likeness": likeness(row["pearson"])}
     return {
         "laid_over": laid_over,
@@ -179,16 +187,3 @@ def compare_counterparts(real: Mapping[str, Map], twin: Mapping[str, Map]) -> di
         "methods": rows,
         "verdict": next(iter(rows.values()))["likeness"],
     }
-
-
-def _apart(real: Map, twin: Map) -> dict[str, Any]:
-    """Return the difference of the medians of two captures that share no pixels."""
-    drawn = [drawn_medians([thinned(error)], seed=seed)[:, 0] for seed, error in enumerate((real, twin))]
-    found = float(np.nanmedian(real) - np.nanmedian(twin))
-    nothing = {"pearson": None, "spearman": None, "pixels": 0}
-    return {**nothing, "median_difference_deg": found, **_interval(drawn[0] - drawn[1])}
-
-
-def _interval(drawn: NDArray) -> dict[str, float | None]:
-    low, high = (float(end) if np.isfinite(end) else None for end in np.quantile(drawn, INTERVAL))
-    return {"median_difference_low_deg": low, "median_difference_high_deg": high}

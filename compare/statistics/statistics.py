@@ -1,6 +1,5 @@
 """Angular errors in numbers: statistics, how alike two error maps are, what a flip or a bas-relief would explain."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -88,14 +87,9 @@ def error_correlation(real_error: NDArray, twin_error: NDArray) -> dict[str, flo
     real_error, twin_error = np.asarray(real_error), np.asarray(twin_error)
     both = np.isfinite(real_error) & np.isfinite(twin_error)
     real, twin = real_error[both].astype(np.float64), twin_error[both].astype(np.float64)
-    if real.size == 0:
-        return {"pearson": np.nan, "spearman": np.nan, "median_difference_deg": np.nan, "pixels": 0}
-    return {
-        "pearson": _pearson(real, twin),
-        "spearman": _pearson(rankdata(real), rankdata(twin)),
-        "median_difference_deg": float(np.median(real) - np.median(twin)),
-        "pixels": int(real.size),
-    }
+    apart = float(np.median(real) - np.median(twin)) if real.size else np.nan
+    found = {"pearson": _pearson(real, twin), "spearman": _pearson(rankdata(real), rankdata(twin))}
+    return {**found, "median_difference_deg": apart, "pixels": int(real.size)}
 
 
 def _pearson(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
@@ -156,24 +150,7 @@ def statistics_rows(compared: dict[str, Any]) -> list[dict[str, Any]]:
     return rows
 
 
-@dataclass(frozen=True)
-class FourWays:
-    """Mean angular errors, degrees, of one normal map; only `raw` may enter a table beside calibrated methods.
-
-    `raw_deg`: with the method's own sign, 0 to 180. `best_sign_deg`: of (n1, n2, n3) and (-n1, -n2, n3), the better:
-    convex and concave give the same pictures. `oracle_relief_deg`: after the bas-relief transform that suits the truth
-    best: what any choice of mu, nu, lambda could reach. `oracle_linear_deg`: after the 3 x 3 matrix that suits the
-    truth best: what is left is not the ambiguity's fault. `mirrored`: the better sign is not the method's.
-    """
-
-    raw_deg: float
-    best_sign_deg: float
-    oracle_relief_deg: float
-    oracle_linear_deg: float
-    mirrored: bool
-
-
-def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_] | None) -> FourWays:
+def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_] | None) -> dict[str, float | bool]:
     """Measure a normal map against the truth in four ways.
 
     Parameters
@@ -185,8 +162,13 @@ def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_] | None) 
 
     Returns
     -------
-    FourWays
-        NaN where no pixel counts. The errors fall from the first to the last: each way includes the one before.
+    dict
+        Mean angular errors, degrees, NaN where no pixel counts; only `raw_deg` may enter a table beside calibrated
+        methods. raw_deg: with the method's own sign, 0 to 180. best_sign_deg: of (n1, n2, n3) and (-n1, -n2, n3), the
+        better: convex and concave give the same pictures. oracle_relief_deg: after the bas-relief transform that suits
+        the truth best: what any choice of mu, nu, lambda could reach. oracle_linear_deg: after the 3 x 3 matrix that
+        suits the truth best: what is left is not the ambiguity's fault. Each includes the one before. mirrored: the
+        better sign is not the method's.
 
     Notes
     -----
@@ -197,8 +179,9 @@ def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_] | None) 
     known = np.isfinite(normals[..., 0]) & np.isfinite(truth[..., 0])
     if mask is not None:
         known &= mask
+    keys = ("raw_deg", "best_sign_deg", "oracle_relief_deg", "oracle_linear_deg")
     if not known.any():
-        return FourWays(np.nan, np.nan, np.nan, np.nan, False)
+        return {**dict.fromkeys(keys, np.nan), "mirrored": False}
     n, t = normals[known].astype(np.float64), truth[known].astype(np.float64)
     raw, other = _mean(n, t), _mean(n * MIRROR, t)
     start = np.diag(MIRROR) if other < raw else np.eye(3)
@@ -209,7 +192,7 @@ def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_] | None) 
     linear = [relief, np.asarray(np.linalg.lstsq(n[some], t[some], rcond=None)[0], np.float64)]
     linear = [_fit(n[some], t[some], lambda numbers: numbers.reshape(3, 3), each.ravel()) for each in linear]
     least = min([best, *(_mean(n @ matrix, t) for matrix in linear)])
-    return FourWays(raw, min(raw, other), best, least, other < raw)
+    return {**dict(zip(keys, (raw, min(raw, other), best, least), strict=True)), "mirrored": other < raw}
 
 
 def _mean(n: Array, truth: Array) -> float:

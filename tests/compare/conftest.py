@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from compare.compare import compare
-from fixtures.lit_surfaces import lights_along, spiral
+from fixtures.lit_surfaces import gloss, lights_along, matte, spiral
 from scene.camera import Camera
 from scene.estimate import Estimate
 from scene.files import write_json
@@ -56,20 +56,17 @@ def bumpy_ball(camera: Camera, center_px: np.ndarray, radius_px: float) -> tuple
 
 def render(camera: Camera, lights: Lights, balls: list[Sphere], normals: np.ndarray, albedo: np.ndarray) -> np.ndarray:
     """Return (F, H, W, 3): matte object with a soft gloss and attached shadows, matte and mirror balls."""
-    images = np.full((len(lights), camera.height, camera.width, 3), 0.01)
-    known = np.isfinite(normals[..., 0])
-    half = unit(lights.directions + [0.0, 0.0, 1.0])
-    surfaces = [(known, normals[known], albedo[known], 0.25, 30)]
+    normals, known = np.nan_to_num(normals), np.isfinite(normals[..., :1])
+    albedo, shine, power = np.where(known, albedo, 0), 0.25 * known, np.full(known.shape[:2], 30)
     for ball in balls:
         mask = ball.mask(camera)
-        ball_normals, _ = ball.normals(camera, camera.grid()[mask])
-        surfaces.append((mask, ball_normals, 0.7 if ball.kind == "white" else 0.02, 0.9 * (ball.kind == "chrome"), 900))
-    for mask, n, rho, gloss, power in surfaces:
-        for i, direction in enumerate(lights.directions):
-            matte = np.clip(n @ direction, 0, None)[:, None] * rho * lights.intensities[i]
-            shine = gloss * (np.clip(n @ half[i], 0, None) ** power * (n @ direction > 0))[:, None]
-            images[i][mask] = matte + shine * lights.intensities[i]
-    return np.clip(images * 0.6, 0, None)
+        normals[mask] = ball.normals(camera, camera.grid()[mask])[0]
+        albedo[mask], shine[mask] = (0.7, 0) if ball.kind == "white" else (0.02, 0.9)
+        power[mask] = 900
+    distant = lights_along(lights.directions, lights.intensities)
+    glossy = shine * gloss(normals, lights.directions, power)[..., None] * lights.intensities[:, None, None]
+    images = matte(distant, normals, normals, albedo) + glossy
+    return 0.6 * np.where(images.any((0, -1))[..., None], images, 0.01)
 
 
 def solve(images: np.ndarray, lights: Lights, mask: np.ndarray, *, trimmed: bool) -> tuple[np.ndarray, np.ndarray]:

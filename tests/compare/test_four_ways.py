@@ -21,7 +21,7 @@ def truth():
 
 def ways(normals, truth, mask=None):
     found = four_ways(normals, truth, np.ones(truth.shape[:2], bool) if mask is None else mask)
-    return np.array([found.raw_deg, found.best_sign_deg, found.oracle_relief_deg, found.oracle_linear_deg])
+    return np.array([*found.values()][:4])
 
 
 def test_each_way_forgives_its_own_ambiguity_and_no_more(truth):
@@ -57,8 +57,8 @@ def test_an_angle_is_not_folded_and_a_few_wrong_pixels_do_not_steer(truth):
 
 def test_the_method_that_took_the_other_sign_is_named_and_nothing_is_nothing(truth):
     mask = np.ones(truth.shape[:2], bool)
-    assert four_ways(truth * MIRROR, truth, mask).mirrored
-    assert not four_ways(truth, truth, mask).mirrored
+    assert four_ways(truth * MIRROR, truth, mask)["mirrored"]
+    assert not four_ways(truth, truth, mask)["mirrored"]
     assert np.isnan(ways(truth, truth, ~mask)).all()
 
 

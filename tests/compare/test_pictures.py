@@ -61,12 +61,3 @@ def test_a_thumbnail_shows_the_cut_and_keeps_its_mean():
     assert small.shape == (40, 40, 3)
     assert small[:, 20:].mean() - small[:, :20].mean() == pytest.approx(0.4, abs=0.02)
     assert small[:, :20].mean() == pytest.approx(0.25, abs=0.02)
-
-
-def test_a_contour_runs_through_the_centres_of_the_outermost_pixels():
-    mask = np.zeros((50, 60), bool)
-    mask[10:20, 30:45] = True
-    (line,) = pictures.contours(mask, PixelBox(25, 5, 55, 40))
-    # Pixel 30 of the image is pixel 5 of the crop; its centre lies half a pixel from the corner.
-    assert line.min(0).tolist() == [5.5, 5.5]
-    assert line.max(0).tolist() == [19.5, 14.5]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from compare.report import registration_pictures
-from compare.report.pictures import Exposure
+from compare.report.pictures import Exposure, PixelBox
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.store import Store
@@ -71,3 +71,12 @@ def test_all_pictures_are_written_and_read_back(tmp_path):
     # Red, green, blue, as it was drawn.
     assert (np.abs(read.astype(int) - registration_pictures.SCAN_COLOUR).max(-1) < 40).sum() > 500
     assert registration_pictures.read_picture(store, "none") is None
+    # The mask's outline lies on its edge.
+    registration_pictures.write_pictures(store, frames, lights, strokes=strokes[:1], mask=mask)
+    read = registration_pictures.read_picture(store, "outline").astype(int)
+    box = PixelBox.of_mask(mask, margin=0.12)
+    v, u = np.nonzero(np.abs(read - registration_pictures.MASK_COLOUR).max(-1) < 60)
+    places = (np.stack([u, v], -1) + 0.5) * box.width / read.shape[1] - 0.5 + [box.left, box.top]
+    away = np.linalg.norm(places - strokes.reshape(-1, 2).mean(0), axis=1) - 0.3 * 200
+    assert len(places) > 500
+    assert np.abs(away).max() < 1.5

@@ -12,7 +12,7 @@ from fixtures.lit_surfaces import ball_seen, flashes_at, matte, spiral
 from formats.light_files.light_formats import export_lights
 from formats.picture_files import srgb_from_linear
 from formats.sfm_data import write_sfm
-from rgbn.export_command import export_relight
+from rgbn.relight_export import export_relight
 from scene.camera import FROM_OPENCV, Camera
 from scene.errors import CalibrationError, SceneError
 from scene.frames import Frames
