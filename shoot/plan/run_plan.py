@@ -3,10 +3,9 @@
 from dataclasses import replace
 from json import dumps
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from cyclopts import Parameter
 from jinja2 import Environment, StrictUndefined
 from markupsafe import escape
 
@@ -24,7 +23,7 @@ from scene.mesh import Mesh
 from scene.origin import Origin
 from scene.output_folder import open_record, own_folder
 from scene.record import Record
-from shoot.plan.plan_options import AS_USUAL, PlanOptions
+from shoot.plan.plan_options import PlanOptions
 from shoot.plan.set_up import (
     EXPOSURE,
     GOOD_PX,
@@ -44,28 +43,9 @@ MOST_ROWS = 36
 """Flashes in the page's table: a page has no room for more; plan.json has all."""
 
 
-def plan(
-    source: Path | None = None,
-    /,
-    *,
-    options: PlanOptions = AS_USUAL,
-    out: Annotated[Path | None, Parameter(alias="-o")] = None,
-    json: Annotated[bool, Parameter(negative="")] = False,
-) -> None:
-    """Plan a shoot, and print the plan: `rgbn plan`.
-
-    Parameters
-    ----------
-    source : Path, optional
-        The scan; or a session under way or its output folder: where the next flash helps. Default: a sphere.
-    options : PlanOptions
-    out : Path, optional
-        Output folder. Default: a session's own, or out/plan-NAME.
-    json : bool
-        Print the results as JSON.
-    """
-    facts = run_plan(source, options, out=out)
-    if json:
+def show_plan(facts: dict[str, Any], *, as_json: bool) -> None:
+    """Print what `run_plan` returned."""
+    if as_json:
         print(dumps(facts, indent=1))
         return
     tables = [number_table("flashes, the most useful first", "flashes", facts["flashes"])]

@@ -12,11 +12,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from cyclopts import Parameter
-from cyclopts.validators import Number
 
 from capture.photographs.kept import kept_folder
 from capture.session.globs import kind_of
@@ -31,7 +29,7 @@ from scene.errors import SessionError
 from scene.files import write_json, write_png
 from scene.origin import Origin
 from scene.output_folder import open_record, record_for
-from shoot.init.answers import NOTHING, Answers, Asking
+from shoot.init.answers import Answers, Asking
 from shoot.init.draft import Draft, notes_of
 from shoot.init.init_session import check_free, check_layout, write_manifest, write_sheet
 from shoot.init.prepare import prepare
@@ -133,35 +131,16 @@ def whole_photographs(folder: Path) -> tuple[Path, ...]:
 
 
 def watch_folder(
-    folder: Path,
-    /,
-    *,
-    out: Annotated[Path | None, Parameter(alias="-o")] = None,
-    until_idle: Annotated[float | None, Parameter(validator=Number(gt=0, lt=1e7))] = None,
-    wanted_deg: Annotated[float, Parameter(validator=Number(gt=0, lt=90))] = 1.0,
-    told: Answers = NOTHING,
+    folder: Path, *, out: Path | None, until_idle: float | None, told: Answers, wanted_deg: float = 1.0
 ) -> None:
     """Watch a folder until it is ended, or no photograph has come for a while; then write its session, and decode it.
 
     Ctrl-C ends it, and SIGTERM, as services send it; another one costs nothing until session.toml is written.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder that the camera's program writes into.
-    out : Path, optional
-        Output folder. Default: out/NAME, by the folder's name.
-    until_idle : float, optional
-        The shoot ends after so many seconds without a new photograph. Default: it ends by Ctrl-C.
-    wanted_deg : float
-        Sigma of the normals that is good enough, degrees.
-    told : Answers
+    For its parameters see `shoot.shoot_commands.watch`.
 
-    Raises
-    ------
-    SceneError
-        The folder is not there, it has a session.toml of another's, `out` lies in it or is another's; in the end too
-        few photographs make no session.
+    Raises SceneError: the folder is not there, it has a session.toml of another's, `out` lies in it or is another's; in
+    the end too few photographs make no session.
     """
     folder = folder.resolve()
     if not folder.is_dir():

@@ -140,9 +140,12 @@ def test_doctor_says_what_to_do(run, monkeypatch):
     assert "make setup" in out
 
 
-@pytest.mark.parametrize("verb", ["", "process", "studio", "sweep", "series", "dataset run", "dataset make"])
+@pytest.mark.parametrize(
+    "verb",
+    ["", "init", "plan", "watch", "process", "studio", "sweep", "series", "dataset run", "dataset make"],
+)
 def test_help_loads_nothing_of_what_the_verb_does(verb):
-    """It took 1.5 processor seconds of `studio`, half a one of `series`, where 0.2 are enough."""
+    """It took 1.5 processor seconds of `studio`, 1.3 of `watch`, half a one of `series`, where 0.2 are enough."""
     program = (
         f"import sys; sys.argv = ['rgbn', *{verb.split()}, '--help']; from rgbn.cli import main\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
