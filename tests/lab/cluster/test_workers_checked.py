@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lab.cluster import refuse
+from lab.cluster import pack, serve
 from scene.current import ROOMS, ROOT, code_fingerprint, libraries
 from scene.errors import ClusterError
 
@@ -60,15 +60,16 @@ def test_a_scheduler_that_does_not_answer(session, cluster, refused, tmp_path, a
     [
         ({"code": "0" * 40}, "the code of its rgbn in .* is another"),
         ({"libraries": {"scipy": "1.0"}}, r"its scipy is .*, expected 1\.0"),
-        ({"folder": Path("nowhere/.rgbn/cluster")}, "does not see the output folder nowhere"),
+        ({"folder": Path("nowhere")}, "does not see the output folder nowhere"),
     ],
 )
 def test_a_worker_that_would_give_something_else_is_refused(tmp_path, other, told):
     """Of other code or libraries, or on other folders."""
     run = {"scheduler": "tcp://here", "folder": tmp_path, "code": code_fingerprint(), "libraries": libraries()}
-    refuse(run)
+    unit = pack((len, ["ab"], {}), None)
+    assert serve(run, unit) == 2
     with pytest.raises(ClusterError, match=f"would not do as this computer does: .*{told}.*start it again"):
-        refuse(run | other)
+        serve(run | other, unit)
 
 
 @pytest.mark.full
