@@ -1,6 +1,5 @@
 """`rgbn plan`: the set-up read or put together, the flashes chosen; plan.json, tables, words, and one page to print."""
 
-from dataclasses import replace
 from json import dumps
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from scene.record import Record
 from shoot.plan.plan_options import PlanOptions
 from shoot.plan.set_up import (
     EXPOSURE,
+    FILLS,
     GOOD_PX,
     LEAST_PX,
     ObjectPixels,
@@ -38,9 +38,6 @@ from shoot.plan.shoot_plan import Predicted, plan_shoot
 from shoot.plan.under_way import UnderWay, session_so_far
 from twin.camera.virtual_camera import Sensor
 from twin.description.object_mesh import built_in
-
-MOST_ROWS = 36
-"""Flashes in the page's table: a page has no room for more; plan.json has all."""
 
 
 def show_plan(facts: dict[str, Any], *, as_json: bool) -> None:
@@ -91,7 +88,7 @@ def run_plan(source: Path | None, options: PlanOptions, *, out: Path | None = No
         origin = Origin("scan", source.resolve())
         usual = own_folder(Path("out") / f"plan-{source.stem}", origin)
     with open_record(out or usual, origin=origin, inputs=[] if source is None else [source]) as record:
-        begun = UnderWay.begun(pixels, corner_balls(pixels, options.ball_mm))
+        begun = UnderWay(pixels, corner_balls(pixels, options.ball_mm))
         return _written(record, begun, options, name, source)
 
 
@@ -120,13 +117,14 @@ def _new_pixels(source: Path | None, options: PlanOptions) -> ObjectPixels:
         mesh = load_scan(source, unit)
         told = f"object: {source.name}, {len(mesh.faces):,} faces, {options.seen_from} toward the camera"
     lens = lens_camera(options.focal_mm, options.sensor_mm, options.pixels)
-    mesh, where = before_camera(mesh, lens, options.distance_mm, options.seen_from)
+    mesh = before_camera(mesh, lens, options.seen_from)
     said = (
         told,
-        f"camera: {options.focal_mm:g} mm on {options.sensor_mm:g} mm, {lens.width} x {lens.height} px; {where}",
-        f"noise of a usual sensor at ISO {options.iso:g}",
+        f"camera: {options.focal_mm:g} mm on {options.sensor_mm:g} mm, {lens.width} x {lens.height} px; "
+        f"{-mesh.center_mm[2]:.0f} mm from the object's middle, which fills {FILLS:.0%} of the picture",
+        f"noise of a usual sensor at ISO {Sensor().iso:g}",
     )
-    return pixels_of(lens, mesh, albedo=options.albedo, sensor=replace(Sensor(), iso=options.iso), said=said)
+    return pixels_of(lens, mesh, albedo=options.albedo, said=said)
 
 
 def plan_facts(so_far: UnderWay, lights: Lights, predictions: list[Predicted | None]) -> dict[str, Any]:
@@ -232,18 +230,18 @@ def lights_of(facts: dict[str, Any]) -> str:
 
 def plan_page(facts: dict[str, Any]) -> str:
     """Return the page of a plan's facts."""
+
+    def shown(name: str, rows: list[dict[str, Any]]) -> str:
+        columns = cells_of(name, rows)
+        return table(list(columns), zip(*columns.values(), strict=True), kind="numbers")
+
     template = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
-    rows = [row for row in facts["flashes"] if not row["there"] or len(facts["flashes"]) <= MOST_ROWS]
-    tables = {"flashes": cells_of("flashes", rows[:MOST_ROWS]), "balls": cells_of("planned balls", facts["balls"])}
     text = Path(__file__).with_name("plan_page.html").read_text("utf-8")
     body = template.from_string(text).render(
         facts,
         dome=directions({"frames": facts["flashes"]}),
-        tables={
-            name: table(list(cells), zip(*cells.values(), strict=True), kind="numbers")
-            for name, cells in tables.items()
-        },
-        left_out=len(rows) - MOST_ROWS,
+        flash_table=shown("flashes", facts["flashes"]),
+        ball_table=shown("planned balls", facts["balls"]),
         lights_told=lights_of(facts),
     )
     return whole_page(facts["name"], "plan of a shoot", escape(answer_of(facts)), body)

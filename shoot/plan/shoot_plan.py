@@ -112,8 +112,9 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> tuple[Lights, list[Pre
     camera, middle = pixels.camera, pixels.middle_mm
     candidates = out_of_view(camera, places_in_reach(options, middle, pixels.size_mm))
     placed = middle + FAR_MM * there.directions if there.positions_mm is None else there.positions_mm
-    both = zip(so_far.shown, pixels.under(lights_at(candidates, middle)), strict=True)
-    shown = ShownObject._make(map(np.concatenate, both))
+    shown = pixels.under(lights_at(candidates, middle))
+    if so_far.shown is not None:
+        shown = ShownObject._make(map(np.concatenate, zip(so_far.shown, shown, strict=True)))
     positions = np.concatenate([placed, candidates])
 
     def known_lights(flashes: NDArray) -> PredictedLights:
