@@ -109,13 +109,13 @@ class Asking:
     earlier: Answers = field(default_factory=Answers)
     _asked: set[str] = field(default_factory=set)
 
-    def diameters(self, kind: str, places: Sequence[Sequence[float]], balls: int) -> tuple[float, ...]:
-        """Return the diameters of balls that stand at `places`, mm; empty where they are not known."""
+    def diameters(self, kind: str, places: Sequence[Sequence[float]], balls: int) -> tuple[float | None, ...]:
+        """Return the diameters of balls that stand at `places`, mm; None where they are not known."""
         what = f"Diameter in mm of the {balls} {kind} balls" if balls > 1 else f"Diameter in mm of the {kind} ball"
         what += f" at {', '.join(f'({u:.0f}, {v:.0f})' for u, v in places)} px" if places else ""
         more = "; where they differ, one for each, in this order" if balls > 1 else ""
-        given = self._once(kind, f"{what}{more}") or ()
-        if len(given) not in (0, 1, balls):
+        given = self._once(kind, f"{what}{more}") or (None,)
+        if len(given) not in (1, balls):
             raise SessionError(
                 f"--{kind} {' '.join(f'{one:g}' for one in given)}: {len(given)} diameters, but {balls} {kind} balls "
                 "were found. Give one for all, or one for each."

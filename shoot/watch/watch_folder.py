@@ -241,23 +241,21 @@ def _draft_of(folder: Path, shoot: Shoot, answers: Answers, taken: Taken) -> Dra
 
     Raises SessionError: too few photographs show the flash.
     """
-    flash, ambient = ([shot for shot in shoot.roles[role] if shot.path.is_file()] for role in ("flash", "ambient"))
-    if len(flash) < FEWEST:
+    used = {shot.path for some in shoot.roles.values() for shot in some if shot.path.is_file()}
+    count = sum(shot.path in used for shot in shoot.flash)
+    if count < FEWEST:
         raise SessionError(
-            f"{folder}: {len(flash)} photographs show the flash; a session needs {FEWEST} or more, and none was "
+            f"{folder}: {count} photographs show the flash; a session needs {FEWEST} or more, and none was "
             "written. Shoot more, and run the same command again: what was taken is kept."
         )
-    frames = {shot.digest for shot in (*flash, *ambient)}
-    left_out = {taken.shots[digest].path: text for digest, text in shoot.left_out.items() if digest not in frames}
-    counted = {shot.path for shot in taken.shots.values()}
+    shots = taken.shots.values()
+    lost = {one.name: shoot.left_out.get(one.digest) for one in shots if one.path not in used}
     # Files that were never read must have no say in which of two kinds is kept.
-    files = sorted_files([path for path in files_below(folder) if kind_of(path) is None or path in counted], folder)
-    named = {role: [path for path in some if path not in left_out] for role, some in files.by_role.items()}
-    files, small = replace(files, by_role=named), [shot.small for shot in taken.shots.values()]
+    files = sorted_files([path for path in files_below(folder) if kind_of(path) is None or path in used], folder)
 
     def prepared(answers: Answers) -> Draft:
-        draft = prepare(files, Asking(answers, silent=True), small, shoot.balls)
-        return draft.noting(*(f"{path.name}: {text}" for path, text in left_out.items()), *taken.unreadable)
+        draft = prepare(files, Asking(answers, silent=True), [one.small for one in shots], shoot.balls)
+        return draft.noting(*(f"{name}: {text}" for name, text in lost.items() if text), *taken.unreadable)
 
     try:
         return prepared(answers)
