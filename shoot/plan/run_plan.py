@@ -48,7 +48,7 @@ def show_plan(facts: dict[str, Any], *, as_json: bool) -> None:
     tables = [number_table("flashes, the most useful first", "flashes", facts["flashes"])]
     if facts["balls"]:
         tables.append(number_table("balls, from the object's middle", "planned balls", facts["balls"]))
-    show(*tables, lights_of(facts), answer_of(facts))
+    show(*tables, answer_of(facts))
     for name in () if is_quiet() else ("plan.html", "plan.json"):
         print(f"written  {Path(facts['folder']) / name}")
     for text in facts["warnings"]:
@@ -156,7 +156,6 @@ def plan_facts(so_far: UnderWay, lights: Lights, predictions: list[Predicted | N
         "there": len(so_far.lights),
         "error_median_deg": None if result is None else result.error_deg,
         "by_noise_deg": None if result is None else np.median(result.by_noise_deg),
-        "by_lights_deg": None if result is None else np.median(result.by_lights_deg),
         "lights_sigma_deg": known_median(lights.direction_sigma_deg),
         "balls": balls,
         "camera": {"width": camera.width, "height": camera.height, "distance_mm": np.linalg.norm(middle)},
@@ -208,24 +207,19 @@ def answer_of(facts: dict[str, Any]) -> str:
     many = f"{there} flashes are there, {len(flashes) - there} more" if there else f"{len(flashes)} flashes"
     if error is None:
         return f"{many}: too few to tell the normals."
+    sigma = facts["lights_sigma_deg"]
+    lights = f" and by the lights' directions {sigma:.2g}°" if sigma is not None else ""
     text = (
         f"{many}: normals to {error:.2g}° (median error to be expected, of a matte surface, shadows left out), by the "
-        f"photographs' noise {facts['by_noise_deg']:.2g}° and by what the balls leave unknown of the lights "
-        f"{facts['by_lights_deg']:.2g}° a tangent axis."
+        f"photographs' noise {facts['by_noise_deg']:.2g}°{lights} a tangent axis."
     )
+    if sigma is None:
+        text += " How far the lights' directions are off is not known, and the error counts nothing of it."
     if 0 < there < len(flashes):
         now, row = flashes[there - 1]["error_median_deg"], flashes[there]
         gain = f", which brings {now:.2g}° to {row['error_median_deg']:.2g}°" if now else ""
         text += f" Next: {row['zenith_deg']:.0f}° from the axis at {row['clock']} o'clock{gain}."
     return text
-
-
-def lights_of(facts: dict[str, Any]) -> str:
-    """Return how well the directions of the lights are told."""
-    sigma = facts["lights_sigma_deg"]
-    if sigma is None:
-        return "How far the lights' directions are off is not known, and the error counts nothing of it."
-    return f"Directions of the lights at the object to {sigma:.2g}° (one standard deviation)."
 
 
 def plan_page(facts: dict[str, Any]) -> str:
@@ -242,6 +236,5 @@ def plan_page(facts: dict[str, Any]) -> str:
         dome=directions({"frames": facts["flashes"]}),
         flash_table=shown("flashes", facts["flashes"]),
         ball_table=shown("planned balls", facts["balls"]),
-        lights_told=lights_of(facts),
     )
     return whole_page(facts["name"], "plan of a shoot", escape(answer_of(facts)), body)
