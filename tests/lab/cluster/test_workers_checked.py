@@ -24,16 +24,6 @@ def other_house(tmp_path):
 
 
 @pytest.mark.full
-def test_a_cluster_gives_what_threads_give(session, cluster, same, tmp_path):
-    cluster.start_scheduler()
-    cluster.start_worker()
-    cluster.start_worker()
-    done = cluster.solve(session[0], tmp_path / "out")
-    assert done.returncode == 0, done.stderr
-    same(tmp_path / "out")
-
-
-@pytest.mark.full
 def test_a_worker_of_other_code_that_joins_later_is_refused(session, cluster, other_house, refused, same, tmp_path):
     cluster.start_scheduler()
     cluster.start_worker(habit=cluster.SLOW)
