@@ -33,8 +33,6 @@ LARGE = 1 << 16
 """Bytes; a larger array goes as a file."""
 SENT = Path(PLACE) / "cluster"
 """Where such arrays lie in the output folder, while the run lasts."""
-SERVE = "__import__('lab.cluster').cluster.serve(run, unit)"
-"""What a worker evaluates: `eval` is known to a scheduler too that has no rgbn."""
 AGAIN = "What is done is kept: run the same command again."
 
 
@@ -124,7 +122,9 @@ class Cluster(Executor):
     def submit(self, fn: Callable, /, *args: Any, **kwargs: Any) -> Future:
         """Give a unit to the cluster; see `Executor.submit`. One whose worker dies is tried again by another."""
         unit = pack((fn, args, kwargs), self._run["folder"])
-        return self._workers.submit(eval, SERVE, {"run": self._run, "unit": unit})
+        # `eval` is known to a scheduler too that has no rgbn.
+        work = "__import__('lab.cluster').cluster.serve(run, unit)"
+        return self._workers.submit(eval, work, {"run": self._run, "unit": unit})
 
 
 def serve(run: dict[str, Any], unit: bytes) -> Any:
