@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -175,10 +176,10 @@ class Shoot:
         if len(frames) >= max(FIRST, BALLS_AGAIN * self._balls_with):
             self._balls_with = len(frames)
             try:
-                found, _, _ = find_balls(frames, camera, [])
-                if len(found) >= len(self._balls):
+                balls, _, _ = find_balls(frames, camera, [])
+                if len(balls) >= len(self._balls):
                     # As `drafted` sorts them.
-                    self._balls = sorted(found, key=lambda ball: (ball.sphere.kind, -ball.sphere.radius_px))
+                    self._balls = sorted(balls, key=lambda ball: (ball.sphere.kind, -ball.sphere.radius_px))
                     known = diameters_of(self.balls or (), self._asking)
                     self._balls = [
                         replace(ball, sphere=replace(ball.sphere, diameter_mm=mm))
@@ -191,9 +192,12 @@ class Shoot:
                 told = [str(error)]
         while self._balls:
             seen = [i for i, name in enumerate(frames.names) if name not in self._unseen]
+            some = frames.only(seen) if len(seen) < len(frames) else frames
+            run = partial(lights_of_balls, some, balls=[replace(ball, frames=some) for ball in self._balls])
             try:
-                self._found = self._lights_of(frames, camera, seen)
-                return [*told, *self._found.warnings]
+                found = with_unknown_focal(run, camera) if camera.source == "assumed" else run(camera)
+                self._found = replace(found, camera=found.camera or camera)
+                return [*told, *found.warnings]
             except CalibrationError as error:
                 told.append(str(error))
                 lost = [frames.names[i] for i in seen if frames.names[i] in str(error)]
@@ -202,16 +206,6 @@ class Shoot:
                 if not 0 < len(lost) < len(seen):
                     break
         return told
-
-    def _lights_of(self, frames: Frames, camera: Camera, seen: list[int]) -> Calibration:
-        frames = frames.only(seen) if len(seen) < len(frames) else frames
-        balls = [replace(ball, frames=frames) for ball in self._balls]
-
-        def run(camera: Camera) -> Calibration:
-            return lights_of_balls(frames, camera, balls)
-
-        found = with_unknown_focal(run, camera) if camera.source == "assumed" else run(camera)
-        return replace(found, camera=found.camera or camera)
 
     def _look_at_normals(self, small: Frames) -> None:
         """Solve the object's normals, a few thousand of them, and find the flash that would help them most."""
