@@ -7,17 +7,13 @@ written once into a folder of the run. Results come back through the scheduler.
 import hashlib
 import io
 import logging
-import mmap
 import os
 import pickle
 import shutil
 import socket
-import uuid
-import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -28,13 +24,15 @@ from numpy.typing import NDArray
 from lab.progress import say
 from scene.current import ROOT, code_fingerprint, libraries
 from scene.errors import ClusterError
+from scene.files import write_whole
+from scene.record import PLACE
 
 WAIT_S = 120
 """Seconds that a run waits for a first worker."""
 LARGE = 1 << 16
 """Bytes; a larger array goes as a file."""
-SERVE = "__import__('lab.cluster').cluster.serve(run, unit)"
-"""What a worker evaluates: `eval` is known to a scheduler too that has no rgbn."""
+SENT = Path(PLACE) / "cluster"
+"""Where such arrays lie in the output folder, while the run lasts."""
 AGAIN = "What is done is kept: run the same command again."
 
 
@@ -51,8 +49,8 @@ def executor_of(address: str | None, folder: Path | None = None) -> Iterator[Any
     address : str or None
         Of the scheduler.
     folder : Path or None
-        OUT/.rgbn/NAME, which all workers see under the same path: for arrays, emptied before and after. None: the units
-        write no files, and their arrays are small.
+        The output folder, which all workers see under the same path. None: the units write no files, and their arrays
+        are small.
 
     Raises
     ------
@@ -64,27 +62,22 @@ def executor_of(address: str | None, folder: Path | None = None) -> Iterator[Any
     if address is None:
         yield None
         return
-    from distributed import Client, KilledWorker, versions
+    from distributed import Client, KilledWorker
     from distributed.comm.addressing import get_address_host
 
-    # What Dask would say of a lost scheduler, and of versions, is said here, once.
-    for name in ("distributed", "distributed.client", "distributed.core", "distributed.comm"):
+    # What Dask would say of a lost scheduler is said here, once.
+    for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     where = f"--scheduler {address}:"
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", versions.VersionMismatchWarning)
-            # Before there is a client: one without a place to go to cannot be closed in silence.
-            get_address_host(address)
-            client = Client(address, timeout=10, set_as_default=False)
+        # Before there is a client: one without a place to go to cannot be closed in silence.
+        get_address_host(address)
+        client = Client(address, timeout=10, set_as_default=False)
     except (OSError, ValueError) as error:
         raise ClusterError(
             f"{where} no Dask scheduler answers there ({error}). Start one with `dask scheduler`, or leave --scheduler "
             "out to work on this computer."
         ) from error
-    if folder:
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
     with client:
         try:
             if not client.ncores():
@@ -108,7 +101,7 @@ def executor_of(address: str | None, folder: Path | None = None) -> Iterator[Any
             ) from error
         finally:
             if folder:
-                shutil.rmtree(folder, ignore_errors=True)
+                shutil.rmtree(folder / SENT, ignore_errors=True)
 
 
 def death_of(error: Any) -> str:
@@ -124,20 +117,18 @@ class Cluster(Executor):
 
     def __init__(self, client: Any, address: str, folder: Path | None) -> None:
         self._workers = client.get_executor(pure=False)
-        code = code_fingerprint()
-        self._run = {"scheduler": address, "folder": folder, "code": code, "libraries": libraries()}
+        self._run = {"scheduler": address, "folder": folder, "code": code_fingerprint(), "libraries": libraries()}
 
     def submit(self, fn: Callable, /, *args: Any, **kwargs: Any) -> Future:
         """Give a unit to the cluster; see `Executor.submit`. One whose worker dies is tried again by another."""
         unit = pack((fn, args, kwargs), self._run["folder"])
-        return self._workers.submit(eval, SERVE, {"run": self._run, "unit": unit})
-
-
-# What a worker does.
+        # `eval` is known to a scheduler too that has no rgbn.
+        work = "__import__('lab.cluster').cluster.serve(run, unit)"
+        return self._workers.submit(eval, work, {"run": self._run, "unit": unit})
 
 
 def serve(run: dict[str, Any], unit: bytes) -> Any:
-    """Do a unit in this process, if it is fit for the run, and return its result.
+    """Do a unit in this process, a worker's, and return its result.
 
     Parameters
     ----------
@@ -147,39 +138,30 @@ def serve(run: dict[str, Any], unit: bytes) -> Any:
     unit : bytes
         What `pack` returned of (function, arguments, keyword arguments).
 
+    Raises
+    ------
+    ClusterError
+        This process would not give what the one that started the run gives: what it has loaded, whatever became of the
+        files since, is other code or another library, or it does not see the folder.
     """
-    refuse(run)
-    function, arguments, named = pickle.loads(unit)
-    return function(*arguments, **named)
-
-
-def refuse(run: dict[str, Any]) -> None:
-    """Raise ClusterError where this process would not give what the one that started the run gives."""
-    (code, found), reasons = _own(), []
+    code, reasons = code_fingerprint(), []
     if code != run["code"]:
         reasons = [f"the code of its rgbn in {ROOT} is another: {code[:8]}, expected {run['code'][:8]}"]
     reasons += [
-        f"its {name} is {found.get(name)}, expected {expected}"
+        f"its {name} is {libraries().get(name)}, expected {expected}"
         for name, expected in run["libraries"].items()
-        if found.get(name) != expected
+        if libraries().get(name) != expected
     ]
     if run["folder"] and not run["folder"].is_dir():
-        reasons.append(f"it does not see the output folder {run['folder'].parents[1]}")
+        reasons.append(f"it does not see the output folder {run['folder']}")
     if reasons:
         raise ClusterError(
             f"--scheduler {run['scheduler']}: a worker on {socket.gethostname()} would not do as this computer does: "
             f"{'; '.join(reasons)}. Give it the same rgbn, the same libraries (`make setup`) and the same folders "
             f"under the same paths; start it again. {AGAIN}"
         )
-
-
-@cache
-def _own() -> tuple[str, dict[str, str]]:
-    """Return what this process has, once: what it has imported stays as it was, whatever becomes of the files."""
-    return code_fingerprint(), libraries()
-
-
-# What goes to it.
+    function, arguments, named = pickle.loads(unit)
+    return function(*arguments, **named)
 
 
 def pack(value: Any, folder: Path | None) -> bytes:
@@ -189,7 +171,7 @@ def pack(value: Any, folder: Path | None) -> bytes:
     ----------
     value : object
     folder : Path or None
-        Where they are written, named by their content; in OUT/.rgbn/cluster. None: all is pickled.
+        The output folder. None: all is pickled.
     """
     stream = io.BytesIO()
     _Pickler(stream, folder).dump(value)
@@ -215,9 +197,7 @@ class _Pickler(CloudPickler):
 
 def _array(path: Path, offset: int, shape: tuple[int, ...], strides: tuple[int, ...], dtype: np.dtype) -> NDArray:
     """Return an array that lies in a file."""
-    with open(path, "rb") as file:
-        content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY)
-    return np.ndarray(shape, dtype, content, offset, strides)
+    return np.ndarray(shape, dtype, np.memmap(path, np.uint8, "c"), offset, strides)
 
 
 def _place_of(array: NDArray, folder: Path) -> tuple[Path, int, tuple[int, ...], tuple[int, ...], np.dtype]:
@@ -227,14 +207,12 @@ def _place_of(array: NDArray, folder: Path) -> tuple[Path, int, tuple[int, ...],
         root = root.base
     if isinstance(root, np.memmap) and root.filename is not None:
         path = Path(root.filename).absolute()
-        if path.is_relative_to(folder.parents[1]) and path.is_file():
+        if path.is_relative_to(folder) and path.is_file():
             return path, root.offset + array.ctypes.data - root.ctypes.data, array.shape, array.strides, array.dtype
     whole = np.asarray(array if array.flags.forc else array.copy())
     content = whole.ravel("K").view(np.uint8).data
-    path = folder / hashlib.sha256(content).hexdigest()
+    path = folder / SENT / hashlib.sha256(content).hexdigest()
     if not path.exists():
-        # Whole, so that one that is there can be relied on.
-        unfinished = path.with_name(uuid.uuid4().hex)
-        unfinished.write_bytes(content)
-        os.replace(unfinished, path)
+        with write_whole(path) as file:
+            file.write(content)
     return path, 0, whole.shape, whole.strides, whole.dtype

@@ -56,7 +56,23 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         except AlignError as error:
             # No light is told; where the outline is may be.
             doubts.append(str(error))
-    mesh, found, scale = _registered(job, mesh, smooth[0], frames, camera, lights, rough_mask.mask, start)
+    mask, scale = rough_mask.mask, None
+    photographs = Photographs(camera, frames, lights, mask, tuple(store.load_spheres()))
+
+    def normals_of(some: NDArray[np.bool_]) -> NDArray:
+        return solve("iterative", frames, lights, camera, some, executor=job.executor).normals
+
+    normals = sparse_normals(mask, normals_of) if shading_tells(lights) else None
+    with progress_bar("register") as progress:
+
+        def run(scan: Mesh, begin: Pose | None) -> Registration:
+            how = {"at_vertices": smooth[0], "executor": job.executor, "progress": progress}
+            return register(scan, photographs, normals, start=begin, **how)
+
+        if scale_unknown(job.session):
+            mesh, found, scale = register_unknown_scale(mesh, photographs, run, start=start)
+        else:
+            found = run(mesh, start)
     if probe:
         found = replace(found, covariance=probe.covariance)
     truth = ground_truth(mesh, found.pose, camera, covariance=found.covariance, at_vertices=smooth)
@@ -100,33 +116,3 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
                 "one of the two is wrong. Check the outline in the report, and the picks."
             )
     return result, warnings
-
-
-def _registered(
-    job: Job,
-    mesh: Mesh,
-    at_vertices: NDArray,
-    frames: Frames,
-    camera: Camera,
-    lights: Lights,
-    mask: NDArray[np.bool_],
-    start: Pose | None,
-) -> tuple[Mesh, Any, float | None]:
-    """Return the scan in millimetres, its registration, and its millimetres per unit where they were not known."""
-
-    def normals_of(some: NDArray[np.bool_]) -> NDArray:
-        return solve("iterative", frames, lights, camera, some, executor=job.executor).normals
-
-    photographs = Photographs(camera, frames, lights, mask, tuple(job.store.load_spheres()))
-    normals = sparse_normals(mask, normals_of) if shading_tells(lights) else None
-    with progress_bar("register") as progress:
-
-        def run(scan: Mesh, begin: Pose | None) -> Registration:
-            return register(
-                scan, photographs, normals,
-                start=begin, at_vertices=at_vertices, executor=job.executor, progress=progress,
-            )  # fmt: skip
-
-        if scale_unknown(job.session):
-            return register_unknown_scale(mesh, photographs, run, start=start)
-        return mesh, run(mesh, start), None

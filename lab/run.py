@@ -130,7 +130,7 @@ def open_job(
     with (
         open_record(folder, origin=origin_of(session, place), inputs=files, input_folders=[session.folder]) as record,
         logged(record),
-        executor_of(scheduler, record.scratch("cluster")) as executor,
+        executor_of(scheduler, record.folder) as executor,
     ):
         note_session(record, place)
         if is_output(session_path):

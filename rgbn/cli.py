@@ -197,11 +197,11 @@ app.command(dataset)
 app.command(tell_example, name="example", sort_key=2)
 # Loaded when they are called: what their options are stands beside what they do.
 for above, name, place, told, key in (
-    (app, "init", "shoot.init.init_session:init_sessions",
+    (app, "init", "shoot.shoot_commands:init",
      "Look at a folder of photographs, ask what no file tells, and write its session.toml.", 0),
-    (app, "plan", "shoot.plan.run_plan:plan",
+    (app, "plan", "shoot.shoot_commands:plan",
      "Plan a shoot: where flashes and balls go, and which error to expect after each flash.", 0),
-    (app, "watch", "shoot.watch.watch_folder:watch_folder",
+    (app, "watch", "shoot.shoot_commands:watch",
      "Judge each photograph of a shoot within seconds, and write the session at the end.", 0),
     (app, "series", "experiments.commands:series",
      "Process sessions of one object in which one factor changes. Shows errors against it, real beside synthetic.", 1),

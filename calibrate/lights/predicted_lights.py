@@ -13,7 +13,6 @@ from calibrate.lights.reflected_disc import FLOOR_PX
 from calibrate.silhouette.ball_silhouette import table_floor_px
 from scene.camera import Camera
 from scene.errors import CalibrationError
-from scene.lights import Lights, known_median
 from scene.normals import unit
 from scene.spheres import Sphere
 
@@ -111,21 +110,3 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
     intensity = INTENSITY_SIGMA if any(sphere.kind == "white" for sphere in spheres) else UNKNOWN_INTENSITY
     turn = np.degrees(np.sqrt((own[:, 0] ** 2 + own[:, 1] ** 2) / 2))
     return PredictedLights(turn, own[:, 2], joint, intensity)
-
-
-def known_alike(lights: Lights, positions: Array, reference: Array) -> PredictedLights:
-    """Return lights at positions (F, 3), mm, each as well known as the median one of `lights`, and by itself.
-
-    For flashes that no ball of known size tells: of a session whose lights were given, or are distant. NaN where
-    nothing is known of those.
-    """
-    away = positions - reference
-    distance = np.linalg.norm(away, axis=1)
-    toward = away / distance[:, None]
-    turn, intensity = known_median(lights.direction_sigma_deg), known_median(lights.intensity_sigma) or 0.0
-    across = np.eye(3) - toward[:, :, None] * toward[:, None, :]
-    every = np.arange(len(positions))
-    joint = np.zeros((len(positions), 3, len(positions), 3))
-    joint[every, :, every] = across * ((np.radians(turn or 0.0) * distance) ** 2)[:, None, None]
-    known = np.full(len(positions), np.nan if turn is None else turn)
-    return PredictedLights(known, np.zeros(len(positions)), joint, intensity)

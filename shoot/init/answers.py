@@ -3,15 +3,15 @@
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from capture.session.manifest import Manifest
-from capture.session.manifest_file import table_of
 from scene.errors import SceneError, SessionError
 from scene.length_units import Unit
-from scene.spheres import Kind
+
+if TYPE_CHECKING:
+    from capture.session.manifest import Manifest
 
 LENS = {
     "focal_mm": "Focal length engraved on the lens, mm",
@@ -62,6 +62,8 @@ class Answers:
 
     def __post_init__(self) -> None:
         for key, value in self.camera.items():
+            from capture.session.manifest_file import table_of
+
             try:
                 table_of("camera", {key: float(value)})
             except SessionError as error:
@@ -74,7 +76,7 @@ class Answers:
         return {key: value for key in LENS if (value := getattr(self, key)) is not None}
 
     @classmethod
-    def said_in(cls, manifest: Manifest) -> "Answers":
+    def said_in(cls, manifest: "Manifest") -> "Answers":
         """Return what an earlier session.toml says already."""
         balls: dict[str, Any] = {}
         for kind in ("chrome", "white"):
@@ -107,13 +109,13 @@ class Asking:
     earlier: Answers = field(default_factory=Answers)
     _asked: set[str] = field(default_factory=set)
 
-    def diameters(self, kind: Kind, places: Sequence[Sequence[float]], balls: int) -> tuple[float, ...]:
-        """Return the diameters of balls that stand at `places`, mm; empty where they are not known."""
+    def diameters(self, kind: str, places: Sequence[Sequence[float]], balls: int) -> tuple[float | None, ...]:
+        """Return the diameters of balls that stand at `places`, mm; None where they are not known."""
         what = f"Diameter in mm of the {balls} {kind} balls" if balls > 1 else f"Diameter in mm of the {kind} ball"
         what += f" at {', '.join(f'({u:.0f}, {v:.0f})' for u, v in places)} px" if places else ""
         more = "; where they differ, one for each, in this order" if balls > 1 else ""
-        given = self._once(kind, f"{what}{more}") or ()
-        if len(given) not in (0, 1, balls):
+        given = self._once(kind, f"{what}{more}") or (None,)
+        if len(given) not in (1, balls):
             raise SessionError(
                 f"--{kind} {' '.join(f'{one:g}' for one in given)}: {len(given)} diameters, but {balls} {kind} balls "
                 "were found. Give one for all, or one for each."

@@ -240,13 +240,8 @@ def _place_told(ball: SphereTable) -> str:
     return "found at ({:.0f}, {:.0f}) px, radius {:.0f} px".format(*ball.center_px, ball.radius_px)
 
 
-def notes_of(draft: Draft) -> tuple[str, ...]:
-    """Return what a person is to know of a draft, a sentence each: what is missing, and what was found to be noted."""
-    return (*_missing(draft), *draft.notes)
-
-
-def _missing(draft: Draft) -> Iterator[str]:
-    """Yield what a person may still tell, and what is done without it."""
+def notes_of(draft: Draft) -> Iterator[str]:
+    """Yield what a person is to know, a sentence each: what may still be told, what is done without it, and `notes`."""
     manifest, known = draft.manifest, draft.manifest.object
     balls = manifest.spheres
     if not manifest.lights and not balls:
@@ -270,3 +265,4 @@ def _missing(draft: Draft) -> Iterator[str]:
         yield f"{suffix} values are taken as sRGB-encoded, as cameras write them; else say --linear."
     if not known.scan and not known.normals:
         yield "there is no scan: no ground truth, no twin."
+    yield from draft.notes

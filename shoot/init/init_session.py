@@ -4,11 +4,9 @@ import os
 import shlex
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
 
 import cv2
 import numpy as np
-from cyclopts import Parameter
 from numpy.typing import NDArray
 
 from capture.session.manifest_file import parse, toml_tables
@@ -25,7 +23,7 @@ from scene.light_text import FILENAMES
 from scene.origin import Origin
 from scene.output_folder import open_record
 from scene.record import Record
-from shoot.init.answers import NOTHING, Answers, Asking
+from shoot.init.answers import Answers, Asking
 from shoot.init.draft import Draft, facts_of, is_unedited, notes_of, session_text, signed
 from shoot.init.prepare import prepare
 
@@ -37,26 +35,13 @@ MOST = 12
 COLOURS = {"chrome": (90, 220, 255), "white": (255, 190, 60)}
 
 
-def init_sessions(
-    folder: Path, /, *, yes: Annotated[bool, Parameter(alias="-y", negative="")] = False, told: Answers = NOTHING
-) -> list[tuple[Draft, Path, Path]]:
+def init_sessions(folder: Path, told: Answers, *, yes: bool = False) -> list[tuple[Draft, Path, Path]]:
     """Write a session.toml for a folder, or one for each object's subfolder; return each with its draft and sheet.
 
     One that rgbn wrote and nobody changed is written anew: what it says holds where nothing else is said.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder with the photographs, or with a folder of them for each object.
-    yes : bool
-        Ask nothing. What is not known is assumed, and named.
-    told : Answers
-
-    Raises
-    ------
-    SessionError
-        There is a session.toml of a person's, or the folder is one in the DiLiGenT layout; no photographs; answers do
-        not fit.
+    Raises SessionError: there is a session.toml of a person's, or the folder is one in the DiLiGenT layout; no
+    photographs; answers do not fit.
     """
     check_layout(folder)
     found = survey(folder)

@@ -213,21 +213,21 @@ def _with_balls(draft: Draft, files: FolderFiles, asking: Asking, found: Sequenc
         with suppress(CalibrationError):
             balls, _, _ = find_balls(draft.small, _small_camera(draft), [])
             found = drafted([one.sphere for one in balls], draft.step)
-    return draft.noting(*notes).with_balls(with_diameters(apart or found or (), asking))
+    balls = apart or found or ()
+    known = zip(balls, diameters_of(balls, asking), strict=True)
+    return draft.noting(*notes).with_balls([ball.model_copy(update={"diameter_mm": mm}) for ball, mm in known])
 
 
-def with_diameters(balls: Sequence[SphereTable], asking: Asking) -> list[SphereTable]:
-    """Return balls, of each kind the largest first, with the diameters that are known or asked for.
+def diameters_of(balls: Sequence[SphereTable], asking: Asking) -> list[float | None]:
+    """Return the diameters of balls, sorted by kind and size, that are known or asked for.
 
     Raises SessionError: diameters were given, neither one for all balls of a kind nor one for each.
     """
-    known: list[SphereTable] = []
+    known: list[float | None] = []
     for kind in KINDS:
         own = [ball for ball in balls if ball.kind == kind]
         if own:
-            given = asking.diameters(kind, [ball.center_px for ball in own if ball.center_px], len(own))
-            diameters = given or (None,) * len(own)
-            known += [ball.model_copy(update={"diameter_mm": mm}) for ball, mm in zip(own, diameters, strict=True)]
+            known += asking.diameters(kind, [ball.center_px for ball in own if ball.center_px], len(own))
     return known
 
 

@@ -35,10 +35,6 @@ class PlanOptions:
     """Width of the sensor, mm; 36 for full frame, 23.5 for APS-C."""
     pixels: tuple[PositiveInt, PositiveInt] = (6000, 4000)
     """Width and height of the picture, pixels."""
-    distance_mm: PositiveFloat | None = None
-    """Distance from the camera to the object's middle. Default: the object fills 40 % of the picture."""
-    iso: PositiveFloat = 100.0
-    """ISO, for the noise of a usual sensor."""
     from_deg: Annotated[float, Parameter(validator=Number(gte=0, lt=90))] = 12.0
     """Least angle of a flash from the camera's axis."""
     to_deg: Annotated[float, Parameter(validator=Number(gt=0, lt=90))] = 60.0

@@ -1,12 +1,10 @@
 """`rgbn plan`: the set-up read or put together, the flashes chosen; plan.json, tables, words, and one page to print."""
 
-from dataclasses import replace
 from json import dumps
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from cyclopts import Parameter
 from jinja2 import Environment, StrictUndefined
 from markupsafe import escape
 
@@ -24,9 +22,10 @@ from scene.mesh import Mesh
 from scene.origin import Origin
 from scene.output_folder import open_record, own_folder
 from scene.record import Record
-from shoot.plan.plan_options import AS_USUAL, PlanOptions
+from shoot.plan.plan_options import PlanOptions
 from shoot.plan.set_up import (
     EXPOSURE,
+    FILLS,
     GOOD_PX,
     LEAST_PX,
     ObjectPixels,
@@ -40,38 +39,16 @@ from shoot.plan.under_way import UnderWay, session_so_far
 from twin.camera.virtual_camera import Sensor
 from twin.description.object_mesh import built_in
 
-MOST_ROWS = 36
-"""Flashes in the page's table: a page has no room for more; plan.json has all."""
 
-
-def plan(
-    source: Path | None = None,
-    /,
-    *,
-    options: PlanOptions = AS_USUAL,
-    out: Annotated[Path | None, Parameter(alias="-o")] = None,
-    json: Annotated[bool, Parameter(negative="")] = False,
-) -> None:
-    """Plan a shoot, and print the plan: `rgbn plan`.
-
-    Parameters
-    ----------
-    source : Path, optional
-        The scan; or a session under way or its output folder: where the next flash helps. Default: a sphere.
-    options : PlanOptions
-    out : Path, optional
-        Output folder. Default: a session's own, or out/plan-NAME.
-    json : bool
-        Print the results as JSON.
-    """
-    facts = run_plan(source, options, out=out)
-    if json:
+def show_plan(facts: dict[str, Any], *, as_json: bool) -> None:
+    """Print what `run_plan` returned."""
+    if as_json:
         print(dumps(facts, indent=1))
         return
     tables = [number_table("flashes, the most useful first", "flashes", facts["flashes"])]
     if facts["balls"]:
         tables.append(number_table("balls, from the object's middle", "planned balls", facts["balls"]))
-    show(*tables, lights_of(facts), answer_of(facts))
+    show(*tables, answer_of(facts))
     for name in () if is_quiet() else ("plan.html", "plan.json"):
         print(f"written  {Path(facts['folder']) / name}")
     for text in facts["warnings"]:
@@ -111,7 +88,7 @@ def run_plan(source: Path | None, options: PlanOptions, *, out: Path | None = No
         origin = Origin("scan", source.resolve())
         usual = own_folder(Path("out") / f"plan-{source.stem}", origin)
     with open_record(out or usual, origin=origin, inputs=[] if source is None else [source]) as record:
-        begun = UnderWay.begun(pixels, corner_balls(pixels, options.ball_mm))
+        begun = UnderWay(pixels, corner_balls(pixels, options.ball_mm))
         return _written(record, begun, options, name, source)
 
 
@@ -140,13 +117,14 @@ def _new_pixels(source: Path | None, options: PlanOptions) -> ObjectPixels:
         mesh = load_scan(source, unit)
         told = f"object: {source.name}, {len(mesh.faces):,} faces, {options.seen_from} toward the camera"
     lens = lens_camera(options.focal_mm, options.sensor_mm, options.pixels)
-    mesh, where = before_camera(mesh, lens, options.distance_mm, options.seen_from)
+    mesh = before_camera(mesh, lens, options.seen_from)
     said = (
         told,
-        f"camera: {options.focal_mm:g} mm on {options.sensor_mm:g} mm, {lens.width} x {lens.height} px; {where}",
-        f"noise of a usual sensor at ISO {options.iso:g}",
+        f"camera: {options.focal_mm:g} mm on {options.sensor_mm:g} mm, {lens.width} x {lens.height} px; "
+        f"{-mesh.center_mm[2]:.0f} mm from the object's middle, which fills {FILLS:.0%} of the picture",
+        f"noise of a usual sensor at ISO {Sensor().iso:g}",
     )
-    return pixels_of(lens, mesh, albedo=options.albedo, sensor=replace(Sensor(), iso=options.iso), said=said)
+    return pixels_of(lens, mesh, albedo=options.albedo, said=said)
 
 
 def plan_facts(so_far: UnderWay, lights: Lights, predictions: list[Predicted | None]) -> dict[str, Any]:
@@ -178,7 +156,6 @@ def plan_facts(so_far: UnderWay, lights: Lights, predictions: list[Predicted | N
         "there": len(so_far.lights),
         "error_median_deg": None if result is None else result.error_deg,
         "by_noise_deg": None if result is None else np.median(result.by_noise_deg),
-        "by_lights_deg": None if result is None else np.median(result.by_lights_deg),
         "lights_sigma_deg": known_median(lights.direction_sigma_deg),
         "balls": balls,
         "camera": {"width": camera.width, "height": camera.height, "distance_mm": np.linalg.norm(middle)},
@@ -230,11 +207,14 @@ def answer_of(facts: dict[str, Any]) -> str:
     many = f"{there} flashes are there, {len(flashes) - there} more" if there else f"{len(flashes)} flashes"
     if error is None:
         return f"{many}: too few to tell the normals."
+    sigma = facts["lights_sigma_deg"]
+    lights = f" and by the lights' directions {sigma:.2g}°" if sigma is not None else ""
     text = (
         f"{many}: normals to {error:.2g}° (median error to be expected, of a matte surface, shadows left out), by the "
-        f"photographs' noise {facts['by_noise_deg']:.2g}° and by what the balls leave unknown of the lights "
-        f"{facts['by_lights_deg']:.2g}° a tangent axis."
+        f"photographs' noise {facts['by_noise_deg']:.2g}°{lights} a tangent axis."
     )
+    if sigma is None:
+        text += " How far the lights' directions are off is not known, and the error counts nothing of it."
     if 0 < there < len(flashes):
         now, row = flashes[there - 1]["error_median_deg"], flashes[there]
         gain = f", which brings {now:.2g}° to {row['error_median_deg']:.2g}°" if now else ""
@@ -242,28 +222,19 @@ def answer_of(facts: dict[str, Any]) -> str:
     return text
 
 
-def lights_of(facts: dict[str, Any]) -> str:
-    """Return how well the directions of the lights are told."""
-    sigma = facts["lights_sigma_deg"]
-    if sigma is None:
-        return "How far the lights' directions are off is not known, and the error counts nothing of it."
-    return f"Directions of the lights at the object to {sigma:.2g}° (one standard deviation)."
-
-
 def plan_page(facts: dict[str, Any]) -> str:
     """Return the page of a plan's facts."""
+
+    def shown(name: str, rows: list[dict[str, Any]]) -> str:
+        columns = cells_of(name, rows)
+        return table(list(columns), zip(*columns.values(), strict=True), kind="numbers")
+
     template = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
-    rows = [row for row in facts["flashes"] if not row["there"] or len(facts["flashes"]) <= MOST_ROWS]
-    tables = {"flashes": cells_of("flashes", rows[:MOST_ROWS]), "balls": cells_of("planned balls", facts["balls"])}
     text = Path(__file__).with_name("plan_page.html").read_text("utf-8")
     body = template.from_string(text).render(
         facts,
         dome=directions({"frames": facts["flashes"]}),
-        tables={
-            name: table(list(cells), zip(*cells.values(), strict=True), kind="numbers")
-            for name, cells in tables.items()
-        },
-        left_out=len(rows) - MOST_ROWS,
-        lights_told=lights_of(facts),
+        flash_table=shown("flashes", facts["flashes"]),
+        ball_table=shown("planned balls", facts["balls"]),
     )
     return whole_page(facts["name"], "plan of a shoot", escape(answer_of(facts)), body)

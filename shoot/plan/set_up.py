@@ -52,27 +52,17 @@ def lens_camera(focal_mm: float, sensor_mm: float, pixels: tuple[int, int]) -> C
     return Camera(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2, source="options")
 
 
-def before_camera(mesh: Mesh, camera: Camera, distance_mm: float | None, seen_from: View = "+z") -> tuple[Mesh, str]:
-    """Return an object put before the camera, in its frame, and how far away, in words.
+def before_camera(mesh: Mesh, camera: Camera, seen_from: View = "+z") -> Mesh:
+    """Return an object put before the camera, in its frame, so that it fills `FILLS` of the picture's height.
 
-    `distance_mm`: from the camera to the object's middle; None: so that it fills `FILLS` of the picture's height.
     `seen_from`: the axis of the scan that points to the camera; up in the picture is z, or y if z points there.
     """
     axis = np.eye(3)["xyz".index(seen_from[1])]
     toward, up = (-axis if seen_from[0] == "-" else axis), np.eye(3)[1 if seen_from[1] == "z" else 2]
     vertices = (mesh.vertices - mesh.center_mm) @ np.stack([np.cross(up, toward), up, toward]).T
     high = max(float(np.ptp(vertices[:, 1])), float(np.ptp(vertices[:, 0])) * camera.height / camera.width)
-    told = "as told"
-    if distance_mm is None:
-        distance_mm = camera.fy * high / (FILLS * camera.height) + float(vertices[:, 2].max())
-        told = f"so that the object fills {FILLS:.0%} of the picture"
-    if (nearest := float(vertices[:, 2].max())) >= distance_mm:
-        raise SceneError(
-            f"--distance-mm {distance_mm:g}: the object reaches {nearest:.4g} mm from its middle toward the camera, "
-            "which would stand inside of it. Take a greater distance, or check --size-mm and --unit."
-        )
-    vertices = vertices - [0, 0, distance_mm]
-    return replace(mesh, vertices=vertices), f"camera {distance_mm:.0f} mm from the object's middle, {told}"
+    distance_mm = camera.fy * high / (FILLS * camera.height) + float(vertices[:, 2].max())
+    return replace(mesh, vertices=vertices - [0, 0, distance_mm])
 
 
 class ShownObject(NamedTuple):
@@ -183,7 +173,7 @@ def pixels_of(
             break
         step *= float(np.sqrt(hit.sum() / count))
     if not hit.any():
-        raise SceneError("plan: the camera does not see the object. Check --distance-mm, --focal-mm and --unit.")
+        raise SceneError("plan: the camera does not see the object. Check --pixels, --focal-mm and --unit.")
     face, weights, points = face[hit], weights[hit], points[hit]
     normals = np.einsum("pc,pck->pk", weights, mesh.vertex_normals[mesh.faces[face]])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
@@ -246,18 +236,11 @@ def corner_balls(pixels: ObjectPixels, diameter_mm: float | None) -> list[Sphere
     """
     camera, away = pixels.camera, -pixels.table_mm
     diameter = diameter_mm or max(USUAL_MM, float(np.ceil(2 * GOOD_PX * away / (camera.fx + GOOD_PX))))
-    depth = diameter / 2 - away
-    if depth >= 0:
-        raise SceneError(
-            f"balls: one of {diameter:g} mm, on the table {away:.4g} mm from the camera, would reach it. Take smaller "
-            "balls, or a greater --distance-mm."
-        )
-    radius = -camera.fx * diameter / 2 / depth
+    depth = away - diameter / 2
+    radius = camera.fx * diameter / 2 / depth if depth > 0 else np.inf
     inset, far = (1 + GAP) * radius, np.array([camera.width, camera.height]) - 1
     if 2 * inset >= far.min():
-        raise SceneError(
-            f"balls: no room in the picture for four of {diameter:g} mm. Take smaller ones, or a greater --distance-mm."
-        )
+        raise SceneError(f"balls: no room in the picture for four of {diameter:g} mm. Take smaller ones (--ball-mm).")
     corners = np.array([(0, 1), (1, 0), (1, 1), (0, 0)]) * (far - 2 * inset) + inset
     kinds: tuple[Kind, ...] = ("chrome", "chrome", "chrome", "white")
     return [Sphere(kind, corner, radius, diameter) for kind, corner in zip(kinds, corners, strict=True)]

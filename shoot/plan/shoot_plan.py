@@ -6,20 +6,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.lights.predicted_lights import PredictedLights, known_alike, predict_lights
+from calibrate.lights.predicted_lights import predict_lights
 from scene.camera import Camera
-from scene.lights import Lights
+from scene.lights import Lights, known_median
 from shoot.plan.plan_options import AS_USUAL, PlanOptions
-from shoot.plan.set_up import ObjectPixels, ShownObject, lights_at, out_of_view, places_in_reach
+from shoot.plan.set_up import ShownObject, lights_at, out_of_view, places_in_reach
 from shoot.plan.under_way import UnderWay
 from solve.design.next_flash import choose_flashes, exchange_flashes, known_before
-from solve.design.normal_information import (
-    information,
-    lights_covariance,
-    noise_covariance,
-    pulls,
-    sigma_of_normals,
-)
+from solve.design.normal_information import information, noise_covariance, pulls, sigma_of_normals
 
 Array = NDArray[np.float64]
 RAYLEIGH_MEDIAN = float(np.sqrt(2 * np.log(2)))
@@ -31,11 +25,15 @@ FAR_MM = 1000.0
 
 
 class Predicted(NamedTuple):
-    """What a set of flashes gives, (P,) degrees along one tangent axis; 90 where fewer than three light a pixel."""
+    """What a set of flashes gives, degrees along one tangent axis; 90 where fewer than three light a pixel."""
 
-    sigma_deg: Array
-    by_noise_deg: Array  # of the photographs alone
-    by_lights_deg: Array  # by what the balls leave unknown of the lights alone
+    by_noise_deg: Array  # (P,) by the photographs' noise and the flashes' intensities
+    by_lights_deg: float  # by the lights' directions: balls and camera turn all alike, and the normals with them
+
+    @property
+    def sigma_deg(self) -> Array:
+        """(P,) by both."""
+        return np.minimum(np.hypot(self.by_noise_deg, self.by_lights_deg), 90.0)
 
     @property
     def error_deg(self) -> float:
@@ -43,45 +41,18 @@ class Predicted(NamedTuple):
         return float(RAYLEIGH_MEDIAN * np.median(self.sigma_deg))
 
 
-def light_slopes(positions: Array, reference: Array, points: Array, b: Array) -> Array:
-    """Return (F, P, 4) what a sample changes by with its light's x, y, z, per mm, and log intensity.
+def predict(b: Array, shown: ShownObject, direction_sigma_deg: Array, intensity_sigma: float) -> Predicted:
+    """Return what flashes give by least squares on the samples that are seen, each with the same weight.
 
-    Notes
-    -----
-    A sample over its intensity is b . v r^2 / d^3, v = q - x, r = |q - reference|.
-    """
-    away = positions[:, None] - points
-    d = np.linalg.norm(away, axis=-1, keepdims=True)
-    arm = positions - reference
-    r = np.linalg.norm(arm, axis=1)[:, None, None]
-    along = np.einsum("fpi,pi->fp", away, b)[..., None]
-    moved = b * r**2 / d**3 + 2 * along * arm[:, None] / d**3 - 3 * along * r**2 * away / d**5
-    return np.concatenate([moved, along * r**2 / d**3], -1)
-
-
-def joint_covariance(lights: PredictedLights) -> Array:
-    """Return (F, 4, F, 4) of positions, mm, and log intensities."""
-    count = len(lights.position_covariance_mm2)
-    out = np.zeros((count, 4, count, 4))
-    out[:, :3, :, :3] = lights.position_covariance_mm2
-    out[np.arange(count), 3, np.arange(count), 3] = lights.intensity_sigma**2
-    return out
-
-
-def predict(pixels: ObjectPixels, shown: ShownObject, slopes: Array, covariance: Array) -> Predicted:
-    """Return the normals' sigma by least squares on the samples that are seen, each with the same weight.
-
-    `slopes` (F, P, K), `covariance` (F, K, F, K): see `solve.design.normal_information.lights_covariance`.
+    `b` (P, 3): albedo x normal. `direction_sigma_deg` (F,), `intensity_sigma`, relative: of the flashes.
     """
     pull = pulls(shown.vectors, shown.seen.astype(np.float64))
     told = np.isfinite(pull[0, :, 0]) & (shown.seen.sum(0) >= TOLD_BY)
-    sigma = np.full((3, len(told)), 90.0)
+    sigma = np.full(len(told), 90.0)
     if told.any():
-        by_noise = noise_covariance(pull[:, told], shown.noise[:, told])
-        by_lights = lights_covariance(pull[:, told], slopes[:, told], covariance)
-        for row, part in enumerate((by_noise + by_lights, by_noise, by_lights)):
-            sigma[row, told] = sigma_of_normals(pixels.b[told], part)
-    return Predicted(*sigma)
+        noise = np.hypot(shown.noise, intensity_sigma * np.einsum("fpi,pi->fp", shown.vectors, b))
+        sigma[told] = sigma_of_normals(b[told], noise_covariance(pull[:, told], noise[:, told]))
+    return Predicted(sigma, known_median(direction_sigma_deg) or 0.0)
 
 
 def plan_shoot(so_far: UnderWay, options: PlanOptions) -> tuple[Lights, list[Predicted | None]]:
@@ -112,29 +83,25 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> tuple[Lights, list[Pre
     camera, middle = pixels.camera, pixels.middle_mm
     candidates = out_of_view(camera, places_in_reach(options, middle, pixels.size_mm))
     placed = middle + FAR_MM * there.directions if there.positions_mm is None else there.positions_mm
-    both = zip(so_far.shown, pixels.under(lights_at(candidates, middle)), strict=True)
-    shown = ShownObject._make(map(np.concatenate, both))
+    shown = pixels.under(lights_at(candidates, middle))
+    if so_far.shown is not None:
+        shown = ShownObject._make(map(np.concatenate, zip(so_far.shown, shown, strict=True)))
     positions = np.concatenate([placed, candidates])
-
-    def known_lights(flashes: NDArray) -> PredictedLights:
-        if n and not so_far.has_known_balls:
-            return known_alike(there, positions[flashes], middle)
-        return predict_lights(camera, so_far.spheres, positions[flashes], middle)
-
-    slopes = light_slopes(positions, middle, pixels.points, pixels.b)
-    # To the samples' noise comes the error of each flash's own calibration.
-    own = np.einsum("fkfl->fkl", joint_covariance(known_lights(np.arange(len(positions)))))
-    noise = np.sqrt(shown.noise**2 + np.maximum(np.einsum("fpk,fkl,fpl->fp", slopes, own, slopes), 0))
-    rest = shown._replace(noise=noise).only(np.arange(n, len(positions)))
-    start = known_before(pixels.b, information(shown.vectors[:n], noise[:n], shown.seen[:n]) if n else None)
+    rest = shown.only(np.arange(n, len(positions)))
+    start = known_before(pixels.b, information(*shown.only(np.arange(n))) if n else None)
     chosen = choose_flashes(pixels.b, start, *rest, max(options.flashes - n, 1))
     order = np.concatenate([np.arange(n), n + exchange_flashes(pixels.b, start, *rest, chosen)])
+    if n and not so_far.has_known_balls:
+        # No ball tells of flashes to come: they are as well known as those before.
+        turn, intensity = known_median(there.direction_sigma_deg), known_median(there.intensity_sigma)
+        sigma = np.full(len(order), np.nan if turn is None else turn)
+    else:
+        known = predict_lights(camera, so_far.spheres, positions[order], middle)
+        sigma, intensity = known.direction_sigma_deg, known.intensity_sigma
     predicted: list[Predicted | None] = [None] * min(len(order), max(TOLD_BY, n) - 1)
     for used in range(len(predicted) + 1, len(order) + 1):
-        some = order[:used]
-        predicted.append(predict(pixels, shown.only(some), slopes[some], joint_covariance(known_lights(some))))
-    lights = replace(lights_at(positions[order], middle), direction_sigma_deg=known_lights(order).direction_sigma_deg)
-    return lights, predicted
+        predicted.append(predict(pixels.b, shown.only(order[:used]), sigma, intensity or 0.0))
+    return replace(lights_at(positions[order], middle), direction_sigma_deg=sigma), predicted
 
 
 def next_flash(so_far: UnderWay, camera: Camera, lights: Lights) -> tuple[dict[str, Any], Array]:
@@ -166,8 +133,7 @@ def next_flash(so_far: UnderWay, camera: Camera, lights: Lights) -> tuple[dict[s
     assert then is not None
     is_near = lights.positions_mm is not None
     here = lights.reference_point_mm if is_near else so_far.pixels.middle_mm
-    assert planned.positions_mm is not None
-    row = lights_at(planned.positions_mm[-1:], here).facts()["frames"][0]
+    row = planned.seen_from(here).facts()["frames"][-1]
     told = {"zenith_deg": row["zenith_deg"], "azimuth_deg": row["azimuth_deg"]}
     distance = row["distance_mm"] if is_near else None
     return told | {"distance_mm": distance, "sigma_deg": float(np.median(then.sigma_deg))}, now.sigma_deg

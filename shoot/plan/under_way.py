@@ -35,27 +35,20 @@ class UnderWay(NamedTuple):
     Parameters
     ----------
     pixels : ObjectPixels
-    shown : ShownObject
-        What the flashes so far show of the pixels, as photographed.
-    places : (P, 2) int64
-        Their (u, v) in the photographs.
+    spheres : list of Sphere
     lights : Lights
         So far.
-    spheres : list of Sphere
+    shown : ShownObject or None
+        What the flashes so far show of the pixels, as photographed.
+    places : (P, 2) int64
+        The pixels' (u, v) in the photographs; () where there are none yet.
     """
 
     pixels: ObjectPixels
-    shown: ShownObject
-    places: NDArray[np.int64]
-    lights: Lights
     spheres: list[Sphere]
-
-    @classmethod
-    def begun(cls, pixels: ObjectPixels, spheres: list[Sphere]) -> "UnderWay":
-        """Return a shoot without a flash."""
-        count = len(pixels.points)
-        nothing = ShownObject(np.zeros((0, count, 3)), np.zeros((0, count)), np.zeros((0, count), bool))
-        return cls(pixels, nothing, np.zeros((0, 2), np.int64), Lights.unknown(()), spheres)
+    lights: Lights = Lights.unknown(())
+    shown: ShownObject | None = None
+    places: Any = ()
 
     @property
     def has_known_balls(self) -> bool:
@@ -163,4 +156,4 @@ def under_way(
         sensor = np.median(shown.noise[enough] / shade[enough])
         pixels = replace(pixels, scatter=float(np.sqrt(max(share**2 - sensor**2, 0))))
     noise = np.hypot(shown.noise, pixels.scatter * np.maximum(shade, 0))
-    return UnderWay(pixels, shown._replace(noise=noise, seen=seen), places, lights, spheres)
+    return UnderWay(pixels, spheres, lights, shown._replace(noise=noise, seen=seen), places)

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ from scene.errors import CalibrationError, SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from shoot.init.answers import Asking
-from shoot.init.prepare import drafted, with_diameters
+from shoot.init.prepare import diameters_of, drafted
 from shoot.plan.shoot_plan import TOLD_BY, next_flash
 from shoot.plan.under_way import under_way
 from shoot.watch.taken import Shot, sort_shots
@@ -175,17 +176,28 @@ class Shoot:
         if len(frames) >= max(FIRST, BALLS_AGAIN * self._balls_with):
             self._balls_with = len(frames)
             try:
-                found, _, _ = find_balls(frames, camera, [])
-                if len(found) >= len(self._balls):
-                    self._balls, told = self._with_diameters(found)
+                balls, _, _ = find_balls(frames, camera, [])
+                if len(balls) >= len(self._balls):
+                    # As `drafted` sorts them.
+                    self._balls = sorted(balls, key=lambda ball: (ball.sphere.kind, -ball.sphere.radius_px))
+                    known = diameters_of(self.balls or (), self._asking)
+                    self._balls = [
+                        replace(ball, sphere=replace(ball.sphere, diameter_mm=mm))
+                        for ball, mm in zip(self._balls, known, strict=True)
+                    ]
             except CalibrationError as error:
                 # Those that are known already stay.
                 told = [] if self._balls else [str(error)]
+            except SceneError as error:
+                told = [str(error)]
         while self._balls:
             seen = [i for i, name in enumerate(frames.names) if name not in self._unseen]
+            some = frames.only(seen) if len(seen) < len(frames) else frames
+            run = partial(lights_of_balls, some, balls=[replace(ball, frames=some) for ball in self._balls])
             try:
-                self._found = self._lights_of(frames, camera, seen)
-                return [*told, *self._found.warnings]
+                found = with_unknown_focal(run, camera) if camera.source == "assumed" else run(camera)
+                self._found = replace(found, camera=found.camera or camera)
+                return [*told, *found.warnings]
             except CalibrationError as error:
                 told.append(str(error))
                 lost = [frames.names[i] for i in seen if frames.names[i] in str(error)]
@@ -194,26 +206,6 @@ class Shoot:
                 if not 0 < len(lost) < len(seen):
                     break
         return told
-
-    def _lights_of(self, frames: Frames, camera: Camera, seen: list[int]) -> Calibration:
-        frames = frames.only(seen) if len(seen) < len(frames) else frames
-        balls = [replace(ball, frames=frames) for ball in self._balls]
-
-        def run(camera: Camera) -> Calibration:
-            return lights_of_balls(frames, camera, balls)
-
-        found = with_unknown_focal(run, camera) if camera.source == "assumed" else run(camera)
-        return replace(found, camera=found.camera or camera)
-
-    def _with_diameters(self, balls: Sequence[Ball]) -> tuple[list[Ball], list[str]]:
-        ordered = sorted(balls, key=lambda ball: (ball.sphere.kind, -ball.sphere.radius_px))
-        try:
-            known = with_diameters(drafted([ball.sphere for ball in ordered], self._step), self._asking)
-        except SceneError as error:
-            return ordered, [str(error)]
-        # `with_diameters` sorts by kind, and keeps the order within one, as this does.
-        pairs = zip(ordered, known, strict=True)
-        return [replace(a, sphere=replace(a.sphere, diameter_mm=b.diameter_mm)) for a, b in pairs], []
 
     def _look_at_normals(self, small: Frames) -> None:
         """Solve the object's normals, a few thousand of them, and find the flash that would help them most."""

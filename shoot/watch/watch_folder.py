@@ -12,11 +12,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from cyclopts import Parameter
-from cyclopts.validators import Number
 
 from capture.photographs.kept import kept_folder
 from capture.session.globs import kind_of
@@ -31,7 +29,7 @@ from scene.errors import SessionError
 from scene.files import write_json, write_png
 from scene.origin import Origin
 from scene.output_folder import open_record, record_for
-from shoot.init.answers import NOTHING, Answers, Asking
+from shoot.init.answers import Answers, Asking
 from shoot.init.draft import Draft, notes_of
 from shoot.init.init_session import check_free, check_layout, write_manifest, write_sheet
 from shoot.init.prepare import prepare
@@ -133,35 +131,16 @@ def whole_photographs(folder: Path) -> tuple[Path, ...]:
 
 
 def watch_folder(
-    folder: Path,
-    /,
-    *,
-    out: Annotated[Path | None, Parameter(alias="-o")] = None,
-    until_idle: Annotated[float | None, Parameter(validator=Number(gt=0, lt=1e7))] = None,
-    wanted_deg: Annotated[float, Parameter(validator=Number(gt=0, lt=90))] = 1.0,
-    told: Answers = NOTHING,
+    folder: Path, *, out: Path | None, until_idle: float | None, told: Answers, wanted_deg: float = 1.0
 ) -> None:
     """Watch a folder until it is ended, or no photograph has come for a while; then write its session, and decode it.
 
     Ctrl-C ends it, and SIGTERM, as services send it; another one costs nothing until session.toml is written.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder that the camera's program writes into.
-    out : Path, optional
-        Output folder. Default: out/NAME, by the folder's name.
-    until_idle : float, optional
-        The shoot ends after so many seconds without a new photograph. Default: it ends by Ctrl-C.
-    wanted_deg : float
-        Sigma of the normals that is good enough, degrees.
-    told : Answers
+    For its parameters see `shoot.shoot_commands.watch`.
 
-    Raises
-    ------
-    SceneError
-        The folder is not there, it has a session.toml of another's, `out` lies in it or is another's; in the end too
-        few photographs make no session.
+    Raises SceneError: the folder is not there, it has a session.toml of another's, `out` lies in it or is another's; in
+    the end too few photographs make no session.
     """
     folder = folder.resolve()
     if not folder.is_dir():
@@ -262,23 +241,21 @@ def _draft_of(folder: Path, shoot: Shoot, answers: Answers, taken: Taken) -> Dra
 
     Raises SessionError: too few photographs show the flash.
     """
-    flash, ambient = ([shot for shot in shoot.roles[role] if shot.path.is_file()] for role in ("flash", "ambient"))
-    if len(flash) < FEWEST:
+    used = {shot.path for some in shoot.roles.values() for shot in some if shot.path.is_file()}
+    count = sum(shot.path in used for shot in shoot.flash)
+    if count < FEWEST:
         raise SessionError(
-            f"{folder}: {len(flash)} photographs show the flash; a session needs {FEWEST} or more, and none was "
+            f"{folder}: {count} photographs show the flash; a session needs {FEWEST} or more, and none was "
             "written. Shoot more, and run the same command again: what was taken is kept."
         )
-    frames = {shot.digest for shot in (*flash, *ambient)}
-    left_out = {taken.shots[digest].path: text for digest, text in shoot.left_out.items() if digest not in frames}
-    counted = {shot.path for shot in taken.shots.values()}
+    shots = taken.shots.values()
+    lost = {one.name: shoot.left_out.get(one.digest) for one in shots if one.path not in used}
     # Files that were never read must have no say in which of two kinds is kept.
-    files = sorted_files([path for path in files_below(folder) if kind_of(path) is None or path in counted], folder)
-    named = {role: [path for path in some if path not in left_out] for role, some in files.by_role.items()}
-    files, small = replace(files, by_role=named), [shot.small for shot in taken.shots.values()]
+    files = sorted_files([path for path in files_below(folder) if kind_of(path) is None or path in used], folder)
 
     def prepared(answers: Answers) -> Draft:
-        draft = prepare(files, Asking(answers, silent=True), small, shoot.balls)
-        return draft.noting(*(f"{path.name}: {text}" for path, text in left_out.items()), *taken.unreadable)
+        draft = prepare(files, Asking(answers, silent=True), [one.small for one in shots], shoot.balls)
+        return draft.noting(*(f"{name}: {text}" for name, text in lost.items() if text), *taken.unreadable)
 
     try:
         return prepared(answers)

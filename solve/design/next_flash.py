@@ -36,8 +36,7 @@ def gains(b: Array, covariances: Array, vectors: Array, noise: Array, seen: NDAr
     vectors : (C, P, 3) float
         The candidates' light vectors at the pixels.
     noise : (C, P) float
-        Standard deviation of each sample; with sqrt(noise^2 + slopes . covariance . slopes) also the error of a
-        light's own calibration counts, see `normal_information.lights_covariance`.
+        Standard deviation of each sample.
     seen : (C, P) bool
         False in shadow or in a highlight.
 

@@ -63,32 +63,6 @@ def noise_covariance(pulls: Array, noise: Array) -> Array:
     return np.einsum("fpi,fpj->pij", scaled, scaled)
 
 
-def lights_covariance(pulls: Array, slopes: Array, covariance: Array) -> Array:
-    """Return the covariance of b by errors of the lights: directions, positions, intensities.
-
-    Parameters
-    ----------
-    pulls : (F, P, 3) float
-    slopes : (F, P, K) float
-        What a sample of each pixel changes by with each of the light's K numbers: b . d(vector) / d(number).
-    covariance : (F, K, F, K) float
-        Of the numbers of all lights together. Balls, camera and diameters move all lights alike, and more flashes do
-        not average that away.
-
-    Returns
-    -------
-    covariance : (P, 3, 3) float64
-
-    Notes
-    -----
-    To first order db = -J^-1 sum_f w_f v_f (b . dv_f): each light's error acts as one of its sample.
-    """
-    flashes, pixels, count = slopes.shape
-    change = np.einsum("fpi,fpk->pifk", pulls, slopes).reshape(pixels, 3, flashes * count)
-    together = covariance.reshape(flashes * count, -1)
-    return (change.reshape(-1, flashes * count) @ together).reshape(change.shape) @ change.swapaxes(1, 2)
-
-
 def sigma_of_normals(b: Array, covariance: Array) -> Array:
     """Return the standard deviation of the normals, degrees along one tangent axis.
 

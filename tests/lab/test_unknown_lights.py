@@ -19,6 +19,7 @@ from scene.errors import CalibrationError, SceneError
 from scene.method_names import UNCALIBRATED
 from scene.normals import angular_error_deg, unit
 from scene.store import Store
+from tests.lab.test_foreign_files import make_session
 
 SIZE, COUNT = 120, 14
 
@@ -113,6 +114,19 @@ def test_which_methods_run_under_which_lights(model, asked, expected):
             _ = job.methods
     else:
         assert job.methods == expected
+
+
+def test_given_normals_alone_leave_the_lights_unknown_and_it_is_said(tmp_path, run_rgbn):
+    make_session(tmp_path / "pear")
+    np.save(tmp_path / "pear" / "normals.npy", np.broadcast_to(np.float32([0, 0, 1]), (24, 32, 3)))
+    text = (tmp_path / "pear" / "session.toml").read_text().replace('[lights]\nfile = "known/lights.lp"\n', "")
+    (tmp_path / "pear" / "session.toml").write_text(f'{text}normals = "normals.npy"\n')
+    code, printed, said = run_rgbn("calibrate", tmp_path / "pear", "--out", tmp_path / "out", "--json")
+    assert code == 0, said
+    assert "no probe tells the lights" in " ".join(row["text"] for row in json.loads(printed)["warnings"])
+    code, _, said = run_rgbn("solve", tmp_path / "pear", "--out", tmp_path / "out", "--method", "ls")
+    assert code == 2
+    assert "--method ldr,entropy,tv" in said
 
 
 def test_lights_that_are_known_in_part_are_a_fault_of_the_file(tmp_path):

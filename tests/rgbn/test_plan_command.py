@@ -32,13 +32,8 @@ def box(path):
         ("session", [], "matches no file"),
         (None, ["--size-mm", "-1"], "--size-mm. Must be > 0"),
         (None, ["--albedo", "2"], "--albedo. Must be <= 1"),
-        (None, ["--iso", "0"], "--iso. Must be > 0"),
-        (None, ["--size-mm", "20", "--distance-mm", "10"], "--distance-mm 10: the object reaches 10 mm"),
-        (
-            None,
-            ["--size-mm", "5", "--distance-mm", "6", "--ball-mm", "20"],
-            "balls: one of 20 mm, on the table 8.5 mm from the camera, would reach it. Take smaller balls",
-        ),
+        (None, ["--size-mm", "5", "--ball-mm", "20"], "no room in the picture for four of 20 mm. Take smaller ones"),
+        (None, ["--size-mm", "5", "--ball-mm", "200"], "no room in the picture for four of 200 mm"),
         (
             None,
             ["--flash-mm", "1e6", "--ball-mm", "0.1", "--focal-mm", "1", "--sensor-mm", "1000"],

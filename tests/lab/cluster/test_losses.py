@@ -3,9 +3,10 @@
 import signal
 import time
 
+import numpy as np
 import pytest
 
-from lab.cluster import executor_of
+from lab.cluster import LARGE, executor_of
 from scene.errors import ClusterError
 
 DIES = """
@@ -87,7 +88,8 @@ def test_a_unit_that_fails_or_is_cancelled_costs_the_others_nothing(cluster, tmp
     cluster.start_scheduler()
     cluster.start_worker()
     shared = tmp_path / ".rgbn" / "cluster"
-    with executor_of(cluster.address, shared) as executor:
+    with executor_of(cluster.address, tmp_path) as executor:
+        assert executor.submit(np.sum, np.ones(LARGE)).result() == LARGE
         assert shared.is_dir()
         units = [executor.submit(time.sleep, 0.5), executor.submit(int, "x"), executor.submit(time.sleep, 60)]
         assert units[2].cancel()

@@ -43,16 +43,8 @@ class Scales(ThreadPoolExecutor):
 
 
 @pytest.fixture
-def shared(tmp_path):
-    """The folder of a run in an output folder."""
-    folder = tmp_path / "out" / ".rgbn" / "cluster"
-    folder.mkdir(parents=True)
-    return folder
-
-
-@pytest.fixture
-def executor(shared):
-    with Scales(shared) as scales:
+def executor(tmp_path):
+    with Scales(tmp_path) as scales:
         yield scales
 
 
@@ -84,8 +76,8 @@ def test_units_of_every_step_are_small_and_give_the_same(session, executor, tmp_
 
 
 @pytest.mark.parametrize("is_shared", [False, True])
-def test_what_is_packed_comes_out_the_same(shared, tmp_path, is_shared):
-    folder = shared if is_shared else None
+def test_what_is_packed_comes_out_the_same(tmp_path, is_shared):
+    folder = tmp_path / "out" if is_shared else None
     stored = tmp_path / "map.npy"
     np.save(stored, np.arange(3 * LARGE).reshape(3, -1))
     values = {

@@ -124,8 +124,8 @@ def test_circles_are_written_where_it_is_known_which_ball_has_which_diameter(dra
     ],
 )
 def test_what_is_missing_is_said_until_it_is_there(draft, lacking, said):
-    assert (notes_of(draft), draft.manifest.object.scan_unit) == (("left out: x.",), "mm")
-    found = notes_of(lacking(draft))
+    assert (list(notes_of(draft)), draft.manifest.object.scan_unit) == (["left out: x."], "mm")
+    found = list(notes_of(lacking(draft)))
     assert any(said in note for note in found)
     assert "left out: x." in found
 

@@ -27,7 +27,7 @@ CAMERA = lens_camera(50.0, 36.0, (600, 400))
 
 def ball():
     sphere = built_in("sphere")
-    return before_camera(Mesh(50.0 * sphere.vertices, sphere.faces), CAMERA, None)[0]
+    return before_camera(Mesh(50.0 * sphere.vertices, sphere.faces), CAMERA)
 
 
 @pytest.mark.parametrize(
@@ -40,8 +40,8 @@ def test_the_scan_is_turned_and_not_mirrored(seen_from, right, up):
     toward = axes[seen_from.lstrip("+")]
     box = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
     marks = np.stack([axes[right], axes[up], toward])
-    placed, _ = before_camera(Mesh(np.concatenate([box, marks]), np.zeros((0, 3), int)), CAMERA, 500.0, seen_from)
-    found = placed.vertices[-3:] - [0, 0, -500]
+    placed = before_camera(Mesh(np.concatenate([box, marks]), np.zeros((0, 3), int)), CAMERA, seen_from)
+    found = placed.vertices[-3:] - placed.center_mm
     assert found == pytest.approx(np.eye(3), abs=1e-12)
 
 

@@ -8,14 +8,7 @@ import pytest
 from fixtures.lit_surfaces import even_cap, spiral
 from scene.normals import angular_error_deg, unit
 from solve.design.next_flash import choose_flashes, exchange_flashes, gains, known_before, with_flash
-from solve.design.normal_information import (
-    information,
-    inverted,
-    lights_covariance,
-    noise_covariance,
-    pulls,
-    sigma_of_normals,
-)
+from solve.design.normal_information import information, inverted, noise_covariance, pulls, sigma_of_normals
 
 NOISE = 0.01
 
@@ -59,22 +52,6 @@ def test_sigma_is_that_of_least_squares_with_any_weights_by_monte_carlo():
     best = noise_covariance(pulls(vectors, 1 / noise**2), noise)
     assert best == pytest.approx(inverted(information(vectors, noise)))
     assert sigma_of_normals(b, best)[0] < predicted[0]
-
-
-def test_errors_that_lights_share_do_not_average_away():
-    """One turn of all lights turns the normal by as much; the same size, each light for itself, is less with more."""
-    count, turn = 50, np.radians(0.5)
-    vectors = ring(count, 45)
-    b = np.array([[0.0, 0.0, 0.8]])
-    pull = pulls(vectors, np.ones((count, 1)))
-    # Numbers: rotations about x and y. dv = w x v.
-    slopes = np.stack([np.cross(axis, vectors) @ b[0] for axis in np.eye(3)[:2]], -1)
-    together = np.einsum("kl,fg->fkgl", np.eye(2), np.ones((count, count))) * turn**2
-    apart = np.zeros((count, 2, count, 2))
-    apart[np.arange(count), :, np.arange(count)] = turn**2 * np.eye(2)
-    shared = sigma_of_normals(b, lights_covariance(pull, slopes, together))
-    assert shared == pytest.approx(0.5)
-    assert sigma_of_normals(b, lights_covariance(pull, slopes, apart)) < 0.21 * shared
 
 
 def score(b, covariances):
