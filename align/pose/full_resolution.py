@@ -25,10 +25,10 @@ EDGE_BIAS_PX, EDGE_DOUBT_PX = 0.05, 0.1
 UNMODELLED = 8.0
 """The pose's variance is so many times what the residuals' scatter tells: what all patches share (the lights' errors,
 the smoothed normals' own) is not in it. Measured on virtual sessions of known pose."""
-CHECKED = 6.0
-"""The shading counts for at most so many times what the outline does. What is wrong with a material's law is wrong in
-all samples alike: their scatter does not tell it, only the outline can. Without this bound the true poses of bronzes
-lay ten times as far off as was stated."""
+CHECKED = 0.04
+"""Share of the brightness that the shading's residuals are where it counts as much as the outline does; it counts at most
+in proportion. What is wrong with a material's law, or with the lights, is wrong in all samples alike: their scatter does
+not tell it, only the outline can. Without this bound bronzes lay ten times as far off as was stated."""
 LOOKED = 2000
 """Pixels, about, that tell the appearance: its numbers are few."""
 MASK_PX = 1.0
@@ -197,7 +197,7 @@ class FinalEvidence:
         # Where outline and shading contradict each other the shading's model is at fault: lights, bounced light, metal.
         outline = matrices[0] + matrices[2], slopes[0] + slopes[2]
         contradiction = disagreement(outline, (matrices[1], slopes[1]))
-        doubt = max(contradiction, weights[1] / (CHECKED * max(weights[0], 1.0)))
+        doubt = max(contradiction, self.shading_sigma / CHECKED * weights[1] / max(weights[0], 1.0))
         weights[1] /= doubt
         total = max(sum(weights), 1e-12)
         information = outline[0] + matrices[1] / doubt

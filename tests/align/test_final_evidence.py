@@ -19,8 +19,9 @@ def test_what_can_check_the_shading_bounds_what_it_counts_for(world, seen):
     """By the number of its samples it counted for a hundred times the outline, and bronzes were ten times too sure."""
     here = FinalEvidence(seen, world.pose, 6.0)
     outline, shading, _ = here.weighed.weights
-    assert shading <= CHECKED * outline * (1 + 1e-9)
-    assert len(here.shading(world.pose).residuals) > 2 * CHECKED * len(here.edges.pixels)
+    most = CHECKED / here.shading_sigma
+    assert shading <= most * outline * (1 + 1e-9)
+    assert len(here.shading(world.pose).residuals) > 2 * most * len(here.edges.pixels)
 
 
 def test_edges_that_lie_where_they_may_not_widen_the_doubt(world, seen):
