@@ -104,9 +104,8 @@ class Neighbours:
         def work(first: int) -> None:
             part = slice(first, first + CHUNK)
             some, own = chosen[part], Fits(*(array[part] for array in fits))
-            fit_normals(
-                some, step * self.spacing_mm[some], self.graph, _NONE if heights is None else heights, start, own
-            )
+            known = _NONE if heights is None else heights
+            fit_normals(some, step * self.spacing_mm[some], self.graph, known, looking_along(start[some]), own)
 
         fan_out(work, range(0, len(chosen), CHUNK))
         return fits
