@@ -14,8 +14,9 @@ TERMS = 10
 """Of a cubic of two variables."""
 MOST = 1024
 """Vertices of one neighbourhood; more are not gathered."""
-RIDGE = 1e-9
-"""Of the mean diagonal of the equations: a slope that the neighbours do not tell has a huge variance."""
+RIDGE, LOUD = 1e-9, 1e3
+"""What is added to the equations' diagonal, a neighbour; and the slope's variance times the neighbours, from which on
+they lie too badly for a fit: it is below 20 where they are even."""
 
 
 class Graph(NamedTuple):
@@ -33,7 +34,7 @@ class Fits(NamedTuple):
     normals: NDArray[np.float64]
     """(K, 3) unit; as at the start where not fitted."""
     variance: NDArray[np.float64]
-    """(K,), radians squared for noise of 1 mm; infinite where there are too few neighbours."""
+    """(K,), radians squared for noise of 1 mm; infinite where too few neighbours determine the fit."""
     rough: NDArray[np.float64]
     """(K,), mm^2: the mean squared residual; infinite where not fitted."""
 
@@ -97,6 +98,8 @@ def fit_normals(chosen, radii, graph, heights, frames, fits):  # pragma: no cove
         for m in range(TERMS):
             square[m, m] += RIDGE * count
         inverse, right = np.linalg.inv(square[:TERMS, :TERMS]), square[TERMS, :TERMS]
+        if (inverse[1, 1] + inverse[2, 2]) * count > LOUD:
+            continue
         solution = inverse @ right
         u, v = solution[1], solution[2]
         # The normal of a surface of these slopes over the frame.
