@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.full_resolution import FinalEvidence
-from align.pose.motion import looking_along, robust_sigma
+from align.pose.motion import looking_along
 from scene.lights import Lights
 from scene.normals import unit
+from scene.robust import spread
 
 Array = NDArray[np.float64]
 SECTORS = 8
@@ -105,7 +106,7 @@ class _Pixels:
         m, residuals, sigma = albedo[:, None] * normals, np.where(used, values - albedo * b, 0.0), 0.0
         weight, prior = used.astype(np.float64), across
         for _ in range(REWEIGHTED):
-            sigma = max(robust_sigma(residuals[used]), LEAST_SIGMA)
+            sigma = max(spread(residuals[used]), LEAST_SIGMA)
             weight = used / (1 + (residuals / (UNIT * sigma)) ** 2) ** 2 / sigma**2
             albedo = np.maximum(np.einsum("pk,pk->p", m, normals), 0.05)
             prior = across / (doubt * albedo)[:, None, None] ** 2

@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.motion import looking_along, robust_sigma
+from align.pose.motion import looking_along
 from scene.normals import unit
+from scene.robust import spread
 
 Array = NDArray[np.float64]
 
@@ -103,7 +104,7 @@ class Appearance:
             wanted = np.linalg.solve(root, pull[:own] - square[:own, own:] @ taken[:, own])
             before, material = material, nnls(root.T, root.T @ material + wanted)[0]
             around = around + (taken[:, own] - taken[:, :own] @ (material - before)).reshape(count, 4)
-            loss = float(np.clip(SIGMAS * robust_sigma(left[used]), LEAST_LOSS, loss))
+            loss = float(np.clip(SIGMAS * spread(left[used]), LEAST_LOSS, loss))
         return cls(material, around, loss)
 
     def predict(self, lit: Lit, normals: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.appearance import Appearance, Lit
-from align.pose.motion import Term, apart_px, disagreement, image_flow, robust_sigma, settle, small_steps
+from align.pose.motion import Term, apart_px, disagreement, image_flow, settle, small_steps
 from align.pose.outline_edges import EdgePictures, OutlineEdges
 from align.pose.photographed import Photographs, longer_side, shading_tells
 from align.pose.scan_view import Outline, View, probe_rays, sample, signed_distance
@@ -17,6 +17,7 @@ from scene.camera import Camera
 from scene.lights import Lights
 from scene.pose import Pose
 from scene.rays import RayCaster
+from scene.robust import spread
 
 Array = NDArray[np.float64]
 
@@ -186,7 +187,7 @@ class FinalEvidence:
     def shading_sigma(self) -> float:
         """Robust standard deviation of the shading's residuals, relative to the pixel's brightness."""
         residuals = explain(self.seen.samples, self.used, self.surface[1], self.lit, self.look).residuals
-        return max(robust_sigma(residuals[self.used]), 0.005)
+        return max(spread(residuals[self.used]), 0.005) if self.used.any() else np.inf
 
     @cached_property
     def weighed(self) -> Weighed:

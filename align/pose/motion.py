@@ -16,6 +16,7 @@ from scene.light_layouts import GOLDEN_ANGLE, directions_of
 from scene.mesh import Mesh
 from scene.normals import unit
 from scene.pose import Pose
+from scene.robust import cluster_sums
 
 Array = NDArray[np.float64]
 
@@ -127,8 +128,7 @@ class Term:
         sigma = 1 / 3
         weighted = self.jacobian * (self.pull / sigma**2)[:, None]
         hessian = weighted.T @ self.jacobian
-        _, block = np.unique(self.blocks, return_inverse=True)
-        pulls = np.stack([np.bincount(block, column * self.residuals) for column in weighted.T], -1)
+        pulls = cluster_sums(weighted * self.residuals[:, None], self.blocks)
         slope = pulls.sum(0)
         pulls = pulls - pulls.sum(0) / max(len(pulls), 1)
         hessian, scatter = (m * units * units[:, None] for m in (hessian, pulls.T @ pulls))
@@ -175,8 +175,3 @@ def disagreement(one: tuple[Array, Array], two: tuple[Array, Array]) -> float:
     gap = covariances[0] @ one[1] - covariances[1] @ two[1]
     inverse = np.linalg.pinv(covariances[0] + covariances[1], rcond=1e-9, hermitian=True)
     return float(max(1.0, gap @ inverse @ gap / max(np.linalg.matrix_rank(inverse), 1)))
-
-
-def robust_sigma(residuals: NDArray) -> float:
-    """Return the standard deviation of the inliers: 1.4826 times the median magnitude."""
-    return float(1.4826 * np.median(np.abs(residuals))) if residuals.size else np.inf

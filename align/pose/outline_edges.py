@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.appearance import Appearance, Lit
-from align.pose.motion import robust_sigma
 from align.pose.photographed import Photographs, box_of
 from align.pose.scan_view import Outline, View, sample
 from scene.lights import Lights
+from scene.robust import spread
 
 Array = NDArray[np.float64]
 
@@ -169,7 +169,7 @@ class OutlineEdges:
             return cls(on_scan, pixels, outward, 0.0, np.inf, np.inf, np.inf)
         bias = -float(np.median(offset))
         beside = offset + bias
-        sigma = max(robust_sigma(beside), 0.05)
+        sigma = max(spread(beside), 0.05)
         residual = float(np.sqrt(np.mean(beside[np.abs(beside) < 3 * sigma] ** 2)))
         return cls(on_scan, pixels, outward, bias, float(np.median(np.abs(offset))), sigma, residual)
 

@@ -16,6 +16,7 @@ from align.pose.shading import cosines, explain
 from align.pose.start import find_starts
 from scene.pose import Pose
 from scene.rays import RayCaster
+from scene.robust import spread
 
 Array = NDArray[np.float64]
 
@@ -205,5 +206,5 @@ def compare_poses(one: FinalEvidence, two: FinalEvidence) -> float:
     holes = [~np.isfinite(cost) for cost in (first, second)]
     difference = np.where(holes[0] | holes[1], HIDDEN * (holes[1] * 1.0 - holes[0]), second - first)
     sums = np.bincount(block, difference)
-    spread = 1.4826 * float(np.median(np.abs(sums - np.median(sums)))) * np.sqrt(len(sums)) / len(difference)
-    return (float(difference.mean()) + outside[1] - outside[0]) / float(np.hypot(spread, CHANCE))
+    scatter = spread(sums - np.median(sums)) * np.sqrt(len(sums)) / len(difference)
+    return (float(difference.mean()) + outside[1] - outside[0]) / float(np.hypot(scatter, CHANCE))

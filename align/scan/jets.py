@@ -14,6 +14,9 @@ TERMS = 10
 """Of a cubic of two variables."""
 MOST = 1024
 """Vertices of one neighbourhood; more are not gathered."""
+RIDGE, LOUD = 1e-9, 1e3
+"""What is added to the equations' diagonal, a neighbour; and the slope's variance times the neighbours, from which on
+they lie too badly for a fit: it is below 20 where they are even."""
 
 
 class Graph(NamedTuple):
@@ -64,85 +67,43 @@ def gather(i, radius, graph, stamp, found):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def tangents(normal, frame):  # pragma: no cover
-    """Fill `frame` (3, 3) with two tangents and the normal, as rows; the turn about the normal is arbitrary."""
-    x, y, z = normal
-    side = 1.0 if z >= 0 else -1.0
-    a = -1 / (side + z)
-    frame[0, 0], frame[0, 1], frame[0, 2] = 1 + side * x * x * a, side * x * y * a, -side * x
-    frame[1, 0], frame[1, 1], frame[1, 2] = x * y * a, side + y * y * a, -y
-    frame[2, 0], frame[2, 1], frame[2, 2] = x, y, z
-
-
-@numba.njit(nogil=True, cache=True)
-def accumulate(found, radius, vertices, heights, frame, rows, work):  # pragma: no cover
-    """Sum the normal equations of a neighbourhood (about its first vertex) into `work`.
-
-    rows : (N, 11), filled: of each neighbour the monomials of its place x, y in the tangent plane, and its height z.
-    work : (13, 11): the rows' products, and the slopes' unit vectors (11, 12). Lengths are in radii. Where `heights`
-    (V,) are given, they stand in for the surface's own. All neighbours weigh the same: of all weights in the same
-    circle these leave the least noise in the slope.
-    """
-    for n, j in enumerate(found):
-        x = y = z = 0.0
-        for axis in range(3):
-            away = (vertices[j, axis] - vertices[found[0], axis]) / radius
-            x += away * frame[0, axis]
-            y += away * frame[1, axis]
-            z += away * frame[2, axis]
-        if len(heights):
-            z = heights[j] / radius
-        for m, value in enumerate((1.0, x, y, x * x, x * y, y * y, x * x * x, x * x * y, x * y * y, y * y * y, z)):
-            rows[n, m] = value
-    work[: TERMS + 1] = rows.T @ rows
-    work[TERMS + 1 :] = 0.0
-    work[11, 1] = work[12, 2] = 1.0
-
-
-@numba.njit(nogil=True, cache=True)
-def factor(work, ridge):  # pragma: no cover
-    """Replace the normal matrix M = L L^T by L, and each row r below M by r L^-T.
-
-    The dot product of two such rows is r M^-1 s. Return whether M is regular.
-    """
-    for b in range(TERMS):
-        for a in range(b, len(work)):
-            value = work[a, b]
-            for c in range(b):
-                value -= work[a, c] * work[b, c]
-            if a > b:
-                work[a, b] = value / work[b, b]
-            elif value < ridge:
-                return False
-            else:
-                work[b, b] = np.sqrt(value)
-    return True
-
-
-@numba.njit(nogil=True, cache=True)
-def fit_normals(chosen, radii, graph, heights, start, fits):  # pragma: no cover
+def fit_normals(chosen, radii, graph, heights, frames, fits):  # pragma: no cover
     """Fit around the vertices `chosen` (K,), with one radius each (K,), and fill `fits`.
 
-    `start` (V, 3) are the normals over whose planes heights are measured; `heights`: see `accumulate`.
+    `frames` (K, 3, 3): two tangents and the normal as rows, over whose plane heights are measured. Where `heights` (V,)
+    are given, they stand in for the surface's own. Lengths are in radii. All neighbours weigh the same: of all weights
+    in the same circle these leave the least noise in the slope.
     """
     normals, variance, rough = fits
     stamp = np.full(len(graph.vertices), -1, np.int64)
-    found = np.zeros(MOST, np.int64)
-    frame, rows, work = np.zeros((3, 3)), np.zeros((MOST, TERMS + 1)), np.zeros((13, TERMS + 1))
+    found, rows = np.zeros(MOST, np.int64), np.zeros((MOST, TERMS + 1))
     for k in range(len(chosen)):
-        i, radius = chosen[k], radii[k]
-        variance[k] = np.inf
-        rough[k] = np.inf
-        normals[k] = start[i]
+        i, radius, frame = chosen[k], radii[k], frames[k]
+        normals[k], variance[k], rough[k] = frame[2], np.inf, np.inf
         count = gather(i, radius, graph, stamp, found)
-        tangents(start[i], frame)
-        accumulate(found[:count], radius, graph.vertices, heights, frame, rows[:count], work)
-        if count < TERMS + 2 or not factor(work, 1e-6 * count):
+        if count < TERMS + 2:
             continue
-        right, along, across = work[10, :TERMS], work[11, :TERMS], work[12, :TERMS]
-        u, v = (along * right).sum(), (across * right).sum()
+        for n, j in enumerate(found[:count]):
+            x = y = z = 0.0
+            for axis in range(3):
+                away = (graph.vertices[j, axis] - graph.vertices[i, axis]) / radius
+                x += away * frame[0, axis]
+                y += away * frame[1, axis]
+                z += away * frame[2, axis]
+            if len(heights):
+                z = heights[j] / radius
+            for m, value in enumerate((1.0, x, y, x * x, x * y, y * y, x * x * x, x * x * y, x * y * y, y * y * y, z)):
+                rows[n, m] = value
+        square = rows[:count].T @ rows[:count]
+        for m in range(TERMS):
+            square[m, m] += RIDGE * count
+        inverse, right = np.linalg.inv(square[:TERMS, :TERMS]), square[TERMS, :TERMS]
+        if (inverse[1, 1] + inverse[2, 2]) * count > LOUD:
+            continue
+        solution = inverse @ right
+        u, v = solution[1], solution[2]
         # The normal of a surface of these slopes over the frame.
         steep = 1.0 + u * u + v * v
         normals[k] = (frame[2] - u * frame[0] - v * frame[1]) / np.sqrt(steep)
-        variance[k] = ((along * along).sum() + (across * across).sum()) / (radius * steep) ** 2
-        rough[k] = max(work[10, 10] - (right * right).sum(), 0.0) * radius * radius / count
+        variance[k] = (inverse[1, 1] + inverse[2, 2]) / (radius * steep) ** 2
+        rough[k] = max(square[TERMS, TERMS] - solution @ right, 0.0) * radius * radius / count

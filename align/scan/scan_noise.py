@@ -29,8 +29,6 @@ ROUNDING = 1e-7
 GROWTH = np.geomspace(3.0, 16.0, 12)
 """From step to step a surface's own residuals squared grow by so much: r^8 = 16 if smooth, less if rough."""
 PREFERENCE = 0.7
-SHAKEN = 8
-"""How often the mesh is shaken: the mean square is then known to a third, before it is smoothed."""
 CHUNK = 1 << 14
 _NONE = np.zeros(0)
 
@@ -104,9 +102,8 @@ class Neighbours:
         def work(first: int) -> None:
             part = slice(first, first + CHUNK)
             some, own = chosen[part], Fits(*(array[part] for array in fits))
-            fit_normals(
-                some, step * self.spacing_mm[some], self.graph, _NONE if heights is None else heights, start, own
-            )
+            known = _NONE if heights is None else heights
+            fit_normals(some, step * self.spacing_mm[some], self.graph, known, looking_along(start[some]), own)
 
         fan_out(work, range(0, len(chosen), CHUNK))
         return fits
@@ -185,17 +182,3 @@ def _unmix(own: Array, left: Array) -> tuple[float, int]:
 def _quantile(rough: Array) -> float:
     known = rough[np.isfinite(rough)]
     return float(np.quantile(known, SMOOTHEST)) if len(known) else 0.0
-
-
-def shaken_normals(mesh: Mesh, near: Neighbours, sigma_mm: float) -> Array:
-    """Return (V,) the variance, radians squared, of the mesh's own vertex normals under white noise along them.
-
-    Where faces are large, noise hardly turns them: a decimated scan has large faces where it is flat, and there the
-    mean of the faces is better than any fit over the few, far neighbours. The mesh is shaken and looked at.
-    """
-    generator, square = np.random.default_rng(0), np.zeros(len(mesh.vertices))
-    for _ in range(SHAKEN):
-        height = sigma_mm * generator.standard_normal((len(square), 1))
-        turned = Mesh(mesh.vertices + height * mesh.vertex_normals, mesh.faces).vertex_normals
-        square += ((turned - mesh.vertex_normals) ** 2).sum(1)
-    return near.smooth(square / SHAKEN, 1)

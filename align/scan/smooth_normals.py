@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.scan.creases import cross_creases
-from align.scan.scan_noise import STEPS, Neighbours, ScanNoise, scan_noise, shaken_normals
+from align.scan.scan_noise import STEPS, Neighbours, ScanNoise, scan_noise
 from scene.mesh import Mesh
 
 Array = NDArray[np.float64]
@@ -34,8 +34,6 @@ SHAPE = 10.0
 """Shape that a fit does not follow turns its normal by more than noise of the same size, in variance."""
 SUSPECT_DEG = 4.0
 """Where normals are less sure than this, or bend so much within a ring, a crease is looked for."""
-LOUD = 5.0
-"""A fit whose neighbours lie so badly that noise turns it by this times the usual variance is none."""
 EXPLAINED = 0.1
 
 
@@ -52,7 +50,8 @@ def smooth_normals(mesh: Mesh) -> tuple[Array, Array]:
     """
     near = Neighbours.of(mesh)
     noise = scan_noise(mesh, near)
-    shaken = shaken_normals(mesh, near, noise.sigma_mm)
+    # Noise hardly turns large faces: a decimated scan has large ones where it is flat.
+    shaken = (noise.sigma_mm / near.spacing_mm) ** 2
     everywhere = np.ones(len(mesh.vertices), bool)
     normals, sigma, misfit = _adapt(near, noise, mesh.vertex_normals, shaken, everywhere)
     bend = near.bend(normals)
@@ -89,9 +88,7 @@ def _adapt(
         chosen = np.flatnonzero(active)
         fitted, unit, rough = near.fit(start, chosen, STEPS[level])
         unit = unit * noise.excess[level]
-        # A neighbourhood in a bad order says little, and says it loudly.
         known = np.isfinite(unit)
-        known &= unit < LOUD * np.median(unit[known]) if known.any() else False
         beyond = rough[known] / noise.rest[level] - noise.sigma_mm**2
         return chosen[known], fitted[known], unit[known] * noise.sigma_mm**2, unit[known] * beyond
 

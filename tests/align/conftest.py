@@ -7,6 +7,7 @@ import pytest
 
 from align.pose.photographed import Photographs
 from align.pose.scan_view import View
+from fixtures.mesh_scene import random_rotation
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -48,12 +49,6 @@ def bumpy_mesh(seed: int, *, subdivisions: int = 5, radius_mm: float = 50.0) -> 
         width = generator.uniform(0.2, 0.6)
         reach += generator.uniform(-0.2, 0.45) * np.exp((directions @ toward - 1) / width**2)
     return Mesh(radius_mm * directions * reach[:, None], np.array(sphere.faces, np.int64))
-
-
-def random_rotation(generator: np.random.Generator) -> np.ndarray:
-    q, r = np.linalg.qr(generator.standard_normal((3, 3)))
-    q *= np.sign(np.diag(r))
-    return q * np.linalg.det(q)
 
 
 def ring_lights(middle: np.ndarray, *, count: int = 10, away: float = 1.0) -> Lights:

@@ -11,11 +11,12 @@ from align.pose.full_resolution import FinalEvidence, ObservedObject
 from align.pose.register import register
 from align.pose.scan_scale import scaled_pose
 from align.pose.scan_view import View
+from fixtures.mesh_scene import random_rotation
 from scene.camera import Camera
 from scene.mesh import Mesh
 from scene.rays import RayCaster
 from scene.spheres import Sphere
-from tests.align.conftest import bumpy_mesh, make_world, random_rotation
+from tests.align.conftest import bumpy_mesh, make_world
 
 RADIUS_MM = 12.0
 

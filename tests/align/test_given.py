@@ -25,6 +25,7 @@ def write(folder, normals, kind):
     import h5py
     import scipy.io
 
+    folder.mkdir(exist_ok=True)
     path = folder / f"{kind.replace(' ', '_')}.{kind.split()[0]}"
     if kind == "mat 5":
         scipy.io.savemat(path, {"Normal_gt": normals, "mask": np.ones((HEIGHT, WIDTH))})
@@ -55,24 +56,20 @@ def test_every_format_gives_the_same_map(tmp_path, dome, kind):
 
 
 def test_faults_are_named(tmp_path, dome):
-    with pytest.raises(AlignError, match="expected 5 x 5 x 3"):
-        read_normals(write(tmp_path, dome, "npy"), 5, 5)
-    with pytest.raises(AlignError, match="rows"):
-        read_normals(write(tmp_path, dome, "txt"), 5, 5)
-    with pytest.raises(AlignError, match="length"):
-        read_normals(write(tmp_path, dome * 0.6, "npy"), HEIGHT, WIDTH)
-    with pytest.raises(AlignError, match="flip the signs of y and z"):
-        read_normals(write(tmp_path, dome * [1, -1, -1], "npy"), HEIGHT, WIDTH)
-    with pytest.raises(AlignError, match="no pixel"):
-        read_normals(write(tmp_path, dome * 0, "npy"), HEIGHT, WIDTH)
-    with pytest.raises(AlignError, match="no such file"):
-        read_normals(tmp_path / "absent.npy", HEIGHT, WIDTH)
     (tmp_path / "x.bin").write_bytes(b"")
-    with pytest.raises(AlignError, match="ending"):
-        read_normals(tmp_path / "x.bin", 5, 5)
     (tmp_path / "broken.mat").write_bytes(b"not matlab at all, by a long way")
-    with pytest.raises(AlignError, match="cannot be read"):
-        read_normals(tmp_path / "broken.mat", HEIGHT, WIDTH)
+    for path, size, words in (
+        (write(tmp_path / "one", dome, "npy"), (5, 5), "expected 5 x 5 x 3"),
+        (write(tmp_path / "one", dome, "txt"), (5, 5), "rows"),
+        (write(tmp_path / "two", dome * 0.6, "npy"), dome.shape[:2], "length"),
+        (write(tmp_path / "three", dome * [1, -1, -1], "npy"), dome.shape[:2], "flip the signs of y and z"),
+        (write(tmp_path / "four", dome * 0, "npy"), dome.shape[:2], "no pixel"),
+        (tmp_path / "absent.npy", dome.shape[:2], "no such file"),
+        (tmp_path / "x.bin", (5, 5), "ending"),
+        (tmp_path / "broken.mat", dome.shape[:2], "cannot be read"),
+    ):
+        with pytest.raises(AlignError, match=words):
+            read_normals(path, *size)
 
 
 def test_a_variable_with_a_name_of_pages_is_named_in_a_line(tmp_path):

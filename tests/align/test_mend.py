@@ -1,10 +1,15 @@
-"""What is mended of a scan, and how: patches, turned faces, holes, dust; truth is the mesh before it was spoilt."""
+"""What is mended of a scan, and how; its unit, and a ball in it. Truth is the mesh before it was spoilt."""
 
 import numpy as np
 import pytest
 
 from align.scan.mended_scan import load_scan
+from scene.errors import AlignError
 from scene.mesh import Mesh
+
+# A tetrahedron, faces counter-clockwise from outside.
+VERTICES = np.array([[0, 0, 0], [30, 0, 0], [0, 20, 0], [0, 0, 10]], float)
+FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
 
 
 def load(tmp_path, vertices, faces, unit="mm", **more):
@@ -13,6 +18,69 @@ def load(tmp_path, vertices, faces, unit="mm", **more):
     lines = ["v {!r} {!r} {!r}".format(*map(float, v)) for v in vertices]
     path.write_text("\n".join(lines + ["f {} {} {}".format(*(f + 1)) for f in np.asarray(faces)]))
     return load_scan(path, unit, **more)
+
+
+def volume(mesh) -> float:
+    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+    return float(np.einsum("tk,tk->", a, np.cross(b, c)) / 6)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("m", 1000.0), ("cm", 10.0), ("mm", 1.0), ("inch", 25.4)])
+def test_units(tmp_path, unit, factor):
+    mesh = load(tmp_path, VERTICES, FACES, unit)
+    assert np.ptp(mesh.vertices, axis=0) == pytest.approx([30 * factor, 20 * factor, 10 * factor])
+
+
+def test_mending_is_done_and_said(tmp_path, bumpy):
+    """Soup of loose, doubled, flat and turned faces comes back as the closed solid that it was."""
+    generator = np.random.default_rng(0)
+    soup = bumpy.vertices[bumpy.faces].reshape(-1, 3)
+    faces = np.arange(len(soup)).reshape(-1, 3)
+    turned = generator.random(len(faces)) < 0.4
+    faces[turned] = faces[turned][:, ::-1]
+    dust = np.array([[200, 0, 0], [200.5, 0, 0], [200, 0.5, 0]])
+    vertices = np.concatenate([soup, dust, [[7, 8, 9]]])
+    rows = [*faces.tolist(), [0, 0, 1], faces[0].tolist(), [len(soup), len(soup) + 1, len(soup) + 2]]
+    mesh = load(tmp_path, vertices, rows)
+    assert len(mesh.vertices) == len(bumpy.vertices)
+    assert len(mesh.faces) == len(bumpy.faces)
+    assert volume(mesh) == pytest.approx(volume(bumpy), rel=1e-5)
+    # The strongest: each face runs as it should, not only their sum.
+    outward = np.einsum("tk,tk->t", mesh.face_normals, mesh.vertices[mesh.faces].mean(1))
+    assert (outward > 0).mean() > 0.99
+    said = " ".join(mesh.repairs)
+    for word in ("merged", "without area", "double", "loose", "agree", "no face uses"):
+        assert word in said, word
+
+
+def test_an_inside_out_scan_is_turned(tmp_path):
+    mesh = load(tmp_path, VERTICES, FACES[:, ::-1])
+    assert volume(mesh) == pytest.approx(1000.0)
+    assert any("outward" in repair for repair in mesh.repairs)
+
+
+def test_an_open_scan_keeps_its_outside(tmp_path, bumpy):
+    front = bumpy.faces[bumpy.face_normals[:, 2] > 0.1]
+    for faces in (front, front[:, ::-1]):
+        assert (load(tmp_path, bumpy.vertices, faces).face_normals[:, 2] > 0).mean() > 0.99
+
+
+def test_a_few_crowded_edges_are_named_many_are_refused(tmp_path, bumpy):
+    a, b = bumpy.faces[0][:2]
+    fin = np.array([*bumpy.vertices, 1.3 * bumpy.vertices[a]])
+    mesh = load(tmp_path, fin, [*bumpy.faces, [a, b, len(bumpy.vertices)]])
+    assert any("three or more faces" in repair for repair in mesh.repairs)
+    # Four leaves on one spine, many times.
+    spine = np.array([[0, 0, 0], [0, 0, 10.0]])
+    leaves = np.array([[np.cos(t), np.sin(t), 5.0] for t in np.arange(4) * np.pi / 2]) * 20
+    with pytest.raises(AlignError, match="three or more faces"):
+        load(tmp_path, np.concatenate([spine, leaves]), [[0, 1, 2 + i] for i in range(4)])
+
+
+def test_a_vertex_without_a_position_harms_only_where_a_face_names_it(tmp_path):
+    mesh = load(tmp_path, [*VERTICES, [np.nan, 0, 0]], FACES)
+    assert volume(mesh) == pytest.approx(1000.0)
+    assert mesh.repairs == ("dropped 1 vertices that no face uses",)
 
 
 def same_places(mesh, truth):
@@ -172,3 +240,57 @@ def test_both_sides_of_every_face_become_one(tmp_path, coarse):
     assert len(mesh.faces) == len(coarse.faces)
     assert same_places(mesh, coarse)[1].all()
     assert any("double faces" in repair for repair in mesh.repairs)
+
+
+def with_balls(mesh, *diameters, cut=-2.0):
+    """The mesh and balls beside it, each without what lies below `cut` radii."""
+    import trimesh
+
+    sphere = trimesh.creation.icosphere(3)
+    kept = sphere.faces[(sphere.vertices[sphere.faces][:, :, 2] > cut).all(1)]
+    vertices, faces = [mesh.vertices], [mesh.faces]
+    for number, diameter in enumerate(diameters):
+        faces.append(kept + sum(map(len, vertices)))
+        vertices.append(diameter / 2 * sphere.vertices + [150 + 100 * number, 0, 0])
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+def test_an_unknown_unit_keeps_the_file_s_numbers(tmp_path, coarse):
+    mesh = load(tmp_path, 0.01 * coarse.vertices, coarse.faces, "unknown")
+    assert mesh.radius_mm == pytest.approx(0.01 * coarse.radius_mm, rel=1e-6)
+    assert any(repair.startswith("scan_unit is unknown") for repair in mesh.repairs)
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "meant"), [("m", 1.0, '"mm"'), ("mm", 0.001, '"m"'), ("cm", 5.0, '"mm"'), ("mm", 1.0, None)]
+)
+def test_a_speck_and_a_house_are_doubted(tmp_path, coarse, unit, factor, meant):
+    """Not refused: the registration sees the photographs, and knows better."""
+    mesh = load(tmp_path, factor * coarse.vertices, coarse.faces, unit)
+    doubts = [repair for repair in mesh.repairs if "right?" in repair]
+    assert len(doubts) == (meant is not None)
+    assert all(meant in doubt for doubt in doubts)
+
+
+@pytest.mark.parametrize("cut", [-2.0, -0.6])
+def test_a_ball_gives_the_scale_and_goes(tmp_path, coarse, cut):
+    """Whole, or without the part that no scanner sees: a ball of 38 mm in a scan of unknown unit."""
+    vertices, faces = with_balls(coarse, 38.0, cut=cut)
+    mesh = load(tmp_path, vertices / 17, faces, "unknown", ball_diameter_mm=38.0)
+    assert len(mesh.faces) == len(coarse.faces)
+    assert mesh.radius_mm == pytest.approx(coarse.radius_mm, rel=1e-4)
+    assert any("one unit of the file is 17 mm" in repair for repair in mesh.repairs)
+
+
+def test_a_ball_under_a_known_unit_is_measured_only(tmp_path, coarse):
+    mesh = load(tmp_path, *with_balls(coarse, 37.0), "mm", ball_diameter_mm=38.0)
+    assert mesh.radius_mm == pytest.approx(coarse.radius_mm, rel=1e-6)
+    assert any("measures 37 mm, 38 mm were said" in repair for repair in mesh.repairs)
+    # Without a word of a ball it is part of the object.
+    assert len(load(tmp_path, *with_balls(coarse, 37.0), "mm").faces) > len(mesh.faces)
+
+
+@pytest.mark.parametrize(("balls", "found"), [((), "none"), ((38.0, 30.0), "38, 30")])
+def test_no_ball_or_two_are_refused(tmp_path, coarse, balls, found):
+    with pytest.raises(AlignError, match=f"scan_ball_diameter_mm expects one ball.*{found}"):
+        load(tmp_path, *with_balls(coarse, *balls), "unknown", ball_diameter_mm=38.0)

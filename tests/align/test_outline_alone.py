@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from align.pose.photographed import Photographs
 from align.pose.register import register
@@ -15,10 +16,8 @@ INSIDE = 12.592
 
 def deviations(found, true: Pose, middle_mm) -> float:
     """Return the squared distance of the true pose from the one found, in standard deviations."""
-    turn = true.rotation @ found.pose.rotation.T
-    angle = np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))
-    axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    twist = np.append(axis * angle / max(2 * np.sin(angle), 1e-12), true.apply(middle_mm) - found.pose.apply(middle_mm))
+    turn = Rotation.from_matrix(true.rotation @ found.pose.rotation.T).as_rotvec()
+    twist = np.append(turn, true.apply(middle_mm) - found.pose.apply(middle_mm))
     return float(twist @ np.linalg.solve(found.covariance, twist))
 
 

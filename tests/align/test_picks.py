@@ -5,6 +5,7 @@ import pytest
 
 from align.pose.motion import nudge
 from align.pose.picks import misses_px, pose_of, read_picks
+from fixtures.mesh_scene import random_rotation
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.pose import Pose
@@ -14,9 +15,7 @@ ORTHOGRAPHIC = Camera(1200, 800, 4.0, 4.0, 610.0, 395.0, projection="orthographi
 
 
 def random_pose(mesh, camera, generator) -> Pose:
-    q, r = np.linalg.qr(generator.standard_normal((3, 3)))
-    q *= np.sign(np.diag(r))
-    rotation = q * np.linalg.det(q)
+    rotation = random_rotation(generator)
     depth = -1.5 * mesh.radius_mm if camera.is_orthographic else generator.uniform(-560, -460)
     target = np.array([*generator.uniform(-10, 10, 2), depth])
     return Pose.from_rotation_translation(rotation, target - rotation @ mesh.center_mm)

@@ -410,11 +410,21 @@ def test_damaged_files_are_refused_with_what_was_found(tmp_path):
         "0.5 where a whole number belongs": tmp_path / "half.ply",
         "face has no vertex_indices or vertex_index, only corners": tmp_path / "names.ply",
         "1 points, but no faces: a point cloud or range grid": write("range.ply", grid),
+        "is empty": ply(tmp_path / "empty", [], [], ascii_text=True),
+        "no finite position": ply(tmp_path / "nan", [[np.nan, 0, 0], *CUBE[1:]], QUADS),
+        "no PLY": write("text.ply", "hello"),
+        "points without faces": write("scan.xyz", "0 0 0"),
+        "cannot read a mesh with the ending '.fbx'": write("scan.fbx", "0 0 0"),
+        "cannot be read as a mesh": write("bad.glb", "glTFnothing"),
+        "no such file": tmp_path / "absent.ply",
+        "faces with an area": ply(tmp_path / "line", CUBE * [1, 0, 0], QUADS),
     }
     for words, path in cases.items():
         with pytest.raises(AlignError, match=words) as caught:
             load_scan(path, "mm")
         assert str(path) in str(caught.value)
+    with pytest.raises(AlignError, match="scan_unit"):
+        load_scan(tmp_path / "whole.stl", "furlong")
 
 
 @pytest.mark.parametrize("kind", ["ascii", "binary_little_endian", "binary_big_endian"])
