@@ -14,9 +14,10 @@ def cap(count: int, half_angle_deg: float) -> Array:
     return directions_of(z, GOLDEN_ANGLE * number)
 
 
-def ring(count: int, polar_deg: float) -> Array:
-    """Return unit vectors (N, 3) evenly on a ring about z, the first toward x."""
-    return directions_of(np.full(count, np.cos(np.radians(polar_deg))), 2 * np.pi * np.arange(count) / count)
+def ring(count: int, polar_deg: float, first: float = 0.0) -> Array:
+    """Return unit vectors (N, 3) evenly on a ring about z; the first so many steps from x toward y."""
+    azimuth = 2 * np.pi * (np.arange(count) + first) / count
+    return directions_of(np.full(count, np.cos(np.radians(polar_deg))), azimuth)
 
 
 def directions_of(z: Array, azimuth: Array) -> Array:

@@ -27,9 +27,9 @@ UNMODELLED = 8.0
 """The pose's variance is so many times what the residuals' scatter tells: what all patches share (the lights' errors,
 the smoothed normals' own) is not in it. Measured on virtual sessions of known pose."""
 CHECKED = 0.04
-"""Share of the brightness that the shading's residuals are where it counts as much as the outline does; it counts at most
-in proportion. What is wrong with a material's law, or with the lights, is wrong in all samples alike: their scatter does
-not tell it, only the outline can. Without this bound bronzes lay ten times as far off as was stated."""
+"""Share of the brightness that the shading's residuals are where it counts as much as the outline does; it counts at
+most in proportion. What is wrong with a material's law, or with the lights, is wrong in all samples alike: the outline
+alone can tell, not their scatter. Without this bound bronzes lay ten times as far off as was stated."""
 LOOKED = 2000
 """Pixels, about, that tell the appearance: its numbers are few."""
 MASK_PX = 1.0

@@ -62,7 +62,8 @@ def _outlined(image: Image, box: PixelBox, region: NDArray[np.bool_], colour: An
         step = 2 * dash_px or len(line)
         parts = [line[k : k + step - dash_px] for k in range(0, len(line), step)]
         # Specks of a few pixels are noise of the mask; drawn, they would hide what is below.
-        image = np.asarray(cv2.polylines(image, parts if len(line) > 8 else [], not dash_px, colour, 2, cv2.LINE_AA))
+        drawn = cv2.polylines(image, parts if len(line) > 8 else [], not dash_px, colour, 2, cv2.LINE_AA)
+        image = np.asarray(drawn, np.uint8)
     return image
 
 
