@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from calibrate.lights.adjustment import Adjustment, ObservedSpots
 from calibrate.lights.directions import mirrored_at
-from calibrate.lights.from_chrome import ROUND
+from calibrate.lights.from_chrome import ROUND, SAMPLED_PX2
 from calibrate.lights.reflected_disc import FLOOR_PX
 from calibrate.silhouette.ball_silhouette import table_floor_px
 from scene.camera import Camera
@@ -20,8 +20,6 @@ Array = NDArray[np.float64]
 INTENSITY_SIGMA, UNKNOWN_INTENSITY = 0.003, 0.1
 """Relative, one frame: what a white ball of 20 to 100 px leaves in virtual photographs; what hand-held flashes of one
 setting vary by, where no white ball measures them."""
-SMALL_PX = 13.0
-"""Radius of a ball that shows a flash of 50 mm a metre away as a point: on smaller ones its place is told worse."""
 USUAL_BLUR_PX = 0.9
 """Standard deviation of a sharp picture's blur, its mosaic included."""
 
@@ -69,7 +67,7 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
     Notes
     -----
     (J^T J)^-1 of `Adjustment`, at the true lights, with exact highlights: outlines to `table_floor_px` and `ROUND`,
-    highlights to `FLOOR_PX`, more on balls of under `SMALL_PX`.
+    highlights to `FLOOR_PX` and `SAMPLED_PX2`.
     """
     chrome = [sphere for sphere in spheres if sphere.kind == "chrome"]
     if not chrome:
@@ -83,7 +81,7 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
             "places. State [camera] and diameter_mm in session.toml."
         )
     radius = np.array([sphere.radius_px for sphere in chrome])
-    sigma = FLOOR_PX * np.hypot(1, (SMALL_PX / radius) ** 2)
+    sigma = np.hypot(FLOOR_PX, SAMPLED_PX2 / radius)
     seen = ObservedSpots(
         camera,
         chrome,
