@@ -11,6 +11,7 @@ import os
 import pickle
 import shutil
 import socket
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager
@@ -62,17 +63,19 @@ def executor_of(address: str | None, folder: Path | None = None) -> Iterator[Any
     if address is None:
         yield None
         return
-    from distributed import Client, KilledWorker
+    from distributed import Client, KilledWorker, versions
     from distributed.comm.addressing import get_address_host
 
-    # What Dask would say of a lost scheduler is said here, once.
-    for name in ("distributed", "distributed.client"):
+    # What Dask would say of a lost scheduler, and of versions, is said here, once.
+    for name in ("distributed", "distributed.client", "distributed.core", "distributed.comm"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     where = f"--scheduler {address}:"
     try:
-        # Before there is a client: one without a place to go to cannot be closed in silence.
-        get_address_host(address)
-        client = Client(address, timeout=10, set_as_default=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", versions.VersionMismatchWarning)
+            # Before there is a client: one without a place to go to cannot be closed in silence.
+            get_address_host(address)
+            client = Client(address, timeout=10, set_as_default=False)
     except (OSError, ValueError) as error:
         raise ClusterError(
             f"{where} no Dask scheduler answers there ({error}). Start one with `dask scheduler`, or leave --scheduler "

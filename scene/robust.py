@@ -9,8 +9,8 @@ TUKEY = 4.685  # spreads at which Tukey's weight reaches 0: 95 % efficient for n
 
 
 def spread(residual: NDArray) -> float:
-    """Return the robust standard deviation of residuals about 0."""
-    return MAD * float(np.median(np.abs(residual)))
+    """Return the robust standard deviation of residuals about 0; inf of none."""
+    return MAD * float(np.median(np.abs(residual))) if residual.size else np.inf
 
 
 def tukey(residual: NDArray, reach: float | NDArray) -> NDArray:

@@ -198,7 +198,9 @@ class FinalEvidence:
         # Where outline and shading contradict each other the shading's model is at fault: lights, bounced light, metal.
         outline = matrices[0] + matrices[2], slopes[0] + slopes[2]
         contradiction = disagreement(outline, (matrices[1], slopes[1]))
-        doubt = max(contradiction, self.shading_sigma / CHECKED * weights[1] / max(weights[0], 1.0))
+        doubt = contradiction
+        if weights[1]:
+            doubt = max(doubt, self.shading_sigma / CHECKED * weights[1] / max(weights[0], 1.0))
         weights[1] /= doubt
         total = max(sum(weights), 1e-12)
         information = outline[0] + matrices[1] / doubt

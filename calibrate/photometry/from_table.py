@@ -25,6 +25,7 @@ from scene.spheres import Sphere
 Array = NDArray[np.float64]
 CANDIDATES, ASKED = 6000, 300  # pixels that are read, and those by which the plane is found
 LEAST_SHADE = 0.05  # of the median shading: with less, light grazes the table
+LEAST_NOISE = 1e-4  # of the logarithms
 NOISE = 0.003  # of white, under which a pixel shows noise: tables are often dark
 OFTEN = 0.6  # share of the frames in which a pixel must be lit
 ROUNDS, KEPT = 3, 0.5  # turns, in each of which the pixels that keep best to the plane are chosen
@@ -32,6 +33,7 @@ ALTERNATIONS = 4  # of medians over frames and over pixels
 SAMPLES = 100.0
 """Samples that err independently: neighbours share a texture's shine, relief, a shadow. With 50 to 800 the strengths
 of 17 sessions by others err by 3.1 to 3.4 % in the median."""
+LOOSE = 0.1  # of what the balls' places tell of the plane, where it is asked what the lights alone say
 OUTLIER = 2.5  # spreads at which a sample counts half
 STEP = 1e-3  # of the differences by the plane's slopes, and by its distance, relative
 TABLE = 0.03  # what a table's strengths err by beyond: it bends, shines, gets light back from what stands on it
@@ -57,7 +59,8 @@ class _Table(NamedTuple):
         normal, rays = normal_of(plane), self.camera.points_at_depth(self.probe.pixels, -1.0)
         far = plane[2] / (rays @ normal)
         shade = self.lights.toward(rays * far[:, None]) @ normal
-        known = (shade > LEAST_SHADE * np.median(shade)) & (far > 0) & (shown > NOISE) & ~self.probe.clipped
+        least = LEAST_SHADE * max(float(np.median(shade)), 0.0) if shade.size else 0.0
+        known = (shade > least) & (far > 0) & (shown > NOISE) & ~self.probe.clipped
         return np.log(np.where(known, shown, np.nan) / np.where(known, shade, np.nan)).T.astype(np.float64)
 
 
@@ -66,8 +69,8 @@ def strengths_on_table(
 ) -> ProbePhotometry | None:
     """Read near flashes' strengths from the table on which balls of known place stand; None where none tells them.
 
-    The lights' intensities are not looked at. Sigma: by how much parts of the table differ, and what the plane's own
-    error moves.
+    The lights' intensities are not looked at. Sigma: by how much parts of the table differ, what the plane's own error
+    moves, and what it would move if the balls told next to nothing of it: what is seen may not be what they stand on.
     """
     balls = standing(camera, spheres)
     if not balls or lights.positions_mm is None:
@@ -75,19 +78,14 @@ def strengths_on_table(
     table = _Table(read_beside(frames, camera, spheres, most=CANDIDATES), camera, lights)
     misses, plane = touching(camera, balls)
     steps = STEP * np.diag([1.0, 1.0, plane[2]])
-    for _ in range(ROUNDS):
-        table = table.take(np.isfinite(table.logs(plane)).mean(1) > OFTEN)
-        logs = table.logs(plane)
-        if (np.isfinite(logs).sum(0) < FEWEST_PIXELS).any():
-            return None
-        off = _medians(np.abs(_split(logs)[1]), 1)[:, 0]
-        best, noise = np.flatnonzero(off <= np.quantile(off, KEPT)), spread(off)
-        some = table.take(best[:: max(1, len(best) // ASKED)])
 
-        def left(plane: Array, some: _Table = some, noise: float = noise) -> Array:
-            rest = _split(some.logs(plane))[1] / (OUTLIER * noise)
+    def fitted(table: _Table, plane: Array, noise: float, balls: float = 1.0) -> tuple[Array, Array]:
+        """Return the plane and its covariance; the balls count by so much."""
+
+        def left(plane: Array) -> Array:
+            rest = _split(table.logs(plane))[1] / (OUTLIER * noise)
             cauchy = OUTLIER * np.sign(rest) * np.sqrt(np.log1p(rest**2) * SAMPLES / rest.size)
-            return np.concatenate([np.nan_to_num(cauchy).ravel(), misses(plane)])
+            return np.concatenate([np.nan_to_num(cauchy).ravel(), balls * misses(plane)])
 
         def slopes(plane: Array) -> Array:
             return np.stack([(left(plane + step) - left(plane - step)) / (2 * step.sum()) for step in steps], -1)
@@ -95,7 +93,18 @@ def strengths_on_table(
         # By name through a dict: the type stub takes no function for the Jacobian.
         options: dict[str, Any] = {"jac": slopes, "x_scale": "jac"}
         found = least_squares(left, plane, **options)
-        plane = found.x
+        return found.x, np.linalg.inv(found.jac.T @ found.jac)
+
+    for _ in range(ROUNDS):
+        table = table.take(np.isfinite(table.logs(plane)).mean(1) > OFTEN)
+        logs = table.logs(plane)
+        if (np.isfinite(logs).sum(0) < FEWEST_PIXELS).any():
+            return None
+        off = _medians(np.abs(_split(logs)[1]), 1)[:, 0]
+        best, noise = np.flatnonzero(off <= np.quantile(off, KEPT)), max(spread(off), LEAST_NOISE)
+        some = table.take(best[:: max(1, len(best) // ASKED)])
+        plane, covariance = fitted(some, plane, noise)
+    other, _ = fitted(some, plane, noise, LOOSE)
     table = table.take(best)
     logs, pixels = table.logs(plane), table.probe.pixels
     strength, rest = _split(logs)
@@ -107,10 +116,11 @@ def strengths_on_table(
     told = [part for part in parts if np.isfinite(part).all()]
     if not told:
         return None
-    size, axes = np.linalg.eigh(np.linalg.inv(found.jac.T @ found.jac))
-    moved = [_split(table.logs(plane + step))[0] - strength for step in (axes * np.sqrt(size)).T]
+    size, axes = np.linalg.eigh(covariance)
+    places = [other, *(plane + (axes * np.sqrt(size)).T)]
+    moved = [_split(table.logs(place))[0] - strength for place in places]
     sigma = np.sqrt(TABLE**2 + np.mean(np.square(told), 0) + np.sum(np.square(moved), 0))
-    believed = (np.abs(rest) < OUTLIER * noise).mean(0)
+    believed = (np.abs(rest) < OUTLIER * noise).sum(0) / np.maximum(np.isfinite(rest).sum(0), 2 * FEWEST_PIXELS)
     return ProbePhotometry("the table", energy / energy.mean(0), sigma, noise, len(pixels), believed)
 
 

@@ -74,10 +74,10 @@ def strengths_from_object(
 
 
 def white_in_shadow(frames: Frames, camera: Camera, spheres: list[Sphere], lights: Lights, notes: Notes) -> Lights:
-    """Give flashes of infinite sigma, which no white ball shows, the strength that the object shows beside the others'.
+    """Give flashes of infinite sigma, which no white ball shows, the strength that table or object show beside others'.
 
-    How far the object and the white balls agree on the other flashes is its sigma. Raises CalibrationError where the
-    object does not tell it.
+    How far these and the white balls agree on the other flashes is its sigma. Raises CalibrationError where they do not
+    tell it.
     """
     hidden = np.isinf(lights.intensity_sigma)
     names = [name for name, lacks in zip(lights.names, hidden, strict=True) if lacks]
@@ -88,9 +88,9 @@ def white_in_shadow(frames: Frames, camera: Camera, spheres: list[Sphere], light
     if read is None or sigma > TOO_VAGUE:
         raise no_flash(names, white[hidden].mean(1) / np.median(white.mean(1)))
     notes.warnings.append(
-        f"{', '.join(names)}: every white ball stands in shadow: the flash's strength is what the object's shading "
-        f"says, beside the other flashes', to {sigma:.0%}. Reshoot with a white ball in the light, or leave out: "
-        f"{leave_out(names)}."
+        f"{', '.join(names)}: every white ball stands in shadow: the flash's strength is what the shading of "
+        f"{read.surface} says, beside the other flashes', to {sigma:.0%}. Reshoot with a white ball in the light, or "
+        f"leave out: {leave_out(names)}."
     )
     intensities = np.where(hidden[:, None], read.intensities * np.exp(ratio.mean(0)), white)
     return replace(lights, intensities=intensities, intensity_sigma=np.where(hidden, sigma, lights.intensity_sigma))

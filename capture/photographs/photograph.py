@@ -77,8 +77,8 @@ def clip_level(codes: NDArray) -> float:
 def piles(codes: NDArray) -> list[int]:
     """Return, for each channel of codes (H, W, 3) that piles up at its top, the last bin: of `BIN`, or 2 half floats.
 
-    A pile has the last four bins, and is compared with the eight times four below them. A pixel in a million is looked
-    at, in a regular sample.
+    A pile has the last four bins, and is compared with the eight times four below them. About a million pixels are
+    looked at, in a regular sample.
     """
     step, tops = max(1, round(np.sqrt(codes.shape[0] * codes.shape[1] / 1e6))), []
     some, is_whole = codes[::step, ::step], codes.dtype == np.uint16

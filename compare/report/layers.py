@@ -68,9 +68,9 @@ class ViewerLayers:
         layers = [one for side, frames in there.items() for one in _photographs(material, frames, side, grid, scales)]
         end = (summary.get("compare") or {}).get("error_scale_deg")
         layers += _maps(material, grid, end if is_number(end) else None, scales)
-        # A kind's pictures are about as large as its first one: to encode them is most of the work.
-        firsts = {layer.kind: layer for layer in reversed(layers)}
-        size = 0.75 * sum(len(firsts[layer.kind].uri) for layer in layers)
+        # Pictures of one kind and side are about as large as the first of them: to encode them is most of the work.
+        firsts = {(layer.kind, layer.side): layer for layer in reversed(layers)}
+        size = 0.75 * sum(len(firsts[layer.kind, layer.side].uri) for layer in layers)
         if size > MOST_BYTES:
             return cls.of(material, summary, int(np.ceil(step * np.sqrt(size / MOST_BYTES))))
         return cls(grid, layers, scales)

@@ -39,6 +39,9 @@ from shoot.plan.under_way import UnderWay, session_so_far
 from twin.camera.virtual_camera import Sensor
 from twin.description.object_mesh import built_in
 
+MOST_ROWS = 36
+"""Flashes in the page's table: a page has no room for more; plan.json has all."""
+
 
 def show_plan(facts: dict[str, Any], *, as_json: bool) -> None:
     """Print what `run_plan` returned."""
@@ -229,12 +232,14 @@ def plan_page(facts: dict[str, Any]) -> str:
         columns = cells_of(name, rows)
         return table(list(columns), zip(*columns.values(), strict=True), kind="numbers")
 
+    flashes = [row for row in facts["flashes"] if not row["there"] or len(facts["flashes"]) <= MOST_ROWS]
     template = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
     text = Path(__file__).with_name("plan_page.html").read_text("utf-8")
     body = template.from_string(text).render(
         facts,
         dome=directions({"frames": facts["flashes"]}),
-        flash_table=shown("flashes", facts["flashes"]),
+        flash_table=shown("flashes", flashes[:MOST_ROWS]),
+        left_out=len(flashes) - MOST_ROWS,
         ball_table=shown("planned balls", facts["balls"]),
     )
     return whole_page(facts["name"], "plan of a shoot", escape(answer_of(facts)), body)

@@ -191,7 +191,7 @@ def test_a_white_ball_in_shadow(shot):
     world, images, _ = shot
     (white,) = (i for i, ball in enumerate(world.balls) if ball.kind == "white")
     found = calibrate(_exposed(_flagged(world, images, white, 1, half_mm=60)), world.camera, _asked(world))
-    _said(found, "flash_001", "every white ball stands in shadow", "object's shading", "frames.skip")
+    _said(found, "flash_001", "every white ball stands in shadow", "shading of the", "frames.skip")
     angle, off = _errors(world, found)
     sigma = found.lights.intensity_sigma
     assert angle.max() < 0.4

@@ -1,13 +1,15 @@
 """The flashes' strengths from an object of unknown normals."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from calibrate.calibration import Notes
-from calibrate.photometry.from_table import strengths_on_table
+from calibrate.photometry.from_table import TABLE, strengths_on_table
 from calibrate.without_balls.from_object import intensities_from_object, strengths_from_object
 from calibrate.without_balls.probe import read_probe
 from fixtures.ball_scene import World, render
@@ -110,13 +112,15 @@ def test_near_flashes_are_told_as_well_as_is_said():
     assert np.mean(np.abs(relative.mean(1)) < 1.96 * sigma) >= 0.8
 
 
-@pytest.mark.parametrize("texture", ["plain", "wood"])
-@pytest.mark.parametrize("balls", [[(-200, -90, 38), (210, 80, 30), (-60, 120, 25)], [(-200, -90, 38)]], ids=len)
-def test_a_table_of_any_pattern_tells_near_flashes(texture, balls):
-    """Of its plane one ball tells a point alone; the slopes are in the shading, which changes across it."""
+STANDING = (-200, -90, 38), (210, 80, 30), (-60, 120, 25)
+
+
+@cache
+def _table(texture, balls, distance_mm=500):
+    """Frames of a table with chrome balls and another thing on it, camera, balls, near lights, and true strengths."""
     center = np.array([0.0, 0.0, -1050.0])
     lights = _lights(direction_sigma_deg=np.full(COUNT, 0.05), reference_point_mm=center)
-    distance = np.linspace(500, 800, COUNT)[:, None]
+    distance = np.linspace(distance_mm, 1.6 * distance_mm, COUNT)[:, None]
     lights = replace(lights, positions_mm=center + lights.directions * distance, intensities=np.ones((COUNT, 3)))
     camera = Camera(300, 200, 420.0, 420.0, 151.0, 98.0)
     powers = 0.5 * _lights().intensities * (distance / 1000) ** 2
@@ -124,13 +128,58 @@ def test_a_table_of_any_pattern_tells_near_flashes(texture, balls):
     for ball in balls:
         world.stand("chrome", *ball)
     world.stand("object", 30, -10, 45)
-    told = strengths_on_table(
-        render(world, seed=10005), camera, [s for s in world.spheres() if s.kind == "chrome"], lights
-    )
-    relative = _relative(told.intensities, world.truth(center)[1])
+    chrome = [sphere for sphere in world.spheres() if sphere.kind == "chrome"]
+    return render(world, seed=10005), camera, chrome, lights, world.truth(center)[1]
+
+
+@pytest.mark.parametrize("texture", ["plain", "wood"])
+@pytest.mark.parametrize("balls", [STANDING, STANDING[:1]], ids=len)
+def test_a_table_of_any_pattern_tells_near_flashes(texture, balls):
+    """Of its plane one ball tells a point alone; the slopes are in the shading, which changes across it."""
+    *seen, strengths = _table(texture, balls)
+    told = strengths_on_table(*seen)
+    relative = _relative(told.intensities, strengths)
     assert _rms(relative) < 0.02
     assert (np.abs(relative.mean(1)) < 2 * told.sigma).all()
     assert (told.sigma < 0.08).all()
+    notes = Notes()
+    np.testing.assert_array_equal(strengths_from_object(*seen, notes)[0], told.intensities)
+    assert "pixels of the table" in notes.evidence[0]
+
+
+def test_a_table_under_far_flashes_is_told_by_the_balls():
+    """Their light falls alike on all of it."""
+    *seen, strengths = _table("plain", STANDING, 6000)
+    frames, camera, balls, lights = seen
+    told, alone = strengths_on_table(*seen), strengths_on_table(frames, camera, balls[:1], lights)
+    assert _rms(_relative(told.intensities, strengths)) < 0.02
+    by_plane, by_point = (np.median(one.sigma**2) - TABLE**2 for one in (told, alone))
+    assert by_point > 4 * by_plane
+
+
+@pytest.mark.parametrize(("turned_deg", "lifted_mm"), [(20, 0), (0, 100)])
+def test_balls_that_stand_elsewhere_than_what_is_seen_widen_the_doubt(turned_deg, lifted_mm):
+    """The strengths took up the contradiction, 10 % and more, and 4 % were stated."""
+    frames, camera, balls, lights, strengths = _table("plain", STANDING)
+    turn = Rotation.from_euler("x", turned_deg, degrees=True)
+    other = []
+    for ball in balls:
+        place = turn.apply(ball.center_mm(camera) - [0, 0, -1050]) + [0, 0, -1050 + lifted_mm]
+        other.append(replace(ball, center_px=camera.project(place), radius_px=camera.fx * ball.radius_mm / -place[2]))
+    told = strengths_on_table(frames, camera, other, lights)
+    off = np.abs(_relative(told.intensities, strengths)).mean(1)
+    assert off.max() > 0.03
+    assert (off < 2 * told.sigma).mean() > 0.8
+
+
+def test_what_no_light_reaches_tells_nothing():
+    """All lights stand behind the table, or a frame is dark."""
+    frames, camera, balls, lights, _ = _table("plain", STANDING)
+    behind = replace(lights, positions_mm=lights.positions_mm - [0, 0, 3000])
+    assert strengths_on_table(frames, camera, balls, behind) is None
+    codes = frames.codes.copy()
+    codes[0] = codes.min()
+    assert strengths_on_table(replace(frames, codes=codes), camera, balls, lights) is None
 
 
 def test_a_dark_frame_leaves_the_strengths_of_the_others():

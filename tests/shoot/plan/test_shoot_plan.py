@@ -11,7 +11,7 @@ from scene.errors import SceneError
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg, unit
 from shoot.plan.plan_options import PlanOptions
-from shoot.plan.run_plan import answer_of, plan_facts, plan_page
+from shoot.plan.run_plan import MOST_ROWS, answer_of, plan_facts, plan_page
 from shoot.plan.set_up import (
     GOOD_PX,
     before_camera,
@@ -148,7 +148,7 @@ def test_the_page_says_what_the_plan_says_on_one_sheet(pixels, spheres, chromium
     assert f"{facts['error_median_deg']:.2g}°" in page
     assert "shadows left out" in page
     assert "<th></th>" not in page, "a column without any value is left out"
-    facts["flashes"] = [{**facts["flashes"][-1], "number": n} for n in range(1, 37)]
+    facts["flashes"] = [{**facts["flashes"][-1], "number": n} for n in range(1, MOST_ROWS + 20)]
     browser = chromium.new_page()
     browser.set_content(plan_page(facts))
     printed = browser.pdf(format="A4", prefer_css_page_size=True)
