@@ -26,7 +26,7 @@ EDGE_BIAS_PX, EDGE_DOUBT_PX = 0.05, 0.1
 UNMODELLED = 8.0
 """The pose's variance is so many times what the residuals' scatter tells: what all patches share (the lights' errors,
 the smoothed normals' own) is not in it. Measured on virtual sessions of known pose."""
-CHECKED = 0.04
+CHECKED = 0.05
 """Share of the brightness that the shading's residuals are where it counts as much as the outline does; it counts at
 most in proportion. What is wrong with a material's law, or with the lights, is wrong in all samples alike: the outline
 alone can tell, not their scatter. Without this bound bronzes lay ten times as far off as was stated."""
