@@ -48,29 +48,32 @@ def strengths_from_object(
 ) -> tuple[Array, Array] | None:
     """Read the flashes' strengths from the table, or from the object, whichever tells them better; say so.
 
+    They are drawn to equal power as far as their errors allow.
+
     Returns intensities (F, 3), each channel's mean 1, and their relative sigma (F,); None where nothing matte is lit
     from enough sides, and the lights are distant.
     """
-    read = measured_beside_balls(frames, camera, spheres, lights)
+    read, equal = measured_beside_balls(frames, camera, spheres, lights), _of_equal_power(lights)
     if read is None or not np.median(read.sigma) < TOO_VAGUE:
         if lights.positions_mm is None:
             return None
-        equal = 1 / np.sum((lights.positions_mm - lights.reference_point_mm) ** 2, 1)
         notes.warnings.append(
             "no white ball, and nothing matte that tells the flashes' strengths: all are taken as equally powerful, by "
             "their distances. 5 % of variation bends normals by 2 degrees."
         )
-        return np.repeat(equal[:, None] / equal.mean(), 3, 1), np.full(len(lights), np.nan)
+        return np.repeat(equal[:, None], 3, 1), np.full(len(lights), np.nan)
+    intensities, sigma, scatter = _shrunk(read.intensities, read.sigma, equal)
     notes.evidence.append(
         f"no white ball: the flashes' strengths from {read.pixels} pixels of {read.surface} (misfit "
-        f"{read.residual:.1%} of a flash), each to {np.median(read.sigma):.1%}"
+        f"{read.residual:.1%} of a flash); they vary in power by {scatter:.0%}, each to {np.median(sigma):.1%}; what "
+        "is within their errors is drawn to equal power"
     )
     notes.warnings.append(
         f"no white ball: the flashes' strengths are from the shading of {read.surface}, which supposes that it is "
-        f"matte; to {np.median(read.sigma):.1%}, and errors that bend all normals alike. Put a white ball beside the "
+        f"matte; to {np.median(sigma):.1%}, and errors that bend all normals alike. Put a white ball beside the "
         "object, or list the one that is there under [[spheres]]."
     )
-    return read.intensities, read.sigma
+    return intensities, sigma
 
 
 def white_in_shadow(frames: Frames, camera: Camera, spheres: list[Sphere], lights: Lights, notes: Notes) -> Lights:
@@ -137,6 +140,31 @@ def measured_on_object(frames: Frames, camera: Camera, spheres: list[Sphere], li
     strengths = np.stack([one.intensities.mean(1) for one in good])
     sigma = np.hypot(good[0].sigma, np.abs(strengths / strengths[0] - 1).max(0))
     return good[0]._replace(sigma=sigma)
+
+
+def _of_equal_power(lights: Lights) -> Array:
+    """Return (F,) what flashes of one power do at the reference point, mean 1."""
+    if lights.positions_mm is None:
+        return np.ones(len(lights))
+    fall = 1 / np.sum((lights.positions_mm - lights.reference_point_mm) ** 2, 1)
+    return fall / fall.mean()
+
+
+def _shrunk(intensities: Array, sigma: Array, equal: Array) -> tuple[Array, Array, float]:
+    """Draw the strengths to those of equal power as far as their scatter is no more than their errors.
+
+    Notes
+    -----
+    Mostly one flash is carried around. With measured log powers p of errors sigma, and tau^2 what their variance
+    exceeds the errors' by, the best guess is the mean and tau^2 / (tau^2 + sigma^2) of the rest.
+    """
+    power = np.log(intensities.mean(1) / equal)
+    power -= power.mean()
+    square = max(float(np.var(power) - np.mean(sigma**2)), 0.0)
+    keep = square / (square + sigma**2)
+    drawn = intensities * np.exp((keep - 1) * power)[:, None]
+    # Flashes of one power that vary by nothing would have no error: leave them a third of what was measured.
+    return drawn / drawn.mean(0), sigma * np.sqrt(np.maximum(keep, 1 / 9)), float(np.sqrt(square))
 
 
 def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> ProbePhotometry | None:

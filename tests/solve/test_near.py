@@ -1,13 +1,12 @@
 """Near lights and depth in turn, on balls whose normals and depth the test made; how far lights are, by the object."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from benchmarks.unknown_lights import photographed
 from fixtures.lit_surfaces import as_floats, ball_seen, flashes_at, matte, spiral
 from scene.camera import Camera
+from scene.lights import Lights
 from scene.normals import angular_error_deg
 from solve.problem import Problem
 from solve.samples import Geometry, Samples
@@ -80,7 +79,7 @@ def test_two_parts_at_different_depths_find_their_places():
 
 def test_lights_without_positions_get_them_from_the_object():
     (points, normals, mask), lights = ball(), lights_at()
-    frames, far = photographs(points, normals, mask, lights), replace(lights, positions_mm=None)
+    frames, far = photographs(points, normals, mask, lights), directions_only(lights)
     near, plain = (solve(method, frames, far, PERSPECTIVE, mask) for method in ("near", "iterative"))
     assert any("without positions" in text for text in near.warnings)
     error, before = (np.nanmedian(angular_error_deg(found.normals, normals)[mask]) for found in (near, plain))
@@ -113,6 +112,10 @@ def test_the_evidence_is_the_derivative_of_the_fit():
         np.testing.assert_allclose(slope / information, -t, rtol=0.02)
 
 
+def directions_only(lights: Lights) -> Lights:
+    return Lights(lights.names, lights.directions, lights.intensities).normalised()
+
+
 def problem_of(frames, lights, camera, mask):
     return Problem(frames, lights, camera, mask, slice(0, len(mask)))
 
@@ -122,7 +125,7 @@ def problem_of(frames, lights, camera, mask):
 def test_distances_and_normals(shape, seed):
     """Flashes 0.5 to 0.9 m away."""
     frames, lights, camera, mask, normals, *_ = photographed(shape, seed, 1.5)
-    given = replace(lights, positions_mm=None)
+    given = directions_only(lights)
     placed = find_positions(problem_of(frames, given, camera, mask))
     found = placed.lights
     assert "without positions" in placed.cautions[0]
@@ -145,5 +148,5 @@ def test_distances_and_normals(shape, seed):
 @pytest.mark.full
 def test_distant_lights_stay_distant():
     frames, lights, camera, mask, *_ = photographed("blob", 20_402, 40.0)
-    problem = problem_of(frames, replace(lights, positions_mm=None), camera, mask)
+    problem = problem_of(frames, directions_only(lights), camera, mask)
     assert find_positions(problem) is problem
