@@ -18,7 +18,7 @@ NEAR_BIC = 10.0
 """How much better near lights must explain the highlights before ranges are claimed, and distant ones before the lights
 are called distant: a flash held by hand is near."""
 CULPRIT_BIC = 16.0  # the same before one of some ten numbers, which users rarely state wrongly, is blamed
-SUSPICIOUS = 2.5  # times the stated sigmas by which highlights and outlines may miss before somebody is asked why
+SUSPICIOUS = 2.0  # times the stated sigmas by which highlights and outlines may miss unasked; sound ones: 1.6 at most
 EXPLAINS = 0.5  # share of the misfit that one suspect must explain, alone, to be named
 AS_GOOD = 0.1  # of what it explains, by which other suspects may explain less and be named, too
 NOTABLE = 0.02  # relative change from which a diameter or a focal length is called wrong
