@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from calibrate.calibration import Notes, leave_out
 from calibrate.lights.directions import two_across
-from calibrate.photometry.from_table import strengths_on_table
 from calibrate.photometry.from_white import no_flash
+from calibrate.without_balls.from_table import strengths_on_table
 from calibrate.without_balls.probe import (
     CANDIDATES,
     FEWEST_PIXELS,

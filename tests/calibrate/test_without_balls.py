@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calibrate.calibration import Notes
-from calibrate.photometry.from_table import TABLE, strengths_on_table
 from calibrate.without_balls.from_object import intensities_from_object, strengths_from_object
+from calibrate.without_balls.from_table import TABLE, strengths_on_table
 from calibrate.without_balls.probe import read_probe
 from fixtures.ball_scene import World, render
 from fixtures.lit_surfaces import gloss, lights_along, matte, spiral
