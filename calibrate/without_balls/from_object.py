@@ -14,7 +14,6 @@ from calibrate.lights.directions import two_across
 from calibrate.photometry.from_white import no_flash
 from calibrate.without_balls.from_table import strengths_on_table
 from calibrate.without_balls.probe import (
-    CANDIDATES,
     FEWEST_PIXELS,
     LIT,
     Probe,
@@ -108,21 +107,21 @@ def measured_beside_balls(
     frames: Frames, camera: Camera, spheres: list[Sphere], lights: Lights
 ) -> ProbePhotometry | None:
     """Read the flashes' strengths from the table, or from what matte surfaces there are: what tells them better."""
-    both = strengths_on_table(frames, camera, spheres, lights), measured_on_object(frames, camera, spheres, lights)
+    probe = read_beside(frames, camera, spheres)
+    both = strengths_on_table(probe, camera, spheres, lights), _measured_on_object(probe, camera, lights)
     return min((one for one in both if one is not None), key=lambda one: float(np.median(one.sigma)), default=None)
 
 
-def measured_on_object(frames: Frames, camera: Camera, spheres: list[Sphere], lights: Lights) -> ProbePhotometry | None:
-    """Read the flashes' strengths from whatever matte surfaces the frames show, with directions known.
+def _measured_on_object(probe: Probe, camera: Camera, lights: Lights) -> ProbePhotometry | None:
+    """Read the flashes' strengths from whatever matte surfaces are seen, with directions known.
 
-    None where these do not tell them. The balls are left out; the lights' intensities are not looked at.
+    None where these do not tell them. The lights' intensities are not looked at.
 
     Notes
     -----
     A table fills the picture with one normal, which does not determine them [Cho2016]: so pixels are drawn evenly over
     the directions that they seem to face, not over the picture.
     """
-    probe = read_beside(frames, camera, spheres, most=CANDIDATES)
     depth = lights.reference_point_mm[2]
 
     def toward(stretch: float) -> Array:

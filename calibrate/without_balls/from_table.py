@@ -15,15 +15,14 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calibrate.photometry.table_normal import normal_of, standing, touching
-from calibrate.without_balls.probe import FEWEST_PIXELS, Probe, ProbePhotometry, read_beside
+from calibrate.without_balls.probe import FEWEST_PIXELS, Probe, ProbePhotometry
 from scene.camera import Camera
-from scene.frames import Frames
 from scene.lights import Lights
 from scene.robust import spread
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
-CANDIDATES, ASKED = 6000, 300  # pixels that are read, and those by which the plane is found
+MOST, ASKED = 6000, 300  # pixels that are looked at, about, and those by which the plane is found
 LEAST_SHADE = 0.05  # of the median shading: with less, light grazes the table
 LEAST_NOISE = 1e-4  # of the logarithms
 NOISE = 0.003  # of white, under which a pixel shows noise: tables are often dark
@@ -65,17 +64,18 @@ class _Table(NamedTuple):
 
 
 def strengths_on_table(
-    frames: Frames, camera: Camera, spheres: Sequence[Sphere], lights: Lights
+    probe: Probe, camera: Camera, spheres: Sequence[Sphere], lights: Lights
 ) -> ProbePhotometry | None:
     """Read near flashes' strengths from the table on which balls of known place stand; None where none tells them.
 
-    The lights' intensities are not looked at. Sigma: by how much parts of the table differ, what the plane's own error
-    moves, and what it would move if the balls told next to nothing of it: what is seen may not be what they stand on.
+    `probe`: what is seen beside the balls. The lights' intensities are not looked at. Sigma: by how much parts of the
+    table differ, what the plane's own error moves, and what it would move if the balls told next to nothing of it: what
+    is seen may not be what they stand on.
     """
     balls = standing(camera, spheres)
     if not balls or lights.positions_mm is None:
         return None
-    table = _Table(read_beside(frames, camera, spheres, most=CANDIDATES), camera, lights)
+    table = _Table(probe.take(slice(None, None, max(1, len(probe.pixels) // MOST))), camera, lights)
     misses, plane = touching(camera, balls)
     steps = STEP * np.diag([1.0, 1.0, plane[2]])
 

@@ -30,7 +30,7 @@ class Probe:
     values: NDArray[np.float32]  # (F, P, 3) linear
     clipped: NDArray[np.bool_]  # (F, P)
 
-    def take(self, keep: NDArray) -> "Probe":
+    def take(self, keep: NDArray | slice) -> "Probe":
         """Return some of the pixels."""
         return Probe(self.pixels[keep], self.values[:, keep], self.clipped[:, keep])
 
@@ -56,13 +56,13 @@ class ProbePhotometry(NamedTuple):
     believed: Array  # (F,) share of a frame's lit samples that keep to the surface of the other frames; of few less
 
 
-def read_beside(frames: Frames, camera: Camera, spheres: Sequence[Sphere], *, most: int) -> Probe:
-    """Read about `most` pixels of all that is no ball, see `read_probe`."""
+def read_beside(frames: Frames, camera: Camera, spheres: Sequence[Sphere]) -> Probe:
+    """Read about `CANDIDATES` pixels of all that is no ball, see `read_probe`."""
     outside = np.ones((frames.height, frames.width), bool)
     for sphere in spheres:
         if not sphere.apart:
             outside &= ~sphere.mask(camera, grow_px=0.1 * sphere.radius_px + 2)
-    return read_probe(frames, outside, most=most)
+    return read_probe(frames, outside, most=CANDIDATES)
 
 
 def read_probe(frames: Frames, region: NDArray[np.bool_], *, most: int = MOST_PIXELS) -> Probe:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from calibrate.calibration import Notes
 from calibrate.without_balls.from_object import intensities_from_object, strengths_from_object
 from calibrate.without_balls.from_table import TABLE, strengths_on_table
-from calibrate.without_balls.probe import read_probe
+from calibrate.without_balls.probe import read_beside, read_probe
 from fixtures.ball_scene import World, render
 from fixtures.lit_surfaces import gloss, lights_along, matte, spiral
 from scene.camera import Camera
@@ -112,6 +112,10 @@ def test_near_flashes_are_told_as_well_as_is_said():
     assert np.mean(np.abs(relative.mean(1)) < 1.96 * sigma) >= 0.8
 
 
+def _on_table(frames, camera, balls, lights):
+    return strengths_on_table(read_beside(frames, camera, balls), camera, balls, lights)
+
+
 STANDING = (-200, -90, 38), (210, 80, 30), (-60, 120, 25)
 
 
@@ -137,7 +141,7 @@ def _table(texture, balls, distance_mm=500):
 def test_a_table_of_any_pattern_tells_near_flashes(texture, balls):
     """Of its plane one ball tells a point alone; the slopes are in the shading, which changes across it."""
     *seen, strengths = _table(texture, balls)
-    told = strengths_on_table(*seen)
+    told = _on_table(*seen)
     relative = _relative(told.intensities, strengths)
     assert _rms(relative) < 0.02
     assert (np.abs(relative.mean(1)) < 2 * told.sigma).all()
@@ -149,9 +153,9 @@ def test_a_table_of_any_pattern_tells_near_flashes(texture, balls):
 
 def test_a_table_under_far_flashes_is_told_by_the_balls():
     """Their light falls alike on all of it."""
-    *seen, strengths = _table("plain", STANDING, 6000)
+    *seen, strengths = _table("plain", STANDING, 20_000)
     frames, camera, balls, lights = seen
-    told, alone = strengths_on_table(*seen), strengths_on_table(frames, camera, balls[:1], lights)
+    told, alone = _on_table(*seen), _on_table(frames, camera, balls[:1], lights)
     assert _rms(_relative(told.intensities, strengths)) < 0.02
     by_plane, by_point = (np.median(one.sigma**2) - TABLE**2 for one in (told, alone))
     assert by_point > 4 * by_plane
@@ -166,7 +170,7 @@ def test_balls_that_stand_elsewhere_than_what_is_seen_widen_the_doubt(turned_deg
     for ball in balls:
         place = turn.apply(ball.center_mm(camera) - [0, 0, -1050]) + [0, 0, -1050 + lifted_mm]
         other.append(replace(ball, center_px=camera.project(place), radius_px=camera.fx * ball.radius_mm / -place[2]))
-    told = strengths_on_table(frames, camera, other, lights)
+    told = _on_table(frames, camera, other, lights)
     off = np.abs(_relative(told.intensities, strengths)).mean(1)
     assert off.max() > 0.03
     assert (off < 2 * told.sigma).mean() > 0.8
@@ -176,10 +180,10 @@ def test_what_no_light_reaches_tells_nothing():
     """All lights stand behind the table, or a frame is dark."""
     frames, camera, balls, lights, _ = _table("plain", STANDING)
     behind = replace(lights, positions_mm=lights.positions_mm - [0, 0, 3000])
-    assert strengths_on_table(frames, camera, balls, behind) is None
+    assert _on_table(frames, camera, balls, behind) is None
     codes = frames.codes.copy()
     codes[0] = codes.min()
-    assert strengths_on_table(replace(frames, codes=codes), camera, balls, lights) is None
+    assert _on_table(replace(frames, codes=codes), camera, balls, lights) is None
 
 
 def test_a_dark_frame_leaves_the_strengths_of_the_others():
