@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.appearance import Appearance, Lit
-from align.pose.motion import Term, apart_px, disagreement, image_flow, settle, small_steps
+from align.pose.motion import Term, apart_px, image_flow, settle, small_steps
 from align.pose.outline_edges import EdgePictures, OutlineEdges
 from align.pose.photographed import Photographs, longer_side, shading_tells
 from align.pose.scan_view import Outline, View, probe_rays, sample, signed_distance
@@ -112,8 +112,6 @@ class Weighed(NamedTuple):
     weights: tuple[float, ...]
     information: Array
     """(6, 6), inverse covariance in units of `small_steps` of one pixel."""
-    disagreement: float
-    """Of outline and shading: the shading's variance is inflated by it."""
 
 
 @dataclass(frozen=True)
@@ -193,18 +191,14 @@ class FinalEvidence:
     def weighed(self) -> Weighed:
         """How the terms count together, and what they know."""
         terms = self._terms(self.pose)
-        matrices, slopes, effects = zip(*(term.information(self.steps(1.0)) for term in terms), strict=True)
-        weights = [len(term.residuals) / effect for term, effect in zip(terms, effects, strict=True)]
-        # Where outline and shading contradict each other the shading's model is at fault: lights, bounced light, metal.
-        outline = matrices[0] + matrices[2], slopes[0] + slopes[2]
-        contradiction = disagreement(outline, (matrices[1], slopes[1]))
-        doubt = contradiction
+        known = [term.information(self.steps(1.0)) for term in terms]
+        matrices = [matrix for matrix, _, _ in known]
+        weights = [len(term.residuals) / effect for term, (_, _, effect) in zip(terms, known, strict=True)]
         if weights[1]:
-            doubt = max(doubt, self.shading_sigma / CHECKED * weights[1] / max(weights[0], 1.0))
-        weights[1] /= doubt
+            doubt = max(1.0, self.shading_sigma / CHECKED * weights[1] / max(weights[0], 1.0))
+            weights[1], matrices[1] = weights[1] / doubt, matrices[1] / doubt
         total = max(sum(weights), 1e-12)
-        information = outline[0] + matrices[1] / doubt
-        return Weighed(tuple(weight / total for weight in weights), information, contradiction)
+        return Weighed(tuple(weight / total for weight in weights), np.sum(matrices, 0))
 
     def renewed(self, pose: Pose, *, reach_px: float) -> "FinalEvidence":
         """Return the evidence taken again about `pose`."""

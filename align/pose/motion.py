@@ -162,16 +162,3 @@ def _equations(terms: Sequence[Term], scales: NDArray) -> tuple[Array, Array]:
     """Return the terms' normal equations, in units of the scales, so that millimetres and radians damp alike."""
     hessian, slope = (sum(parts) for parts in zip(*(term.normal_equations() for term in terms), strict=True))
     return hessian * scales * scales[:, None], slope * scales
-
-
-def disagreement(one: tuple[Array, Array], two: tuple[Array, Array]) -> float:
-    """Return by how many times their own variance two pieces of evidence contradict each other, at least 1.
-
-    Each, information and pull (see `Term.information`), would alone step by -H^-1 slope. Where the two steps differ by
-    more than their covariances allow, something is in neither model (bounced light, a light's error), and the
-    covariance is inflated by the excess (Birge's ratio [Birge1932]).
-    """
-    covariances = [np.linalg.pinv(hessian, rcond=1e-9, hermitian=True) for hessian, _ in (one, two)]
-    gap = covariances[0] @ one[1] - covariances[1] @ two[1]
-    inverse = np.linalg.pinv(covariances[0] + covariances[1], rcond=1e-9, hermitian=True)
-    return float(max(1.0, gap @ inverse @ gap / max(np.linalg.matrix_rank(inverse), 1)))

@@ -39,9 +39,8 @@ class Registration:
     """(6, 6): of the twist (rotation vector in radians about the scan's middle, translation in mm), camera axes, see
     `align.pose.motion.nudge`, for the camera as given; without depth, where an orthographic one does not tell it."""
     evidence: dict[str, float]
-    """What `Fit` has, and its misfit; shading (relative residual), rim_points, edge_bias_px,
-    disagreement (of outline and shading: the variance is inflated by it); where shadows tell it, shadow_scale and
-    scale_sigma (see `shadow_scale`); of the best pose and the next, where there is one:
+    """What `Fit` has, and its misfit; shading (relative residual), rim_points, edge_bias_px; where shadows tell it,
+    shadow_scale and scale_sigma (see `shadow_scale`); of the best pose and the next, where there is one:
     second_deviations (see `compare_poses`), second_angle_deg; where the focal length is not known:
     focal_shift_mm."""
     warnings: tuple[str, ...] = ()
@@ -118,7 +117,6 @@ def register(
         "shading": evidence.shading_sigma,
         "rim_points": float(len(evidence.edges.pixels)),
         "edge_bias_px": evidence.edges.bias_px,
-        "disagreement": evidence.weighed.disagreement,
     }
     warnings = []
     if not np.isnan(fit.normals_deg):
