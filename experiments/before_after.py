@@ -13,7 +13,17 @@ from align.truth import EDGE_FOOTPRINTS
 from capture.session.session import load_session
 from compare.report.facts import best_method, read_optional
 from compare.report.pictures import PixelBox, colour_scale_end, error_picture, with_colour_scale
-from compare.statistics.change import STATED, ChangedPlace, Tested, common_turn, fit_common, places, tested
+from compare.statistics.change import (
+    ACROSS,
+    FINEST_PX,
+    STATED,
+    ChangedPlace,
+    Tested,
+    common_turn,
+    fit_common,
+    places,
+    tested,
+)
 from formats.tiff_files import write_map
 from lab.job import scan_of
 from lab.results import pixel_size_mm
@@ -54,8 +64,8 @@ class LaidOver(NamedTuple):
     normals: Array  # (P, 3): the first's
     turned: Array  # (P, 3): the second's less the first's, radians; NaN where one is not known
     variance: Array  # (P,): of a turn along one tangent axis
-    pixel_mm2: Array  # (P,): of the surface
     lit: NDArray[np.bool_]  # (P,): both normals were fitted to all frames
+    steps_mm: Map  # (P, 2, 3): along the surface, to what the next pixel to the right, and the next below, see
     places: Array  # (P, 2): pixels of the second
     seen: tuple[Array, Array]  # points and the scan's normals (P, 3) there
 
@@ -75,10 +85,10 @@ def tell_change(before: Store, after: Store, methods: tuple[str, ...], out: Stor
     Returns
     -------
     dict
-        method; verdict, in words; places, the largest change first: u, v, change_deg, chance, area_mm2, lit_share;
-        pixels that both see, the share of them that is stated to be flagged, and is; least_deg: the change that is
-        still told; over_stated: how many times the stated sigmas the changes scatter by; common_deg: what all normals
-        turned by, median; moved_px: how far the second pose was moved.
+        method; verdict, in words; places, the highest first, see `ChangedPlace`; pixels that both see, the share of
+        them that is stated to be flagged, and is; least_mm: the height that is still told; over_stated: how many times
+        the stated sigmas the changes scatter by; common_deg: what all normals turned by, median; moved_px: how far the
+        second pose was moved.
 
     Raises
     ------
@@ -101,7 +111,7 @@ def _told(before: Side, after: Side, out: Store, pixel_mm: float | None) -> dict
 
     some = pixels[:: max(1, len(pixels) // FITTED)]
     laid = _lay_over(before, after, some)
-    known = np.isfinite(laid.turned).all(1)
+    known = np.isfinite(laid.turned).all(1) & np.isfinite(laid.variance)
     if not known.any():
         raise SceneError("change: no part of the object is seen in both sessions.")
     steps = small_steps(after.view.caster.mesh, after.view.camera, after.view.pose, step_px=1.0)
@@ -114,25 +124,27 @@ def _told(before: Side, after: Side, out: Store, pixel_mm: float | None) -> dict
     after = replace(after, view=replace(view, pose=nudge(view.pose, -moved * steps, view.pivot)))
 
     turned, common_deg = np.full(before.normals.shape, np.nan), np.zeros(0)
-    variance, pixel_mm2, lit = (np.full(turned.shape[:2], fill) for fill in (np.nan, np.nan, False))
+    variance, lit = (np.full(turned.shape[:2], fill) for fill in (np.nan, False))
+    steps_mm = np.full((*variance.shape, 2, 3), np.nan, np.float32)
     for first in range(0, len(pixels), BAND_PIXELS):
         part = slice(first, first + BAND_PIXELS)
         v, u = rows[part], columns[part]
         laid = _lay_over(before, after, pixels[part])
         shared = common(laid, pixels[part]) @ bent
         turned[v, u], variance[v, u] = laid.turned - shared, laid.variance
-        pixel_mm2[v, u], lit[v, u] = laid.pixel_mm2, laid.lit
+        lit[v, u], steps_mm[v, u] = laid.lit, laid.steps_mm
         common_deg = np.append(common_deg, np.degrees(np.linalg.norm(shared, axis=1)))
-    test, change_deg = tested(turned, variance), np.degrees(np.linalg.norm(turned, axis=-1)).astype(np.float32)
-    changed = places(test, change_deg, pixel_mm2, lit)
-    _write_maps(out, change_deg, test, pixel_mm)
+    change_deg = np.degrees(np.linalg.norm(turned, axis=-1)).astype(np.float32)
+    test = tested(turned, variance, steps_mm)
+    changed = places(test, change_deg, steps_mm, lit)
+    _write_maps(out, change_deg, test, changed, pixel_mm)
     return {
         "verdict": _verdict(changed, test),
         "places": [place._asdict() for place in changed],
         "pixels": int(np.isfinite(test.square).sum()),
         "stated_share": STATED,
         "flagged_share": float(np.mean(test.square[np.isfinite(test.square)] > -2 * np.log(STATED))),
-        "least_deg": test.least_deg,
+        "least_mm": test.least_mm,
         "over_stated": test.over_stated,
         "common_deg": float(np.median(common_deg)),
         "moved_px": float(np.linalg.norm(moved)),
@@ -141,12 +153,13 @@ def _told(before: Side, after: Side, out: Store, pixel_mm: float | None) -> dict
 
 def _verdict(changed: list[ChangedPlace], test: Tested) -> str:
     clear = [place for place in changed if place.lit_share > LIT]
-    text = f"nothing changed by more than {test.least_deg:.2f} degrees (rms of 5 x 5 pixels)"
+    text = f"nothing changed: a dent of {test.least_mm:.2g} mm, {ACROSS * FINEST_PX:.0f} pixels across, would be told"
     if clear:
         most, count = clear[0], len(clear)
+        how = f"{'rose' if most.height_mm > 0 else 'sank'} by {abs(most.height_mm):.2g} mm"
         text = (
-            f"changed at {count} place{'s' * (count > 1)}, most at pixel ({most.u:.0f}, {most.v:.0f}): by "
-            f"{most.change_deg:.1f} degrees, over {most.area_mm2:.2g} mm2"
+            f"changed at {count} place{'s' * (count > 1)}, most at pixel ({most.u:.0f}, {most.v:.0f}): {how}, over "
+            f"{most.across_mm:.2g} mm"
         )
     if rest := len(changed) - len(clear):
         text += f"; {rest} more where a flash is shadowed or left out, which may be its error: look at change.png"
@@ -203,13 +216,16 @@ def _lay_over(before: Side, after: Side, pixels: Array) -> LaidOver:
     # Four pixels' noise on the mean, by the squares of their bilinear weights.
     across = places - np.floor(places)
     variance = sample(after.variance, places) * np.prod(1 - 2 * across + 2 * across**2, -1)
-    facing = np.abs(np.einsum("pk,pk->p", normals, directions))
-    mesh = before.view.caster.mesh
-    far = np.linalg.norm(before.view.pose.apply(hits.interpolate(mesh, mesh.vertices)), axis=1)
-    mm2 = (1.0 if before.view.camera.is_orthographic else far) ** 2 / before.view.camera.fx**2 / facing
+    mesh, lens = before.view.caster.mesh, before.view.camera
+    depth = -before.view.pose.apply(hits.interpolate(mesh, mesh.vertices))[:, 2]
+    aside = np.broadcast_to([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0]], (len(depth), 2, 3)) / lens.fx
+    aside = aside * (1.0 if lens.is_orthographic else depth[:, None, None])
+    # Along the ray onto the tangent plane.
+    facing = np.einsum("pk,pk->p", normals, directions)
+    steps = aside - np.einsum("pkc,pc->pk", aside, normals / facing[:, None])[..., None] * directions[:, None]
     turned = np.where(same[:, None], other @ turn.T - normals, np.nan)
     lit = before.lit[v, u] & (sample(after.lit.astype(np.float32), places) == 1)
-    return LaidOver(normals, turned, before.variance[v, u] + variance, mm2, lit, places, seen)
+    return LaidOver(normals, turned, before.variance[v, u] + variance, lit, steps.astype(np.float32), places, seen)
 
 
 def _moved(before: Side, after: Side, laid: LaidOver) -> Array:
@@ -218,7 +234,7 @@ def _moved(before: Side, after: Side, laid: LaidOver) -> Array:
     return -np.einsum("ij,pjk->pik", before.view.pose.rotation @ after.view.pose.rotation.T, slopes)
 
 
-def _write_maps(out: Store, change_deg: Map, test: Tested, pixel_mm: float | None) -> None:
+def _write_maps(out: Store, change_deg: Map, test: Tested, changed: list[ChangedPlace], pixel_mm: float | None) -> None:
     """Write the change in degrees and its z as .npy and .tif, and the picture with the places that changed."""
     import cv2
 
@@ -227,9 +243,10 @@ def _write_maps(out: Store, change_deg: Map, test: Tested, pixel_mm: float | Non
         write_npy(out.path(f"{name}.npy"), values)
         write_map(out.path(f"{name}.tif"), values, {"map": name, "value": told}, pixel_mm)
     box = PixelBox.of_mask(np.isfinite(change_deg), margin=0.03)
-    end, times = colour_scale_end(float(np.nanquantile(change_deg, 0.999))), max(1, 800 // box.width)
+    end, times = colour_scale_end(float(np.nanquantile(change_deg, 0.95))), max(1, 800 // box.width)
     picture = np.ascontiguousarray(error_picture(box.of(change_deg), end).repeat(times, 0).repeat(times, 1))
-    clear = box.of(test.log_chance < np.log(STATED)).astype(np.uint8).repeat(times, 0).repeat(times, 1)
-    outlines = cv2.findContours(cv2.dilate(clear, np.ones((3, 3), np.uint8)), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    cv2.drawContours(picture, outlines[0], -1, (225, 40, 40), max(1, times // 2))
+    for place in changed:
+        center = times * (np.array([place.u, place.v]) + 0.5 - [box.left, box.top])
+        around = times * place.across_px / 2 + 2
+        cv2.circle(picture, center.round().astype(int).tolist(), round(around), (225, 40, 40), max(1, times // 2))
     write_png(out.path("change.png"), with_colour_scale(picture, end, "change of the normal; red: places that changed"))

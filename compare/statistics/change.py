@@ -1,6 +1,6 @@
 """Where an object's normals changed between two sessions, by more than both sessions' errors explain."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,28 +17,50 @@ STATED = 0.01
 MEDIAN = 2 * np.log(2)
 """Of chi-square with two degrees of freedom: of a normal's squared change over its variance along one tangent axis."""
 LOCAL = 16
-"""Windows across the object, in each of which errors are measured: a change is smaller than a window."""
+"""Windows across the object, in each of which errors are measured."""
 CLIPPED = 24.0
 """Medians at which a squared change is cut for the window's mean: a real change shall not pass for an error."""
-PLACE_PX = 5
-"""Side of the window whose pixels together tell a place."""
+MEAN_PX = 5
+"""Side of the window over which a stated variance is averaged: a few samples tell a pixel's badly."""
 BORDER_PX = 3
 """What lies nearer to an edge of what is known tells nothing: lens and demosaicing mix the two sides."""
-QUANTILE = 0.9
-"""Of the windows, that tells with their median how unevenly they err; the changed ones are fewer than a tenth."""
+FINEST_PX, COARSER = 1.4, 1.6
+"""Standard deviation of the narrowest bump that is looked for; how much wider the next one is, up to the window's."""
+ACROSS = 4.7
+"""Standard deviations of a bump that a round dent of its width at half height is across, with a cosine's profile."""
+COVERED = 0.6
+"""Share of a bump's weight that must lie on what is known."""
+WINDOW = 12.0
+"""Standard deviations of a bump across the window that tells its errors, at least: most of it shows none."""
+RING = 3.0
+"""Standard deviations about a bump in which others are its ring."""
 
 
 class ChangedPlace(NamedTuple):
-    """A part of the object that changed; its middle is (u, v), `change_deg` the largest in it."""
+    """A part of the object that sank or rose; its middle is (u, v)."""
 
     u: float
     v: float
+    height_mm: float
+    """Along the normal, of its middle; negative: it sank. The lens's blur makes a narrow one look half as high."""
+    across_mm: float
+    across_px: float
     change_deg: float
+    """The largest of its normals."""
     chance: float
     """Of one that is as clear on an unchanged object."""
-    area_mm2: float
     lit_share: float
     """Of its pixels: what every flash lights in both sessions. Elsewhere a shadow's error may pass for a change."""
+
+
+class Bumps(NamedTuple):
+    """(H, W): of the bump about each pixel that is the clearest; NaN where too little is known."""
+
+    z: Array
+    """Its height in the scatter of heights about the pixel."""
+    height_mm: Array
+    sigma_px: Array
+    """It is a Gaussian."""
 
 
 class Tested(NamedTuple):
@@ -46,14 +68,15 @@ class Tested(NamedTuple):
 
     square: Array
     """(H, W): squared change over its variance along one tangent axis; NaN where unknown. Its root is z."""
-    windows: Array
-    """(H, W): the mean of it over the window about a pixel."""
-    log_chance: Array
-    """(H, W): natural logarithm of the chance of one window that is as clear among all of an unchanged object."""
+    bumps: Bumps
+    tried: int
+    """Bumps that were tried, of all widths and about all pixels."""
+    least_z: float
+    """From which on a bump is told."""
+    least_mm: float
+    """Height of one of the narrowest that is told about the median pixel."""
     over_stated: float
     """How many times the stated sigmas the changes scatter by."""
-    least_deg: float
-    """What the normals of a window must have changed by, rms, to be told: of the median pixel."""
 
 
 def common_turn(normals: Array, place: Array) -> Array:
@@ -86,8 +109,10 @@ def fit_common(turned: Array, variance: Array, columns: Array, prior: Array) -> 
     return found
 
 
-def tested(turned: Array, variance: Array) -> Tested:
+def tested(turned: Array, variance: Array, steps_mm: NDArray) -> Tested:
     """Test the turns (H, W, 3) of normals, radians, NaN where unknown; variance (H, W) is what is stated of them.
+
+    steps_mm (H, W, 2, 3): along the surface, to what the next pixel to the right, and the next below, see.
 
     Notes
     -----
@@ -95,59 +120,86 @@ def tested(turned: Array, variance: Array) -> Tested:
     sessions. So the variance of a pixel is the stated one times what the changes about it exceed theirs by, on the mean
     over a window of the object's size over `LOCAL`.
 
-    Neighbours err together. The means over small windows are taken for a chi-square whose degrees of freedom their own
-    median and `QUANTILE` tell; a window must be clearer than `STATED` over the number of pixels (Bonferroni).
+    A surface that sinks or rises turns its normals by its height's slopes, all about one place; errors do not. Bumps of
+    each width are fitted about each pixel by weighted least squares (a matched filter [Turin1960]). Neighbours err
+    together: z is in the heights' own scatter.
     """
     import cv2
-    from scipy.optimize import brentq
-    from scipy.special import chdtri, gammaincc
+    from scipy.special import ndtri
 
     known = np.isfinite(turned).all(-1) & np.isfinite(variance)
     inner = cv2.erode(known.astype(np.uint8), np.ones((2 * BORDER_PX + 1,) * 2)) > 0
     # Of an object of few pixels all is border.
     known = inner if inner.any() else known
     rows, columns = (np.flatnonzero(known.any(axis)) for axis in (1, 0))
-    side = max(PLACE_PX, int(max(np.ptp(rows), np.ptp(columns)) / LOCAL) | 1)
-    # A few samples tell a pixel's noise badly; neighbours have the same.
-    variance = _mean(variance, known, PLACE_PX)
+    side = max(MEAN_PX, int(max(np.ptp(rows), np.ptp(columns)) / LOCAL) | 1)
+    variance = _mean(variance, known, MEAN_PX)
     square = np.where(known, np.sum(turned**2, -1) / variance, np.nan)
     usual = float(np.nanmedian(square))
     local = _mean(np.minimum(square, CLIPPED * usual), known, side) / 2
-    square = square / local
-    windows = _mean(square, known, PLACE_PX)
-    middle, high = np.quantile(windows[known], [0.5, QUANTILE])
-    spread = max(high / middle, 1.0)
+    # Where it rises, the normal turns back.
+    slopes = [np.where(known, -np.sum(turned * steps_mm[:, :, k], -1), 0) for k in (0, 1)]
+    weights = [np.where(known, 1 / (variance * np.sum(steps_mm[:, :, k] ** 2, -1)), 0) for k in (0, 1)]
+    widths = [FINEST_PX]
+    while COARSER * widths[-1] < side:
+        widths.append(COARSER * widths[-1])
+    best = first = _bumps(slopes, weights, widths[0], side)
+    for width in widths[1:]:
+        other = _bumps(slopes, weights, width, side)
+        clearer = np.nan_to_num(np.abs(other.z)) > np.nan_to_num(np.abs(best.z))
+        best = Bumps(*(np.where(clearer, new, old) for new, old in zip(other, best, strict=True)))
+    tried = max(int(np.count_nonzero(known)) * len(widths), 1)
+    # One of all that are tried (Bonferroni).
+    least_z = float(-ndtri(STATED / 2 / tried))
+    least_mm = least_z * float(np.nanmedian(np.abs(first.height_mm / first.z)))
+    return Tested(square / local, best, tried, least_z, least_mm, float(np.sqrt(usual / MEDIAN)))
 
-    def exceeds(free: float) -> float:
-        return chdtri(free, 1 - QUANTILE) / chdtri(free, 0.5) - spread
 
-    solve: Any = brentq
-    free = float(solve(exceeds, 0.5, 1e4)) if exceeds(0.5) > 0 > exceeds(1e4) else 2.0
-    unit, count = middle / chdtri(free, 0.5), np.count_nonzero(known)
-    chance = gammaincc(free / 2, windows / unit / 2)
-    least = unit * chdtri(free, STATED / count)
-    least_deg = np.degrees(np.sqrt(least * np.median((local * variance)[known])))
-    log_chance = np.log(np.maximum(chance * count, 1e-300))
-    return Tested(square, windows, log_chance, float(np.sqrt(usual / MEDIAN)), float(least_deg))
+def _bumps(slopes: list[Array], weights: list[Array], sigma_px: float, side: int) -> Bumps:
+    """Fit a bump of one width about each pixel to slopes (H, W) to the right and down, mm; weights: 0 where unknown."""
+    import cv2
+
+    reach = int(np.ceil(3.5 * sigma_px))
+    away = np.arange(-reach, reach + 1) / sigma_px
+    bump = np.exp(-0.5 * away**2)
+    slope = -away * bump / sigma_px
+
+    def fit(values: Array, first: Array, second: Array) -> Array:
+        return np.asarray(cv2.sepFilter2D(values, -1, first, second, borderType=cv2.BORDER_CONSTANT), np.float64)
+
+    kernels = [(slope, bump), (bump, slope)]
+    pull = sum(fit(w * s, *kernel) for w, s, kernel in zip(weights, slopes, kernels, strict=True))
+    information = sum(fit(w, first**2, second**2) for w, (first, second) in zip(weights, kernels, strict=True))
+    known = weights[0] > 0
+    cover = sum(fit(known.astype(np.float64), first**2, second**2) for first, second in kernels)
+    seen = known & (cover > COVERED * 2 * np.sum(slope**2) * np.sum(bump**2))
+    information = np.where(seen, information, np.nan)
+    z = pull / np.sqrt(information)
+    usual = float(np.nanmedian(z**2)) if seen.any() else 1.0
+    scatter = _mean(np.minimum(z**2, CLIPPED * usual), seen, max(side, int(WINDOW * sigma_px) | 1))
+    return Bumps(z / np.sqrt(scatter), pull / information, np.full(z.shape, sigma_px))
 
 
-def places(found: Tested, change_deg: NDArray, pixel_mm2: NDArray, lit: Mask) -> list[ChangedPlace]:
-    """Return where the object changed, the largest change first.
+def places(found: Tested, change_deg: NDArray, steps_mm: NDArray, lit: Mask) -> list[ChangedPlace]:
+    """Return where the object changed, the highest first.
 
-    (H, W): the changes, each pixel's area of surface, and whether every flash lights it in both sessions.
+    (H, W): the changes, and whether every flash lights a pixel in both sessions; steps_mm: see `tested`.
     """
-    from scipy import ndimage
+    from scipy.special import ndtr
 
-    labelled: Any = ndimage.label(found.log_chance < np.log(STATED))
-    label, out = labelled[0], []
-    for number, box in enumerate(ndimage.find_objects(label), 1):
-        v, u = np.nonzero(label[box] == number)
-        v, u = v + box[0].start, u + box[1].start
-        chance = float(np.exp(found.log_chance[v, u].min()))
-        most = float(np.nanmax(change_deg[v, u]))
-        area, share = float(np.nansum(pixel_mm2[v, u])), float(lit[v, u].mean())
-        out.append(ChangedPlace(float(u.mean()), float(v.mean()), most, chance, area, share))
-    return sorted(out, key=lambda place: -place.change_deg)
+    bumps, left, known = found.bumps, np.abs(np.nan_to_num(found.bumps.z)), np.isfinite(found.square)
+    rows, columns = np.indices(left.shape, np.float32)
+    out = []
+    while left.max(initial=0) > found.least_z:
+        at = np.unravel_index(np.argmax(left), left.shape)
+        (v, u), sigma_px, height = map(float, at), bumps.sigma_px[at], float(bumps.height_mm[at])
+        away, across = np.hypot(columns - u, rows - v), ACROSS * float(sigma_px)
+        inside, chance = known & (away < across / 2), 2 * float(ndtr(-left[at])) * found.tried
+        most, share = np.nanmax(change_deg[inside]), lit[inside].mean()
+        wide = across * np.sqrt(np.linalg.norm(np.cross(*steps_mm[at])))
+        out.append(ChangedPlace(u, v, height, float(wide), across, float(most), chance, float(share)))
+        left[away < RING * np.hypot(sigma_px, bumps.sigma_px)] = 0
+    return sorted(out, key=lambda place: -abs(place.height_mm))
 
 
 def _mean(values: NDArray, known: Mask, side: int) -> Array:

@@ -14,6 +14,8 @@ MASK = X**2 + Y**2 < 1
 SIGMA = np.radians(0.35)
 MM = 0.3
 """Of a pixel."""
+STEPS = np.broadcast_to(MM * np.eye(3)[:2], (SIDE, SIDE, 2, 3))
+"""A plane that faces the camera."""
 
 
 def noise(seed, sigma=SIGMA):
@@ -32,17 +34,21 @@ def flagged(found):
 
 
 def told(found, turned):
-    return places(found, np.degrees(np.linalg.norm(turned, axis=-1)), np.full(MASK.shape, MM**2), U > SIDE / 2)
+    return places(found, np.degrees(np.linalg.norm(turned, axis=-1)), STEPS, U > SIDE / 2)
+
+
+def compared(turned, sigma=SIGMA):
+    return change.tested(turned, np.full(MASK.shape, sigma**2), STEPS)
 
 
 def dents(where, depth_mm=0.1, across_mm=3.0):
-    """Slopes of round dents, a raised cosine deep."""
+    """Turns of the normals by round dents, a raised cosine deep: toward their middle."""
     out = np.zeros((SIDE, SIDE, 3))
     for u, v in where:
         away = np.stack([U - u, V - v], -1) * MM
         far = np.linalg.norm(away, axis=-1)
         slope = np.pi * depth_mm / across_mm * np.sin(2 * np.pi * far / across_mm) * (far < across_mm / 2)
-        out[..., :2] += slope[..., None] * away / np.maximum(far, 1e-9)[..., None]
+        out[..., :2] -= slope[..., None] * away / np.maximum(far, 1e-9)[..., None]
     return out
 
 
@@ -79,7 +85,7 @@ def test_an_unchanged_object_is_flagged_as_stated(stated, uneven):
     shares, alarms = [], 0
     for seed in range(3):
         turned = noise(seed, sigma)
-        found = change.tested(turned, np.full(MASK.shape, (stated * SIGMA) ** 2))
+        found = compared(turned, stated * SIGMA)
         shares.append(flagged(found))
         alarms += len(told(found, turned))
         if not uneven:
@@ -88,26 +94,36 @@ def test_an_unchanged_object_is_flagged_as_stated(stated, uneven):
     assert alarms == 0
 
 
-def test_dents_of_a_tenth_of_a_millimetre_are_found_where_they_are_and_nothing_else():
+@pytest.mark.parametrize("noisier", [1, 3])
+def test_dents_of_a_tenth_of_a_millimetre_are_found_where_they_are_and_nothing_else(noisier):
+    """Also where each normal errs by a degree, more than a dent turns most of its own."""
     places_px = [(60 + 40 * i, 70 + 33 * j) for i in range(4) for j in range(4)]
-    turned = noise(5) + dents(places_px)
-    found = change.tested(turned, np.full(MASK.shape, SIGMA**2))
-    seen = np.array([(place.u, place.v) for place in told(found, turned)])
-    nearest = np.linalg.norm(seen[:, None] - np.array(places_px), axis=2)
+    turned = noise(5, noisier * SIGMA) + dents(places_px)
+    found = compared(turned, noisier * SIGMA)
+    seen = told(found, turned)
+    nearest = np.linalg.norm(np.array([(one.u, one.v) for one in seen])[:, None] - np.array(places_px), axis=2)
     assert len(seen) == len(places_px)
     assert nearest.min(0).max() < 1.5
-    areas = [place.area_mm2 for place in told(found, turned)]
-    # The whole dent has 7.1 square millimetres; its middle and its rim are level.
-    assert 3 < np.median(areas) < 14
-    assert all(place.chance < STATED for place in told(found, turned))
-    assert {(place.u > SIDE / 2, place.lit_share) for place in told(found, turned)} == {(False, 0), (True, 1)}
+    assert all(one.chance < STATED for one in seen)
+    assert {(one.u > SIDE / 2, one.lit_share) for one in seen} == {(False, 0), (True, 1)}
+    assert np.median([one.height_mm for one in seen]) == pytest.approx(-0.1, rel=0.2)
+    assert np.median([one.across_mm for one in seen]) == pytest.approx(3.0, rel=0.35)
+
+
+def test_what_is_just_told_has_the_height_that_is_stated():
+    """Dents of half of it are not told, of twice of it all are."""
+    quiet = noise(7)
+    least = compared(quiet).least_mm
+    places_px = [(60 + 40 * i, 70 + 33 * j) for i in range(4) for j in range(4)]
+    for times, count in ((0.5, 0), (2, 16)):
+        turned = quiet + dents(places_px, depth_mm=times * least, across_mm=6.6 * MM)
+        assert len(told(compared(turned), turned)) == count
 
 
 def test_a_large_change_is_no_error():
-    """A sixth of the object across, turned by ten degrees: it is wider than the window that errors are told by."""
-    turned = noise(6)
-    turned[..., 0] += np.radians(10) * ((np.abs(X) < 1 / 6) & (np.abs(Y) < 1 / 6))
-    (place, *more) = told(change.tested(turned, np.full(MASK.shape, SIGMA**2)), turned)
+    """A bump a sixth of the object across, as steep as ten degrees: it is wider than a window that tells errors."""
+    turned = noise(6) + dents([(SIDE / 2, SIDE / 2)], depth_mm=-0.7, across_mm=SIDE / 6 * MM)
+    (place, *more) = told(compared(turned), turned)
     assert not more
     assert (place.u, place.v) == pytest.approx((SIDE / 2, SIDE / 2), abs=2)
-    assert place.area_mm2 == pytest.approx((0.16 * SIDE * MM) ** 2, rel=0.4)
+    assert place.height_mm == pytest.approx(0.7, rel=0.3)

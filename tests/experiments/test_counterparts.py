@@ -119,7 +119,7 @@ def scan():
 
 
 def session_of(parent, name, scan, pose, camera, seed, *, changed=None, told_pose=None, other_scan=None, lit=1):
-    """A session's folder, and what was processed from it: true normals with noise, turned in one place."""
+    """A session's folder, and what was processed from it: true normals with noise, and a dent of 8 pixels."""
     folder, store = parent / f"session {name}", Store(parent / name)
     write_png(folder / "flash.png", np.zeros((4, 4, 3), np.uint8))
     shown = scan if other_scan is None else other_scan
@@ -133,13 +133,18 @@ def session_of(parent, name, scan, pose, camera, seed, *, changed=None, told_pos
     if changed is not None:
         rows, columns = np.indices(mask.shape)
         u, v = camera.project(pose.apply(changed)[None])[0]
-        normals[..., 0] += np.where(np.hypot(columns - u, rows - v) < 4, 0.12, 0)
+        right, up = (columns - u) / 4, (v - rows) / 4
+        far = np.maximum(np.hypot(right, up), 1e-9)
+        slope = 0.12 * np.sin(np.pi * far) * (far < 1)
+        normals[..., :2] -= slope[..., None] * np.stack([right, up], -1) / far[..., None]
     store.save_camera(camera)
     store.save_lights(Lights(("a",), np.array([[0, 0, 1.0]]), np.ones((1, 3)), None, np.array([0, 0, -500.0])))
     store.save_mask(mask)
     store.save_truth(truth.normals, truth.sigma_deg)
     store.save_pose(told_pose or pose, residual_px=0.2, sigma_mm=0.3, sigma_deg=0.1)
     sigma = np.where(mask, SIGMA_DEG, np.nan).astype(np.float32)
+    # A pixel of three samples has a normal, and nothing to tell its error by: once all places lost theirs to it.
+    sigma[60::31, 50::29] = np.nan
     given = unit(normals).astype(np.float32)
     albedo, samples = np.ones_like(given), lit * mask.astype(np.uint16)
     store.save_estimate(Estimate("ls", given, albedo, samples, 1.0, 1.0, {}, (), sigma))
