@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from calibrate.calibration import Notes, leave_out
 from calibrate.lights.directions import two_across
 from calibrate.photometry.from_white import no_flash
+from calibrate.photometry.table_normal import standing
 from calibrate.without_balls.from_table import strengths_on_table
 from calibrate.without_balls.probe import (
     FEWEST_PIXELS,
@@ -108,7 +109,10 @@ def measured_beside_balls(
 ) -> ProbePhotometry | None:
     """Read the flashes' strengths from the table, or from what matte surfaces there are: what tells them better."""
     probe = read_beside(frames, camera, spheres)
-    both = strengths_on_table(probe, camera, spheres, lights), _measured_on_object(probe, camera, lights)
+    on_object = _measured_on_object(probe, camera, lights)
+    if on_object and lights.positions_mm is None and len(standing(camera, spheres)) == 1:
+        on_object = _of_any_range(on_object, probe, camera, lights)
+    both = strengths_on_table(probe, camera, spheres, lights), on_object
     return min((one for one in both if one is not None), key=lambda one: float(np.median(one.sigma)), default=None)
 
 
@@ -139,6 +143,21 @@ def _measured_on_object(probe: Probe, camera: Camera, lights: Lights) -> ProbePh
     strengths = np.stack([one.intensities.mean(1) for one in good])
     sigma = np.hypot(good[0].sigma, np.abs(strengths / strengths[0] - 1).max(0))
     return good[0]._replace(sigma=sigma)
+
+
+def _of_any_range(distant: ProbePhotometry, probe: Probe, camera: Camera, lights: Lights) -> ProbePhotometry | None:
+    """Read the strengths of flashes whose ranges one ball cannot tell; `distant`: as if they were far away.
+
+    A flash that stands as far away as the camera lights one side of the picture more. It is taken to stand twice as
+    far: half-way in 1 / range from there to infinity, and as unsure.
+    """
+    ranges = 2 * np.linalg.norm(lights.reference_point_mm)
+    near = replace(lights, positions_mm=lights.reference_point_mm + ranges * lights.directions)
+    read = _measured_on_object(probe, camera, near)
+    if read is None:
+        return None
+    apart = (read.intensities / distant.intensities).mean(1) - 1
+    return read._replace(sigma=np.hypot(read.sigma, apart))
 
 
 def _of_equal_power(lights: Lights) -> Array:

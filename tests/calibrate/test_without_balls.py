@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calibrate.calibration import Notes
+from calibrate.without_balls import from_object
 from calibrate.without_balls.from_object import intensities_from_object, strengths_from_object
 from calibrate.without_balls.from_table import TABLE, strengths_on_table
 from calibrate.without_balls.probe import read_beside, read_probe
@@ -91,7 +92,7 @@ def test_a_flat_object_tells_no_strengths():
     assert intensities_from_object(probe, _toward(lights.directions, probe), np.full(COUNT, np.nan)) is None
 
 
-def _found_beside_a_mirror(powers, dark=()):
+def _found_beside_a_mirror(powers, dark=(), *, ranged=True):
     """Strengths that three domes beside a mirror ball tell, traced, some frames dark; their sigma; the true ones."""
     center, distance = np.array([0.0, 0.0, -1000.0]), DISTANCES[:, None]
     lights = _lights(direction_sigma_deg=np.full(COUNT, 0.05), reference_point_mm=center)
@@ -102,7 +103,8 @@ def _found_beside_a_mirror(powers, dark=()):
     world.stand("object", -40, -10, 62).stand("object", 40, -25, 60).stand("object", 0, 55, 58)
     frames = render(world, seed=10004)
     frames.codes[list(dark)] = frames.codes.min()
-    return *strengths_from_object(frames, camera, world.spheres(), lights, Notes()), world.truth(center)[1]
+    known = lights if ranged else replace(lights, positions_mm=None)
+    return *strengths_from_object(frames, camera, world.spheres(), known, Notes()), world.truth(center)[1]
 
 
 def test_near_flashes_are_told_as_well_as_is_said():
@@ -110,6 +112,16 @@ def test_near_flashes_are_told_as_well_as_is_said():
     relative = _relative(found, strength)
     assert _rms(relative) < 0.3 * _rms(_relative(np.ones((COUNT, 3)), strength))
     assert np.mean(np.abs(relative.mean(1)) < 1.96 * sigma) >= 0.8
+
+
+def test_flashes_whose_ranges_one_ball_cannot_tell_are_not_taken_for_far_ones(monkeypatch):
+    found, sigma, strength = _found_beside_a_mirror(_lights().intensities, ranged=False)
+    relative = _relative(found, strength).mean(1)
+    assert np.mean(np.abs(relative) < 1.96 * sigma) >= 0.8
+    assert np.median(sigma) < 0.15
+    monkeypatch.setattr(from_object, "_of_any_range", lambda distant, *_: distant)
+    far = _relative(_found_beside_a_mirror(_lights().intensities, ranged=False)[0], strength).mean(1)
+    assert _rms(relative) < 0.85 * _rms(far)
 
 
 def _on_table(frames, camera, balls, lights):
