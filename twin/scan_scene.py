@@ -15,7 +15,7 @@ from scene.lights import Lights
 from scene.spheres import WHITE_BALL_ALBEDO
 from twin.description.description import Environment, Sampling, TwinObject, TwinScene
 from twin.description.description_check import check_scene
-from twin.description.materials import Diffuse, Material, RoughPlastic
+from twin.description.materials import Diffuse, Material, Principled, RoughPlastic
 from twin.material.fit_material import MaterialFit
 from twin.material.measured_albedo import textured_surface
 from twin.visibility import Sight
@@ -65,7 +65,9 @@ def scan_scene(
     film = scene.film()
     textured, texture, white, warnings = textured_surface(sight, albedo, film.rows, film.columns)
     material: Material = Diffuse(texture)
-    if fit is not None and fit.model != "matte":
+    if fit is not None and fit.model == "metal":
+        material = Principled(texture, fit.surface.roughness, metallic=1.0)
+    elif fit is not None and fit.model != "matte":
         # Where the white value is unknown, the scene has taken one.
         specularity = min(float(np.mean(fit.strength)) / float(np.mean(white / WHITE_BALL_ALBEDO)), 1.0)
         material = RoughPlastic(texture, specularity=specularity, **fit.surface.numbers())

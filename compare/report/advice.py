@@ -18,12 +18,15 @@ def limits(summary: Summary, statements: list[Statement]) -> Markup:
     alike = level.get("Twin") == "good"
     poor = level.get("Ground truth") == "bad" and explains("Ground truth", summary)
     is_its_own = is_its_own_doing(summary) and not alike
+    material = (summary.get("twin") or {}).get("material") or {}
+    is_metal = material.get("model") == "metal"
     cases = {
         "Common tilt": tilted,
         "Twin good": alike and not doubtful and not tilted,
         "Twin good, lights doubtful": alike and doubtful and not tilted,
         "Twin good, tilted": alike and tilted,
-        "Object": is_its_own,
+        "Metal": is_its_own and is_metal,
+        "Object": is_its_own and not is_metal,
         "Twin care": level.get("Twin") == "care" and not is_its_own,
         "Twin bad": level.get("Twin") == "bad" and not is_its_own,
         "Lights": doubtful and explains("Lights", summary) and (tilted or not alike),
@@ -31,7 +34,6 @@ def limits(summary: Summary, statements: list[Statement]) -> Markup:
         "Ground truth own": not poor and is_truths_own(compared),
     }
     named = [name for name, is_so in cases.items() if is_so] or ["not told"]
-    material = (summary.get("twin") or {}).get("material") or {}
     return Markup(" ").join(say("limits", name, **(compared.get("truth") or {}), **material) for name in named)
 
 

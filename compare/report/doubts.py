@@ -63,8 +63,8 @@ def explains(part: str, summary: Summary) -> bool:
 def is_its_own_doing(summary: Summary) -> bool:
     """Tell whether only the object's own reflectance is left to make the error.
 
-    No fitted material explains the photographs; the doubts of lights and of ground truth are small; and balls have
-    confirmed the lights, where `calibrate` warned.
+    It is a metal, or no fitted material explains the photographs; the doubts of lights and of ground truth are small;
+    and balls have confirmed the lights, where `calibrate` warned.
     """
     lights, compared = stated_of_lights(summary), summary.get("compare") or {}
     is_checked = bool(lights.get("cross_validation")) or is_number(lights.get("white_ball_deg"))
@@ -73,5 +73,7 @@ def is_its_own_doing(summary: Summary) -> bool:
         return False
     if not compared.get("has_truth"):
         return bool((summary.get("trust") or {}).get("doubts"))
-    left = ((summary.get("twin") or {}).get("material") or {}).get("relative_rmse")
-    return is_number(left) and left >= MISFIT and not explains("Ground truth", summary)
+    material = (summary.get("twin") or {}).get("material") or {}
+    left = material.get("relative_rmse")
+    is_odd = material.get("model") == "metal" or (is_number(left) and left >= MISFIT)
+    return is_odd and not explains("Ground truth", summary)

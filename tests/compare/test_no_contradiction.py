@@ -95,7 +95,7 @@ def random_summary(rng: np.random.Generator) -> dict[str, Any]:
         }),
         "align": maybe(align) if has_truth else None,
         "solve": maybe({"methods": solved}),
-        "twin": maybe({"material": {"relative_rmse": some(0.001, 20)}}),
+        "twin": maybe({"material": {"relative_rmse": some(0.001, 20), "model": str(rng.choice(["matte", "metal"]))}}),
         "trust": maybe(trust, 0.5 * bool(names)),
         "seconds": {"trust": 0.1},
         "results": maybe({"files": [f"results/normals_{name}.tif" for name in methods]}),
@@ -189,12 +189,13 @@ def check_sizes(summary, todo, why):
             assert not re.search(named, todo + why)
         if "The object makes the error" in todo:
             assert np.nanmax(shares) < 0.32
-            assert summary["twin"]["material"]["relative_rmse"] >= 0.2
+            material = summary["twin"]["material"]
+            assert material["model"] == "metal" or material["relative_rmse"] >= 0.2
 
 
 def test_what_is_said_of_300_summaries_contradicts_nothing():
-    # Of this seed's summaries two are of an object that makes the error, which is rare.
-    rng = np.random.default_rng(5)
+    # Of this seed's summaries three are of an object that makes the error, which is rare.
+    rng = np.random.default_rng(2)
     words, todo = set(), ""
     for _ in range(300):
         summary = random_summary(rng)

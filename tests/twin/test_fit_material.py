@@ -97,6 +97,19 @@ def test_a_material_comes_back(count, roughness, specularity, shape, told):
 
 
 @pytest.mark.full
+@pytest.mark.parametrize("roughness", [0.1, 0.3])
+def test_a_metal_comes_back(roughness):
+    """It was taken for a coat on a rough body that left half of the photographs."""
+    lights = dome(14)
+    samples = made(roughness, 0.0, lights, is_metal=True)
+    fit = fit_material(samples, lights)
+    assert fit.model == "metal"
+    assert abs(fit.surface.roughness / roughness - 1) < 0.01
+    assert "more with a metal" in str(fit)
+    assert "nan" not in str(fit)
+
+
+@pytest.mark.full
 def test_what_no_coat_does_is_said_and_a_matte_ball_gets_none():
     lights = dome(12)
     brighter = fit_material(made(0.25, 1.4, lights), lights)

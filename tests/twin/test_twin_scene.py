@@ -310,6 +310,19 @@ def test_body_and_coat_are_those_of_mitsuba(numbers):
     assert np.max(np.abs(body / only - 1)) < 0.01
 
 
+@pytest.mark.parametrize("specularity", [0.0, 0.5])
+@pytest.mark.parametrize("roughness", [0.05, 0.2, 0.6])
+def test_a_metal_is_that_of_mitsuba(specularity, roughness):
+    """Of no specularity the renderer alone makes no metal at all: such an object was black."""
+    views, lights = directions(4000, 1, 0.1), directions(4000, 2, 0.1)
+    # At grazing angles a metal reflects more; the formula's does not.
+    facing = np.sqrt((1 + np.sum(views * lights, 1)) / 2) > 0.75
+    views, lights = views[facing], lights[facing]
+    body, _ = (a[:, 0] for a in reflected(coat(roughness, is_metal=True), UP, views, lights[:, None]))
+    theirs = in_mitsuba(Principled(COLOUR, roughness, 1.0, specularity), views, lights)
+    assert np.max(np.abs(body[:, None] * np.array(COLOUR) / theirs - 1)) < 0.01
+
+
 @pytest.mark.parametrize("numbers", [{}, {"covered": 0.0}, {"covered": 0.3}, {"covered": 0.0, "body_roughness": 0.1}])
 @pytest.mark.parametrize("specularity", [0.0, 0.6])
 def test_light_that_goes_on_is_as_much_as_is_sent_back(numbers, specularity):

@@ -25,6 +25,8 @@ VERTEX_COLOUR = "vertex_color"
 """Mitsuba's name of a mesh's r, g, b."""
 
 
+LEAST_SPECULAR = 1e-3
+"""Disney's specular beside a metal: a millionth of the light."""
 LEAST_WEIGHT = 0.2
 """Of the coated part, of all that is sampled: below it a highlight would rarely be."""
 
@@ -82,7 +84,8 @@ def _one_side(material: Material) -> dict[str, Any]:
                 "base_color": _value(material.reflectance),
                 "roughness": float(np.sqrt(material.roughness)),
                 "metallic": float(material.metallic),
-                "specular": float(material.specularity),
+                # At none Mitsuba leaves out the metal's reflection, too.
+                "specular": max(float(material.specularity), LEAST_SPECULAR if material.metallic else 0.0),
             }
         case Measured():
             return {"type": "measured", "filename": material.file}

@@ -1,7 +1,7 @@
 """The coat that suits samples best: each pixel's albedo eliminated [Golub1973], weights and fit in turn."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,16 +27,19 @@ class Model(NamedTuple):
     words: What the evidence says of it.
     tried: Numbers of `twin.material.reflection_models.coat`, each with all roughnesses.
     free: Those that are searched; the last is the roughness.
+    has_coat: Else nothing reflects but the body.
     """
 
     words: str
-    tried: tuple[dict[str, float], ...]
+    tried: tuple[dict[str, Any], ...]
     free: tuple[str, ...] = ("roughness",)
+    has_coat: bool = True
 
 
 SHARES = (0.0, 0.33, 0.67, 1.0)
 COVERED = Model("all of the body covered", ({"covered": 1.0},))
 PARTLY = Model("part of the body bare", tuple({"covered": share} for share in SHARES), ("covered", "roughness"))
+METAL = Model("a metal", ({"is_metal": True},), has_coat=False)
 ROUGH = Model("a rough body", tuple({"covered": 0.0, "body": share} for share in SHARES), ("body", "roughness"))
 
 
@@ -66,8 +69,8 @@ class CoatSearch:
     def __init__(
         self, samples: MaterialSamples, white: Array | None, most: Array, model: Model, about: CoatFit | None = None
     ) -> None:  # fmt: skip
-        self._samples, self._white, self._most, self.model = samples, white, most, model
-        self._parameters = (2 if white is not None else 4) + len(model.free) - 1
+        self._samples, self._white, self._most, self.model = samples, white, model.has_coat * most, model
+        self._parameters = model.has_coat * (1 if white is not None else 3) + len(model.free)
         variance = first_noise(samples).variance(samples.values)
         self.weights = np.where(samples.usable[..., None], 1 / variance, 0).astype(np.float32)
         self.fit = self._anywhere() if about is None else about

@@ -1,7 +1,7 @@
 """The material of a registered object, from its photographs: no more of it than they ask for.
 
-Matte; rough plastic; that with a coat that dims only a share of the body; or with a rough body, not Lambert's: the one
-whose evidence [Schwarz1978] is best.
+Matte; rough plastic; that with a coat that dims only a share of the body, or with a rough body, not Lambert's; or a
+metal: the one whose evidence [Schwarz1978] is best.
 """
 
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from scene.spheres import WHITE_BALL_ALBEDO
-from twin.material.coat_search import COVERED, PARTLY, ROUGH, ROUGHEST, SMOOTHEST, CoatFit, CoatSearch
+from twin.material.coat_search import COVERED, METAL, PARTLY, ROUGH, ROUGHEST, SMOOTHEST, CoatFit, CoatSearch
 from twin.material.material_kernels import predicted
 from twin.material.material_noise import Noise, deviances, first_noise, student_weights
 from twin.material.material_samples import MaterialSamples
@@ -35,16 +35,15 @@ AT_THE_END = 1.02
 class MaterialFit:
     """What an object is made of.
 
-    specularity: As in `twin.description.materials.RoughPlastic`; 0 of a matte object.
-    roughness_sigma, specularity_sigma: Relative standard deviations, the samples' dependence allowed for; NaN of a
-        matte object.
+    specularity: As in `twin.description.materials.RoughPlastic`; 0 of a matte object and of a metal.
+    roughness_sigma, specularity_sigma: Relative standard deviations, the samples' dependence allowed for; NaN of both.
     surface: The coat and what lies below it.
     strength (3,): See `twin.material.coat_search.CoatFit`.
     effective_samples: As many independent ones tell as much.
     evidence: How the model was chosen.
     """
 
-    model: Literal["matte", "rough plastic"]
+    model: Literal["matte", "rough plastic", "metal"]
     specularity: float
     roughness_sigma: float
     specularity_sigma: float
@@ -60,6 +59,8 @@ class MaterialFit:
         if self.model == "matte":
             return f"matte: {self.evidence[0]}"
         coat = self.surface
+        if self.model == "metal":
+            return f"metal, roughness {coat.roughness:.3f}: {'; '.join(self.evidence)}"
         bare = "" if coat.covered == 1 else f", dimming {100 * coat.covered:.0f} % of the body"
         if coat.body >= 0:
             bare = f", on a body of roughness {coat.body:.2f}"
@@ -99,16 +100,21 @@ def fit_material(samples: MaterialSamples, lights: Lights) -> MaterialFit:
     fall = falls / factor - search.fit.parameters * np.log(effective)
     worth = f"{np.count_nonzero(samples.usable):,} samples, worth {effective:,.0f}"
     fit = search.fit
-    if fall <= 0 or (fit.strength.mean() <= 0 and fit.surface.body < 0):
+    if fall <= 0 or (fit.strength.mean() <= 0 and fit.surface.body < 0 and not fit.surface.is_metal):
         evidence = (f"BIC rises by {max(-fall, 0):.0f} with a coat ({worth})",)
         return MaterialFit(
             "matte", 0.0, np.nan, np.nan, none.surface, none.strength, search.noise, effective, evidence
+        )  # fmt: skip
+    told = (f"BIC falls by {fall:,.0f} against matte ({worth})", *told)
+    if fit.surface.is_metal:
+        return MaterialFit(
+            "metal", 0.0, np.nan, np.nan, fit.surface, fit.strength, search.noise, effective, told
         )  # fmt: skip
     sigma = np.sqrt(np.diag(search.covariance()) * factor)
     specularity = float(fit.strength.mean() / (1.0 if white is None else np.mean(white)))
     return MaterialFit(
         "rough plastic", specularity, float(sigma[0]), float(sigma[1]), fit.surface, fit.strength, search.noise,
-        effective, (f"BIC falls by {fall:,.0f} against matte ({worth})", *told),
+        effective, told,
         tuple(_doubts(fit.surface.roughness, specularity, float(sigma[1]), known=white is not None)),
     )  # fmt: skip
 
@@ -130,7 +136,7 @@ def robust_albedo(samples: MaterialSamples, fit: MaterialFit | CoatFit, noise: N
 def _likeliest(samples: MaterialSamples, white: Array | None, most: Array) -> tuple[CoatSearch, tuple[str, ...]]:
     """Return the coat that the evidence favours, and the words for it."""
     on = f"({len(samples.rows):,} pixels)"
-    first, *rest = (CoatSearch(samples, white, most, model) for model in (COVERED, PARTLY, ROUGH))
+    first, *rest = (CoatSearch(samples, white, most, model) for model in (COVERED, PARTLY, ROUGH, METAL))
     gains = [_gain(samples, first, other) for other in rest]
     best = int(np.argmax(gains))
     words = [f"it rises by {-gains[best]:,.0f} with {rest[best].model.words} {on}"]

@@ -1,7 +1,7 @@
 """Rough plastic in closed form: what the renderer's material gives back, for fitting it to photographs.
 
-The same numbers as `twin.description.materials.RoughPlastic` in Mitsuba (tests hold the two together to 1 %): pixel
-values of a surface of reflectance 1 and specularity 1 under a light of intensity 1, in the units of
+The same numbers as `twin.description.materials.RoughPlastic`, of a metal `Principled`, in Mitsuba (tests hold the two
+together to 1 %): pixel values of a surface of reflectance 1 and specularity 1 under a light of intensity 1, in units of
 `twin.description.description.TwinScene`.
 """
 
@@ -43,6 +43,7 @@ class Coat(NamedTuple):
         coat's diffuse reflectance from within.
     covered: Share of the body's light that passes it.
     body: Roughness of the body that lies bare, 0 to 1, by the law of [Burley2012]; -1: it is Lambert's.
+    is_metal: There is no body below: the facets reflect its albedo.
     """
 
     roughness: float
@@ -50,10 +51,11 @@ class Coat(NamedTuple):
     transmittance: Array
     covered: float = 1.0
     body: float = LAMBERT
+    is_metal: bool = False
 
     def changed(self, **new: Any) -> "Coat":
         """Return the coat with other numbers, by their names in `coat`."""
-        numbers = {name: getattr(self, name) for name in ("roughness", "index", "covered", "body")}
+        numbers = {name: getattr(self, name) for name in ("roughness", "index", "covered", "body", "is_metal")}
         return coat(**{**numbers, **new})
 
     def numbers(self) -> dict[str, Any]:
@@ -62,10 +64,12 @@ class Coat(NamedTuple):
         return {"roughness": self.roughness, "index": self.index, "covered": self.covered, "body_roughness": body}
 
 
-def coat(roughness: float, index: float = INDEX, *, covered: float = 1.0, body: float = LAMBERT) -> Coat:
+def coat(
+    roughness: float, index: float = INDEX, *, covered: float = 1.0, body: float = LAMBERT, is_metal: bool = False
+) -> Coat:
     """Return the coat of a roughness; see `Coat`."""
     where = np.log(np.clip(roughness, TABLED[0], TABLED[-1]))
-    return Coat(roughness, index, np.asarray(_transmittances(index)(where).real, np.float64), covered, body)
+    return Coat(roughness, index, np.asarray(_transmittances(index)(where).real, np.float64), covered, body, is_metal)
 
 
 @lru_cache(16)
@@ -148,8 +152,9 @@ def vector(row):
 def shade(normal, view, lights, roughness, surface, out):
     """Fill out[0] and out[1] with the body's and the coat's pixel values under each light: of albedo and strength 1.
 
-    Body: cos_l ((1 - covered) B + covered T(l) T(v)), B of [Burley2012] or 1; coat: pi F D G / (4 cos_v), G by Smith,
-    each direction apart; D and G of GGX [Walter2007]. The matte coat (index 1) has the body cos_l and no coat.
+    Body: cos_l ((1 - covered) B + covered T(l) T(v)), B of [Burley2012] or 1; of a metal, pi D G / (4 cos_v),
+    which leaves out that it reflects more at grazing angles. Coat: pi F D G / (4 cos_v), G by Smith, each direction
+    apart; D and G of GGX [Walter2007]. The matte coat (index 1) has the body cos_l and no coat.
 
     normal, view: Unit, three numbers each.
     lights (F, 3): Unit.
@@ -179,8 +184,9 @@ def shade(normal, view, lights, roughness, surface, out):
     _lobe(roughness * roughness, cosines, nv, gloss)
     for f in range(len(gloss)):
         lit = cosines[0, f] > 0
-        diffuse[f] = diffuse[f] if lit else 0.0
-        gloss[f] = np.pi * fresnel[f] * gloss[f] / (4 * nv) if lit else 0.0
+        facets = np.pi * gloss[f] / (4 * nv) if lit else 0.0
+        diffuse[f] = facets if surface.is_metal else diffuse[f] if lit else 0.0
+        gloss[f] = fresnel[f] * facets
 
 
 @numba.njit(nogil=True, cache=True)

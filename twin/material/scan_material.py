@@ -20,6 +20,9 @@ SAMPLES_AT_ONCE = 1 << 18
 MOST_SAMPLES, LEAST_PIXELS = 120_000, 4_000
 """Of the fit: pixels times frames; pixels, however many frames there are."""
 
+METAL_VARIES = 2.0
+"""Factor between a metal's albedo and its median, at most."""
+
 
 @dataclass(frozen=True, eq=False)
 class ScanMaterial:
@@ -49,7 +52,9 @@ class ScanMaterial:
     def facts(self) -> dict[str, Any]:
         """Return what the summary keeps of it; relative standard deviations, residuals and shares are not percents."""
         fit, numbers = self.fit, {}
-        if fit.model != "matte":
+        if fit.model == "metal":
+            numbers = {"roughness": fit.surface.roughness}
+        elif fit.model != "matte":
             names = ("roughness_sigma", "specularity", "specularity_sigma")
             numbers = fit.surface.numbers() | {name: getattr(fit, name) for name in names}
         return {
@@ -94,6 +99,10 @@ def scan_material(sight: Sight, frames: Frames, mask: NDArray[np.bool_]) -> Scan
             own = own if onward is None else onward.off(own)
             if len(own.rows):
                 albedo[own.rows, own.columns] = robust_albedo(own, fit, fit.noise)
+    if fit.model == "metal" and np.isfinite(albedo).any():
+        # Where no light was mirrored toward the camera next to nothing is divided by next to nothing.
+        usual = np.nanmedian(albedo, axis=(0, 1))
+        albedo = np.clip(albedo, usual / METAL_VARIES, usual * METAL_VARIES)
     return ScanMaterial(fit, gone, albedo, *_left(samples, fit), trouble)
 
 
