@@ -110,7 +110,9 @@ def measured_beside_balls(
     """Read the flashes' strengths from the table, or from what matte surfaces there are: what tells them better."""
     probe = read_beside(frames, camera, spheres)
     on_object = _measured_on_object(probe, camera, lights)
-    if on_object and lights.positions_mm is None and len(standing(camera, spheres)) == 1:
+    # The lights' file may have distant ones, about no place.
+    is_placed = lights.reference_point_mm[2] < 0 and len(standing(camera, spheres)) == 1
+    if on_object and lights.positions_mm is None and is_placed:
         on_object = _of_any_range(on_object, probe, camera, lights)
     both = strengths_on_table(probe, camera, spheres, lights), on_object
     return min((one for one in both if one is not None), key=lambda one: float(np.median(one.sigma)), default=None)
@@ -156,7 +158,7 @@ def _of_any_range(distant: ProbePhotometry, probe: Probe, camera: Camera, lights
     read = _measured_on_object(probe, camera, near)
     if read is None:
         return None
-    apart = (read.intensities / distant.intensities).mean(1) - 1
+    apart = read.intensities.mean(1) / distant.intensities.mean(1) - 1
     return read._replace(sigma=np.hypot(read.sigma, apart))
 
 

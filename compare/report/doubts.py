@@ -13,8 +13,8 @@ SHARE = 0.1
 BEND_DEG = 40.0
 """Of normals, for the whole of a light's intensity: 5 % bends them by 2 degrees."""
 MISFIT = 0.2
-"""Of the photographs, rms, that a fitted material leaves unexplained: paint, glaze and stone 0.06 to 0.13, bronzes 0.4
-to 0.7 (Blender's, seven scenes)."""
+"""Of the photographs, rms, that a fitted material leaves unexplained: paint, glaze and stone 0.06 to 0.13, bronzes as
+plastic 0.4 to 0.7 (Blender's, seven scenes)."""
 HELPFUL = {"Twin": ("near", "reflectance"), "Object": ("rpca", "sbl", "hsh")}
 """Methods to be tried, by what makes the error. On those bronzes `rpca` erred least: by 22 to 33 degrees, `iterative`
 by 30 to 45."""

@@ -32,8 +32,13 @@ COVERED = 0.6
 """Share of a bump's weight that must lie on what is known."""
 WINDOW = 12.0
 """Standard deviations of a bump across the window that tells its errors, at least: most of it shows none."""
-RING = 3.0
-"""Standard deviations about a bump in which others are its ring."""
+RING, LOBES = 3.0, 0.2
+"""Standard deviations about a bump in which others are its ring; share of its z up to which those as far again are its
+side lobes."""
+SURELY = 3.0
+"""Standard deviations above what is told at which nearly all dents are: no Gaussians, their middles between pixels."""
+FINE_PX = 4.0
+"""Standard deviation of a bump from which on it is looked for in a picture of half the size."""
 
 
 class ChangedPlace(NamedTuple):
@@ -74,7 +79,7 @@ class Tested(NamedTuple):
     least_z: float
     """From which on a bump is told."""
     least_mm: float
-    """Height of one of the narrowest that is told about the median pixel."""
+    """Height of one of the narrowest that is surely told about the median pixel; NaN where too little is known."""
     over_stated: float
     """How many times the stated sigmas the changes scatter by."""
 
@@ -127,32 +132,50 @@ def tested(turned: Array, variance: Array, steps_mm: NDArray) -> Tested:
     import cv2
     from scipy.special import ndtri
 
-    known = np.isfinite(turned).all(-1) & np.isfinite(variance)
+    known = np.asarray(np.isfinite(turned).all(-1))
     inner = cv2.erode(known.astype(np.uint8), np.ones((2 * BORDER_PX + 1,) * 2)) > 0
-    # Of an object of few pixels all is border.
-    known = inner if inner.any() else known
+    # Of an object of few pixels all is border. A pixel without a sigma has its neighbours'.
+    variance = _mean(variance, np.isfinite(variance), MEAN_PX, filled=True)
+    known = (inner if inner.any() else known) & np.isfinite(variance)
     rows, columns = (np.flatnonzero(known.any(axis)) for axis in (1, 0))
     side = max(MEAN_PX, int(max(np.ptp(rows), np.ptp(columns)) / LOCAL) | 1)
-    variance = _mean(variance, known, MEAN_PX)
     square = np.where(known, np.sum(turned**2, -1) / variance, np.nan)
     usual = float(np.nanmedian(square))
     local = _mean(np.minimum(square, CLIPPED * usual), known, side) / 2
     # Where it rises, the normal turns back.
     slopes = [np.where(known, -np.sum(turned * steps_mm[:, :, k], -1), 0) for k in (0, 1)]
     weights = [np.where(known, 1 / (variance * np.sum(steps_mm[:, :, k] ** 2, -1)), 0) for k in (0, 1)]
-    widths = [FINEST_PX]
+    widths, finer = [FINEST_PX], 1
     while COARSER * widths[-1] < side:
         widths.append(COARSER * widths[-1])
     best = first = _bumps(slopes, weights, widths[0], side)
     for width in widths[1:]:
-        other = _bumps(slopes, weights, width, side)
+        while width > FINE_PX * finer:
+            slopes, weights, finer = *_halved(slopes, weights), 2 * finer
+        small = _bumps(slopes, weights, width / finer, side // finer)
+        other = Bumps(*(one.repeat(finer, 0).repeat(finer, 1)[: known.shape[0], : known.shape[1]] for one in small))
         clearer = np.nan_to_num(np.abs(other.z)) > np.nan_to_num(np.abs(best.z))
         best = Bumps(*(np.where(clearer, new, old) for new, old in zip(other, best, strict=True)))
+        best.sigma_px[clearer] = width
     tried = max(int(np.count_nonzero(known)) * len(widths), 1)
     # One of all that are tried (Bonferroni).
     least_z = float(-ndtri(STATED / 2 / tried))
-    least_mm = least_z * float(np.nanmedian(np.abs(first.height_mm / first.z)))
+    size = np.abs(first.height_mm / first.z)[np.isfinite(first.z)]
+    least_mm = (least_z + SURELY) * float(np.median(size)) if size.size else np.nan
     return Tested(square / local, best, tried, least_z, least_mm, float(np.sqrt(usual / MEDIAN)))
+
+
+def _halved(slopes: list[Array], weights: list[Array]) -> tuple[list[Array], list[Array]]:
+    """Return slopes and weights (H, W) of a picture of half the size: means, twice as much a pixel and as unsure."""
+    odd = [(0, size % 2) for size in slopes[0].shape]
+
+    def summed(values: Array) -> Array:
+        rows, columns = (padded := np.pad(values, odd)).shape
+        return padded.reshape(rows // 2, 2, columns // 2, 2).sum((1, 3))
+
+    total = [summed(w) for w in weights]
+    means = [summed(w * s) / np.where(t > 0, t, 1) for w, s, t in zip(weights, slopes, total, strict=True)]
+    return [2 * mean for mean in means], [t / 4 for t in total]
 
 
 def _bumps(slopes: list[Array], weights: list[Array], sigma_px: float, side: int) -> Bumps:
@@ -176,7 +199,7 @@ def _bumps(slopes: list[Array], weights: list[Array], sigma_px: float, side: int
     information = np.where(seen, information, np.nan)
     z = pull / np.sqrt(information)
     usual = float(np.nanmedian(z**2)) if seen.any() else 1.0
-    scatter = _mean(np.minimum(z**2, CLIPPED * usual), seen, max(side, int(WINDOW * sigma_px) | 1))
+    scatter = _mean(np.minimum(z**2, CLIPPED * usual), seen, max(side, int(WINDOW * sigma_px)) | 1)
     return Bumps(z / np.sqrt(scatter), pull / information, np.full(z.shape, sigma_px))
 
 
@@ -198,14 +221,18 @@ def places(found: Tested, change_deg: NDArray, steps_mm: NDArray, lit: Mask) -> 
         most, share = np.nanmax(change_deg[inside]), lit[inside].mean()
         wide = across * np.sqrt(np.linalg.norm(np.cross(*steps_mm[at])))
         out.append(ChangedPlace(u, v, height, float(wide), across, float(most), chance, float(share)))
-        left[away < RING * np.hypot(sigma_px, bumps.sigma_px)] = 0
+        ring = RING * np.hypot(sigma_px, bumps.sigma_px)
+        left[(away < ring) | ((away < 2 * ring) & (left < LOBES * left[at]))] = 0
     return sorted(out, key=lambda place: -abs(place.height_mm))
 
 
-def _mean(values: NDArray, known: Mask, side: int) -> Array:
-    """Return the mean of the known values (H, W) in the square window of `side` pixels about each; NaN if unknown."""
+def _mean(values: NDArray, known: Mask, side: int, *, filled: bool = False) -> Array:
+    """Return the mean of the known values (H, W) in the square window of `side` pixels about each known one, else NaN.
+
+    filled: About the others, too.
+    """
     import cv2
 
-    filled = np.stack([np.where(known, values, 0), known], -1).astype(np.float64)
-    total, count = np.moveaxis(cv2.blur(filled, (side, side), borderType=cv2.BORDER_CONSTANT), -1, 0)
-    return np.divide(total, count, out=np.full(known.shape, np.nan), where=known)
+    both = np.stack([np.where(known, values, 0), known], -1).astype(np.float64)
+    total, count = np.moveaxis(cv2.blur(both, (side, side), borderType=cv2.BORDER_CONSTANT), -1, 0)
+    return np.divide(total, count, out=np.full(known.shape, np.nan), where=(count > 0) & (known | filled))

@@ -92,7 +92,7 @@ def test_a_flat_object_tells_no_strengths():
     assert intensities_from_object(probe, _toward(lights.directions, probe), np.full(COUNT, np.nan)) is None
 
 
-def _found_beside_a_mirror(powers, dark=(), *, ranged=True):
+def _found_beside_a_mirror(powers, dark=(), *, ranged=True, about=None):
     """Strengths that three domes beside a mirror ball tell, traced, some frames dark; their sigma; the true ones."""
     center, distance = np.array([0.0, 0.0, -1000.0]), DISTANCES[:, None]
     lights = _lights(direction_sigma_deg=np.full(COUNT, 0.05), reference_point_mm=center)
@@ -104,6 +104,7 @@ def _found_beside_a_mirror(powers, dark=(), *, ranged=True):
     frames = render(world, seed=10004)
     frames.codes[list(dark)] = frames.codes.min()
     known = lights if ranged else replace(lights, positions_mm=None)
+    known = known if about is None else replace(known, reference_point_mm=np.array(about))
     return *strengths_from_object(frames, camera, world.spheres(), known, Notes()), world.truth(center)[1]
 
 
@@ -119,6 +120,9 @@ def test_flashes_whose_ranges_one_ball_cannot_tell_are_not_taken_for_far_ones(mo
     relative = _relative(found, strength).mean(1)
     assert np.mean(np.abs(relative) < 1.96 * sigma) >= 0.8
     assert np.median(sigma) < 0.15
+    # A file's lights are about no place.
+    filed = _relative(_found_beside_a_mirror(_lights().intensities, ranged=False, about=[0, 0, 0])[0], strength)
+    assert _rms(filed) < 0.3
     monkeypatch.setattr(from_object, "_of_any_range", lambda distant, *_: distant)
     far = _relative(_found_beside_a_mirror(_lights().intensities, ranged=False)[0], strength).mean(1)
     assert _rms(relative) < 0.85 * _rms(far)

@@ -323,6 +323,13 @@ def test_a_metal_is_that_of_mitsuba(specularity, roughness):
     assert np.max(np.abs(body[:, None] * np.array(COLOUR) / theirs - 1)) < 0.01
 
 
+def test_a_light_behind_is_none_even_straight_behind():
+    """Half-way between view and light there is no direction then."""
+    views = directions(200, 6, 0.1)
+    for surface in (matte(), coat(0.3), coat(0.3, is_metal=True)):
+        assert not np.concatenate(reflected(surface, UP[:200], views, -views[:, None])).any()
+
+
 @pytest.mark.parametrize("numbers", [{}, {"covered": 0.0}, {"covered": 0.3}, {"covered": 0.0, "body_roughness": 0.1}])
 @pytest.mark.parametrize("specularity", [0.0, 0.6])
 def test_light_that_goes_on_is_as_much_as_is_sent_back(numbers, specularity):

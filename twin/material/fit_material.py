@@ -27,6 +27,8 @@ BRIGHTEST = 2.0
 """Strength that is tried, of a full coat's: a higher index has it. A body of another law would like still more."""
 WHITE_SIGMA = 0.05
 """Relative standard deviation of what white balls reflect about the value that they are taken to have."""
+METAL_LEAVES = 0.75
+"""Share of what the best other model leaves that a metal may leave: light from elsewhere looks a little like one."""
 AT_THE_END = 1.02
 """Factor between a roughness and the end of what is tried, below which it is said that it lies there."""
 
@@ -36,7 +38,8 @@ class MaterialFit:
     """What an object is made of.
 
     specularity: As in `twin.description.materials.RoughPlastic`; 0 of a matte object and of a metal.
-    roughness_sigma, specularity_sigma: Relative standard deviations, the samples' dependence allowed for; NaN of both.
+    roughness_sigma, specularity_sigma: Relative standard deviations, the samples' dependence allowed for; NaN of a
+        matte object and of a metal.
     surface: The coat and what lies below it.
     strength (3,): See `twin.material.coat_search.CoatFit`.
     effective_samples: As many independent ones tell as much.
@@ -108,7 +111,8 @@ def fit_material(samples: MaterialSamples, lights: Lights) -> MaterialFit:
     told = (f"BIC falls by {fall:,.0f} against matte ({worth})", *told)
     if fit.surface.is_metal:
         return MaterialFit(
-            "metal", 0.0, np.nan, np.nan, fit.surface, fit.strength, search.noise, effective, told
+            "metal", 0.0, np.nan, np.nan, fit.surface, fit.strength, search.noise, effective, told,
+            tuple(_doubts(fit.surface.roughness)),
         )  # fmt: skip
     sigma = np.sqrt(np.diag(search.covariance()) * factor)
     specularity = float(fit.strength.mean() / (1.0 if white is None else np.mean(white)))
@@ -134,15 +138,23 @@ def robust_albedo(samples: MaterialSamples, fit: MaterialFit | CoatFit, noise: N
 
 
 def _likeliest(samples: MaterialSamples, white: Array | None, most: Array) -> tuple[CoatSearch, tuple[str, ...]]:
-    """Return the coat that the evidence favours, and the words for it."""
+    """Return the coat that the evidence favours, and the words for it; a metal only where the others leave far more."""
     on = f"({len(samples.rows):,} pixels)"
-    first, *rest = (CoatSearch(samples, white, most, model) for model in (COVERED, PARTLY, ROUGH, METAL))
+    first, *rest = (CoatSearch(samples, white, most, model) for model in (COVERED, PARTLY, ROUGH))
+    metal = CoatSearch(samples, white, most, METAL)
+    if _left(samples, metal) < METAL_LEAVES * min(_left(samples, one) for one in (first, *rest)):
+        rest = [metal]
     gains = [_gain(samples, first, other) for other in rest]
     best = int(np.argmax(gains))
     words = [f"it rises by {-gains[best]:,.0f} with {rest[best].model.words} {on}"]
     if gains[best] > 0:
         first, words = rest[best], [f"by {gains[best]:,.0f} more with {rest[best].model.words} {on}"]
     return first, tuple(words)
+
+
+def _left(samples: MaterialSamples, search: CoatSearch) -> float:
+    """Return the root mean square of what a fit leaves of usable samples."""
+    return float(np.sqrt(np.mean((samples.values - search.predicted()[0])[samples.usable].astype(np.float64) ** 2)))
 
 
 def _gain(samples: MaterialSamples, one: CoatSearch, other: CoatSearch) -> float:
@@ -152,8 +164,8 @@ def _gain(samples: MaterialSamples, one: CoatSearch, other: CoatSearch) -> float
     return (one.deviance() - other.deviance()) / factor + charge * (one.fit.parameters - other.fit.parameters)
 
 
-def _doubts(roughness: float, specularity: float, sigma: float, *, known: bool) -> Iterator[str]:
-    """Yield what is suspicious about a coat."""
+def _doubts(roughness: float, specularity: float = 0.0, sigma: float = 0.0, *, known: bool = True) -> Iterator[str]:
+    """Yield what is suspicious about a coat, or a metal."""
     for end, what in ((ROUGHEST, "a sheen, or a body of another law"), (SMOOTHEST, "a polished coat")):
         if abs(np.log(roughness / end)) < np.log(AT_THE_END):
             yield f"The roughness ran to {end:g}, the end of what is tried: {what} would do that."

@@ -186,7 +186,7 @@ def shade(normal, view, lights, roughness, surface, out):
         lit = cosines[0, f] > 0
         facets = np.pi * gloss[f] / (4 * nv) if lit else 0.0
         diffuse[f] = facets if surface.is_metal else diffuse[f] if lit else 0.0
-        gloss[f] = fresnel[f] * facets
+        gloss[f] = fresnel[f] * facets if lit else 0.0
 
 
 @numba.njit(nogil=True, cache=True)

@@ -12,6 +12,7 @@ from twin.material.fit_material import MaterialFit, fit_material, matte_albedo, 
 from twin.material.material_kernels import predicted
 from twin.material.material_light import OnwardLight, onward_light
 from twin.material.material_samples import MOST, MaterialSamples, samples_at, samples_of_scan
+from twin.material.reflection_models import reflected
 from twin.visibility import Sight
 
 Array = NDArray[np.float64]
@@ -30,8 +31,8 @@ class ScanMaterial:
 
     onward_share: Root mean square of light by way of other parts of the object and from the room, which was
         subtracted, over that of the values.
-    albedo (H, W, 3): Of the body: pixel value of what faces a light of intensity 1 where no coat is in the way. NaN
-        where unknown.
+    albedo (H, W, 3): Of the body: pixel value of what faces a light of intensity 1 where no coat is in the way; of a
+        metal, that where all of its facets mirror the light. NaN where unknown.
     relative_rmse: Root of the squared residuals' sum over the squared values', usable samples, all channels.
     per_frame (F,): The same of each frame; NaN of one without samples.
     trouble: What went wrong on the way.
@@ -99,9 +100,12 @@ def scan_material(sight: Sight, frames: Frames, mask: NDArray[np.bool_]) -> Scan
             own = own if onward is None else onward.off(own)
             if len(own.rows):
                 albedo[own.rows, own.columns] = robust_albedo(own, fit, fit.noise)
-    if fit.model == "metal" and np.isfinite(albedo).any():
-        # Where no light was mirrored toward the camera next to nothing is divided by next to nothing.
-        usual = np.nanmedian(albedo, axis=(0, 1))
+    if fit.model == "metal":
+        # Where no light was mirrored toward the camera next to nothing is divided by next to nothing: the half of the
+        # samples that mirror most tell what is usual.
+        mirrored = (reflected(fit.surface, samples.normals, samples.views, samples.toward)[0] * samples.usable).sum(1)
+        brighter = samples.only(mirrored >= np.median(mirrored))
+        usual = np.median(robust_albedo(brighter, fit, fit.noise), axis=0)
         albedo = np.clip(albedo, usual / METAL_VARIES, usual * METAL_VARIES)
     return ScanMaterial(fit, gone, albedo, *_left(samples, fit), trouble)
 
