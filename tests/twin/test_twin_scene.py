@@ -204,7 +204,7 @@ def asymmetric(kind, **change):
         placed("rod", "cylinder", "metal", 9, OFF + [-20, -25, 15]),
     )
     materials = {
-        "picture": RoughPlastic(Texture(values), 0.3, 0.8, covered=0.1),
+        "picture": RoughPlastic(Texture(values), 0.3, 0.8, body_roughness=0.4),
         "colours": Principled("vertex", 0.3),
         "wax": Diffuse((0.3, 0.3, 0.6), Subsurface(3.0)),
         "metal": Conductor("Cu", 0.3),
@@ -289,8 +289,7 @@ def in_mitsuba(material, views, lights):
     [
         *({"roughness": r} for r in (0.05, 0.1, 0.3, 0.6, 1.0)),
         *({"roughness": 0.3, "index": index} for index in (1.3, 1.8)),
-        *({"roughness": 0.3, "covered": share} for share in (0.0, 0.1, 0.4)),
-        *({"roughness": 0.3, "covered": 0.2, "body": share} for share in (0.0, 0.4, 1.0)),
+        *({"roughness": 0.3, "body": share} for share in (0.0, 0.4, 1.0)),
     ],
     ids=str,
 )  # fmt: skip
@@ -330,7 +329,7 @@ def test_a_light_behind_is_none_even_straight_behind():
         assert not np.concatenate(reflected(surface, UP[:200], views, -views[:, None])).any()
 
 
-@pytest.mark.parametrize("numbers", [{}, {"covered": 0.0}, {"covered": 0.3}, {"covered": 0.0, "body_roughness": 0.1}])
+@pytest.mark.parametrize("numbers", [{}, {"body_roughness": 0.1}, {"body_roughness": 0.8}])
 @pytest.mark.parametrize("specularity", [0.0, 0.6])
 def test_light_that_goes_on_is_as_much_as_is_sent_back(numbers, specularity):
     """Drawn directions have the mean weight that the reflection has over all directions: interreflection needs it."""

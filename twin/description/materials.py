@@ -169,16 +169,11 @@ class RoughPlastic:
     ] = 1.0  # fmt: skip
     index: Annotated[float, Strict(), Field(gt=1, le=5), key("Index of refraction of the coat.")] = 1.49
     subsurface: Below = None
-    covered: Annotated[
-        Share,
-        key("Share of the body's light that the coat dims; the rest leaves as from a matte surface. 0 may reflect more "
-            "light than comes in."),
-    ] = 1.0  # fmt: skip
     distribution: Facets = "ggx"
     body_roughness: Annotated[
         Share | None,
-        key("Roughness of the bare body [Burley2012]. 1: more light goes back to where it comes from, as from "
-            "plaster; 0: less light aslant. Absent: Lambert's law.",
+        key("Roughness of a body that the coat does not dim [Burley2012]. 1: more light goes back to where it comes "
+            "from, as from plaster; 0: less light aslant. Absent: Lambert's law, below the coat.",
             start=0.5),
     ] = None  # fmt: skip
 

@@ -27,8 +27,8 @@ VERTEX_COLOUR = "vertex_color"
 
 LEAST_SPECULAR = 1e-3
 """Disney's specular beside a metal: it reflects 8e-5 of what meets it head on."""
-LEAST_WEIGHT = 0.2
-"""Of the coated part, of all that is sampled: below it a highlight would rarely be."""
+COAT_WEIGHT = 0.2
+"""Of a coat over a bare body, of all that is sampled: below it a highlight would rarely be."""
 
 
 def bsdf(material: Material) -> dict[str, Any]:
@@ -59,20 +59,16 @@ def _one_side(material: Material) -> dict[str, Any]:
     match material:
         case Diffuse():
             return {"type": "diffuse", "reflectance": _value(material.reflectance)}
-        case RoughPlastic(covered=1):
+        case RoughPlastic(body_roughness=None):
             return _coated(material, material.reflectance, material.specularity)
-        case RoughPlastic(covered=0) if np.max(_numbers(material.specularity)) == 0:
+        case RoughPlastic() if np.max(_numbers(material.specularity)) == 0:
             # Of a coat that sends nothing back Mitsuba draws no direction, and no light goes on from it.
             return _bare(material.reflectance, material.body_roughness)
         case RoughPlastic():
-            covered = float(material.covered)
-            weight = max(covered, LEAST_WEIGHT)
-            coated = _coated(
-                material, _times(material.reflectance, covered / weight), _times(material.specularity, 1 / weight)
-            )
-            bare = _bare(_times(material.reflectance, (1 - covered) / (1 - weight)), material.body_roughness)
+            coated = _coated(material, (0.0, 0.0, 0.0), _times(material.specularity, 1 / COAT_WEIGHT))
+            bare = _bare(_times(material.reflectance, 1 / (1 - COAT_WEIGHT)), material.body_roughness)
             # The weight is the second one's, in the order of the names too.
-            return {"type": "blendbsdf", "weight": weight, "bare": bare, "coated": coated}
+            return {"type": "blendbsdf", "weight": COAT_WEIGHT, "bare": bare, "coated": coated}
         case Conductor(roughness=0):
             return {"type": "conductor", "material": material.metal}
         case Conductor():
@@ -104,8 +100,7 @@ def _coated(material: RoughPlastic, reflectance: Reflectance, specularity: float
 
 
 def _bare(reflectance: Any, roughness: float | None) -> dict[str, Any]:
-    if roughness is None:
-        return {"type": "diffuse", "reflectance": _value(reflectance)}
+    assert roughness is not None
     return {"type": "principled", "base_color": _value(reflectance), "roughness": float(roughness), "specular": 0.0}
 
 

@@ -37,10 +37,9 @@ class Model(NamedTuple):
 
 
 SHARES = (0.0, 0.33, 0.67, 1.0)
-COVERED = Model("all of the body covered", ({"covered": 1.0},))
-PARTLY = Model("part of the body bare", tuple({"covered": share} for share in SHARES), ("covered", "roughness"))
+COVERED = Model("a coated body", ({},))
 METAL = Model("a metal", ({"is_metal": True},), has_coat=False)
-ROUGH = Model("a rough body", tuple({"covered": 0.0, "body": share} for share in SHARES), ("body", "roughness"))
+ROUGH = Model("a rough body", tuple({"body": share} for share in SHARES), ("body", "roughness"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """The material of a registered object, from its photographs: no more of it than they ask for.
 
-Matte; rough plastic; that with a coat that dims only a share of the body, or with a rough body, not Lambert's; or a
-metal: the one whose evidence [Schwarz1978] is best.
+Matte; rough plastic; that on a bare and rough body, not Lambert's below the coat; or a metal: the one whose evidence
+[Schwarz1978] is best.
 """
 
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from scene.spheres import WHITE_BALL_ALBEDO
-from twin.material.coat_search import COVERED, METAL, PARTLY, ROUGH, ROUGHEST, SMOOTHEST, CoatFit, CoatSearch
+from twin.material.coat_search import COVERED, METAL, ROUGH, ROUGHEST, SMOOTHEST, CoatFit, CoatSearch
 from twin.material.material_kernels import predicted
 from twin.material.material_noise import Noise, deviances, first_noise, student_weights
 from twin.material.material_samples import MaterialSamples
@@ -64,9 +64,7 @@ class MaterialFit:
         coat = self.surface
         if self.model == "metal":
             return f"metal, roughness {coat.roughness:.3f}: {'; '.join(self.evidence)}"
-        bare = "" if coat.covered == 1 else f", dimming {100 * coat.covered:.0f} % of the body"
-        if coat.body >= 0:
-            bare = f", on a body of roughness {coat.body:.2f}"
+        bare = "" if coat.body < 0 else f", on a body of roughness {coat.body:.2f}"
         roughness, specularity = (
             f" (± {100 * sigma:.1f} %)" if np.isfinite(sigma) else ""
             for sigma in (self.roughness_sigma, self.specularity_sigma)
@@ -83,9 +81,9 @@ def fit_material(samples: MaterialSamples, lights: Lights) -> MaterialFit:
 
     lights: The same; its white value, if known, ties strength to reflectance, and then the coat's is gray.
 
-    value = irradiance (albedo body(alpha, covered) + k coat(alpha)), see `twin.material.reflection_models.shade`; each
+    value = irradiance (albedo body(alpha) + k coat(alpha)), see `twin.material.reflection_models.shade`; each
     pixel's alpha^2 is the material's plus its own `spread`. Per pixel and channel the squared residual with the best
-    albedo is C - 2 k B + k^2 A, whose sums over pixels give k in closed form for each alpha and covered. Weights: 1 /
+    albedo is C - 2 k B + k^2 A, whose sums over pixels give k in closed form for each alpha. Weights: 1 /
     variance, by `noise_of` from the residuals themselves, times Student's (nu + 1) / (nu + r^2 / variance).
     """
     white = None if lights.white_value is None else lights.white_value / WHITE_BALL_ALBEDO
@@ -140,16 +138,13 @@ def robust_albedo(samples: MaterialSamples, fit: MaterialFit | CoatFit, noise: N
 def _likeliest(samples: MaterialSamples, white: Array | None, most: Array) -> tuple[CoatSearch, tuple[str, ...]]:
     """Return the coat that the evidence favours, and the words for it; a metal only where the others leave far more."""
     on = f"({len(samples.rows):,} pixels)"
-    first, *rest = (CoatSearch(samples, white, most, model) for model in (COVERED, PARTLY, ROUGH))
-    metal = CoatSearch(samples, white, most, METAL)
-    if _left(samples, metal) < METAL_LEAVES * min(_left(samples, one) for one in (first, *rest)):
-        rest = [metal]
-    gains = [_gain(samples, first, other) for other in rest]
-    best = int(np.argmax(gains))
-    words = [f"it rises by {-gains[best]:,.0f} with {rest[best].model.words} {on}"]
-    if gains[best] > 0:
-        first, words = rest[best], [f"by {gains[best]:,.0f} more with {rest[best].model.words} {on}"]
-    return first, tuple(words)
+    first, other, metal = (CoatSearch(samples, white, most, model) for model in (COVERED, ROUGH, METAL))
+    if _left(samples, metal) < METAL_LEAVES * min(_left(samples, first), _left(samples, other)):
+        other = metal
+    gain = _gain(samples, first, other)
+    if gain > 0:
+        return other, (f"by {gain:,.0f} more with {other.model.words} {on}",)
+    return first, (f"it rises by {-gain:,.0f} with {other.model.words} {on}",)
 
 
 def _left(samples: MaterialSamples, search: CoatSearch) -> float:

@@ -41,35 +41,31 @@ class Coat(NamedTuple):
     index: Of refraction.
     transmittance (NODES,): Share of the light that gets through, at cosines 0 to 1, over index sqrt(1 - R): R is the
         coat's diffuse reflectance from within.
-    covered: Share of the body's light that passes it.
-    body: Roughness of the body that lies bare, 0 to 1, by the law of [Burley2012]; -1: it is Lambert's.
+    body: Roughness of a body that lies bare, 0 to 1, by the law of [Burley2012]; -1: it is Lambert's, below the coat.
     is_metal: There is no body below: the facets reflect its albedo.
     """
 
     roughness: float
     index: float
     transmittance: Array
-    covered: float = 1.0
     body: float = LAMBERT
     is_metal: bool = False
 
     def changed(self, **new: Any) -> "Coat":
         """Return the coat with other numbers, by their names in `coat`."""
-        numbers = {name: getattr(self, name) for name in ("roughness", "index", "covered", "body", "is_metal")}
+        numbers = {name: getattr(self, name) for name in ("roughness", "index", "body", "is_metal")}
         return coat(**{**numbers, **new})
 
     def numbers(self) -> dict[str, Any]:
         """Return its numbers by the names of `twin.description.materials.RoughPlastic`."""
         body = None if self.body < 0 else self.body
-        return {"roughness": self.roughness, "index": self.index, "covered": self.covered, "body_roughness": body}
+        return {"roughness": self.roughness, "index": self.index, "body_roughness": body}
 
 
-def coat(
-    roughness: float, index: float = INDEX, *, covered: float = 1.0, body: float = LAMBERT, is_metal: bool = False
-) -> Coat:
+def coat(roughness: float, index: float = INDEX, *, body: float = LAMBERT, is_metal: bool = False) -> Coat:
     """Return the coat of a roughness; see `Coat`."""
     where = np.log(np.clip(roughness, TABLED[0], TABLED[-1]))
-    return Coat(roughness, index, np.asarray(_transmittances(index)(where).real, np.float64), covered, body, is_metal)
+    return Coat(roughness, index, np.asarray(_transmittances(index)(where).real, np.float64), body, is_metal)
 
 
 @lru_cache(16)
@@ -126,20 +122,17 @@ def _looked_up(table, cosine):
 @numba.njit(nogil=True, cache=True, **VECTORS)
 def _body(surface, cosines, nv, out):
     """Fill `out` (F,) with the body's value under each light; `cosines` as `shade` has them."""
-    nl, c, covered = cosines[0], cosines[1], surface.covered
-    of_view = covered * _looked_up(surface.transmittance, nv)
-    for f in range(len(out)):
-        out[f] = of_view * _looked_up(surface.transmittance, nl[f])
+    nl, c = cosines[0], cosines[1]
     if surface.body < 0:
+        of_view = _looked_up(surface.transmittance, nv)
         for f in range(len(out)):
-            out[f] = nl[f] * (1 - covered + out[f])
+            out[f] = nl[f] * of_view * _looked_up(surface.transmittance, nl[f])
         return
     for f in range(len(out)):
         # A rough body's value over Lambert's [Burley2012].
         grazing = 2 * surface.body * c[f] * c[f] - 0.5
         toward, from_it = 1 - min(nl[f], 1.0), 1 - min(nv, 1.0)
-        bare = (1 + grazing * toward**5) * (1 + grazing * from_it**5)
-        out[f] = nl[f] * ((1 - covered) * bare + out[f])
+        out[f] = nl[f] * (1 + grazing * toward**5) * (1 + grazing * from_it**5)
 
 
 @numba.njit(nogil=True, cache=True, inline="always")
@@ -152,7 +145,7 @@ def vector(row):
 def shade(normal, view, lights, roughness, surface, out):
     """Fill out[0] and out[1] with the body's and the coat's pixel values under each light: of albedo and strength 1.
 
-    Body: cos_l ((1 - covered) B + covered T(l) T(v)), B of [Burley2012] or 1; of a metal, pi D G / (4 cos_v),
+    Body: cos_l T(l) T(v), or, bare, cos_l B of [Burley2012]; of a metal, pi D G / (4 cos_v),
     which leaves out that it reflects more at grazing angles. Coat: pi F D G / (4 cos_v), G by Smith, each direction
     apart; D and G of GGX [Walter2007]. The matte coat (index 1) has the body cos_l and no coat.
 
