@@ -94,7 +94,7 @@ def test_what_cannot_be_is_told_and_taken_out_of_the_input(furnished):
 
 def test_an_edit_changes_what_it_says_and_nothing_else(furnished):
     below = Subsurface(3.0, (0.9, 0.5, 0.2), 0.3)
-    was = RoughPlastic((0.2, 0.3, 0.4), 0.1, 0.5, 1.6, below, 0.25)
+    was = RoughPlastic((0.2, 0.3, 0.4), 0.1, 0.5, 1.6, below)
     window, say = furnished(document=with_value(edits.start_document(), MATTE, was))
     for label, value, change in (
         ("roughness", 0.7, {"roughness": 0.7}),
