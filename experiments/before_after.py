@@ -153,10 +153,13 @@ def _told(before: Side, after: Side, out: Store, pixel_mm: float | None) -> dict
 
 def _verdict(changed: list[ChangedPlace], test: Tested) -> str:
     clear = [place for place in changed if place.lit_share > LIT]
-    text = f"nothing changed: a dent of {test.least_mm:.2g} mm, {ACROSS * FINEST_PX:.0f} pixels across, would be told"
     if np.isnan(test.least_mm):
         text = "nothing can be told: of the object too little is seen in both sessions, in narrow pieces"
-    if clear:
+    elif not clear:
+        text = (
+            f"nothing changed: a dent of {test.least_mm:.2g} mm, {ACROSS * FINEST_PX:.0f} pixels across, would be told"
+        )
+    else:
         most, count = clear[0], len(clear)
         how = f"{'rose' if most.height_mm > 0 else 'sank'} by {abs(most.height_mm):.2g} mm"
         text = (

@@ -148,19 +148,20 @@ def tested(turned: Array, variance: Array, steps_mm: NDArray) -> Tested:
     widths, finer = [FINEST_PX], 1
     while COARSER * widths[-1] < side:
         widths.append(COARSER * widths[-1])
-    best = first = _bumps(slopes, weights, widths[0], side)
+    z, height_mm = _bumps(slopes, weights, FINEST_PX, side)
+    size = np.abs(height_mm / z)[np.isfinite(z)]
+    best = Bumps(z, height_mm, np.full(z.shape, FINEST_PX))
     for width in widths[1:]:
         while width > FINE_PX * finer:
             slopes, weights, finer = *_halved(slopes, weights), 2 * finer
         small = _bumps(slopes, weights, width / finer, side // finer)
-        other = Bumps(*(one.repeat(finer, 0).repeat(finer, 1)[: known.shape[0], : known.shape[1]] for one in small))
-        clearer = np.nan_to_num(np.abs(other.z)) > np.nan_to_num(np.abs(best.z))
-        best = Bumps(*(np.where(clearer, new, old) for new, old in zip(other, best, strict=True)))
-        best.sigma_px[clearer] = width
+        z, height_mm = (one.repeat(finer, 0).repeat(finer, 1)[: known.shape[0], : known.shape[1]] for one in small)
+        clearer = np.nan_to_num(np.abs(z)) > np.nan_to_num(np.abs(best.z))
+        for kept, new in zip(best, (z, height_mm, np.full(z.shape, width)), strict=True):
+            kept[clearer] = new[clearer]
     tried = max(int(np.count_nonzero(known)) * len(widths), 1)
     # One of all that are tried (Bonferroni).
     least_z = float(-ndtri(STATED / 2 / tried))
-    size = np.abs(first.height_mm / first.z)[np.isfinite(first.z)]
     least_mm = (least_z + SURELY) * float(np.median(size)) if size.size else np.nan
     return Tested(square / local, best, tried, least_z, least_mm, float(np.sqrt(usual / MEDIAN)))
 
@@ -178,8 +179,11 @@ def _halved(slopes: list[Array], weights: list[Array]) -> tuple[list[Array], lis
     return [2 * mean for mean in means], [t / 4 for t in total]
 
 
-def _bumps(slopes: list[Array], weights: list[Array], sigma_px: float, side: int) -> Bumps:
-    """Fit a bump of one width about each pixel to slopes (H, W) to the right and down, mm; weights: 0 where unknown."""
+def _bumps(slopes: list[Array], weights: list[Array], sigma_px: float, side: int) -> tuple[Array, Array]:
+    """Return z and heights (H, W), see `Bumps`, of bumps of one width, fitted about each pixel.
+
+    slopes (H, W): To the right and down, mm a pixel. weights (H, W): Inverse variances of them, 0 where unknown.
+    """
     import cv2
 
     reach = int(np.ceil(3.5 * sigma_px))
@@ -200,7 +204,7 @@ def _bumps(slopes: list[Array], weights: list[Array], sigma_px: float, side: int
     z = pull / np.sqrt(information)
     usual = float(np.nanmedian(z**2)) if seen.any() else 1.0
     scatter = _mean(np.minimum(z**2, CLIPPED * usual), seen, max(side, int(WINDOW * sigma_px)) | 1)
-    return Bumps(z / np.sqrt(scatter), pull / information, np.full(z.shape, sigma_px))
+    return z / np.sqrt(scatter), pull / information
 
 
 def places(found: Tested, change_deg: NDArray, steps_mm: NDArray, lit: Mask) -> list[ChangedPlace]:
