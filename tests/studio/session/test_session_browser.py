@@ -84,8 +84,8 @@ def test_a_half_done_session_is_put_right(visit, calibrated, at_session):
     (spec,) = load_session(calibrated.folder / "review").spheres
     assert spec.radius_px == pytest.approx(2 * dragged.radius_px), "full-size pixels of halved frames"
     assert (calibrated.session / "session.toml").read_text() == calibrated.text
-    # The outline is found again from a circle that is a tenth too large.
-    visitor.settle()
+    # The outline is found again from a circle that is a tenth too large. The window reads it after the work's end.
+    visitor.until(lambda: window.is_found(window.outlines[0]), "what was found is read")
     # Both are as near to the truth, which is of twice the size.
     true = json.loads((FIXTURE / "truth.json").read_text())["spheres"][0]
     for ball in (found, window.outlines[0]):
