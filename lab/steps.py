@@ -154,12 +154,19 @@ def align(job: Job) -> Outcome:
 
 def solve(job: Job) -> Outcome:
     """Recover normals and albedo by every method asked for."""
-    from solve.frames_at_odds import at_odds
+    from solve.frames_at_odds import at_odds, metal_of
 
     result, warnings, lights = solve_all(job, job.store, "solve", job.methods)
     store, warned = job.store, any(job.done.get(step, {}).get("warnings") for step in ("check", "calibrate"))
-    frames, camera, mask = store.load_frames(), store.load_camera(), store.load_mask()
-    return Outcome(result, at_odds(frames, lights, camera, mask, warned=warned) + warnings)
+    given = store.load_frames(), lights, store.load_camera(), store.load_mask()
+    if (metal := metal_of(*given)) is not None:
+        do = "Look at its sigma." if "metal" in job.methods else "Ask for --method metal."
+        told = (
+            f"the object mirrors the flashes as a metal does (roughness {metal.alpha**0.5:.2f}): all methods but "
+            f"`metal` suppose a matte object, and are wrong by tens of degrees. {do}"
+        )
+        return Outcome(result, [told, *(text for text in warnings if text.startswith("metal:"))])
+    return Outcome(result, at_odds(*given, warned=warned) + warnings)
 
 
 def solve_all(job: Job, store: Store, label: str, methods: Sequence[str]) -> tuple[dict, list[str], Lights]:

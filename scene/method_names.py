@@ -11,6 +11,7 @@ FAMILIES = {
     "semicalibrated": "whole",
     "near": "whole",
     "reflectance": "whole",
+    "metal": "whole",
     "ldr": "uncalibrated",
     "entropy": "uncalibrated",
     "tv": "uncalibrated",

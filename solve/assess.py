@@ -35,10 +35,11 @@ def sigma_deg(length, normal, squares, count, det, adjoint):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def assess(band, samples, b, intensities, dark):  # pragma: no cover
+def assess(band, samples, b, intensities, dark, shades):  # pragma: no cover
     """Judge the fits b (P, 3) of the pixels of a band to their samples, `samples.valid` being those that were used.
 
-    `intensities` (F, 3) are the lights', `dark` the gray value under which a sample is not lit.
+    `intensities` (F, 3) are the lights', `dark` the gray value under which a sample is not lit, `shades` (P, F) what is
+    seen of albedo 1 where it is not v . n; else empty.
 
     Returns
     -------
@@ -82,7 +83,7 @@ def assess(band, samples, b, intensities, dark):  # pragma: no cover
                     continue
                 x, y, z = light_vector(k, points[i], geometry)
                 sums = with_sample(sums, x, y, z, gray[i, k])
-                shade = x * normal[0] + y * normal[1] + z * normal[2]
+                shade = shades[i, k] if len(shades) else x * normal[0] + y * normal[1] + z * normal[2]
                 gap = gray[i, k] - shade * length
                 squares += gap * gap
                 size += 1

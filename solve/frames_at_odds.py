@@ -13,12 +13,16 @@ from scene.lights import Lights
 from scene.reading import listed
 from solve.problem import Problem
 from solve.samples import all_samples
+from solve.whole.metal import Metal, MetalSettings, is_one, learn
 
 Array = NDArray[np.float64]
 PIXELS, ROUNDS, FLOOR = 1_000, 10, 0.01
 """Pixels that are fitted, about; reweighted fits of each; share of the albedo that residuals count as at least."""
 FEWEST, SWITCHED_FEWEST = 6, 10
 """Frames of which something can be said, and of which a lamp that was switched can: it takes three unknowns more."""
+NOT_MATTE = 0.15
+"""Residuals of the middle pixel, mean, as a share of the albedo: matte and glossy objects have up to 0.1, bronzes more
+than 0.2. Wrong lights have as much."""
 FACING = 0.3
 """Cosine to the light from which a surface cannot be dark by its own turn."""
 DARK, BRIGHT, LARGE = 0.4, 0.4, 0.3
@@ -56,6 +60,22 @@ def at_odds(
     told, odd = _hidden_or_lit(lights.names, value, samples.valid, toward)
     # What one frame shows of itself is not to be taken for a change in all that follow.
     return [*told, *_switched(lights.names, value, samples.valid & ~odd, toward, warned=warned)]
+
+
+def metal_of(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]) -> Metal | None:
+    """Return the metal that an object is which contradicts Lambert's law in all frames; None: it does not, or is none.
+
+    Of a metal `at_odds` names wrong causes.
+    """
+    if len(lights) < FEWEST or not mask.any() or not np.isfinite(lights.directions).all():
+        return None
+    given = Problem.of(frames, lights, camera, mask).thinned(PIXELS)
+    samples = all_samples(given)
+    _, residual = _fitted(samples.gray.astype(np.float64), samples.valid, np.array(samples.toward(), np.float64))
+    if np.median(np.abs(residual).mean(1)) < NOT_MATTE:
+        return None
+    found = learn(samples, given.views(), MetalSettings())
+    return found if is_one(found) else None
 
 
 def _fitted(value: Array, use: NDArray[np.bool_], design: Array) -> tuple[Array, Array]:

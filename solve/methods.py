@@ -34,12 +34,18 @@ class Whole:
     cautions : tuple of str
     lights : (F, 3) float64 or None
         Direction times intensity, of methods that recover the lights too.
+    shade : (P, F) float64 or None
+        What is seen of albedo 1 where it is not Lambert's n . l.
+    sigma_deg : (P,) float64 or None
+        The normals' standard deviation, degrees along one axis; None: as `solve.assess.sigma_deg` has it.
     """
 
     b: NDArray[np.float64]
     used: NDArray[np.bool_]
     cautions: tuple[str, ...] = ()
     lights: NDArray[np.float64] | None = None
+    shade: NDArray[np.float64] | None = None
+    sigma_deg: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)

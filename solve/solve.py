@@ -176,11 +176,14 @@ def _fit_band(name: str, settings: Settings, part: Problem, scale: float) -> tup
     return part.rows, _judged(band, samples._replace(valid=used), b, part, scale)
 
 
-def _judged(band: "Band", used: "Samples", b: NDArray, part: Problem, scale: float) -> tuple:
+def _judged(
+    band: "Band", used: "Samples", b: NDArray, part: Problem, scale: float, shade: NDArray | None = None
+) -> tuple:
     """Return normals, albedo, samples, sigma and doubts of the pixels of a band; see `assess`."""
     from solve.assess import DARK, assess
 
-    return assess(band, used, b, np.ascontiguousarray(part.lights.intensities), DARK * scale)
+    shade = np.zeros((0, 0)) if shade is None else shade
+    return assess(band, used, b, np.ascontiguousarray(part.lights.intensities), DARK * scale, shade)
 
 
 def _fit_whole(
@@ -207,15 +210,22 @@ def _fit_whole(
         for part in parts:
             some = slice(done, done + int(np.count_nonzero(part.mask)))
             done = some.stop
-            yield _judge_band, (part, used.some(some), np.nan_to_num(found.b[some]), scale)
+            own = tuple(None if each is None else each[some] for each in (found.shade, found.sigma_deg))
+            yield _judge_band, (part, used.some(some), np.nan_to_num(found.b[some]), scale, *own)
 
     return problem.warned(*found.cautions), len(parts), calls()
 
 
-def _judge_band(part: Problem, used: "Samples", b: NDArray, scale: float) -> tuple[slice, tuple]:
+def _judge_band(
+    part: Problem, used: "Samples", b: NDArray, scale: float, shade: NDArray | None, sigma_deg: NDArray | None
+) -> tuple[slice, tuple]:
     from solve.samples import read_band
 
-    return part.rows, _judged(read_band(part), used, b, part, scale)
+    *maps, sigma, doubts = _judged(read_band(part), used, b, part, scale, shade)
+    if sigma_deg is not None:
+        # Its samples are not held to what Lambert's law needs of them.
+        sigma, doubts = sigma_deg.astype(np.float32), 0 * doubts
+    return part.rows, (*maps, sigma, doubts)
 
 
 def _own_lights(lights: Lights, found: NDArray[np.float64]) -> Lights:

@@ -18,7 +18,7 @@ from solve.assess import DARK
 from solve.problem import Problem
 from solve.samples import row_medians
 from solve.solve import solve
-from solve.whole import reflectance
+from solve.whole import metal, reflectance
 from solve.whole.reflectance_kernels import DIFFERENCE, GRAZING, HALF, INCIDENCE, SIZE, TABLE
 
 Array = NDArray[np.float64]
@@ -175,10 +175,13 @@ class _Photographs:
         self.table = RegularGridInterpolator((HALF, DIFFERENCE), shared[:TABLE].reshape(len(HALF), len(DIFFERENCE)))
         self.curve = shared[TABLE : SIZE - 1]
         self.thrown = shared[-1] * np.einsum("pcf,pc->pf", thrown.patches[thrown.corner], thrown.share)
+        self.samples, self.metal = samples, metal.learn(samples, self.views, metal.MetalSettings())
 
     def shading(self, normals: Array) -> tuple[Array, Array]:
         """Return n . l and the values (P, F) of pixels of albedo 1; see `solve.whole.reflectance.fit_to_views`."""
         cosine = np.einsum("pi,pfi->pf", normals, self.toward)
+        if metal.is_one(self.metal):
+            return cosine, metal.appearance(self.samples, self.views, normals, self.metal.alpha) * self.metal.value
         half = self.toward / np.linalg.norm(self.toward, axis=-1, keepdims=True) + self.views[:, None]
         half /= np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-9)
         angles = [
@@ -195,6 +198,9 @@ class _Photographs:
         usable = (self.lit & (cosine > GRAZING) & (shade > 0))[:, ~out]
         ratio = np.divide(self.gray[:, ~out], shade[:, ~out], out=np.zeros(usable.shape), where=usable)
         albedo = np.maximum(row_medians(ratio, usable), 1e-6 * self.gray.max())[:, None]
+        if metal.is_one(self.metal):
+            # It mirrors alike all over: what is dark in all of the other frames is known, too.
+            albedo, shade = np.full_like(albedo, self.samples.scale()), shade / self.samples.scale()
         judged = (self.lit | (self.valid & (cosine > 0)))[:, out]
         share = np.where(known, np.minimum(np.abs(self.gray[:, out] / albedo - shade[:, out]), LARGEST), LARGEST)
         squares = np.where(self.lit[:, out], share * np.where(known, albedo, self.gray[:, out] / LARGEST), 0) ** 2

@@ -300,7 +300,7 @@ def test_what_makes_the_error_must_be_as_large_and_what_is_left_is_the_object(pa
     told = plain(advice(summary, verdict(summary)))
     assert said in told
     why = plain(limits(summary, verdict(summary)))
-    assert ("--method rpca,sbl,hsh" in told) == ("42\u202f%" in why or "The object is a metal" in why)
+    assert ("--method metal" in told) == ("42\u202f%" in why or "The object is a metal" in why)
 
 
 def test_an_objects_common_turn_tells_of_no_light_and_without_truth_lights_are_weighed_too():

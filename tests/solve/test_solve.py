@@ -19,6 +19,8 @@ from solve.solve import solve
 
 SIZE = 48
 CALIBRATED = [method for method in METHODS if method not in UNCALIBRATED]
+# `metal` supposes another law: see test_metal.
+MATTE = [method for method in CALIBRATED if method != "metal"]
 
 CAMERA = Camera(SIZE, SIZE, 110.0, 110.0, 23.0, 24.5)
 POINTS, NORMALS, MASK = ball_seen(CAMERA, (0.0, 0.0, -600.0), 110.0, rim=0.35)
@@ -47,7 +49,7 @@ def apart_deg(one, other):
     return angular_error_deg(one.normals, getattr(other, "normals", other))
 
 
-@pytest.mark.parametrize("method", CALIBRATED)
+@pytest.mark.parametrize("method", MATTE)
 def test_exact_on_noiseless_lambertian_pixels_that_every_light_reaches(method):
     lights = lights_around(elevation_deg=65)
     mask = MASK & (np.einsum("hwi,fi->fhw", NORMALS, lights.directions) > 0.1).all(0)
@@ -59,7 +61,7 @@ def test_exact_on_noiseless_lambertian_pixels_that_every_light_reaches(method):
 
 
 # `near` and `reflectance` would integrate these normals, which are not the plane's.
-@pytest.mark.parametrize("method", [method for method in CALIBRATED if method not in ("near", "reflectance")])
+@pytest.mark.parametrize("method", [method for method in MATTE if method not in ("near", "reflectance")])
 def test_near_lights_are_exact_on_the_reference_plane_and_distant_ones_are_not(method):
     mask, points = np.ones((SIZE, SIZE), bool), CAMERA.points_at_depth(CAMERA.grid(), -600.0)
     normals = np.broadcast_to([0.1, -0.2, np.sqrt(0.95)], points.shape)
@@ -90,7 +92,7 @@ def test_laws_permutation_and_intensity(method):
     np.testing.assert_allclose(scaled.albedo[MASK], plain.albedo[MASK], rtol=1e-4)
 
 
-@pytest.mark.parametrize("method", CALIBRATED)
+@pytest.mark.parametrize("method", MATTE)
 def test_rotating_scene_lights_and_camera_together_rotates_the_normals(method):
     """A quarter turn of the picture: (x, y) -> (-y, x)."""
     lights = lights_around(elevation_deg=50)
@@ -119,7 +121,7 @@ def test_iterative_beats_least_squares_under_gloss_and_cast_shadow():
 
 
 # `hsh` has no defence against the shadows that are in every pixel here; for its clipped samples see its own tests.
-@pytest.mark.parametrize("method", [method for method in CALIBRATED if method != "hsh"])
+@pytest.mark.parametrize("method", [method for method in MATTE if method != "hsh"])
 def test_clipped_samples_do_not_enter(method):
     lights = lights_around(16)
     images = shade(lights)

@@ -10,8 +10,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.microfacets import VECTORS
 from twin.material.material_samples import MaterialSamples
-from twin.material.reflection_models import SHADED, VECTORS, Coat, shade, vector
+from twin.material.reflection_models import SHADED, Coat, shade, vector
 
 Image = NDArray[np.float32]
 

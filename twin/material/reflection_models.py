@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from scene.microfacets import VECTORS, facets
 from twin.description.materials import RoughPlastic
 from twin.engines.mitsuba_materials import bsdf
 from twin.engines.mitsuba_scene import loadable
@@ -28,8 +29,6 @@ TABLED = np.geomspace(0.01, 1, 17)
 """Roughnesses of which the renderer tells the transmittance; a smoother coat has that of the smoothest."""
 LAMBERT = -1.0
 """Stands for the roughness of a body that has none."""
-VECTORS: Any = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "arcp", "nsz"}}
-"""For numba: what keeps it from vector instructions is given up, exceptions at divisions and the order of sums."""
 SHADED = 6
 """Rows that `shade` works in."""
 
@@ -100,17 +99,6 @@ def matte() -> Coat:
     return Coat(1.0, 1.0, np.ones(NODES))
 
 
-@numba.njit(nogil=True, cache=True, **VECTORS)
-def _lobe(a2, cosines, nv, out):
-    """Fill `out` (F,) with D G of GGX's facets of the squared roughness `a2`; `cosines` as `shade` has them."""
-    nl, nh = cosines[0], cosines[2]
-    of_view = 1 + np.sqrt(1 + a2 * (1 / (nv * nv) - 1))
-    for f in range(len(out)):
-        bottom = nh[f] * nh[f] * (a2 - 1) + 1
-        hidden = (1 + np.sqrt(1 + a2 * (1 / (nl[f] * nl[f]) - 1))) * of_view
-        out[f] = 4 * a2 / (np.pi * bottom * bottom * hidden)
-
-
 @numba.njit(nogil=True, cache=True, inline="always")
 def _looked_up(table, cosine):
     """Return a table's value at a cosine, linear between its nodes."""
@@ -174,12 +162,12 @@ def shade(normal, view, lights, roughness, surface, out):
         across, along = (c - g) / (c + g), (index * index * c - g) / (index * index * c + g)
         fresnel[f] = (across * across + along * along) / 2
     _body(surface, cosines, nv, diffuse)
-    _lobe(roughness * roughness, cosines, nv, gloss)
+    facets(roughness * roughness, cosines[0], cosines[2], nv, gloss)
     for f in range(len(gloss)):
         lit = cosines[0, f] > 0
-        facets = np.pi * gloss[f] / (4 * nv) if lit else 0.0
-        diffuse[f] = facets if surface.is_metal else diffuse[f] if lit else 0.0
-        gloss[f] = fresnel[f] * facets if lit else 0.0
+        mirrored = np.pi * gloss[f] / (4 * nv) if lit else 0.0
+        diffuse[f] = mirrored if surface.is_metal else diffuse[f] if lit else 0.0
+        gloss[f] = fresnel[f] * mirrored if lit else 0.0
 
 
 @numba.njit(nogil=True, cache=True)

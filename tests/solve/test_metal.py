@@ -1,0 +1,104 @@
+"""Normals of metals, whose lobes the test computes by a law written apart from the product's."""
+
+import numpy as np
+import pytest
+
+from fixtures.lit_surfaces import as_floats, ball_seen, gloss, lights_along, matte, spiral
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.normals import angular_error_deg
+from solve.frames_at_odds import metal_of
+from solve.solve import solve
+from solve.trust import trust
+
+SIZE = 48
+CAMERA = Camera(SIZE, SIZE, 110.0, 110.0, 23.0, 24.5)
+CENTRE = np.array([0.0, 0.0, -600.0])
+POINTS, NORMALS, MASK = ball_seen(CAMERA, tuple(CENTRE), 110.0, rim=0.35)
+COLOUR = np.array([0.9, 0.6, 0.3])
+
+
+def lights_over(count=24, *, distance_mm=None):
+    directions = spiral(np.sin(np.radians(np.linspace(88, 25, count))))
+    positions = None if distance_mm is None else CENTRE + distance_mm * directions
+    return lights_along(directions, np.full((count, 3), 1.0), positions_mm=positions, reference_point_mm=CENTRE)
+
+
+def bronze(lights, alpha, *, colour=COLOUR, normals=NORMALS):
+    """Return (F, H, W, 3) of facets whose heights correlate, G as Heitz wrote it in 2014: a law near the product's."""
+    view = -POINTS / np.linalg.norm(POINTS, axis=-1, keepdims=True)
+    vectors = lights.at(POINTS.reshape(-1, 3)).reshape(len(lights), SIZE, SIZE, 3, 3)
+    power = np.linalg.norm(vectors, axis=-1)
+    light = vectors[..., 1, :] / power[..., 1:2]
+    half = (light + view) / np.linalg.norm(light + view, axis=-1, keepdims=True)
+    nl, nv, nh = (np.clip((normals * other).sum(-1), 1e-6, 1) for other in (light, view, half))
+    hidden = sum((np.sqrt(1 + alpha**2 * (1 / cosine**2 - 1)) - 1) / 2 for cosine in (nl, nv))
+    slopes = alpha**2 / (np.pi * (1 + nh**2 * (alpha**2 - 1)) ** 2)
+    value = np.where((normals * light).sum(-1) > 0, np.pi * slopes / (4 * nv) / (1 + hidden), 0)
+    images = value[..., None] * power * colour
+    return np.where(MASK[..., None], images, 0)
+
+
+def off(estimate):
+    return angular_error_deg(estimate.normals, NORMALS)[MASK]
+
+
+@pytest.mark.parametrize("alpha", [0.1, 0.2, 0.35])
+def test_where_a_flash_is_mirrored_the_normal_is_right_and_elsewhere_its_sigma_says_so(alpha):
+    lights = lights_over(distance_mm=2500.0)
+    frames = as_floats(lights, 0.2 * bronze(lights, alpha))
+    found, matte_too = (solve(method, frames, lights, CAMERA, MASK) for method in ("metal", "iterative"))
+    one = metal_of(frames, lights, CAMERA, MASK)
+    assert one.alpha == pytest.approx(alpha, rel=0.1)
+    sigma, error = found.sigma_deg[MASK], off(found)
+    sure = sigma < 10
+    assert sure.mean() > 0.15
+    assert np.median(error[sure]) < 1 < 8 < np.nanmedian(off(matte_too))
+    assert 0.95 < np.mean(error < 2.45 * sigma), "Rayleigh's 95 %"
+    known = sure & np.isfinite(found.albedo[MASK]).all(1)
+    np.testing.assert_allclose(np.median(found.albedo[MASK][known], 0), 0.2 * COLOUR, rtol=0.15)
+
+
+def test_light_by_way_of_other_surfaces_widens_sigma():
+    """A wall that steep parts mirror, as bright as a tenth of the highlights: what is wrong is said to be unsure."""
+    lights = lights_over()
+    clean, wall = 0.2 * bronze(lights, 0.2), np.abs(NORMALS[..., :1]) * np.linspace(0, 1, 24)[:, None, None, None]
+    found = solve("metal", as_floats(lights, clean + 0.1 * clean.max() * wall), lights, CAMERA, MASK)
+    assert np.percentile(off(found), 90) > 10
+    assert np.mean(off(found) < 2.45 * found.sigma_deg[MASK]) > 0.95
+
+
+def test_clipped_samples_do_not_enter():
+    lights = lights_over()
+    images = 0.2 * bronze(lights, 0.2)
+    images *= 0.9 / images.max()
+    clean = solve("metal", Frames.from_linear(lights.names, images), lights, CAMERA, MASK)
+    images[3, 15:35, 15:35] = 5.0
+    spoilt = solve("metal", Frames.from_linear(lights.names, images), lights, CAMERA, MASK)
+    assert np.median(off(spoilt)) < np.median(off(clean)) + 0.5
+    assert spoilt.samples[MASK].min() == clean.samples[MASK].min() - 1
+
+
+def test_matte_and_glossy_objects_are_no_metals_and_that_is_said():
+    lights = lights_over(distance_mm=2500.0)
+    body = matte(lights, POINTS, NORMALS, 0.4 * np.ones((SIZE, SIZE, 3)))
+    for images in (body, body + 0.3 * gloss(NORMALS, lights.directions, 40.0)[..., None]):
+        frames = as_floats(lights, np.where(MASK[..., None], images, 0))
+        assert metal_of(frames, lights, CAMERA, MASK) is None
+        (said,) = [text for text in solve("metal", frames, lights, CAMERA, MASK).warnings if "metal does" in text]
+        assert "not to be believed" in said
+
+
+def test_wrong_lights_are_no_metal():
+    lights = lights_over()
+    images = np.where(MASK[..., None], matte(lights, POINTS, NORMALS, 0.4 * np.ones((SIZE, SIZE, 3))), 0)
+    mixed = images[np.random.default_rng(0).permutation(len(images))]
+    assert metal_of(as_floats(lights, mixed), lights, CAMERA, MASK) is None
+
+
+@pytest.mark.full
+def test_the_photographs_recommend_it_for_a_metal():
+    lights = lights_over()
+    frames = as_floats(lights, 0.2 * bronze(lights, 0.25))
+    answers = {name: solve(name, frames, lights, CAMERA, MASK).normals for name in ("ls", "iterative", "sbl", "metal")}
+    assert trust(frames, lights, CAMERA, MASK, answers).recommended == "metal"
