@@ -27,10 +27,11 @@ from solve.solve import solve
 SESSIONS = {
     "fixture": ROOT / "fixtures" / "bumpy",
     "bunny": SHARED / "sessions" / "bunny",
+    "bronze": SHARED / "sessions" / "blender_1" / "whole",
     "DiLiGenT ball": SHARED / "real" / "diligent" / "ballPNG",
     "DiLiGenT cat": SHARED / "real" / "diligent" / "catPNG",
 }
-"""Of the last three one thing was chosen: how strongly `reflectance` is pulled to matte, with all four in view."""
+"""Of bunny and DiLiGenT one thing was chosen: how strongly `reflectance` is pulled to matte, with the fixture in view."""
 LIGHTS, SEED, ROUNDS = 96, 10_001, 3
 ALONE = ("ls", "iterative", "position", "l1", "sbl", "hsh")
 """Methods that treat each pixel alone."""

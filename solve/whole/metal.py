@@ -54,7 +54,7 @@ class MetalSettings(NamedTuple):
     bright: float = 0.6
     stray: float = 0.04
     uneven: float = 0.2
-    doubt: float = 2.5
+    doubt: float = 2.0
 
 
 class Metal(NamedTuple):
