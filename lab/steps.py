@@ -163,7 +163,7 @@ def solve(job: Job) -> Outcome:
         do = "Look at its sigma." if "metal" in job.methods else "Ask for --method metal."
         told = (
             f"the object mirrors the flashes as a metal does (roughness {metal.alpha**0.5:.2f}): all methods but "
-            f"`metal` suppose a matte object, and are wrong by tens of degrees. {do}"
+            f"metal suppose a matte object, and are wrong by tens of degrees. {do}"
         )
         return Outcome(result, [told, *(text for text in warnings if text.startswith("metal:"))])
     return Outcome(result, at_odds(*given, warned=warned) + warnings)

@@ -15,7 +15,8 @@ function samplesOf(x, y) {
   return info.frames.map((name, k) => {
     const light = lights[k]?.direction ? lights[k] : null, seen = sampleAt("real", k, x, y), fits = {};
     const intensity = light?.intensity ?? [1, 1, 1];
-    if (light) for (const method of methodNames()) {
+    // A metal's lobes are another law, whose numbers are not on the page.
+    if (light) for (const method of methodNames().filter((one) => one !== "metal")) {
       const normal = normalAt("real", method, x, y), albedo = albedoAt(method, x, y);
       if (normal && albedo) fits[method] = mean(albedo) * Math.max(0, dot(normal, toward(light, u, v)));
     }

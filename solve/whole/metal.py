@@ -281,8 +281,8 @@ def _fit_whole(problem: Problem, samples: Samples, settings: MetalSettings) -> W
     shade = appearance(samples, views, normals, metal.alpha)
     guessed = float(np.mean(sigma > UNSURE))
     cautions = [
-        f"{guessed:.0%} of the object mirrors no flash clearly: its normals there are guesses, see their sigma. "
-        "Flashes from more sides would help."
+        f"{guessed:.0%} of the object mirrors no flash clearly: its normals there may be off by tens of degrees, see "
+        "their sigma. Flashes from more sides would help."
     ] * (guessed > 0.05)
     if not is_one(metal):
         cautions = [
