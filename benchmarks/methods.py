@@ -31,7 +31,7 @@ SESSIONS = {
     "DiLiGenT ball": SHARED / "real" / "diligent" / "ballPNG",
     "DiLiGenT cat": SHARED / "real" / "diligent" / "catPNG",
 }
-"""Of bunny and DiLiGenT one thing was chosen: how strongly `reflectance` is pulled to matte, with the fixture in view."""
+"""With all but the bronze in view one thing was chosen: how strongly `reflectance` is pulled to matte."""
 LIGHTS, SEED, ROUNDS = 96, 10_001, 3
 ALONE = ("ls", "iterative", "position", "l1", "sbl", "hsh")
 """Methods that treat each pixel alone."""

@@ -48,7 +48,7 @@ def solve_arrays(
         The object's pixels: not 0. Default: all.
     method : str
         One of `ls`, `iterative`, `position`, `l1`, `sbl`, `hsh`, `rpca`, `semicalibrated`, `near`, `reflectance`,
-        `ldr`, `entropy`, `tv`.
+        `metal`, `ldr`, `entropy`, `tv`.
     camera : Camera, optional
         Needed for near lights. Default: orthographic.
     profile : str

@@ -34,7 +34,8 @@ class Estimate:
         Why the method should not be believed here.
     sigma_deg : (H, W) float32 or None
         Standard deviation of the normal along one tangent axis, from the scatter of the residuals: noise that
-        differs from sample to sample, not what all samples share. NaN where three samples or fewer were fitted.
+        differs from sample to sample, not what all samples share. NaN where three samples or fewer were fitted. Of
+        `metal` how far apart the normals are that explain the pixel.
     lights : Lights or None
         What the method itself found of the lights, where it does.
     z_mm : (H, W) float64 or None

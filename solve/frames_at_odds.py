@@ -13,7 +13,7 @@ from scene.lights import Lights
 from scene.reading import listed
 from solve.problem import Problem
 from solve.samples import all_samples
-from solve.whole.metal import Metal, MetalSettings, is_one, learn
+from solve.whole import metal
 
 Array = NDArray[np.float64]
 PIXELS, ROUNDS, FLOOR = 1_000, 10, 0.01
@@ -62,7 +62,7 @@ def at_odds(
     return [*told, *_switched(lights.names, value, samples.valid & ~odd, toward, warned=warned)]
 
 
-def metal_of(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]) -> Metal | None:
+def metal_of(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]) -> metal.Metal | None:
     """Return the metal that an object is which contradicts Lambert's law in all frames; None: it does not, or is none.
 
     Of a metal `at_odds` names wrong causes.
@@ -72,10 +72,9 @@ def metal_of(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bo
     given = Problem.of(frames, lights, camera, mask).thinned(PIXELS)
     samples = all_samples(given)
     _, residual = _fitted(samples.gray.astype(np.float64), samples.valid, np.array(samples.toward(), np.float64))
-    if np.median(np.abs(residual).mean(1)) < NOT_MATTE:
+    if not given.mask.any() or np.median(np.abs(residual).mean(1)) < NOT_MATTE:
         return None
-    found = learn(samples, given.views(), MetalSettings())
-    return found if is_one(found) else None
+    return metal.found(samples, given.views())
 
 
 def _fitted(value: Array, use: NDArray[np.bool_], design: Array) -> tuple[Array, Array]:

@@ -94,7 +94,8 @@ def trust(
     -----
     Cross-validation: each third of the frames is predicted from a method's normals by the others, each pixel's albedo
     by the others, and what all frames tell of the object as a whole: its reflectance, gloss included, and the light
-    that it throws upon itself (`solve.whole.reflectance`). A pixel without an answer explains nothing. Judged are the
+    that it throws upon itself (`solve.whole.reflectance`); or which metal it is (`solve.whole.metal`), whose albedo is
+    taken to be the photographs' 99th percentile. A pixel without an answer explains nothing. Judged are the
     samples that are lit, or that the normals say are. How far the others' normals are from the recommended ones orders
     them better than what they leave unexplained, which a bent reflectance may take up.
 
@@ -131,7 +132,12 @@ def trust(
     if rmse > LIMIT:
         doubts = (
             f"not to be believed: the best method leaves {rmse:.0%} of the photographs unexplained (expected at most "
-            f"{LIMIT:.0%}). Deep clefts, several materials, light from elsewhere, or wrong lights.",
+            f"{LIMIT:.0%}). "
+            + (
+                "Parts of a metal that mirror no flash are guesses."
+                if photographs.metal
+                else "Deep clefts, several materials, light from elsewhere, or wrong lights."
+            ),
         )
     apart = {name: _apart_deg(normals[mask], answers[names[best]][mask]) for name, normals in answers.items()}
     told = dict(zip(names, folds.mean(1).tolist(), strict=True))
@@ -175,12 +181,12 @@ class _Photographs:
         self.table = RegularGridInterpolator((HALF, DIFFERENCE), shared[:TABLE].reshape(len(HALF), len(DIFFERENCE)))
         self.curve = shared[TABLE : SIZE - 1]
         self.thrown = shared[-1] * np.einsum("pcf,pc->pf", thrown.patches[thrown.corner], thrown.share)
-        self.samples, self.metal = samples, metal.learn(samples, self.views, metal.MetalSettings())
+        self.samples, self.metal = samples, metal.found(samples, self.views)
 
     def shading(self, normals: Array) -> tuple[Array, Array]:
         """Return n . l and the values (P, F) of pixels of albedo 1; see `solve.whole.reflectance.fit_to_views`."""
         cosine = np.einsum("pi,pfi->pf", normals, self.toward)
-        if metal.is_one(self.metal):
+        if self.metal is not None:
             return cosine, metal.appearance(self.samples, self.views, normals, self.metal.alpha) * self.metal.value
         half = self.toward / np.linalg.norm(self.toward, axis=-1, keepdims=True) + self.views[:, None]
         half /= np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-9)
@@ -198,7 +204,7 @@ class _Photographs:
         usable = (self.lit & (cosine > GRAZING) & (shade > 0))[:, ~out]
         ratio = np.divide(self.gray[:, ~out], shade[:, ~out], out=np.zeros(usable.shape), where=usable)
         albedo = np.maximum(row_medians(ratio, usable), 1e-6 * self.gray.max())[:, None]
-        if metal.is_one(self.metal):
+        if self.metal is not None:
             # It mirrors alike all over: what is dark in all of the other frames is known, too.
             albedo, shade = np.full_like(albedo, self.samples.scale()), shade / self.samples.scale()
         judged = (self.lit | (self.valid & (cosine > 0)))[:, out]

@@ -7,30 +7,28 @@ from them where it faces.
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from scene.fan_out import fan_out
-from scene.microfacets import VECTORS, facets
 from solve.methods import Method, Whole
-from solve.pixelwise.kernels import light_vector
-from solve.problem import Problem
+from solve.pixelwise import iterative
+from solve.problem import Problem, spread_over
 from solve.samples import Samples
+from solve.whole.metal_kernels import UNSURE, Metal, mirrored_by, search
 
 Array = NDArray[np.float64]
 CHUNK = 512
 NEIGHBOURS, REACH = 6, 5
 """Degrees between the normals that are tried first; those tried then are one degree apart, so many to each side."""
-SMALLEST = 0.05
-"""Cosine to the camera of the steepest normal that is tried."""
-STARTS, BROAD = (0.1, 0.2, 0.35), 0.5
-"""Values of alpha that are tried first; and the one from which lobes are as broad as Lambert's: of matte and glossy
-objects, and under wrong lights, it comes out at 0.65 to 1, of bronzes of roughness 0.36 to 0.5 at 0.19 to 0.28.
+SMOOTHEST, STARTS, BROAD = 0.02, (0.1, 0.2, 0.35), 0.5
+"""Least alpha, and those that are tried first; and the one from which lobes are as broad as Lambert's: of matte and
+glossy objects, and under wrong lights, it comes out at 0.65 to 1, of bronzes of roughness 0.36 to 0.5 at 0.19 to 0.28.
+Paint in bright and dark looks narrow, too, to what takes the object for of one value: see `explains`.
 """
-UNSURE = 10.0
-"""Standard deviation, degrees, from which a pixel's normal is a guess."""
+FEWEST = 30
+"""Pixels that a metal is told from."""
 
 
 class MetalSettings(NamedTuple):
@@ -57,26 +55,6 @@ class MetalSettings(NamedTuple):
     doubt: float = 2.0
 
 
-class Metal(NamedTuple):
-    """Facets of one roughness that mirror alike all over.
-
-    Parameters
-    ----------
-    alpha : float
-        The facets' roughness.
-    value : float
-        Gray value of what mirrors all light, as Lambert's albedo is: a white surface that faces the light has it.
-    stray, uneven, doubt
-        As in `MetalSettings`; `stray` is a gray value.
-    """
-
-    alpha: float
-    value: float
-    stray: float
-    uneven: float
-    doubt: float
-
-
 def normals_around(step_deg: float) -> Array:
     """Return unit vectors (N, 3) toward the camera's half of space, about so far apart: a spiral of equal areas."""
     count = round(2 * np.pi / np.radians(step_deg) ** 2)
@@ -85,133 +63,8 @@ def normals_around(step_deg: float) -> Array:
     return np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], -1)
 
 
-@numba.njit(nogil=True, cache=True)
-def _look(i, samples, view, room):  # pragma: no cover
-    """Fill in what does not change with a pixel's normal: rows 0-2 the lights, 3-5 half vectors, 6 the light there."""
-    for f in range(room.shape[1]):
-        x, y, z = light_vector(f, samples.points[i], samples.lights)
-        power = np.sqrt(x * x + y * y + z * z)
-        x, y, z = x / power, y / power, z / power
-        hx, hy, hz = x + view[0], y + view[1], z + view[2]
-        length = np.sqrt(hx * hx + hy * hy + hz * hz)
-        room[0, f], room[1, f], room[2, f] = x, y, z
-        room[3, f], room[4, f], room[5, f] = hx / length, hy / length, hz / length
-        room[6, f] = power
-
-
-@numba.njit(nogil=True, cache=True, **VECTORS)
-def _mirrored(n, nv, squared, room):  # pragma: no cover
-    """Fill row 9 with what a normal mirrors of each light where all is mirrored; rows 7 and 8 are cosines."""
-    nx, ny, nz = n[0], n[1], n[2]
-    for f in range(room.shape[1]):
-        room[7, f] = nx * room[0, f] + ny * room[1, f] + nz * room[2, f]
-        room[8, f] = nx * room[3, f] + ny * room[4, f] + nz * room[5, f]
-    facets(squared, room[7], room[8], nv, room[9])
-    for f in range(room.shape[1]):
-        room[9, f] = np.pi * room[6, f] * room[9, f] / (4 * nv) if room[7, f] > 0 else 0.0
-
-
-@numba.njit(nogil=True, cache=True)
-def _likelihood(gray, valid, n, view, metal, room):  # pragma: no cover
-    """Return the log likelihood of a normal, by errors as they are expected and by those that its doubt allows for.
-
-    Surfaces that turn away take less of the picture: that is the prior.
-    """
-    nv = n[0] * view[0] + n[1] * view[1] + n[2] * view[2]
-    if nv < SMALLEST:
-        return -np.inf, -np.inf
-    _mirrored(n, nv, metal.alpha * metal.alpha, room)
-    total, odds, doubted, doubted_odds = 0.0, 1.0, 0.0, 1.0
-    for f in range(len(gray)):
-        if valid[f]:
-            model = metal.value * room[9, f]
-            square, uneven = (gray[f] - model) ** 2, (metal.uneven * model) ** 2
-            # Student's errors of three degrees of freedom: other parts' light comes in few frames, and is bright.
-            variance = metal.stray**2 + uneven
-            odds *= variance / metal.stray**2 * (1 + square / (3 * variance)) ** 4
-            doubted_odds *= variance / metal.stray**2 * (1 + square / (3 * metal.doubt**2 * variance)) ** 4
-            if odds > 1e100:
-                total, odds = total - 0.5 * np.log(odds), 1.0
-                doubted, doubted_odds = doubted - 0.5 * np.log(doubted_odds), 1.0
-    seen = np.log(nv)
-    return seen + total - 0.5 * np.log(odds), seen + doubted - 0.5 * np.log(doubted_odds)
-
-
-@numba.njit(nogil=True, cache=True)
-def _sum_up(candidates, likelihood, mean):  # pragma: no cover
-    """Fill in the mean normal (3,) of candidates (N, 3); `likelihood` (2, N): as `_likelihood` has it.
-
-    Return the mean square of the angle to it, radians, by the second; that by the first; the log of the mean odds.
-    """
-    top, doubted = likelihood[0].max(), likelihood[1].max()
-    mean[:] = 0.0
-    whole = 0.0
-    for c in range(len(candidates)):
-        odds = np.exp(likelihood[0, c] - top)
-        whole += odds
-        for axis in range(3):
-            mean[axis] += odds * candidates[c, axis]
-    length = np.sqrt(mean[0] ** 2 + mean[1] ** 2 + mean[2] ** 2)
-    mean /= length
-    along = total = 0.0
-    for c in range(len(candidates)):
-        odds = np.exp(likelihood[1, c] - doubted)
-        total += odds
-        along += odds * (mean[0] * candidates[c, 0] + mean[1] * candidates[c, 1] + mean[2] * candidates[c, 2])
-    spread = 2 * max(1 - length / whole, 0.0)
-    return 2 * max(1 - along / total, 0.0), spread, top + np.log(whole / len(candidates))
-
-
-@numba.njit(nogil=True, cache=True)
-def _search(samples, views, candidates, around, metal, mean, sigma):  # pragma: no cover
-    """Fill in the normals (P, 3) and their standard deviation along one axis, degrees (P,); return log evidence (P,).
-
-    `around` (M, 2): Tangents of what is tried beside the likeliest normal; none: nothing more is tried.
-    """
-    pixels, frames = samples.gray.shape
-    room, likelihood, evidence = np.empty((10, frames)), np.empty((2, len(candidates))), np.empty(pixels)
-    near, likely = np.empty((len(around), 3)), np.empty((2, len(around)))
-    for i in range(pixels):
-        gray, valid, view = samples.gray[i], samples.valid[i], views[i]
-        _look(i, samples, view, room)
-        for c in range(len(candidates)):
-            likelihood[0, c], likelihood[1, c] = _likelihood(gray, valid, candidates[c], view, metal, room)
-        best = candidates[np.argmax(likelihood[0])]
-        doubt, spread, evidence[i] = _sum_up(candidates, likelihood, mean[i])
-        # Of normals far from each other the mean is as good as any.
-        if len(around) and spread < 2 * np.radians(UNSURE) ** 2:
-            x, y, z = best
-            ux, uy, uz = (0.0, z, -y) if abs(x) < 0.6 else (-z, 0.0, x)
-            across = np.sqrt(ux * ux + uy * uy + uz * uz)
-            ux, uy, uz = ux / across, uy / across, uz / across
-            for m in range(len(around)):
-                a, b = around[m, 0], around[m, 1]
-                length = np.sqrt(1 + a * a + b * b)
-                near[m, 0] = (x + a * ux + b * (y * uz - z * uy)) / length
-                near[m, 1] = (y + a * uy + b * (z * ux - x * uz)) / length
-                near[m, 2] = (z + a * uz + b * (x * uy - y * ux)) / length
-                likely[0, m], likely[1, m] = _likelihood(gray, valid, near[m], view, metal, room)
-            around_it, _, _ = _sum_up(near, likely, mean[i])
-            if doubt < 2 * np.radians(UNSURE) ** 2:
-                doubt = around_it
-        sigma[i] = np.degrees(np.sqrt(doubt / 2))
-    return evidence
-
-
-@numba.njit(nogil=True, cache=True)
-def _appearance(samples, views, normals, alpha, out):  # pragma: no cover
-    """Fill `out` (P, F) with what normals mirror of each light, of the value 1."""
-    room = np.empty((10, out.shape[1]))
-    for i in range(len(out)):
-        _look(i, samples, views[i], room)
-        n, view = normals[i], views[i]
-        nv = n[0] * view[0] + n[1] * view[1] + n[2] * view[2]
-        _mirrored(n, max(nv, SMALLEST), alpha * alpha, room)
-        out[i] = room[9]
-
-
 def learn(samples: Samples, views: Array, settings: MetalSettings) -> Metal:
-    """Return the metal that explains some bright pixels best; `is_one` tells whether it is one.
+    """Return the metal that explains some bright pixels best; `explains` tells whether the object is one.
 
     Notes
     -----
@@ -219,8 +72,9 @@ def learn(samples: Samples, views: Array, settings: MetalSettings) -> Metal:
     is their product over the pixels (by Nelder and Mead's method). So nobody has to know a normal before.
     """
     brightest = np.where(samples.valid, samples.gray, 0).max(1)
-    bright = np.flatnonzero(brightest >= np.quantile(brightest, 1 - settings.bright))
-    chosen = bright[np.linspace(0, len(bright) - 1, min(settings.pixels, len(bright))).astype(int)]
+    brightest[~_is_seen(samples)] = -1
+    bright = brightest >= np.quantile(brightest, 1 - settings.bright)
+    chosen = np.flatnonzero(spread_over(bright, settings.pixels))
     some, toward, scale = samples.some(chosen), views[chosen], samples.scale()
     candidates, nothing = normals_around(NEIGHBOURS), np.zeros((0, 2))
     normals, sigma = np.empty((len(chosen), 3)), np.empty(len(chosen))
@@ -228,7 +82,7 @@ def learn(samples: Samples, views: Array, settings: MetalSettings) -> Metal:
     parts = [slice(first, first + step) for first in range(0, len(chosen), step)]
 
     def metal_of(logs: Array) -> Metal:
-        alpha, value = np.exp(np.minimum(logs, [0.0, 50.0]))
+        alpha, value = np.exp(np.clip(logs, np.log([SMOOTHEST, 1e-6 * scale]), np.log([1, 1e6 * scale])))
         return Metal(alpha, value, settings.stray * scale, settings.uneven, settings.doubt)
 
     def cost(logs: Array) -> float:
@@ -236,7 +90,7 @@ def learn(samples: Samples, views: Array, settings: MetalSettings) -> Metal:
 
         def work(part: slice) -> float:
             pixels = some.some(part), toward[part]
-            return _search(*pixels, candidates, nothing, metal, normals[part], sigma[part]).sum()
+            return search(*pixels, candidates, nothing, metal, normals[part], sigma[part])[0].sum()
 
         return -sum(fan_out(work, parts)) / len(chosen)
 
@@ -247,10 +101,48 @@ def learn(samples: Samples, views: Array, settings: MetalSettings) -> Metal:
     return metal_of(minimize(cost, start, method="Nelder-Mead", options=options).x)
 
 
+def explains(metal: Metal, samples: Samples, views: Array) -> bool:
+    """Tell whether the object is this metal: by narrow lobes, and better than by Lambert's law.
+
+    By what `iterative` finds of Lambert's law each pixel has an albedo of its own, which the metal's have not; both are
+    held to the metal's errors, each at its likeliest normal.
+    """
+    chosen = np.flatnonzero(spread_over(_is_seen(samples), MetalSettings().pixels))
+    if metal.alpha > BROAD or len(chosen) < FEWEST:
+        return False
+    some, toward = samples.some(chosen), views[chosen]
+    normals, sigma = np.empty((len(chosen), 3)), np.empty(len(chosen))
+    _, largest = search(some, toward, normals_around(NEIGHBOURS), _beside(), metal, normals, sigma)
+    b, _ = iterative.fit(some, samples.scale(), iterative.IterativeSettings())
+    matte = np.maximum(np.einsum("pi,pfi->pf", b, some.toward()), 0)
+    variance = metal.stray**2 + (metal.uneven * matte) ** 2
+    odds = np.log(variance / metal.stray**2) + 4 * np.log1p((some.gray - matte) ** 2 / (3 * variance))
+    return bool(largest.sum() > -0.5 * odds[some.valid].sum())
+
+
+def found(samples: Samples, views: Array) -> Metal | None:
+    """Return the metal that the object is; None: it is none, or nothing tells."""
+    if np.count_nonzero(_is_seen(samples)) < FEWEST:
+        return None
+    metal = learn(samples, views, MetalSettings())
+    return metal if explains(metal, samples, views) else None
+
+
+def _is_seen(samples: Samples) -> NDArray[np.bool_]:
+    """Tell of which pixels (P,) enough samples are not clipped."""
+    return samples.valid.sum(1) > max(3, samples.gray.shape[1] // 2)
+
+
+def _beside() -> Array:
+    """Return tangents (M, 2) of what is tried beside a normal."""
+    reach = np.radians(np.arange(-REACH, REACH + 1))
+    return np.stack(np.meshgrid(reach, reach), -1).reshape(-1, 2)
+
+
 def appearance(samples: Samples, views: Array, normals: Array, alpha: float) -> Array:
     """Return (P, F) what normals (P, 3) of a metal of value 1 mirror of each light."""
     out = np.empty(samples.gray.shape)
-    _appearance(samples, views, normals, alpha, out)
+    mirrored_by(samples, views, normals, alpha, out)
     return out
 
 
@@ -269,33 +161,28 @@ def _fit_whole(problem: Problem, samples: Samples, settings: MetalSettings) -> W
     """
     views = problem.views()
     metal = learn(samples, views, settings)
-    reach = np.radians(np.arange(-REACH, REACH + 1))
-    around = np.stack(np.meshgrid(reach, reach), -1).reshape(-1, 2)
-    candidates = normals_around(NEIGHBOURS)
+    around, candidates = _beside(), normals_around(NEIGHBOURS)
     normals, sigma = np.empty((len(views), 3)), np.empty(len(views))
 
     def work(part: slice) -> None:
-        _search(samples.some(part), views[part], candidates, around, metal, normals[part], sigma[part])
+        search(samples.some(part), views[part], candidates, around, metal, normals[part], sigma[part])
 
     fan_out(work, [slice(first, first + CHUNK) for first in range(0, len(views), CHUNK)])
     shade = appearance(samples, views, normals, metal.alpha)
-    guessed = float(np.mean(sigma > UNSURE))
+    known = samples.valid.sum(1) >= 3
+    normals[~known], sigma[~known] = 0, np.nan
+    guessed = float(np.mean(sigma[known] > UNSURE)) if known.any() else 0.0
     cautions = [
         f"{guessed:.0%} of the object mirrors no flash clearly: its normals there may be off by tens of degrees, see "
         "their sigma. Flashes from more sides would help."
     ] * (guessed > 0.05)
-    if not is_one(metal):
+    if not explains(metal, samples, views):
         cautions = [
             f"the object does not mirror as a metal does (roughness {metal.alpha**0.5:.2f}): not to be believed."
         ]
     # What mirrors no flash says nothing of the reflectance.
     shade[metal.value * shade < metal.stray] = 0
     return Whole(normals * metal.value, samples.valid, tuple(cautions), shade=shade, sigma_deg=sigma)
-
-
-def is_one(metal: Metal) -> bool:
-    """Tell whether it is narrow lobes that explain the object, as of a metal or of dark gloss."""
-    return metal.alpha < BROAD
 
 
 METHOD = Method("metal", {"default": MetalSettings()}, fit_whole=_fit_whole)

@@ -54,7 +54,7 @@ def test_where_a_flash_is_mirrored_the_normal_is_right_and_elsewhere_its_sigma_s
     sure = sigma < 10
     assert sure.mean() > 0.15
     assert np.median(error[sure]) < 1 < 8 < np.nanmedian(off(matte_too))
-    assert 0.95 < np.mean(error < 2.45 * sigma), "Rayleigh's 95 %"
+    assert np.mean(error < 2.45 * sigma) > 0.95, "Rayleigh's 95 %"
     known = sure & np.isfinite(found.albedo[MASK]).all(1)
     np.testing.assert_allclose(np.median(found.albedo[MASK][known], 0), 0.2 * COLOUR, rtol=0.15)
 
@@ -89,11 +89,68 @@ def test_matte_and_glossy_objects_are_no_metals_and_that_is_said():
         assert "not to be believed" in said
 
 
-def test_wrong_lights_are_no_metal():
+ROW, COLUMN = np.mgrid[:SIZE, :SIZE]
+PAINTS = {
+    "plain": np.full((SIZE, SIZE), 0.4),
+    "white band": np.where((ROW > 20) & (ROW < 26), 0.9, 0.08),
+    "white patches": np.where((ROW // 5 + COLUMN // 5) % 5 == 0, 0.9, 0.05),
+}
+
+
+def reversed_frames(images, albedo):
+    return images[::-1].copy()
+
+
+def lamp(images, albedo):
+    return images + np.where(np.arange(24) < 12, 0, 0.3)[:, None, None, None] * np.where(MASK, albedo, 0)[..., None]
+
+
+def shadows(images, albedo):
+    hidden = np.random.default_rng(0).random((24, 1, SIZE, 1)) < 0.4
+    return np.where(hidden & (abs(COLUMN - 25) < 15)[..., None], 0.05, 1) * images
+
+
+@pytest.mark.parametrize("fault", [None, reversed_frames, lamp, shadows])
+@pytest.mark.parametrize("paint", PAINTS)
+def test_paint_is_no_metal_under_whatever_fault(paint, fault):
+    """In bright and dark it looks like narrow lobes to what takes the object for of one value."""
     lights = lights_over()
-    images = np.where(MASK[..., None], matte(lights, POINTS, NORMALS, 0.4 * np.ones((SIZE, SIZE, 3))), 0)
-    mixed = images[np.random.default_rng(0).permutation(len(images))]
-    assert metal_of(as_floats(lights, mixed), lights, CAMERA, MASK) is None
+    images = np.where(MASK[..., None], matte(lights, POINTS, NORMALS, PAINTS[paint][..., None] * np.ones(3)), 0)
+    frames = as_floats(lights, fault(images, PAINTS[paint]) if fault else images)
+    assert metal_of(frames, lights, CAMERA, MASK) is None
+
+
+def test_the_method_says_so_of_paint():
+    lights = lights_over()
+    images = np.where(MASK[..., None], matte(lights, POINTS, NORMALS, PAINTS["white band"][..., None] * np.ones(3)), 0)
+    (said,) = solve("metal", as_floats(lights, images), lights, CAMERA, MASK).warnings
+    assert "not to be believed" in said
+
+
+@pytest.mark.parametrize("times", [2, 4, 8, 1e6])
+def test_what_is_clipped_is_no_metal_and_has_no_normal(times):
+    lights = lights_over()
+    images = np.where(MASK[..., None], matte(lights, POINTS, NORMALS, 0.8 * np.ones((SIZE, SIZE, 3))), 0)
+    frames = Frames.from_linear(lights.names, times * images)
+    assert metal_of(frames, lights, CAMERA, MASK) is None
+    found = solve("metal", frames, lights, CAMERA, MASK)
+    lit = found.samples >= 3
+    assert np.isnan(found.normals[~lit]).all()
+    assert np.isnan(found.sigma_deg[~lit]).all()
+    assert np.isfinite(found.normals[MASK & lit]).all()
+
+
+def test_a_light_straight_behind_and_a_mask_that_thins_to_nothing_are_met():
+    lights = lights_over()
+    camera, behind = Camera.orthographic(SIZE, SIZE), lights_along(np.vstack([lights.directions, [0, 0, -1.0]]))
+    images = np.concatenate([0.2 * bronze(lights, 0.2), np.zeros((1, SIZE, SIZE, 3))])
+    frames = as_floats(behind, images)
+    assert metal_of(frames, behind, camera, MASK) is not None
+    assert np.isfinite(solve("metal", frames, behind, camera, MASK).normals[MASK]).all()
+    row = np.zeros((3, 5000), bool)
+    row[1] = True
+    empty = as_floats(lights, np.zeros((24, 3, 5000, 3)))
+    assert metal_of(empty, lights, Camera.orthographic(5000, 3), row) is None
 
 
 @pytest.mark.full
@@ -101,4 +158,15 @@ def test_the_photographs_recommend_it_for_a_metal():
     lights = lights_over()
     frames = as_floats(lights, 0.2 * bronze(lights, 0.25))
     answers = {name: solve(name, frames, lights, CAMERA, MASK).normals for name in ("ls", "iterative", "sbl", "metal")}
-    assert trust(frames, lights, CAMERA, MASK, answers).recommended == "metal"
+    told = trust(frames, lights, CAMERA, MASK, answers)
+    assert told.recommended == "metal"
+    assert all("mirror no flash" in doubt for doubt in told.doubts)
+
+
+@pytest.mark.full
+def test_the_photographs_do_not_recommend_it_for_paint():
+    lights = lights_over()
+    images = np.where(MASK[..., None], matte(lights, POINTS, NORMALS, PAINTS["white band"][..., None] * np.ones(3)), 0)
+    frames = as_floats(lights, images)
+    answers = {name: solve(name, frames, lights, CAMERA, MASK).normals for name in ("iterative", "metal")}
+    assert trust(frames, lights, CAMERA, MASK, answers).recommended == "iterative"
