@@ -1,15 +1,18 @@
-"""How rough facets reflect: the law that a metal's surface, a coat, and whatever fits them share."""
+"""How rough facets reflect: the law that a metal's surface, a coat, and whatever fits them share.
+
+Who calls it from a kernel compiles it: `numba.njit(**VECTORS)(facets)`.
+"""
 
 from typing import Any
 
-import numba
 import numpy as np
 
-VECTORS: Any = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "arcp", "nsz"}}
-"""Of kernels whose loops the compiler makes vector instructions of: sums in any order, divisions without exceptions."""
+VECTORS: Any = {
+    "nogil": True, "cache": True, "error_model": "numpy", "fastmath": {"reassoc", "contract", "arcp", "nsz"}
+}  # fmt: skip
+"""For numba: loops become vector instructions, with sums in any order and divisions without exceptions."""
 
 
-@numba.njit(nogil=True, cache=True, **VECTORS)
 def facets(squared, nl, nh, nv, out):
     """Fill `out` (F,) with D G of GGX's facets [Walter2007], G by Smith, each direction apart.
 

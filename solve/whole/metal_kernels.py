@@ -5,9 +5,11 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from scene.microfacets import VECTORS, facets
+from scene import microfacets
+from scene.microfacets import VECTORS
 from solve.pixelwise.kernels import light_vector
 
+facets = numba.njit(**VECTORS)(microfacets.facets)
 GRID = 2 * np.radians(1) ** 2 / 12
 """Variance of what lies between normals that are tried one degree apart, radians squared of both axes."""
 SMALLEST = 0.05
@@ -51,7 +53,7 @@ def _look(i, samples, view, room):  # pragma: no cover
         room[6, f] = power
 
 
-@numba.njit(nogil=True, cache=True, **VECTORS)
+@numba.njit(**VECTORS)
 def _mirrored(n, nv, squared, room):  # pragma: no cover
     """Fill row 9 with what a normal mirrors of each light where all is mirrored; rows 7 and 8 are cosines."""
     nx, ny, nz = n[0], n[1], n[2]

@@ -40,7 +40,7 @@ def _on_all_cores(kernel: Callable, samples: MaterialSamples, weights: Image, *r
     return np.concatenate(found)
 
 
-@numba.njit(nogil=True, cache=True, **VECTORS)
+@numba.njit(**VECTORS)
 def _reduce(pixels, weights, surface):
     count, frames = pixels.toward.shape[:2]
     out, shaded = np.zeros((count, 3, 3)), np.empty((SHADED, frames))
@@ -73,7 +73,7 @@ def reduced(samples: MaterialSamples, weights: Image, surface: Coat) -> NDArray[
     return _on_all_cores(_reduce, samples, weights, surface)
 
 
-@numba.njit(nogil=True, cache=True, **VECTORS)
+@numba.njit(**VECTORS)
 def _predict(pixels, weights, strength, surface):
     count, frames = pixels.toward.shape[:2]
     found, albedo = np.empty((count, frames, 3), np.float32), np.zeros((count, 3), np.float32)

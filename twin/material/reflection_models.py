@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from scene.microfacets import VECTORS, facets
+from scene import microfacets
+from scene.microfacets import VECTORS
 from twin.description.materials import RoughPlastic
 from twin.engines.mitsuba_materials import bsdf
 from twin.engines.mitsuba_scene import loadable
@@ -29,6 +30,7 @@ TABLED = np.geomspace(0.01, 1, 17)
 """Roughnesses of which the renderer tells the transmittance; a smoother coat has that of the smoothest."""
 LAMBERT = -1.0
 """Stands for the roughness of a body that has none."""
+facets = numba.njit(**VECTORS)(microfacets.facets)
 SHADED = 6
 """Rows that `shade` works in."""
 
@@ -107,7 +109,7 @@ def _looked_up(table, cosine):
     return table[i] + (at - i) * (table[i + 1] - table[i])
 
 
-@numba.njit(nogil=True, cache=True, **VECTORS)
+@numba.njit(**VECTORS)
 def _body(surface, cosines, nv, out):
     """Fill `out` (F,) with the body's value under each light; `cosines` as `shade` has them."""
     nl, c = cosines[0], cosines[1]
@@ -129,7 +131,7 @@ def vector(row):
     return np.float64(row[0]), np.float64(row[1]), np.float64(row[2])
 
 
-@numba.njit(nogil=True, cache=True, **VECTORS)
+@numba.njit(**VECTORS)
 def shade(normal, view, lights, roughness, surface, out):
     """Fill out[0] and out[1] with the body's and the coat's pixel values under each light: of albedo and strength 1.
 
