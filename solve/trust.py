@@ -36,7 +36,8 @@ LIMIT = 0.1
 
 class JudgedMethod(NamedTuple):
     """What is said of one method: by how much frames differ from what it predicts of them, of the albedo, mean (None:
-    another program, which is not run again); and how far its normals are from those of the recommended one, mean.
+    another program, or `metal` of no metal, which are not run again);
+    and how far its normals are from those of the recommended one, mean.
     """
 
     unexplained: float | None
@@ -115,6 +116,9 @@ def trust(
     whole = Problem.of(frames, lights, camera, mask)
     step, given = whole.step_to(PIXELS), whole.thinned(PIXELS)
     photographs = _Photographs(given)
+    if photographs.metal is None and len(names) > 1:
+        # Of no metal its answer is not to be believed, however well clefts that light themselves agree with it.
+        names = [name for name in names if name != "metal"]
     left_out = [np.arange(len(frames)) % FOLDS == fold for fold in range(FOLDS)]
     folds = np.zeros((len(names), FOLDS))
     by_folds: dict[str, list[NDArray]] = {name: [] for name in names}

@@ -169,4 +169,6 @@ def test_the_photographs_do_not_recommend_it_for_paint():
     images = np.where(MASK[..., None], matte(lights, POINTS, NORMALS, PAINTS["white band"][..., None] * np.ones(3)), 0)
     frames = as_floats(lights, images)
     answers = {name: solve(name, frames, lights, CAMERA, MASK).normals for name in ("iterative", "metal")}
-    assert trust(frames, lights, CAMERA, MASK, answers).recommended == "iterative"
+    told = trust(frames, lights, CAMERA, MASK, answers)
+    assert told.recommended == "iterative"
+    assert told.methods["metal"].unexplained is None, "it is not judged"
