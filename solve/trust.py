@@ -19,6 +19,7 @@ from solve.problem import Problem
 from solve.samples import row_medians
 from solve.solve import solve
 from solve.whole import metal, reflectance
+from solve.whole.metal_kernels import appearance
 from solve.whole.reflectance_kernels import DIFFERENCE, GRAZING, HALF, INCIDENCE, SIZE, TABLE
 
 Array = NDArray[np.float64]
@@ -36,8 +37,8 @@ LIMIT = 0.1
 
 class JudgedMethod(NamedTuple):
     """What is said of one method: by how much frames differ from what it predicts of them, of the albedo, mean (None:
-    another program, or `metal` of no metal, which are not run again);
-    and how far its normals are from those of the recommended one, mean.
+    another program, or `metal` of no metal, which are not run again); and how far its normals are from those of the
+    recommended one, mean.
     """
 
     unexplained: float | None
@@ -191,7 +192,7 @@ class _Photographs:
         """Return n . l and the values (P, F) of pixels of albedo 1; see `solve.whole.reflectance.fit_to_views`."""
         cosine = np.einsum("pi,pfi->pf", normals, self.toward)
         if self.metal is not None:
-            return cosine, metal.appearance(self.samples, self.views, normals, self.metal.alpha) * self.metal.value
+            return cosine, appearance(self.samples, self.views, normals, self.metal.alpha) * self.metal.value
         half = self.toward / np.linalg.norm(self.toward, axis=-1, keepdims=True) + self.views[:, None]
         half /= np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-9)
         angles = [

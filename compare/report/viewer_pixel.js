@@ -42,7 +42,8 @@ async function showSamples(place, x, y) {
   rows.forEach((row, k) => { if (k % each === 0) chart.append(element("text", { x: across(k), y: 236, "text-anchor": "middle" }, k + 1)); });
   chart.append(element("text", { x: 368, y: 256, "text-anchor": "middle" }, "light"));
   const title = document.createElement("p");
-  title.append(`Pixel column ${u}, row ${v}: samples (dots; hollow: at the top of the picture's scale) and albedo max(0, n · l) of `);
+  title.append(`Pixel column ${u}, row ${v}: samples (dots; hollow: at the top of the picture's scale)`,
+    methods.length ? " and albedo max(0, n · l) of " : "");
   methods.forEach((method, m) => {
     const name = Object.assign(document.createElement("b"), { textContent: `${m ? ", " : ""}${["—", "– –", "···"][m % 3]} ${method}` });
     name.style.borderBottom = `3px solid ${COLOURS[m % COLOURS.length]}`;

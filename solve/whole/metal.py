@@ -12,16 +12,19 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from scene.fan_out import fan_out
+from scene.light_layouts import cap
 from solve.methods import Method, Whole
 from solve.pixelwise import iterative
 from solve.problem import Problem, spread_over
 from solve.samples import Samples
-from solve.whole.metal_kernels import UNSURE, Metal, mirrored_by, search
+from solve.whole.metal_kernels import UNSURE, Metal, appearance, search
 
 Array = NDArray[np.float64]
 CHUNK = 512
-NEIGHBOURS, REACH = 6, 5
-"""Degrees between the normals that are tried first; those tried then are one degree apart, so many to each side."""
+CANDIDATES = cap(round(2 * np.pi / np.radians(6) ** 2), 90)
+"""Normals (N, 3) that are tried first: all that face the camera, six degrees apart."""
+REACH = 5
+"""How many are tried then to each side of the likeliest, one degree apart."""
 SMOOTHEST, STARTS, BROAD = 0.02, (0.1, 0.2, 0.35), 0.5
 """Least alpha, and those that are tried first; and the one from which lobes are as broad as Lambert's: of matte and
 glossy objects, and under wrong lights, it comes out at 0.65 to 1, of bronzes of roughness 0.36 to 0.5 at 0.19 to 0.28.
@@ -55,14 +58,6 @@ class MetalSettings(NamedTuple):
     doubt: float = 2.0
 
 
-def normals_around(step_deg: float) -> Array:
-    """Return unit vectors (N, 3) toward the camera's half of space, about so far apart: a spiral of equal areas."""
-    count = round(2 * np.pi / np.radians(step_deg) ** 2)
-    z = 1 - (np.arange(count) + 0.5) / count
-    turn = np.arange(count) * np.pi * (3 - np.sqrt(5))
-    return np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], -1)
-
-
 def learn(samples: Samples, views: Array, settings: MetalSettings) -> Metal:
     """Return the metal that explains some bright pixels best; `explains` tells whether the object is one.
 
@@ -76,8 +71,7 @@ def learn(samples: Samples, views: Array, settings: MetalSettings) -> Metal:
     bright = brightest >= np.quantile(brightest, 1 - settings.bright)
     chosen = np.flatnonzero(spread_over(bright, settings.pixels))
     some, toward, scale = samples.some(chosen), views[chosen], samples.scale()
-    candidates, nothing = normals_around(NEIGHBOURS), np.zeros((0, 2))
-    normals, sigma = np.empty((len(chosen), 3)), np.empty(len(chosen))
+    nothing, normals, sigma = np.zeros((0, 2)), np.empty((len(chosen), 3)), np.empty(len(chosen))
     step = len(chosen) // 8 + 1
     parts = [slice(first, first + step) for first in range(0, len(chosen), step)]
 
@@ -90,7 +84,7 @@ def learn(samples: Samples, views: Array, settings: MetalSettings) -> Metal:
 
         def work(part: slice) -> float:
             pixels = some.some(part), toward[part]
-            return search(*pixels, candidates, nothing, metal, normals[part], sigma[part])[0].sum()
+            return search(*pixels, CANDIDATES, nothing, metal, normals[part], sigma[part])[0].sum()
 
         return -sum(fan_out(work, parts)) / len(chosen)
 
@@ -112,7 +106,7 @@ def explains(metal: Metal, samples: Samples, views: Array) -> bool:
         return False
     some, toward = samples.some(chosen), views[chosen]
     normals, sigma = np.empty((len(chosen), 3)), np.empty(len(chosen))
-    _, largest = search(some, toward, normals_around(NEIGHBOURS), _beside(), metal, normals, sigma)
+    _, largest = search(some, toward, CANDIDATES, _beside(), metal, normals, sigma)
     b, _ = iterative.fit(some, samples.scale(), iterative.IterativeSettings())
     matte = np.maximum(np.einsum("pi,pfi->pf", b, some.toward()), 0)
     variance = metal.stray**2 + (metal.uneven * matte) ** 2
@@ -139,13 +133,6 @@ def _beside() -> Array:
     return np.stack(np.meshgrid(reach, reach), -1).reshape(-1, 2)
 
 
-def appearance(samples: Samples, views: Array, normals: Array, alpha: float) -> Array:
-    """Return (P, F) what normals (P, 3) of a metal of value 1 mirror of each light."""
-    out = np.empty(samples.gray.shape)
-    mirrored_by(samples, views, normals, alpha, out)
-    return out
-
-
 def _fit_whole(problem: Problem, samples: Samples, settings: MetalSettings) -> Whole:
     """Find each pixel's normal by the metal that the object is.
 
@@ -161,11 +148,10 @@ def _fit_whole(problem: Problem, samples: Samples, settings: MetalSettings) -> W
     """
     views = problem.views()
     metal = learn(samples, views, settings)
-    around, candidates = _beside(), normals_around(NEIGHBOURS)
-    normals, sigma = np.empty((len(views), 3)), np.empty(len(views))
+    around, normals, sigma = _beside(), np.empty((len(views), 3)), np.empty(len(views))
 
     def work(part: slice) -> None:
-        search(samples.some(part), views[part], candidates, around, metal, normals[part], sigma[part])
+        search(samples.some(part), views[part], CANDIDATES, around, metal, normals[part], sigma[part])
 
     fan_out(work, [slice(first, first + CHUNK) for first in range(0, len(views), CHUNK)])
     shade = appearance(samples, views, normals, metal.alpha)

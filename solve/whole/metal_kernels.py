@@ -8,6 +8,7 @@ import numpy as np
 from scene import microfacets
 from scene.microfacets import VECTORS
 from solve.pixelwise.kernels import light_vector
+from solve.whole.reflectance_kernels import tangents
 
 facets = numba.njit(**VECTORS)(microfacets.facets)
 GRID = 2 * np.radians(1) ** 2 / 12
@@ -126,7 +127,7 @@ def search(samples, views, candidates, around, metal, mean, sigma):  # pragma: n
     pixels, frames = samples.gray.shape
     room, likelihood = np.empty((10, frames)), np.empty((2, len(candidates)))
     evidence, largest = np.empty(pixels), np.empty(pixels)
-    near, likely = np.empty((len(around), 3)), np.empty((2, len(around)))
+    near, likely, across = np.empty((len(around), 3)), np.empty((2, len(around))), np.empty((2, 3))
     for i in range(pixels):
         gray, valid, view = samples.gray[i], samples.valid[i], views[i]
         _look(i, samples, view, room)
@@ -136,16 +137,12 @@ def search(samples, views, candidates, around, metal, mean, sigma):  # pragma: n
         doubt, spread, evidence[i] = _sum_up(candidates, likelihood, mean[i])
         # Of normals far from each other the mean is as good as any.
         if len(around) and spread < 2 * np.radians(UNSURE) ** 2:
-            x, y, z = best
-            ux, uy, uz = (0.0, z, -y) if abs(x) < 0.6 else (-z, 0.0, x)
-            across = np.sqrt(ux * ux + uy * uy + uz * uz)
-            ux, uy, uz = ux / across, uy / across, uz / across
+            tangents(best, across)
             for m in range(len(around)):
                 a, b = around[m, 0], around[m, 1]
                 length = np.sqrt(1 + a * a + b * b)
-                near[m, 0] = (x + a * ux + b * (y * uz - z * uy)) / length
-                near[m, 1] = (y + a * uy + b * (z * ux - x * uz)) / length
-                near[m, 2] = (z + a * uz + b * (x * uy - y * ux)) / length
+                for axis in range(3):
+                    near[m, axis] = (best[axis] + a * across[0, axis] + b * across[1, axis]) / length
                 likely[0, m], likely[1, m] = _likelihood(gray, valid, near[m], view, metal, room)
             around_it, _, _ = _sum_up(near, likely, mean[i])
             largest[i] = max(largest[i], likely[0].max())
@@ -156,12 +153,14 @@ def search(samples, views, candidates, around, metal, mean, sigma):  # pragma: n
 
 
 @numba.njit(nogil=True, cache=True)
-def mirrored_by(samples, views, normals, alpha, out):  # pragma: no cover
-    """Fill `out` (P, F) with what normals mirror of each light, of the value 1."""
-    room = np.empty((10, out.shape[1]))
-    for i in range(len(out)):
+def appearance(samples, views, normals, alpha):  # pragma: no cover
+    """Return (P, F) what normals (P, 3) of a metal of value 1 mirror of each light."""
+    pixels, frames = samples.gray.shape
+    out, room = np.empty((pixels, frames)), np.empty((10, frames))
+    for i in range(pixels):
         _look(i, samples, views[i], room)
         n, view = normals[i], views[i]
         nv = n[0] * view[0] + n[1] * view[1] + n[2] * view[2]
         _mirrored(n, max(nv, SMALLEST), alpha * alpha, room)
         out[i] = room[9]
+    return out
