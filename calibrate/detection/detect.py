@@ -19,9 +19,9 @@ from calibrate.detection.mirror_outline import (
     static_slopes,
 )
 from calibrate.silhouette.ball_silhouette import TABLE_FROM_PX, OutlineFit, fit_outline
-from calibrate.silhouette.explained_profiles import law_of
+from calibrate.silhouette.explained_profiles import LAWS, law_of
 from calibrate.silhouette.mirrored_surroundings import TablePlane, shared_plane
-from calibrate.silhouette.mirrored_table import MirroredTable
+from calibrate.silhouette.mirrored_table import Beside, MirroredTable
 from draw.readable import share
 from scene.camera import Camera
 from scene.frames import Frames
@@ -85,11 +85,12 @@ def detect(
     shown = [one.suspect.table for one in chosen]
     tables = [table for table in shown if table]
     plane = shared_plane([table.plane for table in tables])
-    # Where no ball shows a table none is looked for again.
-    laws = [law_of([table.is_fresnels for table in tables])] if tables else []
+    laws = [law_of([table.is_fresnels for table in tables])] if tables else LAWS
     with ThreadPoolExecutor(THREADS) as threads:
-        outline = partial(fit_outline, frames, camera, search_px=coarse.search_px, plane=plane, laws=laws)
-        fits = list(threads.map(lambda start, table: outline(start, shown=table), starts, shown))
+        outline = partial(fit_outline, frames, camera, search_px=coarse.search_px)
+        beside = [Beside(plane, laws, [other for other in starts if other is not start]) for start in starts]
+        known = zip(starts, shown, beside, strict=True)
+        fits = list(threads.map(lambda one: outline(one[0], shown=one[1], beside=one[2]), known))
     for one, fit in zip(chosen, fits, strict=True):
         if fit is None:
             rejected.append(_rejected(coarse, one, "its outline cannot be followed at full size"))

@@ -21,7 +21,7 @@ from calibrate.detection.circles import gradient, rank
 from calibrate.detection.coarse import Coarse
 from calibrate.detection.evidence import Points
 from calibrate.silhouette.mirrored_surroundings import ANY_PLANE, TablePlane
-from calibrate.silhouette.mirrored_table import SURE, MirroredTable, fit_mirrored_table, mirrored_share
+from calibrate.silhouette.mirrored_table import SURE, Beside, MirroredTable, fit_mirrored_table, mirrored_share
 from calibrate.silhouette.outline import circles_apart, sampled, share_in_picture
 from scene.camera import Camera
 from scene.frames import Frames
@@ -173,7 +173,7 @@ def by_mirrored_table(
 
     `circles` are those about its highlights, the likeliest first. `plane`: what other balls have shown of the table.
     """
-    fit = partial(fit_mirrored_table, frames.some(FRAMES), camera, blur_px=blur_px, plane=plane)
+    fit = partial(fit_mirrored_table, frames.some(FRAMES), camera, blur_px=blur_px, beside=Beside(plane))
     tables = _rough(fit, circles[:TRIED])
     if all(table.explained < SURE for table in tables):
         # Not before: of a plain table every circle mirrors much.

@@ -1,6 +1,5 @@
 """A ball's outline to hundredths of a pixel: the cone that a sphere cuts, three unknowns, no free ellipse."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -18,9 +17,7 @@ from calibrate.silhouette.cone_fit import (
     Reader,
     fit_cone,
 )
-from calibrate.silhouette.explained_profiles import LAWS, Law
-from calibrate.silhouette.mirrored_surroundings import TablePlane
-from calibrate.silhouette.mirrored_table import MirroredTable, fit_mirrored_table
+from calibrate.silhouette.mirrored_table import NOTHING_KNOWN, Beside, MirroredTable, fit_mirrored_table
 from calibrate.silhouette.outline import (
     KERNEL_REACH,
     agree,
@@ -87,14 +84,12 @@ def fit_outline(
     *,
     search_px: float,
     shown: MirroredTable | None = None,
-    plane: TablePlane | None = None,
-    laws: Sequence[Law] = LAWS,
+    beside: Beside = NOTHING_KNOWN,
 ) -> OutlineFit | None:
     """Fit the ball's outline at full size, in about `READ` of the frames together.
 
     The outline may lie `search_px` from the start. `shown`: the table that the ball mirrors, where that is known
-    already; `plane`: what other balls show of it; `laws`: those that its metal may have, none where no table is to be
-    looked for. None if less than a quarter of the outline shows an edge.
+    already; what other balls show of it is not asked then. None if less than a quarter of the outline shows an edge.
     """
     read = _reader(frames)
     best: list[OutlineFit] = []
@@ -110,7 +105,7 @@ def fit_outline(
         return None
     if sphere.kind == "white":
         return _fit_matte(read, camera, best, sphere, float(best_softness)) or best[0]
-    known = shown, None if shown else plane, laws
+    known = shown, beside._replace(plane=None) if shown else beside
     fit = _fit_chrome(frames, read, camera, best[0], sphere, known, float(best_softness))
     return fit or _by_edges(best[0], best_softness)
 
@@ -244,20 +239,20 @@ def _fit_chrome(
     camera: Camera,
     edge: OutlineFit,
     start: Sphere,
-    known: tuple[MirroredTable | None, TablePlane | None, Sequence[Law]],
+    known: tuple[MirroredTable | None, Beside],
     softness: float,
 ) -> OutlineFit | None:
     """Fit a chrome ball by the table that it mirrors, else by a mirror's smooth profile; None if neither holds."""
-    sphere, (shown, plane, laws) = edge.sphere, known
+    sphere, (shown, beside) = edge.sphere, known
     farthest = softness + SEARCH * sphere.radius_px
     # A small mirror's rims draw the edge away from where the search began.
     places = [sphere, *([start] if _apart(sphere, start) > SAME_PX else [])]
     tries = [(near, None, softness) for near in places]
     if shown:
         tries = [(shown.sphere, shown.plane.values, shown.blur_px), *tries]
-    for near, begin, blur_px in tries if laws and sphere.radius_px > TABLE_FROM_PX else ():
-        table = fit_mirrored_table(frames, camera, near, blur_px=blur_px, plane=plane, start=begin, laws=laws)
-        if table and table.is_seen(plane) and _apart(table.sphere, near) < farthest:
+    for near, begin, blur_px in tries if sphere.radius_px > TABLE_FROM_PX else ():
+        table = fit_mirrored_table(frames, camera, near, blur_px=blur_px, beside=beside, start=begin)
+        if table and table.is_seen(beside.plane) and _apart(table.sphere, near) < farthest:
             floor = table_floor_px(table.sphere.radius_px, table.blur_px, table.plane.steepness)
             doubt = np.hypot(floor, table.left_px)
             covariance = table.covariance + doubt**2 * np.eye(3)

@@ -13,15 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
-from calibrate.silhouette.cone_fit import blurred_ramp
 from calibrate.silhouette.mirrored_surroundings import MirroredView
 from scene.robust import MAD
 
 Array = NDArray[np.float64]
 Values = NDArray[np.floating]
-LEAST_SEEN = 0.25  # share of the profiles to go on with a plane
+LEAST_SEEN = 0.25  # share of the profiles to go on with a plane,
+TABLE_BLURS = 2.5  # in which the table is known down to so many blurs inside the outline
 HOPELESS = 0.8  # share explained under which a start leads nowhere
 REFLECTS = 0.2, 0.93  # reflectance of a mirror: what shows the table as bright as it is may be the table itself
 CAUCHY = 3.0  # noises at which a sample counts half: a highlight or another ball may be mirrored, too
@@ -53,19 +52,20 @@ class ExplainedProfiles(NamedTuple):
 def explain(
     profiles: Values, shown: MirroredView, grazing: Array, offsets: Array, blur_px: float
 ) -> ExplainedProfiles | None:
-    """Fit d, e of each profile and the common reflectance, robustly; None where too little is seen.
+    """Fit d, e, f of each profile and the common reflectance, robustly; None where too little is seen.
 
     grazing: g of the law at the cosines where the mirror is looked at.
     """
-    basis = outside(offsets, blur_px)
+    basis = shown.basis(offsets, blur_px)
     mirrored, given = (shown.blurred(offsets, blur_px, part) for part in (1 - grazing, grazing))
     known = (np.isfinite(profiles) & np.isfinite(mirrored)).astype(np.float32)
-    if np.mean(known.sum(-1) > 8) < LEAST_SEEN:
+    if np.mean((known.sum(-1) > 8) & (shown.until > TABLE_BLURS * blur_px)) < LEAST_SEEN:
         return None
     profiles, mirrored, given = map(np.nan_to_num, (profiles, mirrored, given))
     weight, noise = known, np.ones((len(known), 1, 1), np.float32)
+    together = np.stack([profiles, profiles - given, mirrored])
     for _ in range(3):
-        whole, y, x = (without(values, basis, weight) for values in (profiles, profiles - given, mirrored))
+        whole, y, x = without(together, basis, weight)
         scale = weight / noise**2
         mirror = float((scale * x * y).sum() / max(float((scale * x * x).sum()), 1e-12))
         residual = y - np.float32(mirror) * x
@@ -77,26 +77,24 @@ def explain(
     return ExplainedProfiles(float(1 - left / max(float(total), 1e-12)), mirror, residual, weight, noise)
 
 
-def outside(offsets: Array, blur_px: float) -> Values:
-    """Return (M, 2), the blurred profiles of what lies outside: its value at the outline, and its slope."""
-    return np.stack([ndtr(offsets / blur_px), blurred_ramp(offsets, blur_px)], -1).astype(np.float32)
-
-
 def coefficients(values: Values, basis: Values, weight: Values) -> Values:
-    """Return (..., F, BINS, 2): what of the basis (M, 2) each profile holds, by weighted least squares."""
-    products = np.stack([basis[:, 0] ** 2, basis[:, 0] * basis[:, 1], basis[:, 1] ** 2], -1)
-    # In 64 bits: where a profile shows little, first * second and both^2 are almost the same number.
-    first, both, second = np.moveaxis((weight @ products).astype(np.float64), -1, 0)
-    first, second = first + 1e-6, second + 1e-6
-    x, y = np.moveaxis((weight * values) @ basis, -1, 0)
-    inverse = 1 / (first * second - both * both)
-    found = np.stack([(second * x - both * y) * inverse, (first * y - both * x) * inverse], -1)
-    return found.astype(np.float32)
+    """Return (..., F, BINS, 3): what of the basis (BINS, M, 3) each profile holds, by weighted least squares."""
+    products = (basis[..., :, None] * basis[..., None, :]).reshape(*basis.shape[:2], -1)
+    # In 64 bits: where a profile shows little, the products are almost the same number.
+    normal = (weight.swapaxes(0, 1) @ products).astype(np.float64).reshape(*weight.swapaxes(0, 1).shape[:2], 3, 3)
+    inverse = np.linalg.inv(normal + 1e-6 * np.eye(3))
+    held = (weight * values).swapaxes(-3, -2) @ basis
+    return (inverse @ held[..., None])[..., 0].astype(np.float32).swapaxes(-3, -2)
+
+
+def combined(held: Values, basis: Values) -> Values:
+    """Return the profiles (..., F, BINS, M) that hold so much (..., F, BINS, 3) of the basis (BINS, M, 3)."""
+    return (held.swapaxes(-3, -2) @ basis.swapaxes(-2, -1)).swapaxes(-3, -2)
 
 
 def without(values: Values, basis: Values, weight: Values) -> Values:
     """Return the profiles without what the basis explains of them."""
-    return np.asarray(values - coefficients(values, basis, weight) @ basis.T, np.float32)
+    return np.asarray(values - combined(coefficients(values, basis, weight), basis), np.float32)
 
 
 def fresnel(cosine: Array, facing: float) -> Array:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from calibrate.lights.directions import mirrored_rays
-from calibrate.silhouette.cone_fit import STEP_PX, curvature_shift_px
+from calibrate.silhouette.cone_fit import STEP_PX, blurred_ramp, curvature_shift_px
 from calibrate.silhouette.outline import BINS, binned_outline, moved, outline_with_normals, read_strips
 from scene.camera import Camera
 from scene.frames import Frames, decode, gray
@@ -23,6 +23,7 @@ DEEP_STEP = 0.015  # radii between the samples where the mirror's picture is no 
 SURROUNDINGS = 3.2  # radii around the ball's centre in which the table is looked up,
 LOOKED_UP_AT_PX = 100.0  # in a picture in which the ball is at most so large: what is mirrored is squeezed,
 SMOOTH_PX = 1.0  # with this blur: the picture's noise would pass for a slope of what is looked up
+COVERED = 1.1  # radii of another ball, within which it hides the table
 PER_BIN = 3  # directions in which the table is looked up for each profile
 MOVE = 1e-4  # px, of the differences by which what is looked up moves
 SLOPE_SIGMA, HEIGHT_SIGMA = 0.1, 0.05
@@ -82,20 +83,30 @@ class MirroredView(NamedTuple):
     depths: Array
     values: Values
     radius_px: float
-    reach_px: float  # of the blur; the same throughout a fit, as the samples are
+    until: Array  # (BINS,) px, the depth down to which all of it is known
 
     def blurred(self, offsets: Array, blur_px: float, reflectance: Array) -> Values:
-        """Return (F, BINS, M) at offsets (M,) outward of the outline, NaN where what is unknown reaches.
+        """Return (F, BINS, M) at offsets (M,) outward of the outline, of what is known; NaN beyond it.
 
         reflectance: (K,), at `MirroredSamples.middle`.
         """
         s = offsets + curvature_shift_px(blur_px, self.radius_px)
         kernel = np.diff(ndtr((s[:, None] + self.depths) / blur_px), axis=1) * reflectance
-        known = np.isfinite(self.values)
+        known = self.depths[1:] <= self.until[:, None]
         out = np.where(known, self.values, 0) @ kernel.T.astype(np.float32)
-        until = np.where(known.all(0), self.depths[-1], self.depths[:-1]).min(-1)
-        out[:, self.reach_px - offsets > until[:, None]] = np.nan
+        out[:, -offsets > self.until[:, None]] = np.nan
         return out
+
+    def basis(self, offsets: Array, blur_px: float) -> Values:
+        """Return (BINS, M, 3), the blurred profiles of what is not looked up.
+
+        Outside, its value at the outline, and its slope; and inside, beyond what is known, its value.
+        """
+        s = offsets + curvature_shift_px(blur_px, self.radius_px)
+        beyond = np.where(self.until < self.depths[-1], self.until, np.inf)
+        inside = ndtr(-(s + beyond[:, None]) / blur_px)
+        both = np.stack([ndtr(offsets / blur_px), blurred_ramp(offsets, blur_px)], -1)
+        return np.concatenate([np.broadcast_to(both, (*inside.shape, 2)), inside[..., None]], -1).astype(np.float32)
 
 
 class MirroredSamples(NamedTuple):
@@ -132,9 +143,9 @@ class _Looking(NamedTuple):
 
 
 class Surroundings:
-    """The table around a ball, in F frames, at a size at which looking up is cheap."""
+    """The table around a ball, in F frames, at a size at which looking up is cheap; unknown where `others` stand."""
 
-    def __init__(self, frames: Frames, camera: Camera, sphere: Sphere) -> None:
+    def __init__(self, frames: Frames, camera: Camera, sphere: Sphere, others: Sequence[Sphere] = ()) -> None:
         self.frames, self.camera = frames, camera
         self.last: tuple[tuple[float, ...], _Looking] | None = None
         reach = SURROUNDINGS * sphere.radius_px
@@ -150,8 +161,13 @@ class Surroundings:
             image = gray(decode(np.ascontiguousarray(codes[window]))) * np.float32(gain) - dark
             small = cv2.resize(image.astype(np.float32), size, interpolation=cv2.INTER_AREA)
             images.append(cv2.GaussianBlur(small, (0, 0), SMOOTH_PX))
+        covered = np.zeros(high[::-1] - low[::-1], np.uint8)
+        for other in others:
+            place = np.round(other.center_px - low).astype(int).tolist()
+            cv2.circle(covered, place, round(COVERED * other.radius_px), 1, cv2.FILLED)
         # The frames last: what is looked up at one place in all of them lies together.
         self.images = np.stack(images, -1).reshape(size[0] * size[1], len(images))
+        self.images[cv2.resize(covered, size, interpolation=cv2.INTER_NEAREST).ravel() > 0] = np.nan
 
     def _look_up(self, pixels: Array) -> tuple[Values, Values]:
         """Return values (N, K, F) at pixels (N, K, 2), NaN outside, and their slopes (2, N, K, F) by the pixel."""
@@ -173,7 +189,9 @@ class Surroundings:
     def mirrored_by(self, sphere: Sphere, plane: Array, at: MirroredSamples) -> MirroredView:
         """Return what a chrome ball shows of the table: `plane` as in `TablePlane.values`."""
         values, _ = self._look_up(self._pixels(self._looking(sphere, at), plane, at))
-        return MirroredView(_depths(sphere, at), _binned(values), sphere.radius_px, 3 * at.blur_px)
+        depths, shown = _depths(sphere, at), _binned(values)
+        until = np.where(np.isfinite(shown).all(0), depths[-1], depths[:-1]).min(-1)
+        return MirroredView(depths, shown, sphere.radius_px, until)
 
     def slopes(self, sphere: Sphere, plane: Array, at: MirroredSamples) -> Values:
         """Return (6, F, BINS, K), what `mirrored_by` shows more by (u, v, radius) and the plane's three numbers."""

@@ -4,11 +4,12 @@ Just inside its outline a mirror shows, squeezed into a few pixels, the table th
 textured table no smooth profile describes that edge; but the mirror's law does. With a plane for the table, three
 unknowns, each pixel inside the outline is some pixel outside of it, dimmed by the reflectance:
 
-    inside   R I(pixel that the mirrored ray meets),     outside   d + e s
+    inside   R I(pixel that the mirrored ray meets); f where no pixel shows that,     outside   d + e s
 
-s: distance from the outline; R: as a metal's, it rises to 1 at the outline, by the one of two laws that explains more
-(`calibrate.silhouette.explained_profiles`). Outline, plane and reflectance are shared by all frames and directions; d
-and e are each profile's own (variable projection [Golub1973]). Texture, shadows and the shadows' edges all speak for
+s: distance from the outline; f: what is mirrored beyond the table that is seen, or of a ball that hides it; R: as a
+metal's, it rises to 1 at the outline, by the one of two laws that explains more
+(`calibrate.silhouette.explained_profiles`). Outline, plane and reflectance are shared by all frames and directions; d,
+e and f are each profile's own (variable projection [Golub1973]). Texture, shadows and the shadows' edges all speak for
 the outline then, where they would bend a smooth profile's. The mirror's picture is squeezed without bound towards the
 outline; so it is looked up at even steps of the ball's normal, and blurred as the camera blurs it.
 """
@@ -26,8 +27,8 @@ from calibrate.silhouette.explained_profiles import (
     ExplainedProfiles,
     Law,
     coefficients,
+    combined,
     explain,
-    outside,
     without,
 )
 from calibrate.silhouette.mirrored_surroundings import (
@@ -69,6 +70,17 @@ OUTLINE, PLANE, BLUR = slice(0, 3), slice(3, 6), 6
 """Places of the unknowns; the eighth is the reflectance, which is solved for in `explain`."""
 
 
+class Beside(NamedTuple):
+    """What is known of what stands beside a chrome ball, before its outline is fitted."""
+
+    plane: TablePlane | None = None  # what other balls show of the table
+    laws: Sequence[Law] = LAWS  # those that the ball's metal may have
+    others: Sequence[Sphere] = ()  # balls that hide the table
+
+
+NOTHING_KNOWN = Beside()
+
+
 class MirroredTable(NamedTuple):
     """An outline and the table that fits it."""
 
@@ -77,7 +89,7 @@ class MirroredTable(NamedTuple):
     plane: TablePlane
     blur_px: float  # standard deviation of the blur under which the silhouette edge is seen
     mirror: float  # reflectance where it faces the camera
-    explained: float  # share of the profiles' variance that the model explains; d and e alone explain none of it
+    explained: float  # share of the profiles' variance that the model explains; d, e and f alone explain none of it
     is_fresnels: float = 0.0  # log ratio of what Schlick's law and Fresnel's leave; 0 where only one was tried
 
     @property
@@ -100,17 +112,17 @@ def fit_mirrored_table(
     sphere: Sphere,
     *,
     blur_px: float,
-    plane: TablePlane | None = None,
+    beside: Beside = NOTHING_KNOWN,
     start: Array | None = None,
-    laws: Sequence[Law] = LAWS,
     rough: bool = False,
 ) -> MirroredTable | None:
     """Fit a chrome ball's outline from a start, and a rough blur; None where no table is seen to be mirrored.
 
-    `plane`: what other balls show of the table; `start` (3,): the plane to begin with, where one is known; `laws`:
-    those that the metal may have. `rough`: a few turns only, enough to tell a mirror's outline from another circle.
+    `start` (3,): the plane to begin with, where one is known. `rough`: a few turns only, enough to tell a mirror's
+    outline from another circle.
     """
-    table, known = Surroundings(frames.some(FRAMES), camera, sphere), ANY_PLANE if plane is None else plane
+    plane, laws, others = beside
+    table, known = Surroundings(frames.some(FRAMES), camera, sphere, others), ANY_PLANE if plane is None else plane
     if start is None:
         start = _rough_plane(table, sphere, blur_px, rough=rough) if plane is None else plane.values
     best = None if start is None else _settle(table, (sphere, start, blur_px), known, laws[0], rough=rough)
@@ -253,18 +265,19 @@ def _told(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles, *, i
 
 
 def _slopes(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles) -> tuple[Values, Values]:
-    """Return (8, F, BINS, M), the model's derivatives, in noises, free of d and e; and how much steeper the profiles
+    """Return (8, F, BINS, M), the model's derivatives, in noises, free of d, e and f; and how much steeper the profiles
     (F, BINS, M) are than the model, by the offset.
     """
     shown, offsets, k = seen.shown, seen.at.offsets, explained.mirror
     grazing = law(seen.at.middle, k)
     reflects = k + (1 - k) * grazing
-    basis, mirrored = outside(offsets, blur), shown.blurred(offsets, blur, reflects)
-    beyond = coefficients(np.nan_to_num(seen.profiles - mirrored), basis, explained.weight)
+    basis, mirrored = shown.basis(offsets, blur), shown.blurred(offsets, blur, reflects)
+    unmirrored = coefficients(np.nan_to_num(seen.profiles - mirrored), basis, explained.weight)
 
     def moved_by(shift: float, blur_px: float, grown: float = 1.0) -> Values:
-        larger = shown._replace(depths=grown * shown.depths)
-        return larger.blurred(offsets - shift, blur_px, reflects) + beyond @ outside(offsets - shift, blur_px).T
+        larger = shown._replace(depths=grown * shown.depths, until=grown * shown.until)
+        of_basis = combined(unmirrored, larger.basis(offsets - shift, blur_px))
+        return larger.blurred(offsets - shift, blur_px, reflects) + of_basis
 
     by_shift = (moved_by(0.1, blur) - moved_by(-0.1, blur)) / 0.2
     by_size = (moved_by(0, blur, 1.01) - moved_by(0, blur, 0.99)) / (0.02 * shown.radius_px)
