@@ -19,7 +19,7 @@ from calibrate.detection.mirror_outline import (
     static_slopes,
 )
 from calibrate.silhouette.ball_silhouette import TABLE_FROM_PX, OutlineFit, fit_outline
-from calibrate.silhouette.explained_profiles import LAWS, law_of
+from calibrate.silhouette.explained_profiles import laws_of
 from calibrate.silhouette.mirrored_surroundings import TablePlane, shared_plane
 from calibrate.silhouette.mirrored_table import Beside, MirroredTable
 from draw.readable import share
@@ -85,7 +85,7 @@ def detect(
     shown = [one.suspect.table for one in chosen]
     tables = [table for table in shown if table]
     plane = shared_plane([table.plane for table in tables])
-    laws = [law_of([table.is_fresnels for table in tables])] if tables else LAWS
+    laws = laws_of([table.is_fresnels for table in tables])
     with ThreadPoolExecutor(THREADS) as threads:
         outline = partial(fit_outline, frames, camera, search_px=coarse.search_px)
         beside = [Beside(plane, laws, [other for other in starts if other is not start]) for start in starts]

@@ -112,12 +112,13 @@ def schlick(cosine: Array, facing: float) -> Array:
     return (1 - cosine) ** 5
 
 
-def law_of(balls: Sequence[float]) -> Law:
-    """Return the law that balls of one session have, by what each says for Fresnel's, a log ratio of misfits.
+def laws_of(balls: Sequence[float]) -> Sequence[Law]:
+    """Return the laws that balls of one session may have, by what each says for Fresnel's, a log ratio of misfits.
 
-    Fresnel's is that of metals: the other must explain more beyond doubt.
+    Fresnel's is that of metals: the other must explain more beyond doubt, or each ball is asked again, closer.
     """
-    return fresnel if sum(balls) > -1 else schlick
+    total = sum(balls)
+    return LAWS[:1] if total > 0 else LAWS[1:] if total < -1 else LAWS
 
 
 def index_of(facing: float) -> complex:

@@ -262,6 +262,7 @@ def test_healthy_balls_accuse_nobody(scene):
         np.testing.assert_allclose(fit.positions_mm, lights, atol=12)
 
 
+@pytest.mark.full
 def test_parallax_is_not_taken_for_an_error_of_the_outlines():
     """Small balls side by side: by parallel light outlines moved until both agreed, 2.4 degrees beside the truth.
 

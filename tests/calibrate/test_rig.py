@@ -237,9 +237,9 @@ def test_balls_check_a_rig(fault, seed):
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("seed", [3, 4])
-def test_five_rendered_sessions_give_ten_lamps(seed):
+def test_five_rendered_sessions_give_ten_lamps():
     """Objects, balls and table differ from session to session; the lights are for a session without balls."""
+    seed = 3
     rng, lights = np.random.default_rng([seed, 99]), flashes(COUNT, near_mm=700, far_mm=1200, seed=seed)
     power = rng.uniform(0.75, 1.3, (COUNT, 1)) * rng.uniform(0.96, 1.04, (COUNT, 3))
     sessions = []
