@@ -85,10 +85,12 @@ def detect(
     shown = [one.suspect.table for one in chosen]
     tables = [table for table in shown if table]
     plane = shared_plane([table.plane for table in tables])
+    # Also where no table was seen in small: here it is seen without the other balls, which hide it.
     laws = laws_of([table.is_fresnels for table in tables])
     with ThreadPoolExecutor(THREADS) as threads:
         outline = partial(fit_outline, frames, camera, search_px=coarse.search_px)
-        beside = [Beside(plane, laws, [other for other in starts if other is not start]) for start in starts]
+        others = [[*taken, *(other for other in starts if other is not start)] for start in starts]
+        beside = [Beside(plane, laws, some) for some in others]
         known = zip(starts, shown, beside, strict=True)
         fits = list(threads.map(lambda one: outline(one[0], shown=one[1], beside=one[2]), known))
     for one, fit in zip(chosen, fits, strict=True):

@@ -89,7 +89,8 @@ def fit_outline(
     """Fit the ball's outline at full size, in about `READ` of the frames together.
 
     The outline may lie `search_px` from the start. `shown`: the table that the ball mirrors, where that is known
-    already; what other balls show of it is not asked then. None if less than a quarter of the outline shows an edge.
+    already; what other balls show of it, in `beside`, is not asked then. None if less than a quarter of the outline
+    shows an edge.
     """
     read = _reader(frames)
     best: list[OutlineFit] = []

@@ -115,7 +115,7 @@ def schlick(cosine: Array, facing: float) -> Array:
 def laws_of(balls: Sequence[float]) -> Sequence[Law]:
     """Return the laws that balls of one session may have, by what each says for Fresnel's, a log ratio of misfits.
 
-    Fresnel's is that of metals: the other must explain more beyond doubt, or each ball is asked again, closer.
+    Fresnel's is that of metals: the other must explain more beyond doubt. Both where that is open, or nothing is said.
     """
     total = sum(balls)
     return LAWS[:1] if total > 0 else LAWS[1:] if total < -1 else LAWS

@@ -118,19 +118,22 @@ def fit_mirrored_table(
 ) -> MirroredTable | None:
     """Fit a chrome ball's outline from a start, and a rough blur; None where no table is seen to be mirrored.
 
-    `start` (3,): the plane to begin with, where one is known. `rough`: a few turns only, enough to tell a mirror's
-    outline from another circle.
+    `beside`: what is known already; of two laws the one that explains more is taken. `start` (3,): the plane to begin
+    with, where one is known. `rough`: a few turns only, enough to tell a mirror's outline from another circle.
     """
     plane, laws, others = beside
     table, known = Surroundings(frames.some(FRAMES), camera, sphere, others), ANY_PLANE if plane is None else plane
     if start is None:
         start = _rough_plane(table, sphere, blur_px, rough=rough) if plane is None else plane.values
-    best = None if start is None else _settle(table, (sphere, start, blur_px), known, laws[0], rough=rough)
-    if best is None or rough or len(laws) < 2:
+    if start is None:
+        return None
+    best = _settle(table, (sphere, start, blur_px), known, laws[0], rough=rough)
+    if rough or len(laws) < 2:
         return best
-    other = _settle(table, (best.sphere, best.plane.values, best.blur_px), known, laws[1], rough=False)
-    if other is None:
-        return best
+    near = (best.sphere, best.plane.values, best.blur_px) if best else (sphere, start, blur_px)
+    other = _settle(table, near, known, laws[1], rough=False)
+    if best is None or other is None:
+        return best or other
     is_fresnels = float(np.log((1 - other.explained) / (1 - best.explained)))
     return max(best, other, key=lambda one: one.explained)._replace(is_fresnels=is_fresnels)
 

@@ -15,6 +15,7 @@ from calibrate.silhouette.mirrored_surroundings import TablePlane
 from calibrate.silhouette.mirrored_table import Beside, fit_mirrored_table
 from fixtures.ball_scene import World, flashes, photograph
 from scene.camera import Camera
+from scene.spheres import Sphere
 from twin.camera.virtual_camera import Sensor
 
 CAMERA = Camera(640, 480, 900.0, 900.0, 312.0, 245.0)
@@ -112,16 +113,23 @@ def test_the_far_rim_counts_on_a_table_seen_aslant(seed: int) -> None:
     assert found.sphere.radius_px == pytest.approx(true.radius_px, abs=0.02)
 
 
-@pytest.mark.parametrize("seed", [20001, 20002, 20003])
+@pytest.mark.parametrize("seed", [20001, 20002])
 def test_a_ball_that_hides_the_table_is_not_taken_for_it(seed: int) -> None:
-    """Looked up as if it lay flat, a white ball beside the chrome one drew its outline by 1.3 px."""
+    """Looked up as if it lay flat, a white ball that touched the chrome one drew its outline by 0.3 px."""
     world = table_world(seed, tilt=(0.05, 0.6))
     world.balls.clear()
-    true, other = world.stand("chrome", -60.0, 30.0, 45.0).stand("white", -45.0, 0.0, 40.0).spheres()
+    world.stand("chrome", -60.0, 30.0, 45.0).stand("white", 18.0, 58.4, 40.0)
+    true, other = world.spheres()
+    assert np.linalg.norm(true.center_mm(CAMERA) - other.center_mm(CAMERA)) == pytest.approx(45.0 + 40.0, abs=0.5)
     frames, start = seen(world, seed), replace(true, radius_px=true.radius_px - 0.6)
-    found = fit_mirrored_table(frames, CAMERA, start, blur_px=1.0, beside=Beside(others=[other]))
-    off = np.array([*(found.sphere.center_px - true.center_px), found.sphere.radius_px - true.radius_px])
-    assert np.abs(off).max() < 0.05
+
+    def off(others: list[Sphere]) -> float:
+        found = fit_mirrored_table(frames, CAMERA, start, blur_px=1.0, beside=Beside(others=others))
+        moved = np.array([*(found.sphere.center_px - true.center_px), found.sphere.radius_px - true.radius_px])
+        return np.abs(moved).max()
+
+    assert off([other]) < 0.04
+    assert off([]) > 0.2
 
 
 @pytest.mark.full
