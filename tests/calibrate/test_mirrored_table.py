@@ -113,6 +113,7 @@ def test_the_far_rim_counts_on_a_table_seen_aslant(seed: int) -> None:
     assert found.sphere.radius_px == pytest.approx(true.radius_px, abs=0.02)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", [20001, 20002])
 def test_a_ball_that_hides_the_table_is_not_taken_for_it(seed: int) -> None:
     """Looked up as if it lay flat, a white ball that touched the chrome one drew its outline by 0.3 px."""
