@@ -85,7 +85,7 @@ def _errors(rows: Sequence[MethodRow]) -> str:
             cells.setdefault(row.method, {"method": row.method})[session] = shown
             seconds.setdefault(row.method, []).append(row.seconds)
     for method, some in seconds.items():
-        cells[method]["seconds"] = f"{min(some):.2g} to {max(some):.2g}"
+        cells[method]["seconds"] = f"{_two_digits(min(some))} to {_two_digits(max(some))}"
     columns["seconds"] = "{seconds}"
     pictures = [f"\n![{name}]({_chart_name(name)})\n\n{_front(some)}\n" for name, some in _points(rows).items()]
     return "".join([markdown(columns, cells.values()), *pictures])
@@ -103,9 +103,16 @@ def _points(rows: Sequence[MethodRow]) -> dict[str, list[SpeedPoint]]:
     }
 
 
+def _two_digits(value: float) -> str:
+    """Return 0.025 of 0.0251, and 100 of 101, which the format alone writes as 1e+02."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
 def _front(points: Sequence[SpeedPoint]) -> str:
     """Return in a sentence what each amount of time buys at best."""
-    best = [f"`{one.method}` ({one.seconds:.2g} s, {one.median_deg:.2g}°)" for one in pareto_front(points)]
+    best = [
+        f"`{one.method}` ({_two_digits(one.seconds)} s, {_two_digits(one.median_deg)}°)" for one in pareto_front(points)
+    ]
     return f"Nothing is better than {', '.join(best)}."
 
 
