@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,12 +86,14 @@ def detect(
     plane = shared_plane([table.plane for table in tables])
     # Also where no table was seen in small: here it is seen without the other balls, which hide it.
     laws = laws_of([table.is_fresnels for table in tables])
+
+    def outline(start: Sphere, table: MirroredTable | None) -> OutlineFit | None:
+        others = [*taken, *(other for other in starts if other is not start)]
+        known = Beside(plane, laws, others)
+        return fit_outline(frames, camera, start, search_px=coarse.search_px, shown=table, beside=known)
+
     with ThreadPoolExecutor(THREADS) as threads:
-        outline = partial(fit_outline, frames, camera, search_px=coarse.search_px)
-        others = [[*taken, *(other for other in starts if other is not start)] for start in starts]
-        beside = [Beside(plane, laws, some) for some in others]
-        known = zip(starts, shown, beside, strict=True)
-        fits = list(threads.map(lambda one: outline(one[0], shown=one[1], beside=one[2]), known))
+        fits = list(threads.map(outline, starts, shown))
     for one, fit in zip(chosen, fits, strict=True):
         if fit is None:
             rejected.append(_rejected(coarse, one, "its outline cannot be followed at full size"))

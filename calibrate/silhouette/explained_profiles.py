@@ -19,8 +19,8 @@ from scene.robust import MAD
 
 Array = NDArray[np.float64]
 Values = NDArray[np.floating]
-LEAST_SEEN = 0.25  # share of the profiles to go on with a plane,
-TABLE_BLURS = 2.5  # in which the table is known down to so many blurs inside the outline
+LEAST_SEEN, KNOWN_BLURS = 0.25, 2.5
+"""Share of the profiles to go on with a plane, in which the table is known down to so many blurs inside the outline."""
 HOPELESS = 0.8  # share explained under which a start leads nowhere
 REFLECTS = 0.2, 0.93  # reflectance of a mirror: what shows the table as bright as it is may be the table itself
 CAUCHY = 3.0  # noises at which a sample counts half: a highlight or another ball may be mirrored, too
@@ -59,7 +59,7 @@ def explain(
     basis = shown.basis(offsets, blur_px)
     mirrored, given = (shown.blurred(offsets, blur_px, part) for part in (1 - grazing, grazing))
     known = (np.isfinite(profiles) & np.isfinite(mirrored)).astype(np.float32)
-    if np.mean((known.sum(-1) > 8) & (shown.until > TABLE_BLURS * blur_px)) < LEAST_SEEN:
+    if np.mean((known.sum(-1) > 8) & (shown.until > KNOWN_BLURS * blur_px)) < LEAST_SEEN:
         return None
     profiles, mirrored, given = map(np.nan_to_num, (profiles, mirrored, given))
     weight, noise = known, np.ones((len(known), 1, 1), np.float32)
@@ -81,8 +81,8 @@ def coefficients(values: Values, basis: Values, weight: Values) -> Values:
     """Return (..., F, BINS, 3): what of the basis (BINS, M, 3) each profile holds, by weighted least squares."""
     products = (basis[..., :, None] * basis[..., None, :]).reshape(*basis.shape[:2], -1)
     # In 64 bits: where a profile shows little, the products are almost the same number.
-    normal = (weight.swapaxes(0, 1) @ products).astype(np.float64).reshape(*weight.swapaxes(0, 1).shape[:2], 3, 3)
-    inverse = np.linalg.inv(normal + 1e-6 * np.eye(3))
+    sums = (weight.swapaxes(0, 1) @ products).astype(np.float64)
+    inverse = np.linalg.inv(sums.reshape(*sums.shape[:2], 3, 3) + 1e-6 * np.eye(3))
     held = (weight * values).swapaxes(-3, -2) @ basis
     return (inverse @ held[..., None])[..., 0].astype(np.float32).swapaxes(-3, -2)
 
@@ -118,7 +118,9 @@ def laws_of(balls: Sequence[float]) -> Sequence[Law]:
     Fresnel's is that of metals: the other must explain more beyond doubt. Both where that is open, or nothing is said.
     """
     total = sum(balls)
-    return LAWS[:1] if total > 0 else LAWS[1:] if total < -1 else LAWS
+    if total > 0:
+        return [fresnel]
+    return [schlick] if total < -1 else LAWS
 
 
 def index_of(facing: float) -> complex:
