@@ -184,6 +184,7 @@ def test_the_bag_names_every_file_by_its_content(exported):
     assert (bag / "bagit.txt").read_text().splitlines()[0] == "BagIt-Version: 1.0"
 
 
+@pytest.mark.full
 def test_a_bag_is_replaced_whole_or_not_at_all(run_rgbn, exported, monkeypatch):
     out, data, _ = exported
     bag, words = data.parent, ("export", out, "--format", "heritage")

@@ -79,6 +79,7 @@ def test_clipped_samples_do_not_enter():
     assert spoilt.samples[MASK].min() == clean.samples[MASK].min() - 1
 
 
+@pytest.mark.full
 def test_matte_and_glossy_objects_are_no_metals_and_that_is_said():
     lights = lights_over(distance_mm=2500.0)
     body = matte(lights, POINTS, NORMALS, 0.4 * np.ones((SIZE, SIZE, 3)))

@@ -72,7 +72,7 @@ def test_near_lights_are_exact_on_the_reference_plane_and_distant_ones_are_not(m
     assert np.median(apart_deg(far, normals)) > 1
 
 
-@pytest.mark.parametrize("method", CALIBRATED)
+@pytest.mark.parametrize("method", [*MATTE, pytest.param("metal", marks=pytest.mark.full)])
 def test_laws_permutation_and_intensity(method):
     lights = lights_around(near=True)
     images = shade(lights)
