@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.mask.object_mask import find_object
-from align.pose.photographed import Photographs, sparse_normals
+from align.pose.photographed import Photographs, thinned
 from benchmarks.harness import SHARED
 from fixtures import star_shapes
 from fixtures.mesh_scene import Scene, as_calibrated, random_rotation, random_scene
@@ -96,7 +96,7 @@ def photographs_of(made: Session) -> tuple[Photographs, NDArray]:
     rows, columns = np.nonzero(mask)
     depth = float(made.lights.reference_point_mm[2])
     lights = made.lights.seen_from(camera.points_at_depth(np.array([columns.mean(), rows.mean()]), depth))
-    normals = sparse_normals(mask, lambda some: solve("iterative", made.frames, lights, camera, some).normals)
+    normals = solve("iterative", made.frames, lights, camera, thinned(mask)).normals
     return Photographs(camera, made.frames, lights, mask), normals
 
 

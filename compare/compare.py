@@ -9,20 +9,18 @@ from numpy.typing import NDArray
 
 from compare.report.facts import family, map_of, method_names, read_optional, sphere_rows, there
 from compare.report.pictures import colour_scale_end, error_picture, with_colour_scale
-from compare.statistics.counterparts import difference, level_methods, thinned
+from compare.statistics.counterparts import difference, level_methods, sampling_step, thinned
 from compare.statistics.frames_alike import frames_alike
 from compare.statistics.statistics import (
     COVERAGE,
     LOW_RANK,
     albedo_statistics,
     angular_statistics,
-    common_rotation,
     four_ways,
 )
 from scene.files import write_npy, write_png
 from scene.map_pictures import known_pixels
 from scene.normals import angular_error_deg
-from scene.pose import Pose
 from scene.store import Store
 
 HISTOGRAM_BINS = 60
@@ -212,22 +210,22 @@ def _error_map(a: Normals, b: Normals, mask: Mask | None) -> NDArray[np.float32]
 def _without_common_rotation(
     estimate: Normals, truth: Normals, error: NDArray[np.float32]
 ) -> tuple[float | None, float | None]:
-    """Return the turn common to all normals, degrees, and the median error that is left once it is undone."""
-    moment, left = np.zeros((3, 3)), []
+    """Return the turn common to all normals, degrees, and the median error that is left once it is undone [Kabsch1976].
+
+    None where the normals all but share one direction: the turn about it cannot be seen.
+    """
+    from scipy.spatial.transform import Rotation
+
+    step = sampling_step(error.size)
+    found, true, left = (one[::step, ::step].astype(np.float64) for one in (estimate, truth, error))
     # The worst quarter is left out: shadows and highlights are not what turns a whole map.
-    worst = np.nanquantile(error, 0.75)
-    for rows in _bands(error.shape):
-        known = error[rows] <= worst
-        moment += truth[rows][known].astype(np.float64).T @ estimate[rows][known].astype(np.float64)
-    rotation = common_rotation(moment)
-    if rotation is None:
+    tells, known = left <= np.nanquantile(left, 0.75), np.isfinite(left)
+    spread = np.linalg.svd(true[tells].T @ found[tells], compute_uv=False)
+    if not spread[1] > 0.01 * spread[0]:
         return None, None
-    for rows in _bands(error.shape):
-        known = np.isfinite(error[rows])
-        turned = estimate[rows][known].astype(np.float64) @ rotation.T
-        left.append(angular_error_deg(turned, truth[rows][known]).astype(np.float32))
-    angle = Pose.from_rotation_translation(rotation, np.zeros(3)).angle_deg()
-    return angle, float(np.median(np.concatenate(left)))
+    rotation, _ = Rotation.align_vectors(true[tells], found[tells])
+    left = angular_error_deg(rotation.apply(found[known]), true[known])
+    return float(np.degrees(rotation.magnitude())), float(np.median(left))
 
 
 def _truth_facts(store: Store, truth: Normals, mask: Mask | None) -> dict[str, Any]:

@@ -11,23 +11,6 @@ from experiments.stagings import OBJECTS, ONE_FACTOR, Experiment
 from scene.errors import SceneError
 from twin.camera.virtual_camera import Sensor
 
-FAMILIES = {
-    "ambient": "light from everywhere that nobody subtracted, as a share of the flash",
-    "interreflection": "a white hollow's depth over its radius",
-    "material": "the benchmark's eight materials",
-    "images": "how many of 32 frames are taken, with a camera's noise",
-    "noise": "photon noise at pixel value 1",
-    "ring": "a ring of 24 lights, degrees from the camera's axis, with a camera's noise",
-    "roughness": "alpha of rough plastic",
-    "shadow": "height of waves and ridges",
-    "specularity": "factor on the coat's reflectance",
-    "near": "32 lights so many mm from the middle of an object 200 mm wide",
-    "hand": "so many flashes by hand: places at random, 700 to 1300 mm away, uneven in power",
-    "camera": "noise and colour filter as measured on photographs; 4x, 16x: underexposed so much",
-    "group": "three objects of different materials that light and shade each other; lights distant, or 700 mm away",
-    "added": "datasets of others, on this shelf",
-}
-"""The datasets' families: by name, what is varied."""
 DECIMALS = {
     "ambient": 2, "interreflection": 1, "images": 0, "noise": 3, "ring": 0, "roughness": 2, "shadow": 2,
     "specularity": 2,

@@ -1,7 +1,6 @@
 """`rgbn compare ONE OTHER`: two processed folders: do the methods fail alike, and did the object change in between?"""
 
 import json as json_module
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,10 +14,8 @@ from lab.progress import is_quiet, log, logged, say
 from scene.current import libraries
 from scene.errors import SceneError
 from scene.files import write_json
-from scene.normals import angular_error_deg
 from scene.origin import Origin
 from scene.output_folder import open_record, own_folder
-from scene.reading import array_of
 from scene.store import Store
 
 Map = NDArray[np.float32]
@@ -28,22 +25,12 @@ NUMBERS = "counterparts.json"
 
 @dataclass(frozen=True)
 class Folder:
-    """A folder that `process`, or `twin`, has left."""
+    """A folder that `process` has left, or the twin in it, and each method's error map (H, W) as `compare` wrote it."""
 
     store: Store
     kind: str  # "photographs" or "rendering"
-    methods: tuple[str, ...]  # whose normals are there
-    truth: Map  # (H, W, 3)
-    mask: NDArray[np.bool_]  # (H, W)
-
-    @property
-    def name(self) -> str:
-        """The session's, or the folder's."""
-        from compare.report.facts import read_optional
-
-        here = self.store.folder.resolve()
-        told = (read_optional(self.store, "summary.json") or {}).get("name")
-        return str(told or (f"{here.parent.name} twin" if here.name == "twin" else here.name))
+    name: str  # the session's
+    errors: dict[str, Map]
 
 
 def compare_folders(
@@ -87,7 +74,7 @@ def compare_folders(
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
             "versions": libraries(),
             "captures": {kind: {"name": one.name, "kind": one.kind} for kind, one in folders.items()},
-            **compare_counterparts(*(error_maps(one, common) for one in folders.values())),
+            **compare_counterparts(*({name: one.errors[name] for name in common} for one in folders.values())),
             "change": _change((folders["real"], folders["twin"]), common, place),
         }
         write_json(place.path(NUMBERS), found)
@@ -133,8 +120,8 @@ def _change(folders: tuple[Folder, Folder], methods: tuple[str, ...], out: Store
 
 
 def _common(folders: tuple[Folder, Folder], asked: str | None) -> tuple[str, ...]:
-    names = "; ".join(f"{one.store.folder}: {', '.join(one.methods)}" for one in folders)
-    common = tuple(name for name in folders[0].methods if name in folders[1].methods)
+    names = "; ".join(f"{one.store.folder}: {', '.join(one.errors)}" for one in folders)
+    common = tuple(name for name in folders[0].errors if name in folders[1].errors)
     if not common:
         raise SceneError(f"compare: no method's normals are in both folders ({names}). Process both alike.")
     if asked is None:
@@ -146,43 +133,20 @@ def _common(folders: tuple[Folder, Folder], asked: str | None) -> tuple[str, ...
 
 
 def open_folder(path: Path) -> Folder:
-    """Return a processed folder; raise SceneError where there are no normals in it, or no ground truth."""
-    from compare.report.facts import method_names
+    """Return a processed folder; raise SceneError where no errors are in it."""
+    from compare.report.facts import map_of, method_names, read_optional
 
     if not path.is_dir():
         raise SceneError(f"{path}: is no folder. Give two output folders of `rgbn process`, or one and its twin/.")
-    store = Store(path)
-    rendered = path.joinpath("session.toml").exists() and path.joinpath("truth.npy").exists()
-    truth = store.path("truth.npy") if rendered else store.path("normals", "truth.npy")
-    methods = tuple(name for name in method_names(store) if store.path("normals", f"{name}.npy").exists())
-    if not methods:
+    here = path.resolve()
+    is_twin = here.name == "twin" and (here.parent / "compare").is_dir()
+    home, kind = (Store(here.parent), "twin") if is_twin else (Store(here), "real")
+    errors = {name: found for name in method_names(home)
+              if (found := map_of(home, "compare", f"error_{kind}_{name}")) is not None}  # fmt: skip
+    if not errors:
         raise SceneError(
-            f"{path}: found no methods' normals (normals/*.npy). Expected an output folder of `rgbn process`, or the "
-            "twin/ in it: process the session first."
+            f"{path}: found no methods' errors (compare/*.npy). Give the session a scan, or normals, and process it: "
+            "errors are told by a ground truth."
         )
-    if not truth.exists():
-        raise SceneError(
-            f"{path}: found no ground truth ({truth.name}), so neither errors nor the object before and after can be "
-            "compared. Give the session a scan, which places it, and process it again."
-        )
-    kind = "rendering" if rendered else "photographs"
-    normals, mask = np.array(array_of(truth)), store.load_mask()
-    if normals.shape != (*mask.shape, 3):
-        raise SceneError(f"{path}: {truth.name} is {normals.shape[:2]} px, mask.png {mask.shape}. Process it again.")
-    return Folder(store, kind, methods, normals, mask)
-
-
-def error_maps(folder: Folder, methods: Sequence[str]) -> dict[str, Map]:
-    """Return each method's error map (H, W), degrees, NaN outside the mask."""
-    maps = {}
-    for name in methods:
-        error = np.full(folder.mask.shape, np.nan, np.float32)
-        normals = folder.store.load_normals(name)
-        if normals.shape != folder.truth.shape:
-            raise SceneError(
-                f"{folder.store.folder}: normals/{name}.npy is {normals.shape[:2]} px, the truth "
-                f"{folder.truth.shape[:2]}. Process into an empty folder."
-            )
-        error[folder.mask] = angular_error_deg(normals[folder.mask], folder.truth[folder.mask])
-        maps[name] = error
-    return maps
+    name = (read_optional(home, "summary.json") or {}).get("name") or home.folder.name
+    return Folder(Store(here), "rendering" if is_twin else "photographs", f"{name} twin" if is_twin else name, errors)

@@ -85,7 +85,13 @@ def executor_of(address: str | None, folder: Path | None = None) -> Iterator[Any
         try:
             if not client.ncores():
                 say(f"waiting for workers at {address}")
-            client.wait_for_workers(1, timeout=WAIT_S)
+            try:
+                client.wait_for_workers(1, timeout=WAIT_S)
+            except TimeoutError as error:
+                raise ClusterError(
+                    f"{where} it had no worker for {WAIT_S} s. Start some, each with `dask worker {address}`, or leave "
+                    f"--scheduler out to work on this computer. {AGAIN}"
+                ) from error
             yield Cluster(client, address, folder and folder.resolve())
         except KilledWorker as error:
             raise WorkerDied(f"{where} {death_of(error)} {AGAIN}") from error
@@ -93,11 +99,6 @@ def executor_of(address: str | None, folder: Path | None = None) -> Iterator[Any
             if not (error.name or "").startswith("lab"):
                 raise
             raise ClusterError(f"{where} a worker has no rgbn, or an old one ({error}). {AGAIN}") from error
-        except TimeoutError as error:
-            raise ClusterError(
-                f"{where} it had no worker for {WAIT_S} s. Start some, each with `dask worker {address}`, or leave "
-                f"--scheduler out to work on this computer. {AGAIN}"
-            ) from error
         except CancelledError as error:
             raise ClusterError(
                 f"{where} the scheduler was lost: it was ended, or the network to it was. Start it again. {AGAIN}"

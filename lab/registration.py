@@ -4,12 +4,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from align.light_probe.from_scan import lights_from_scan
 from align.mask.scan_mask import scan_mask
 from align.pose.motion import apart_px
-from align.pose.photographed import Photographs, shading_tells, sparse_normals
+from align.pose.photographed import Photographs, shading_tells, thinned
 from align.pose.picks import read_picks
 from align.pose.register import Registration, register
 from align.pose.scan_scale import register_unknown_scale, scaled_pose
@@ -58,11 +57,9 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
             doubts.append(str(error))
     mask, scale = rough_mask.mask, None
     photographs = Photographs(camera, frames, lights, mask, tuple(store.load_spheres()))
-
-    def normals_of(some: NDArray[np.bool_]) -> NDArray:
-        return solve("iterative", frames, lights, camera, some, executor=job.executor).normals
-
-    normals = sparse_normals(mask, normals_of) if shading_tells(lights) else None
+    normals = None
+    if shading_tells(lights):
+        normals = solve("iterative", frames, lights, camera, thinned(mask), executor=job.executor).normals
     with progress_bar("register") as progress:
 
         def run(scan: Mesh, begin: Pose | None) -> Registration:

@@ -155,12 +155,13 @@ def align(job: Job) -> Outcome:
 
 def solve(job: Job) -> Outcome:
     """Recover normals and albedo by every method asked for."""
-    from solve.frames_at_odds import at_odds, metal_of
+    from solve.frames_at_odds import at_odds
 
     result, warnings, lights = solve_all(job, job.store, "solve", job.methods)
     store, warned = job.store, any(job.done.get(step, {}).get("warnings") for step in ("check", "calibrate"))
     given = store.load_frames(), lights, store.load_camera(), store.load_mask()
-    if (metal := metal_of(*given)) is not None:
+    metal, said = at_odds(*given, warned=warned)
+    if metal is not None:
         do = "Look at its sigma." if "metal" in job.methods else "Ask for --method metal."
         told = (
             f"the object mirrors the flashes as a metal does (roughness {metal.alpha**0.5:.2f}): all methods but "
@@ -169,7 +170,7 @@ def solve(job: Job) -> Outcome:
         # What our other methods doubt is what a metal does to them.
         others = tuple(f"{name}:" for name in METHODS if name != "metal")
         return Outcome(result, [told, *(text for text in warnings if not text.startswith(others))])
-    return Outcome(result, at_odds(*given, warned=warned) + warnings)
+    return Outcome(result, said + warnings)
 
 
 def solve_all(job: Job, store: Store, label: str, methods: Sequence[str]) -> tuple[dict, list[str], Lights]:

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +12,7 @@ from lab.options import AS_BEFORE, BY_NAME, Jobs, Json, Place, Scheduler, Settin
 from lab.progress import check_words, keep_logs, keep_quiet, open_streams, say
 from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
+from scene.errors import SceneError
 
 app = App(
     name="rgbn",
@@ -160,6 +162,8 @@ def compare(
     if counterpart is not None:
         from experiments.compare_folders import compare_folders
 
+        if replace(said, method=None) != AS_BEFORE:
+            raise SceneError("rgbn compare: of two folders it takes --method, --out and --json. Leave the others out.")
         compare_folders(session, counterpart, place.out, methods=said.method, json=place.json)
         return
     _run(session, "compare", place, said=said)

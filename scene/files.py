@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from scene.errors import SceneError
 from scene.output_folder import record_for
+from scene.record import temporary_name
 
 
 @contextlib.contextmanager
@@ -49,18 +50,19 @@ def create_array(path: Path, shape: tuple[int, ...], dtype: Any) -> Iterator[np.
 
 
 @contextlib.contextmanager
-def in_place(path: Path, temporary: Path | None = None) -> Iterator[Path]:
+def in_place(path: Path, source: Path | None = None) -> Iterator[Path]:
     """Give the name to write under, of the same suffix; put it at `path` when the block ends well, else remove it.
 
-    In an output folder that is held (`scene.record`) only files that rgbn wrote are written over.
+    In an output folder that is held (`scene.record`) only files that rgbn wrote are written over. `source`: what is
+    finished already, to be put there; it is not removed.
     """
-    record = record_for(path)
+    record, temporary = record_for(path), source
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if record is not None:
             record.check_free(path)
             temporary = temporary or record.temporary(path)
-        temporary = temporary or path.with_name(f".{os.getpid()}.tmp.{path.name}")
+        temporary = temporary or path.with_name(temporary_name(path))
         yield temporary
         (os.replace if record is None else record.put)(temporary, path)
     except OSError as error:
@@ -69,7 +71,7 @@ def in_place(path: Path, temporary: Path | None = None) -> Iterator[Path]:
             raise
         raise SceneError(message) from error
     finally:
-        if temporary is not None:
+        if temporary is not None and source is None:
             with contextlib.suppress(OSError):
                 temporary.unlink()
 

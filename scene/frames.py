@@ -15,6 +15,8 @@ PEDESTAL = 2048
 """uint16 code of black: noise below black is kept, so that dark means stay unbiased."""
 WHITE = 62048
 """uint16 code of 1.0, the sensor's white level."""
+BAND_PIXELS = 1 << 19
+"""Of a frame that are decoded at a time to be shrunk."""
 
 
 @dataclass(frozen=True)
@@ -198,3 +200,18 @@ def decode(codes: NDArray) -> NDArray[np.float32]:
         linear -= PEDESTAL
         linear *= np.float32(1 / (WHITE - PEDESTAL))
     return linear
+
+
+def shrunk(codes: NDArray, factor: int) -> NDArray[np.float32]:
+    """Return the linear means (H // factor, W // factor, C) of blocks of codes (H, W, C), before gain."""
+    import cv2
+
+    height, width = codes.shape[0] // factor, codes.shape[1] // factor
+    out = np.empty((height, width, codes.shape[2]), np.float32)
+    # A whole frame of floats would be twice the frame.
+    rows = max(1, BAND_PIXELS // (factor * codes.shape[1]))
+    for start in range(0, height, rows):
+        stop = min(start + rows, height)
+        band = decode(codes[start * factor : stop * factor, : width * factor])
+        out[start:stop] = cv2.resize(band, (width, stop - start), interpolation=cv2.INTER_AREA)
+    return out

@@ -25,6 +25,11 @@ NAME = "record.json"
 FORMAT = 4
 
 
+def temporary_name(path: Path) -> str:
+    """Return the name under which a file is written; no longer than file systems allow, 255 bytes."""
+    return f".{os.getpid()}.{threading.get_ident()}.tmp.{path.name.encode()[-200:].decode(errors='ignore')}"
+
+
 @dataclass
 class Record:
     """What an output folder holds; opened by `scene.output_folder`.
@@ -151,10 +156,10 @@ class Record:
 
     def temporary(self, path: Path) -> Path:
         """Return where a file is written before it takes its place."""
-        place, name = self.folder / PLACE / "tmp", f".{os.getpid()}.{threading.get_ident()}.tmp.{path.name[-200:]}"
+        place = self.folder / PLACE / "tmp"
         place.mkdir(exist_ok=True)
         # A file can only be renamed within one file system.
-        return (place if place.stat().st_dev == path.parent.stat().st_dev else path.parent) / name
+        return (place if place.stat().st_dev == path.parent.stat().st_dev else path.parent) / temporary_name(path)
 
     def scratch(self, name: str) -> Path:
         """Return a folder for what is not finished; rgbn alone writes there. It stays when a run is killed."""

@@ -38,11 +38,12 @@ one sign. Sound captures have up to 0.07 and 0.7; a lamp of a third of the flash
 
 def at_odds(
     frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_], *, warned: bool = False
-) -> list[str]:
-    """Return what is to be said of frames that the others contradict over a large part of the object.
+) -> tuple[metal.Metal | None, list[str]]:
+    """Return the metal that the object is, or None and what is to be said of frames that contradict the others.
 
-    Nothing of fewer than six frames, or of lights without directions. `warned`: capture or balls were warned of; wrong
-    coding, a wrong focal length or a camera that moved may look like a lamp.
+    Contradict over a large part of the object. Nothing of fewer than six frames, or of lights without directions.
+    `warned`: capture or balls were warned of; wrong coding, a wrong focal length or a camera that moved may look like a
+    lamp. Of a metal all frames contradict Lambert's law, and nothing can be said of single ones.
 
     Notes
     -----
@@ -53,28 +54,18 @@ def at_odds(
     of one sign nearly everywhere. c is what all frames share, d an error that the lamp made in the intensities: without
     them both would count into a. Of all k the one is taken that leaves the least share of the residuals.
     """
-    if len(lights) < FEWEST or not mask.any() or not np.isfinite(lights.directions).all():
-        return []
-    samples = all_samples(Problem.of(frames, lights, camera, mask).thinned(PIXELS))
+    problem = Problem.of(frames, lights, camera, mask).thinned(PIXELS)
+    if len(lights) < FEWEST or not problem.mask.any() or not np.isfinite(lights.directions).all():
+        return None, []
+    samples = all_samples(problem)
     toward, value = np.array(samples.toward(), np.float64), samples.gray.astype(np.float64)
-    told, odd = _hidden_or_lit(lights.names, value, samples.valid, toward)
+    found, residual = _fitted(value, samples.valid, toward)
+    is_matte = np.median(np.abs(residual).mean(1)) < NOT_MATTE
+    if not is_matte and (one := metal.found(samples, problem.views())) is not None:
+        return one, []
+    told, odd = _hidden_or_lit(lights.names, samples.valid, toward, found, residual)
     # What one frame shows of itself is not to be taken for a change in all that follow.
-    return [*told, *_switched(lights.names, value, samples.valid & ~odd, toward, warned=warned)]
-
-
-def metal_of(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]) -> metal.Metal | None:
-    """Return the metal that an object is which contradicts Lambert's law in all frames; None: it does not, or is none.
-
-    Of a metal `at_odds` names wrong causes.
-    """
-    if len(lights) < FEWEST or not mask.any() or not np.isfinite(lights.directions).all():
-        return None
-    given = Problem.of(frames, lights, camera, mask).thinned(PIXELS)
-    samples = all_samples(given)
-    _, residual = _fitted(samples.gray.astype(np.float64), samples.valid, np.array(samples.toward(), np.float64))
-    if not given.mask.any() or np.median(np.abs(residual).mean(1)) < NOT_MATTE:
-        return None
-    return metal.found(samples, given.views())
+    return None, [*told, *_switched(lights.names, value, samples.valid & ~odd, toward, warned=warned)]
 
 
 def _fitted(value: Array, use: NDArray[np.bool_], design: Array) -> tuple[Array, Array]:
@@ -95,10 +86,9 @@ def _fitted(value: Array, use: NDArray[np.bool_], design: Array) -> tuple[Array,
 
 
 def _hidden_or_lit(
-    names: tuple[str, ...], value: Array, valid: NDArray[np.bool_], toward: Array
+    names: tuple[str, ...], valid: NDArray[np.bool_], toward: Array, found: Array, residual: Array
 ) -> tuple[list[str], NDArray[np.bool_]]:
-    """Return what is to be said of single frames, and which (F,) are meant."""
-    found, residual = _fitted(value, valid, toward)
+    """Return what is to be said of single frames, and which (F,) are meant; `found` and `residual`: see `_fitted`."""
     expected = (toward @ found[..., None])[..., 0]
     facing = valid & (expected > FACING * np.linalg.norm(toward, axis=-1))
     dark = np.sum(facing & (expected + residual < DARK * expected), 0) / np.maximum(facing.sum(0), 1)

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from scene.robust import MAD
 from solve.assess import DARK
 from solve.axes import PIXELS, find_axes, relief_cautions
 from solve.external import External, normals_by
-from solve.methods import Method, Whole
+from solve.methods import NO_SETTINGS, Method, Whole
 from solve.pixelwise.iterative import IterativeSettings
 from solve.plausible_axes import AXES, axes_words, plausible_axes
 from solve.problem import Problem, spread_over
@@ -83,8 +82,7 @@ def solve_external(
         used_axes.append(axes_words(axes))
         return whole
 
-    nothing = NamedTuple("nothing", [])()
-    method = Method(external.name, {"default": nothing}, fit_whole=fit, is_calibrated=not lights.is_unknown)
+    method = Method(external.name, {"default": NO_SETTINGS}, fit_whole=fit, is_calibrated=not lights.is_unknown)
     estimate = solve(method, frames, lights, camera, mask, executor=executor, progress=progress)
     cautions = (*estimate.warnings, *relief_cautions(estimate.normals, frames, lights, camera, mask))
     settings = {"command": external.command, "timeout_s": external.timeout_s, "axes": used_axes[0]}

@@ -3,7 +3,7 @@
 import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,11 @@ from solve.problem import Problem
 if TYPE_CHECKING:
     from solve.samples import Samples
 
-__all__ = ["METHODS", "UNCALIBRATED", "Method", "Settings", "Whole", "as_dict", "method_of"]
+__all__ = ["METHODS", "NO_SETTINGS", "UNCALIBRATED", "Method", "Settings", "Whole", "as_dict", "method_of"]
 
 Settings = Any
 """A NamedTuple of a method's own, each field with its default: kernels take it as it is."""
+NO_SETTINGS: Settings = NamedTuple("NoSettings", [])()
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,17 @@
 """Where the scan could stand by its silhouette alone, and which of these poses some lights explain best."""
 
-from collections.abc import Callable
-from concurrent.futures import Executor
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.photographed import Photographs
+from align.pose.full_resolution import FinalEvidence
 from align.pose.scan_view import View
-from align.pose.search import rough_poses, unexplained
+from align.pose.search import unexplained
 from align.pose.shading import ShadedSamples
 from scene.lights import Lights
 from scene.pose import Pose
-from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
 ROUNDS = 8
@@ -39,20 +37,8 @@ class Candidate(NamedTuple):
         return Lights(names, self.vectors / strength, even, None, self.pose.apply(middle_mm)).normalised()
 
 
-def candidates(
-    caster: RayCaster,
-    photographs: Photographs,
-    samples: ShadedSamples,
-    *,
-    start: Pose | None,
-    executor: Executor | None,
-    tell: Callable[[int], None],
-) -> list[Candidate]:
-    """Return distinct poses, best first, by silhouette and by the shading under the lights that suit each.
-
-    `start`: the one to look about; None: all around. `tell` is called with the number of poses that are done.
-    """
-    rough = rough_poses(caster, photographs, None, start=start, executor=executor, tell=tell)
+def candidates(rough: Sequence[FinalEvidence], samples: ShadedSamples) -> list[Candidate]:
+    """Return poses by the shading under the lights that suit each, best first; `rough`: of `rough_poses`."""
     # The silhouette has its say: a pose that lies beside it explains pixels that it should not see.
     outside = [unexplained(one) for one in rough]
     found = [_rated(one.view, samples) for one in rough]

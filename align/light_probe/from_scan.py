@@ -12,7 +12,7 @@ from align.light_probe.candidates import candidates
 from align.light_probe.joint_equations import nearness_of
 from align.light_probe.joint_fit import Joint, begin, settled
 from align.pose.photographed import Photographs
-from align.pose.search import STARTS, SURE, best_of
+from align.pose.search import STARTS, SURE, best_of, rough_poses
 from align.pose.shading import take_samples
 from scene.errors import AlignError
 from scene.lights import Lights
@@ -111,9 +111,8 @@ def lights_from_scan(
     tell = progress or (lambda done, total: None)
     total = STARTS + FINALISTS + 1
     samples = take_samples(photographs.frames, photographs.lights, photographs.mask, count=FEW)
-    rated = candidates(
-        caster, photographs, samples, start=start, executor=executor, tell=lambda done: tell(done, total)
-    )
+    rough = rough_poses(caster, photographs, None, start=start, executor=executor, tell=lambda done: tell(done, total))
+    rated = candidates(rough, samples)
     found: list[Joint] = []
     for one in (one for one in rated[:FINALISTS] if one.cost < CLOSE * rated[0].cost):
         lights = one.lights(photographs.frames.names, caster.mesh.center_mm)

@@ -6,7 +6,7 @@ otherwise, or shines, follows another e_f. Neither the lights nor the surface's 
 """
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,26 +132,6 @@ def _albedo(
     mean = np.where(near, levels, 0).sum(0) / np.maximum(near.sum(0), 1)
     brighter, darker = (lit & (levels > mine + slack)).sum(0), (lit & (levels < mine - slack)).sum(0)
     return mean.astype(np.float32), agreeing, ABOVE * brighter + darker
-
-
-def block_means(frames: Frames, factor: int) -> NDArray[np.float32]:
-    """Return (F, H // factor, W // factor, 3) float32, the blocks' means of every frame."""
-    import cv2
-
-    size = frames.width // factor, frames.height // factor
-
-    def shrink(codes: NDArray) -> NDArray:
-        # What is linear may be averaged before it is decoded. OpenCV knows no float16.
-        codes = codes[: size[1] * factor, : size[0] * factor]
-        codes = codes if codes.dtype == np.uint16 else codes.astype(np.float32)
-        return np.asarray(cv2.resize(codes, size, interpolation=cv2.INTER_AREA))
-
-    small = replace(
-        frames,
-        codes=np.stack([shrink(codes) for codes in frames.codes]),
-        ambient=None if frames.ambient is None else shrink(frames.ambient),
-    )
-    return small.read()
 
 
 def bright_mean(stack: NDArray[np.float32]) -> NDArray[np.float32]:

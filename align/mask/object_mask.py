@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from align.mask.backdrop import Contradiction, block_means, bright_mean, bright_picture, contradict_backdrop
+from align.mask.backdrop import Contradiction, bright_mean, bright_picture, contradict_backdrop
 from align.mask.cut_out import cut_out
 from align.pose.photographed import FEWEST, box_of
 from scene.camera import Camera
 from scene.errors import AlignError
-from scene.frames import Frames, gray
+from scene.frames import Frames, gray, shrunk
 from scene.spheres import Sphere
 
 Box = tuple[float, ...]
@@ -77,7 +77,9 @@ def find_object(
         return found
 
     factor = max(1, round(max(size) / WORK_SIZE))
-    stack = block_means(frames, factor)
+    ambient = 0.0 if frames.ambient is None else shrunk(frames.ambient, factor)
+    stack = np.stack([shrunk(codes, factor) for codes in frames.codes])
+    stack = stack * frames.gain.astype(np.float32)[:, None, None, None] - ambient
     height, width = stack.shape[1:3]
     balls_small = _blocks(balls, factor, height, width)
     beside = np.zeros(size, bool) if box is None else _beside(box, size)

@@ -1,7 +1,6 @@
 """What a scan is registered to: the photographs of an object, and what is known of them before."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,7 +15,7 @@ from scene.lights import Lights
 from scene.spheres import Sphere
 
 ACROSS = 500
-"""Pixels across the object: by no more a scan's first poses are found, and for no fewer normals are solved."""
+"""Pixels across the object: by no more a scan's first poses are found."""
 FEWEST = 4
 """A pixel needs this many lit samples: three fit any normal without residual."""
 
@@ -41,11 +40,11 @@ class Photographs:
 
     def check(self, normals: NDArray | None) -> None:
         """Raise AlignError unless mask and normals (H, W, 3), if any, show an object."""
-        mask = self.mask
-        known = mask if normals is None else mask & np.isfinite(normals).all(-1)
-        if known.sum() < 0.2 * mask.sum():
+        asked = thinned(self.mask)
+        known = asked if normals is None else asked & np.isfinite(normals).all(-1)
+        if known.sum() < 0.2 * asked.sum():
             raise AlignError(
-                f"align: normals are known at {known.sum()} of the mask's {mask.sum()} pixels; expected most. "
+                f"align: normals are known at {known.sum()} of {asked.sum()} pixels of the mask; expected most. "
                 "Is the mask on the object?"
             )
         self.check_mask()
@@ -87,20 +86,13 @@ def longer_side(mask: NDArray[np.bool_]) -> int:
     return max(side.stop - side.start for side in box_of(mask))
 
 
-def sparse_normals(mask: NDArray[np.bool_], solve: Callable[[NDArray[np.bool_]], NDArray]) -> NDArray:
-    """Return normals (H, W, 3) under a mask, of a large object solved on every k-th pixel of every k-th row only.
+def step_across(mask: NDArray[np.bool_]) -> int:
+    """Return n such that every n-th pixel of every n-th row leaves a mask at most `ACROSS` pixels large."""
+    return max(1, -(-longer_side(mask) // ACROSS)) if mask.any() else 1
 
-    A scan is placed with the object `ACROSS` pixels large; what more there is of normals would be averaged. `solve`
-    takes a mask (H, W) and gives normals (H, W, 3), NaN where unknown; the k x k pixels about a solved one are given
-    its normal.
-    """
-    step = max(1, (longer_side(mask) - 1) // ACROSS) if mask.any() else 1
-    if step == 1:
-        return solve(mask)
-    grid = [np.arange(step // 2, count, step) for count in mask.shape]
-    few = np.zeros_like(mask)
-    few[np.ix_(*grid)] = mask[np.ix_(*grid)]
-    nearest = [
-        at[np.minimum(np.arange(count) // step, len(at) - 1)] for at, count in zip(grid, mask.shape, strict=True)
-    ]
-    return solve(few)[np.ix_(*nearest)]
+
+def thinned(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return those pixels of a mask alone: normals elsewhere serve no search."""
+    few, step = np.zeros_like(mask), step_across(mask)
+    few[::step, ::step] = mask[::step, ::step]
+    return few

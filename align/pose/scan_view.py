@@ -1,6 +1,6 @@
 """What pixels see of the scan at a pose, where it ends in the image, and how both change as the scan moves."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,31 +36,18 @@ class Outline:
     outward: Array
     """(K, 2). Unit, image axes (u, v), away from the scan."""
     raster: NDArray[np.bool_]
-    """(h, w): the scan's silhouette on every `step`-th pixel."""
-    corner: NDArray[np.int64]
-    """(2,): pixel (u, v) of raster[0, 0]."""
+    """(h, w): the scan's silhouette on every `step`-th pixel of every `step`-th row."""
     step: int
 
     def overlap(self, mask: NDArray[np.bool_]) -> float:
         """Return intersection over union with a mask, on the raster."""
-        window = self._window(mask)
-        # What of the mask the raster does not reach counts as missed.
-        area = max(np.count_nonzero(mask) / self.step**2, window.sum())
-        both = (window & self.raster).sum()
-        return float(both / (area + self.raster.sum() - both))
+        thinned = mask[:: self.step, :: self.step]
+        return float((thinned & self.raster).sum() / max((thinned | self.raster).sum(), 1))
 
     def beyond(self, mask: NDArray[np.bool_]) -> float:
         """Return the silhouette's area outside a mask, in areas of the mask."""
-        return float((self.raster & ~self._window(mask)).sum() * self.step**2 / max(np.count_nonzero(mask), 1))
-
-    def _window(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return the mask on the raster; False outside the picture."""
-        (u, v), (height, width) = self.corner, self.raster.shape
-        rows, columns = v + self.step * np.arange(height), u + self.step * np.arange(width)
-        inside = np.ix_((rows >= 0) & (rows < mask.shape[0]), (columns >= 0) & (columns < mask.shape[1]))
-        window = np.zeros(self.raster.shape, bool)
-        window[inside] = mask[rows[inside[0]], columns[inside[1]]]
-        return window
+        missed = self.raster & ~mask[:: self.step, :: self.step]
+        return float(missed.sum() * self.step**2 / max(np.count_nonzero(mask), 1))
 
 
 @dataclass(frozen=True)
@@ -122,20 +109,13 @@ class View:
         import cv2
 
         camera = self.camera
-        corner, size = self.box()
-        step = max(1, int(np.ceil(size.max() / cells)))
-        u = corner[0] + step * np.arange(int(size[0]) // step + 1)
-        v = corner[1] + step * np.arange(int(size[1]) // step + 1)
-        pixels = np.stack(np.meshgrid(u, v), -1).astype(np.float64)
-        raster = self.hits(pixels.reshape(-1, 2)).hit.reshape(pixels.shape[:2])
-
-        across = raster[:, 1:] != raster[:, :-1]
-        down = raster[1:] != raster[:-1]
-        ends = [np.concatenate([pixels[:, :-1][across], pixels[:-1][down]])]
-        ends.append(np.concatenate([pixels[:, 1:][across], pixels[1:][down]]))
-        first_is_inside = np.concatenate([raster[:, :-1][across], raster[:-1][down]])[:, None]
-        inside = np.where(first_is_inside, ends[0], ends[1])
-        outside = np.where(first_is_inside, ends[1], ends[0])
+        step = max(1, int(np.ceil(self.box()[1].max() / cells)))
+        raster = replace(self, camera=camera.every(step)).silhouette()
+        across, down = np.argwhere(raster[:, 1:] != raster[:, :-1]), np.argwhere(raster[1:] != raster[:-1])
+        first, second = np.concatenate([across, down]), np.concatenate([across + [0, 1], down + [1, 0]])
+        first_is_inside = raster[tuple(first.T)][:, None]
+        inside, outside = (step * np.where(is_first, first, second)[:, ::-1].astype(np.float64)
+                           for is_first in (first_is_inside, ~first_is_inside))  # fmt: skip
         for _ in range(int(np.ceil(np.log2(step))) + 8):
             middle = (inside + outside) / 2
             hit = self.hits(middle).hit[:, None]
@@ -144,13 +124,13 @@ class View:
 
         soft = cv2.GaussianBlur(raster.astype(np.float32), (0, 0), 1.5)
         gradient = np.stack([cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1)], -1)
-        at = ((inside - corner) / step).astype(np.float32)
+        at = (inside / step).astype(np.float32)
         slope = cv2.remap(gradient, at[:, 0], at[:, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         slope = slope.reshape(-1, 2).astype(np.float64)
         length = np.linalg.norm(slope, axis=1, keepdims=True)
         good = (length[:, 0] > 1e-3) & np.isfinite(points[:, 0])
         good &= (inside > 1).all(1) & (inside[:, 0] < camera.width - 2) & (inside[:, 1] < camera.height - 2)
-        return Outline(points[good], inside[good], -slope[good] / length[good], raster, corner, step)
+        return Outline(points[good], inside[good], -slope[good] / length[good], raster, step)
 
     def silhouette(self) -> NDArray[np.bool_]:
         """Return the pixels (H, W) that see the scan."""

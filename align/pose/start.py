@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.motion import even_directions, looking_along
-from align.pose.photographed import ACROSS, longer_side
+from align.pose.photographed import step_across
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.normals import unit
@@ -37,7 +37,7 @@ def find_starts(
     Under perspective the depth is the one at which the scan looks as large as the mask; an orthographic camera does not
     tell it, and the scan is put just behind the plane z = 0.
     """
-    step = -(-longer_side(mask) // ACROSS)
+    step = step_across(mask)
     camera, mask = camera.every(step), mask[::step, ::step]
     aim, area, reach = _aim(camera, mask)
     views = looking_along(even_directions(VIEWS))

@@ -11,6 +11,7 @@ from calibrate.detection.coarse import Coarse, Progress, shrink
 from calibrate.detection.detect import Rejected, around_hint, detect
 from calibrate.detection.diameters import Diameter, doubted_diameters, told_diameters
 from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline, with_blur
+from calibrate.silhouette.mirrored_table import Beside
 from calibrate.silhouette.outline import difference, share_in_picture
 from scene.camera import Camera
 from scene.errors import CalibrationError
@@ -76,10 +77,14 @@ def find_balls(
                 progress(number * total + done, len(stacks) * total)
 
         coarse = shrink(own, camera, progress=step)
-        given = [r for r in group if r.mask is not None or r.center_px is not None]
+        masked = [r for r in group if r.mask is not None]
+        circled = [r for r in group if r.mask is None and r.center_px is not None]
         open_ = [r for r in group if r.mask is None and r.center_px is None]
-        fits = [_given(own, camera, coarse, request, warnings) for request in given]
-        diameters = [Diameter(request.diameter_mm, 0.0) for request in given]
+        fits = [_fit_given_mask(own, camera, r.kind, r.mask) for r in group if r.mask is not None]
+        circles = [_circle(r) for r in circled]
+        given = [*(fit.sphere for fit in fits), *circles]
+        fits += [_given(own, camera, coarse, circle, given, warnings) for circle in circles]
+        diameters = [Diameter(request.diameter_mm, 0.0) for request in [*masked, *circled]]
         if open_ or not group:
             wanted: dict[Kind, int] | None = Counter(r.kind for r in open_) if group else None
             found, refused = detect(own, camera, coarse, wanted=wanted, taken=tuple(fit.sphere for fit in fits))
@@ -135,23 +140,28 @@ def _check_own_frames(frames: Frames, own: Frames, camera: Camera) -> None:
         )
 
 
-def _given(frames: Frames, camera: Camera, coarse: Coarse, request: SphereRequest, warnings: list[str]) -> OutlineFit:
-    """Fit a ball whose place the user gave, by mask or by circle."""
-    if request.mask is not None:
-        return _fit_given_mask(frames, camera, request.kind, request.mask)
+def _circle(request: SphereRequest) -> Sphere:
+    """Return the circle that the user gave for a ball."""
     if request.center_px is None or request.radius_px is None:
         raise CalibrationError("spheres: center_px needs radius_px too; give both, or neither to have the ball found.")
-    start = Sphere(request.kind, np.array(request.center_px, np.float64), float(request.radius_px))
-    fit = _fit_hint(frames, camera, coarse, start)
+    return Sphere(request.kind, np.array(request.center_px, np.float64), float(request.radius_px))
+
+
+def _given(
+    frames: Frames, camera: Camera, coarse: Coarse, circle: Sphere, given: list[Sphere], warnings: list[str]
+) -> OutlineFit:
+    """Fit a ball whose circle is one of those that the user gave."""
+    beside = Beside(others=[other for other in given if other is not circle])
+    fit = _fit_hint(frames, camera, coarse, circle, beside)
     if fit is not None:
         return fit
-    u, v = request.center_px
-    sigma = max(1.0, GIVEN_SIGMA * start.radius_px)
+    u, v = circle.center_px
+    sigma = max(1.0, GIVEN_SIGMA * circle.radius_px)
     warnings.append(
-        f"{request.kind} ball at ({u:.0f}, {v:.0f}) px: no outline was found within {HINT_REACH:.0%} of the given "
-        f"circle's radius, {start.radius_px:.0f} px; it is taken as it is, with {sigma:.1f} px of doubt."
+        f"{circle.kind} ball at ({u:.0f}, {v:.0f}) px: no outline was found within {HINT_REACH:.0%} of the given "
+        f"circle's radius, {circle.radius_px:.0f} px; it is taken as it is, with {sigma:.1f} px of doubt."
     )
-    return OutlineFit(replace(start, sigma_px=sigma, score=0.0), np.eye(3) * sigma**2, sigma)
+    return OutlineFit(replace(circle, sigma_px=sigma, score=0.0), np.eye(3) * sigma**2, sigma)
 
 
 def _fit_given_mask(frames: Frames, camera: Camera, kind: Kind, mask: NDArray[np.bool_]) -> OutlineFit:
@@ -171,7 +181,7 @@ def _fit_given_mask(frames: Frames, camera: Camera, kind: Kind, mask: NDArray[np
     return fit
 
 
-def _fit_hint(frames: Frames, camera: Camera, coarse: Coarse, hint: Sphere) -> OutlineFit | None:
+def _fit_hint(frames: Frames, camera: Camera, coarse: Coarse, hint: Sphere, beside: Beside) -> OutlineFit | None:
     """Return the best outline around a circle given by hand, or None: a hand slips by a tenth of the radius.
 
     The static circles around it come first: beside an outline there is always some weaker edge, and a search of a
@@ -186,7 +196,7 @@ def _fit_hint(frames: Frames, camera: Camera, coarse: Coarse, hint: Sphere) -> O
         is_last, best = start is hint, best_outline(fits, hint.kind) if fits else None
         if is_last and best and best.sphere.score >= HINT_SURE and hint.kind == "white":
             break
-        one = fit_outline(frames, camera, start, search_px=search_px)
+        one = fit_outline(frames, camera, start, search_px=search_px, beside=beside)
         if one and one.sphere.score >= HINT_SCORE and np.abs(difference(one.sphere, hint)).max() < reach:
             if is_last and best and hint.kind == "white" and HINT_SURE * one.sphere.score <= best.sphere.score:
                 break

@@ -98,6 +98,11 @@ def fitted() -> Weights:
     return tomllib.loads(WEIGHTS.read_text())
 
 
+def own_log_odds(suspect: Suspect, weights: Weights | None = None) -> float:
+    """Return the log-odds that a circle is a ball, by what it shows itself."""
+    return float(suspect.features @ (weights or fitted())["ball"][suspect.like])
+
+
 def considered(suspects: Sequence[Suspect]) -> list[Suspect]:
     """Return the suspects without those that are worse than `EACH` others at their place."""
     quality = fitted()["circle"]
@@ -118,7 +123,7 @@ def choose(
     likelier than not.
     """
     weights = weights or fitted()
-    own = np.array([float(s.features @ weights["ball"][s.like]) for s in suspects])
+    own = np.array([own_log_odds(s, weights) for s in suspects])
     order = [n for n in np.argsort(-own, kind="stable")[:LIKELIEST] if own[n] > HOPELESS]
     some = [suspects[n] for n in order]
     pairs, exclusive = _pairs(some, weights["pair"])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.camera import Camera
-from scene.frames import Frames, decode
+from scene.frames import Frames, gray, shrunk
 from scene.spheres import Sphere
 
 LONGEST_SIDE_PX = 1200
@@ -18,7 +18,6 @@ LONGEST_SIDE_PX = 1200
 side, in 24 megapixels (6000 px) 30 and 75 px. A smaller one needs `center_px` and `radius_px`."""
 READERS = 2  # threads that shrink frames: OpenCV and the page cache work beside Python
 SEARCHED = 20  # frames in which balls are looked for: more of them show no other edges
-BAND_BYTES = 32 << 20  # of a frame that is shrunk at a time
 
 Progress = Callable[[int, int], None]
 
@@ -110,31 +109,15 @@ def _shrunk(
 ) -> NDArray[np.float32]:
     """Return a window, in coarse pixels, of some frames."""
     window = tuple(slice(side.start * factor, side.stop * factor) for side in box)
-    ambient = None if frames.ambient is None else _small(frames.ambient[window], factor)
+    ambient = 0.0 if frames.ambient is None else gray(shrunk(frames.ambient[window], factor))
     images = np.empty((len(chosen), *(side.stop - side.start for side in box)), np.float32)
 
     def read(place: int) -> None:
         index = chosen[place]
-        small = _small(frames.codes[index][window], factor) * np.float32(frames.gain[index])
-        images[place] = small if ambient is None else small - ambient
+        images[place] = gray(shrunk(frames.codes[index][window], factor)) * np.float32(frames.gain[index]) - ambient
 
     with ThreadPoolExecutor(READERS) as threads:
         for done, _ in enumerate(threads.map(read, range(len(chosen)))):
             if progress:
                 progress(done + 1, len(chosen))
     return images
-
-
-def _small(codes: NDArray, factor: int) -> NDArray[np.float32]:
-    """Average codes before they are decoded: decoding is linear, and a frame of floats is four times larger."""
-    height, width = codes.shape[0] // factor, codes.shape[1] // factor
-    out = np.empty((height, width), np.float32)
-    step = max(1, BAND_BYTES // (codes.shape[1] * 12 * factor))
-    for row in range(0, height, step):
-        band = np.asarray(codes[row * factor : min(row + step, height) * factor, : width * factor])
-        if band.dtype == np.float16:
-            band = band.astype(np.float32)
-        if factor > 1:
-            band = cv2.resize(band, (width, band.shape[0] // factor), interpolation=cv2.INTER_AREA)
-        out[row : row + step] = cv2.transform(decode(band), np.full((1, 3), 1 / 3, np.float32))
-    return out

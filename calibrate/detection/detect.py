@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.detection.choice import Judged, Suspect, choose, considered, matte_rays, mirror_rays
+from calibrate.detection.choice import Judged, Suspect, choose, considered, matte_rays, mirror_rays, own_log_odds
 from calibrate.detection.circles import distinct, overlap, static_circles
 from calibrate.detection.coarse import Box, Coarse
 from calibrate.detection.evidence import Change, Points, bright_points, changes, shaded
@@ -126,7 +126,10 @@ def find_suspects(frames: Frames, camera: Camera, coarse: Coarse, taken: Sequenc
     circles = [c for c in static_circles(coarse) if not any(overlap(c, other) for other in taken)]
     seen = [(circle, bright_points(change, circle)) for circle in circles]
     pointed = [(c, p) for c, p in seen if p and (p.wander or (p.may_wander and c.radius_px < SMALL_PX))]
-    return _mirrors(frames, camera, coarse, change, pointed) + _matte(coarse, seen)
+    matte = _matte(coarse, seen)
+    # They hide the table from a mirror.
+    balls = [*taken, *(one.sphere for one in matte if own_log_odds(one) > 0)]
+    return _mirrors(frames, camera, coarse, change, pointed, balls) + matte
 
 
 def _matte(coarse: Coarse, circles: list[tuple[Sphere, Points | None]]) -> list[Suspect]:
@@ -155,9 +158,17 @@ def _size(sphere: Sphere) -> float:
 
 
 def _mirrors(
-    frames: Frames, camera: Camera, coarse: Coarse, change: list[Change], pointed: list[tuple[Sphere, Points]]
+    frames: Frames,
+    camera: Camera,
+    coarse: Coarse,
+    change: list[Change],
+    pointed: list[tuple[Sphere, Points]],
+    balls: list[Sphere],
 ) -> list[Suspect]:
-    """Return the circles that show the light as a wandering point, those that mirror the table beside them first."""
+    """Return the circles that show the light as a wandering point, those that mirror the table beside them first.
+
+    `balls`, coarse pixels: others, which hide the table.
+    """
     suspects: list[Suspect] = []
     tables: list[Sphere] = []
     planes: list[TablePlane] = []
@@ -168,10 +179,11 @@ def _mirrors(
             continue
         about = circles_about(static, seed) or [seed]
         # A table that one mirror shows is the others', too.
-        plane, table = shared_plane(planes), None
+        others = [coarse.sphere_to_full(ball) for ball in [*balls, *tables] if not overlap(ball, seed)]
+        beside, table = Beside(shared_plane(planes), others=others), None
         for circles in (about, [circle for circle, _ in group]):
             full = [coarse.sphere_to_full(circle) for circle in circles]
-            table = table or by_mirrored_table(frames, camera, full, blur_px=coarse.factor, plane=plane)
+            table = table or by_mirrored_table(frames, camera, full, blur_px=coarse.factor, beside=beside)
         some = [c for c in about[: ALIKE[0]] if c.score >= LEAST_SUPPORT] + [c for c, _ in group[: ALIKE[1]]]
         if table is not None:
             tables.append(coarse.from_full(table.sphere))

@@ -20,8 +20,14 @@ from numpy.typing import NDArray
 from calibrate.detection.circles import gradient, rank
 from calibrate.detection.coarse import Coarse
 from calibrate.detection.evidence import Points
-from calibrate.silhouette.mirrored_surroundings import ANY_PLANE, TablePlane
-from calibrate.silhouette.mirrored_table import SURE, Beside, MirroredTable, fit_mirrored_table, mirrored_share
+from calibrate.silhouette.mirrored_table import (
+    NOTHING_KNOWN,
+    SURE,
+    Beside,
+    MirroredTable,
+    fit_mirrored_table,
+    mirrored_share,
+)
 from calibrate.silhouette.outline import circles_apart, sampled, share_in_picture
 from scene.camera import Camera
 from scene.frames import Frames
@@ -165,24 +171,23 @@ def _worth(one: Sphere, circles: list[Sphere]) -> float:
 
 
 def by_mirrored_table(
-    frames: Frames, camera: Camera, circles: list[Sphere], *, blur_px: float, plane: TablePlane | None = None
+    frames: Frames, camera: Camera, circles: list[Sphere], *, blur_px: float, beside: Beside = NOTHING_KNOWN
 ) -> MirroredTable | None:
     """Return the outline in which a ball mirrors the table beside it best, or None.
 
     Its score is the share explained of what the picture's border leaves of it.
 
-    `circles` are those about its highlights, the likeliest first. `plane`: what other balls have shown of the table.
+    `circles` are those about its highlights, the likeliest first. `beside`: what is known of what stands beside it.
     """
-    fit = partial(fit_mirrored_table, frames.some(FRAMES), camera, blur_px=blur_px, beside=Beside(plane))
+    fit = partial(fit_mirrored_table, frames.some(FRAMES), camera, blur_px=blur_px, beside=beside)
     tables = _rough(fit, circles[:TRIED])
     if all(table.explained < SURE for table in tables):
         # Not before: of a plain table every circle mirrors much.
-        flat = (ANY_PLANE if plane is None else plane).values
-        share = partial(mirrored_share, frames.some(FEW_FRAMES), camera, plane=flat, blur_px=blur_px)
+        share = partial(mirrored_share, frames.some(FEW_FRAMES), camera, blur_px=blur_px, beside=beside)
         tables += _rough(fit, sorted(circles[TRIED:], key=lambda one: -share(one))[:TRIED])
     rough = max(tables, key=lambda one: one.explained, default=None)
     best = fit(rough.sphere) if rough else None
-    if best is None or not best.is_seen(plane):
+    if best is None or not best.is_seen(beside.plane):
         return None
     seen = share_in_picture(camera, best.sphere)
     return best._replace(sphere=replace(best.sphere, score=seen * best.explained))

@@ -105,7 +105,7 @@ class MirroredView(NamedTuple):
         s = offsets + curvature_shift_px(blur_px, self.radius_px)
         beyond = np.where(self.until < self.depths[-1], self.until, np.inf)
         inside = ndtr(-(s + beyond[:, None]) / blur_px)
-        both = np.stack([ndtr(offsets / blur_px), blurred_ramp(offsets, blur_px)], -1)
+        both = np.stack([ndtr(s / blur_px), blurred_ramp(s, blur_px)], -1)
         return np.concatenate([np.broadcast_to(both, (*inside.shape, 2)), inside[..., None]], -1).astype(np.float32)
 
 

@@ -138,11 +138,11 @@ def fit_mirrored_table(
     return max(best, other, key=lambda one: one.explained)._replace(is_fresnels=is_fresnels)
 
 
-def mirrored_share(frames: Frames, camera: Camera, sphere: Sphere, *, plane: Array, blur_px: float) -> float:
-    """Return the share of the profiles' variance that a plane (3,) explains beside a circle, as it is; 0: unknown."""
-    table, at = Surroundings(frames, camera, sphere), samples(sphere.radius_px, blur_px)
+def mirrored_share(frames: Frames, camera: Camera, sphere: Sphere, *, blur_px: float, beside: Beside) -> float:
+    """Return the share of the profiles' variance that the table explains beside a circle, as it is; 0: unknown."""
+    table, at = Surroundings(frames, camera, sphere, beside.others), samples(sphere.radius_px, blur_px)
     profiles, _ = table.profiles(sphere, at)
-    shown = table.mirrored_by(sphere, plane, at)
+    shown = table.mirrored_by(sphere, (beside.plane or ANY_PLANE).values, at)
     explained = explain(profiles, shown, LAWS[0](at.middle, USUAL), at.offsets, blur_px)
     return explained.share if explained else 0.0
 

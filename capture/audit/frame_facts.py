@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.photographs.photograph import BIN, CLIPPED_CODE, FLOAT16_MAX, SATURATION, piles
-from scene.frames import PEDESTAL, WHITE, gray
+from scene.frames import PEDESTAL, WHITE, gray, shrunk
 
 SMALL_PX = 768
 """Longer side of the reduced picture, at most."""
@@ -46,20 +46,9 @@ def facts_of(codes: NDArray, *, white: float = 1.0, is_mosaic: bool = False) -> 
     return FrameFacts(reduced(codes), clipped_share, blown_share, tops, white, is_mosaic)
 
 
-def reduced(codes: NDArray, longest_px: int = SMALL_PX) -> NDArray[np.float32]:
+def reduced(codes: NDArray) -> NDArray[np.float32]:
     """Return the linear mean of the channels (h, w), averaged over whole boxes of pixels."""
-    import cv2
-
-    step = max(1, -(-max(codes.shape[:2]) // longest_px))
-    height, width = max(codes.shape[0] // step, 1), max(codes.shape[1] // step, 1)
-    out = np.zeros((height, width), np.float32)
-    # In bands: a whole frame as float32 would be twice the frame.
-    rows = max(1, 256 // step)
-    for start in range(0, height, rows):
-        stop = min(start + rows, height)
-        band = codes[start * step : stop * step, : width * step].astype(np.float32)
-        out[start:stop] = gray(cv2.resize(band, (width, stop - start), interpolation=cv2.INTER_AREA))
-    return (out - PEDESTAL) / np.float32(WHITE - PEDESTAL) if codes.dtype == np.uint16 else out
+    return gray(shrunk(codes, max(1, min(-(-max(codes.shape[:2]) // SMALL_PX), *codes.shape[:2]))))
 
 
 def _clipped(codes: NDArray, white: float) -> tuple[float, float]:

@@ -9,8 +9,9 @@ from capture.session.manifest import Manifest
 from capture.session.manifest_file import parse, toml_tables
 from capture.session.resolve import Resolver
 from capture.session.session_types import CaptureSession
-from formats.diligent_layout import DIRECTIONS, FILENAMES, MASK, NORMALS, read_list
+from formats.diligent_layout import MASK, NORMALS
 from scene.errors import SessionError
+from scene.light_text import DIRECTIONS, FILENAMES, names_in
 from scene.reading import listed, reading, told
 
 MANIFEST = "session.toml"
@@ -73,14 +74,14 @@ def _load_toml(path: Path) -> CaptureSession:
 
 def _load_diligent(folder: Path) -> CaptureSession:
     """Return the session of a folder in the DiLiGenT layout: 16-bit linear pictures, lights given."""
-    files, faults = read_list(folder)
-    manifest = None
-    if not faults:
-        frames = {"flash": [escape(name) for name in files], "linear": True}
-        normals = next((name for name in NORMALS if (folder / name).is_file()), None)
-        known = {"mask": MASK if (folder / MASK).is_file() else None, "normals": normals}
-        manifest = Manifest.model_validate({"frames": frames, "lights": {"file": DIRECTIONS}, "object": known})
-    return replace(_resolved(folder, folder, manifest, faults), layout="diligent")
+    names = names_in(folder / FILENAMES, SessionError)
+    if not names:
+        raise SessionError(f"{folder / FILENAMES}: names no photograph. List them there, one a line.")
+    frames = {"flash": [escape(name) for name in names], "linear": True}
+    normals = next((name for name in NORMALS if (folder / name).is_file()), None)
+    known = {"mask": MASK if (folder / MASK).is_file() else None, "normals": normals}
+    told_of = parse({"frames": frames, "lights": {"file": DIRECTIONS}, "object": known})
+    return replace(_resolved(folder, folder, *told_of), layout="diligent")
 
 
 def _resolved(place: Path, folder: Path, manifest: Manifest | None, faults: list[str]) -> CaptureSession:

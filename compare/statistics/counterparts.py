@@ -33,9 +33,14 @@ OVERLAP = 0.5
 """Of the smaller capture's pixels, that both must have before maps are laid over each other."""
 
 
+def sampling_step(pixels: int) -> int:
+    """Return of how many rows and columns one is taken, so that at most `MOST_PIXELS` of a map remain."""
+    return int(np.ceil(np.sqrt(max(1.0, pixels / MOST_PIXELS))))
+
+
 def thinned(error_deg: NDArray) -> NDArray[np.float32]:
-    """Return every n-th row and column of a map (H, W), so that at most `MOST_PIXELS` remain."""
-    step = int(np.ceil(np.sqrt(max(1.0, error_deg.size / MOST_PIXELS))))
+    """Return every n-th row and column of a map (H, W)."""
+    step = sampling_step(error_deg.size)
     return np.array(error_deg[::step, ::step], np.float32)
 
 

@@ -103,28 +103,6 @@ def _pearson(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return float(np.clip(a @ b / scale, -1, 1))
 
 
-def common_rotation(moment: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Return the rotation (3, 3) that takes estimated normals closest to the true ones, or None.
-
-    Parameters
-    ----------
-    moment : (3, 3) float64
-        Sum over pixels of true_normal estimated_normal^T.
-
-    Notes
-    -----
-    The R that maximises trace(R^T moment), by singular values [Kabsch1976]. None where the normals
-    all but share one direction: the turn about it cannot be seen.
-    """
-    if not np.isfinite(moment).all():
-        return None
-    u, singular, vt = np.linalg.svd(moment)
-    if singular[1] < 0.01 * singular[0] or singular[0] == 0:
-        return None
-    sign = np.sign(np.linalg.det(u @ vt))
-    return u @ np.diag([1.0, 1.0, sign]) @ vt
-
-
 def statistics_rows(compared: dict[str, Any]) -> list[dict[str, Any]]:
     """Return the table of the methods' errors, a row for each method and each of real and twin.
 

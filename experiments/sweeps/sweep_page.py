@@ -158,7 +158,7 @@ def _pictures(found: Iterable[dict[str, Any]], experiment: Experiment) -> str:
             words = escape(first["label"].replace("_", " "))
             figure = f'<figure><img src="{one["picture"]}" alt=""><figcaption>{words}</figcaption></figure>'
             shown.setdefault(first["level"], figure)
-    return f'<div class="sheet width-120">{"".join(shown[level] for level in sorted(shown))}</div>'
+    return f'<div class="sheet">{"".join(shown[level] for level in sorted(shown))}</div>'
 
 
 def _without_result(lost: Results) -> str:

@@ -80,8 +80,8 @@ class Answers:
         """Return what an earlier session.toml says already."""
         balls: dict[str, Any] = {}
         for kind in ("chrome", "white"):
-            known = {ball.diameter_mm for ball in manifest.spheres if ball.kind == kind}
-            balls |= {kind: tuple(known)} if len(known) == 1 and None not in known else {}
+            known = [ball.diameter_mm for ball in manifest.spheres if ball.kind == kind]
+            balls |= {kind: tuple(known if len(set(known)) > 1 else known[:1])} if None not in known else {}
         camera, unit = manifest.camera, manifest.object.scan_unit if manifest.object.scan else "unknown"
         lens = camera.model_dump(include=set(LENS), exclude_none=True) if camera else {}
         return cls(**balls, **lens, unit=None if unit == "unknown" else unit, linear=manifest.frames.linear)
@@ -116,6 +116,9 @@ class Asking:
         more = "; where they differ, one for each, in this order" if balls > 1 else ""
         given = self._once(kind, f"{what}{more}") or (None,)
         if len(given) not in (1, balls):
+            if not getattr(self.answers, kind):
+                # Said earlier, of other balls.
+                return (None,) * balls
             raise SessionError(
                 f"--{kind} {' '.join(f'{one:g}' for one in given)}: {len(given)} diameters, but {balls} {kind} balls "
                 "were found. Give one for all, or one for each."

@@ -1,7 +1,5 @@
 """Uncalibrated normals from diffuse maxima: where an image of a matte surface peaks, the normal faces the light."""
 
-from typing import NamedTuple
-
 import cv2
 import numpy as np
 
@@ -10,42 +8,19 @@ from solve.problem import Problem
 from solve.samples import Samples
 from solve.uncalibrated.front_end import PLAIN, FrontEnd, family, finish
 
+BRIGHT, MOST_MAXIMA = 0.5, 2500
+"""Maxima under this share of an image's range are none; how many of them, the brightest of their images, take part."""
+AGREE, FEWEST_DISTINCT = 0.3, 25
+"""Greatest difference of log lambda between the two maxima of a crossing. A pixel that is a maximum under two lights is
+a bright spot of the albedo, and dropped; with fewer left than this, all in the brightest quarter are taken. The plain
+reading has neither: every crossing has a vote, and there is no rescue of the sign."""
 FEWEST_CROSSINGS = 3
 CONCENTRATED = 0.5
 _NEAR = 0.25
 _MARGIN = 8
 
 
-class LdrSettings(NamedTuple):
-    """Settings of `ldr`.
-
-    Parameters
-    ----------
-    front_end : NamedTuple
-        If robust, the maxima are those of the matte images that it leaves; its Gaussian smooths them, too.
-    brightness : float
-        Maxima under this share of an image's range are none.
-    most_maxima : int
-        The brightest, relative to their image, take part: their pairs are counted.
-    agreement : float
-        Greatest difference of log lambda between the two maxima of a crossing.
-    fewest_distinct : int
-        A pixel that is a maximum under two lights is a bright spot of the albedo, and dropped. With fewer maxima
-        than this left, all in the brightest quarter are taken.
-    """
-
-    front_end: FrontEnd = FrontEnd()
-    brightness: float = 0.5
-    most_maxima: int = 2500
-    agreement: float = 0.3
-    fewest_distinct: int = 25
-
-
-SEED = LdrSettings(PLAIN, agreement=np.inf, fewest_distinct=0)
-"""The plain reading: no cleaning of the samples, no rescue of the sign, every crossing has a vote."""
-
-
-def fit_whole(problem: Problem, samples: Samples, settings: LdrSettings) -> Whole:
+def fit_whole(problem: Problem, samples: Samples, settings: FrontEnd) -> Whole:
     """Fit b = albedo x normal, and the lights.
 
     Notes
@@ -60,24 +35,25 @@ def fit_whole(problem: Problem, samples: Samples, settings: LdrSettings) -> Whol
     without smooth regions, nor on gloss that is not cleaned away: its maxima face halfway to the camera. It says so
     by crossings that do not concentrate.
     """
-    mask, front_end = problem.mask, settings.front_end
-    found = family(samples, mask, front_end)
-    clean = found.rendered() if front_end.robust else samples.gray
+    mask = problem.mask
+    found = family(samples, mask, settings)
+    clean = found.rendered() if settings.robust else samples.gray
     cautions = []
-    pixel, frame, height, times = maxima(clean, mask, front_end.smooth_px, settings.brightness)
+    pixel, frame, height, times = maxima(clean, mask, settings.smooth_px)
     distinct = times < 2
-    if np.count_nonzero(distinct) < settings.fewest_distinct:
+    if settings.robust and np.count_nonzero(distinct) < FEWEST_DISTINCT:
         cautions.append(
-            f"only {np.count_nonzero(distinct)} maxima move with the light, expected {settings.fewest_distinct}: "
+            f"only {np.count_nonzero(distinct)} maxima move with the light, expected {FEWEST_DISTINCT}: "
             "texture hides the others."
         )
-        distinct = height > 0.5 + settings.brightness / 2
+        distinct = height > 0.5 + BRIGHT / 2
     chosen = np.flatnonzero(distinct)
-    chosen = chosen[np.lexsort((pixel[chosen], -height[chosen]))[: settings.most_maxima]]
-    numbers = crossings(found.b[pixel[chosen]], found.lights[frame[chosen]], settings.agreement)
+    chosen = chosen[np.lexsort((pixel[chosen], -height[chosen]))[:MOST_MAXIMA]]
+    agreement = AGREE if settings.robust else np.inf
+    numbers = crossings(found.b[pixel[chosen]], found.lights[frame[chosen]], agreement)
     if len(numbers) < FEWEST_CROSSINGS:
         cautions.append(f"only {len(numbers)} pairs of diffuse maxima agree on a relief: tilt and depth are not known.")
-        return finish(found, (0.0, 0.0, 1.0), mask, front_end, *cautions)
+        return finish(found, (0.0, 0.0, 1.0), mask, settings, *cautions)
     middle = np.median(numbers, axis=0)
     depth = float(np.exp(middle[2]))
     near = np.mean(np.all(np.abs((numbers - middle) / [depth, depth, 1]) < _NEAR, axis=1))
@@ -86,15 +62,15 @@ def fit_whole(problem: Problem, samples: Samples, settings: LdrSettings) -> Whol
             f"{near:.0%} of the crossings of diffuse maxima are near their median, expected {CONCENTRATED:.0%}: "
             "maxima that are none (texture, gloss) outvote the others."
         )
-    return finish(found, (float(middle[0]), float(middle[1]), depth), mask, front_end, *cautions)
+    return finish(found, (float(middle[0]), float(middle[1]), depth), mask, settings, *cautions)
 
 
-def maxima(images, mask, smooth_px, brightness):
+def maxima(images, mask, smooth_px):
     """Find the maxima of each image, away from the outline.
 
-    `images` are (P, F) float32, those under the mask; for `smooth_px` and `brightness` see `LdrSettings`. Returns, for
-    each maximum, pixel, frame, height (0 at the image's darkest, 1 at its brightest pixel), and in how many images
-    one lies here or beside.
+    `images` are (P, F) float32, those under the mask; `smooth_px`: of the Gaussian that smooths them. Returns, for each
+    maximum, pixel, frame, height (0 at the image's darkest, 1 at its brightest pixel), and in how many images one lies
+    here or beside.
     """
     top, left = (int(np.flatnonzero(mask.any(axis)).min()) for axis in (1, 0))
     bottom, right = (int(np.flatnonzero(mask.any(axis)).max()) + 1 for axis in (1, 0))
@@ -112,7 +88,7 @@ def maxima(images, mask, smooth_px, brightness):
         smooth = cv2.GaussianBlur(field, (0, 0), smooth_px) / np.maximum(share, 1e-6)
         smooth[~inside] = 0
         low, high = float(smooth[inside].min()), float(smooth[inside].max())
-        peak = (smooth >= cv2.dilate(smooth, beside)) & inner & (smooth > low + brightness * (high - low))
+        peak = (smooth >= cv2.dilate(smooth, beside)) & inner & (smooth > low + BRIGHT * (high - low))
         times += cv2.dilate(peak.astype(np.uint8), beside)
         place = np.flatnonzero(peak)
         places.append(place)
@@ -144,4 +120,4 @@ def crossings(normals, lights, agreement):
     return np.concatenate(found)
 
 
-METHOD = Method("ldr", {"default": LdrSettings(), "seed": SEED}, fit_whole=fit_whole, is_calibrated=False)
+METHOD = Method("ldr", {"default": FrontEnd(), "seed": PLAIN}, fit_whole=fit_whole, is_calibrated=False)

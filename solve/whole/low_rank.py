@@ -2,7 +2,6 @@
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import numba
 import numpy as np
@@ -14,24 +13,13 @@ _CHUNK = 1 << 12
 """Pixels that a thread takes at a time: fixed, so that sums do not depend on how many threads there are."""
 
 
-@dataclass(frozen=True)
-class LowRank:
-    """The low-rank part A (P, F), the gaps filled in; its rank; the rounds that it took; and |D - A - E| / |D|, both
-    over the samples that are there.
-    """
-
-    low: Array
-    rank: int
-    rounds: int
-    residual: float
-
-
 def low_rank(
     data: NDArray, there: NDArray[np.bool_], weight: float, *, tolerance: float = 1e-6, rounds: int = 100
-) -> LowRank:
+) -> tuple[Array, float]:
     """Split data (P, F), P >= F, known where `there` (P, F), into A of low rank and E of few entries.
 
-    `weight` is lambda. The nuclear norm of A is small. It stops at |D - A - E| <= tolerance |D|.
+    `weight` is lambda. The nuclear norm of A is small. It stops at |D - A - E| <= tolerance |D|. Returns A (P, F), the
+    gaps filled in, and |D - A - E| / |D|, both over the samples that are there.
 
     Notes
     -----
@@ -49,21 +37,21 @@ def low_rank(
     gram = state.T @ state
     length = float(np.sqrt(np.trace(gram)))
     if length == 0:
-        return LowRank(state, 0, 0, 0.0)
+        return state, 0.0
     largest = float(np.sqrt(np.linalg.eigvalsh(gram)[-1]))
     strength = 1.25 / largest
     limit = strength * 1e7
     state /= max(largest, max(float(known.max()), -float(known.min())) / weight) * strength
     right, factor = np.zeros((frames, 0)), np.zeros(0)
     before = strength
-    residual, turn = np.inf, 0
+    residual = np.inf
     chunks = [slice(start, start + _CHUNK) for start in range(0, pixels, _CHUNK)]
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
 
         def each(part: slice) -> tuple[Array, float]:
             return _pass(known[part], there[part], state[part], first, second, *levels)
 
-        for turn in range(1, rounds + 1):  # noqa: B007
+        for _ in range(rounds):
             first, second = _factors(right, factor)
             levels = before / strength, weight / strength
             grams, squares = zip(*pool.map(each, chunks), strict=True)
@@ -78,7 +66,7 @@ def low_rank(
             state[part] = state[part] @ first @ second
 
         list(pool.map(finish, chunks))
-    return LowRank(state, right.shape[1], turn, residual)
+    return state, residual
 
 
 def _threshold(gram: Array, strength: float) -> tuple[Array, Array]:

@@ -5,19 +5,17 @@ whose flash it mirrors, and dark in all others. Two numbers of the whole object,
 from them where it faces.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from scene.fan_out import fan_out
 from scene.light_layouts import cap
-from solve.methods import Method, Whole
+from solve.methods import NO_SETTINGS, Method, Settings, Whole
 from solve.pixelwise import iterative
 from solve.problem import Problem, spread_over
 from solve.samples import Samples
-from solve.whole.metal_kernels import UNSURE, Metal, appearance, search
+from solve.whole.metal_kernels import UNEVEN, UNSURE, Metal, appearance, search
 
 Array = NDArray[np.float64]
 CHUNK = 512
@@ -34,31 +32,14 @@ FEWEST = 30
 """Pixels that a metal is told from."""
 
 
-class MetalSettings(NamedTuple):
-    """Settings of `metal`.
-
-    Parameters
-    ----------
-    pixels : int
-        That tell how rough and how bright the object is, evenly spread over the brightest `bright`.
-    bright : float
-        Share of the pixels: the others may mirror no flash.
-    stray : float
-        Light that comes by way of other surfaces, standard deviation, as a share of the stack's 99th percentile.
-    uneven : float
-        Errors of the model, standard deviation, as a share of what it says.
-    doubt : float
-        How many times as large they may be, for the normals' standard deviation.
-    """
-
-    pixels: int = 300
-    bright: float = 0.6
-    stray: float = 0.04
-    uneven: float = 0.2
-    doubt: float = 2.0
+PIXELS, BRIGHT = 300, 0.6
+"""That tell how rough and how bright the object is, evenly spread over this share of them, the brightest: others may
+mirror no flash."""
+STRAY = 0.04
+"""Light that comes by way of other surfaces, standard deviation, as a share of the stack's 99th percentile."""
 
 
-def learn(samples: Samples, views: Array, settings: MetalSettings) -> Metal:
+def learn(samples: Samples, views: Array) -> Metal:
     """Return the metal that explains some bright pixels best; `explains` tells whether the object is one.
 
     Notes
@@ -68,8 +49,8 @@ def learn(samples: Samples, views: Array, settings: MetalSettings) -> Metal:
     """
     brightest = np.where(samples.valid, samples.gray, 0).max(1)
     brightest[~_is_seen(samples)] = -1
-    bright = brightest >= np.quantile(brightest, 1 - settings.bright)
-    chosen = np.flatnonzero(spread_over(bright, settings.pixels))
+    bright = brightest >= np.quantile(brightest, 1 - BRIGHT)
+    chosen = np.flatnonzero(spread_over(bright, PIXELS))
     some, toward, scale = samples.some(chosen), views[chosen], samples.scale()
     nothing, normals, sigma = np.zeros((0, 2)), np.empty((len(chosen), 3)), np.empty(len(chosen))
     step = len(chosen) // 8 + 1
@@ -77,7 +58,7 @@ def learn(samples: Samples, views: Array, settings: MetalSettings) -> Metal:
 
     def metal_of(logs: Array) -> Metal:
         alpha, value = np.exp(np.clip(logs, np.log([SMOOTHEST, 1e-6 * scale]), np.log([1, 1e6 * scale])))
-        return Metal(alpha, value, settings.stray * scale, settings.uneven, settings.doubt)
+        return Metal(alpha, value, STRAY * scale)
 
     def cost(logs: Array) -> float:
         metal = metal_of(logs)
@@ -101,7 +82,7 @@ def explains(metal: Metal, samples: Samples, views: Array) -> bool:
     By what `iterative` finds of Lambert's law each pixel has an albedo of its own, which the metal's have not; both are
     held to the metal's errors, each at its likeliest normal.
     """
-    chosen = np.flatnonzero(spread_over(_is_seen(samples), MetalSettings().pixels))
+    chosen = np.flatnonzero(spread_over(_is_seen(samples), PIXELS))
     if metal.alpha > BROAD or len(chosen) < FEWEST:
         return False
     some, toward = samples.some(chosen), views[chosen]
@@ -109,7 +90,7 @@ def explains(metal: Metal, samples: Samples, views: Array) -> bool:
     _, largest = search(some, toward, CANDIDATES, _beside(), metal, normals, sigma)
     b, _ = iterative.fit(some, samples.scale(), iterative.IterativeSettings())
     matte = np.maximum(np.einsum("pi,pfi->pf", b, some.toward()), 0)
-    variance = metal.stray**2 + (metal.uneven * matte) ** 2
+    variance = metal.stray**2 + (UNEVEN * matte) ** 2
     odds = np.log(variance / metal.stray**2) + 4 * np.log1p((some.gray - matte) ** 2 / (3 * variance))
     return bool(largest.sum() > -0.5 * odds[some.valid].sum())
 
@@ -118,7 +99,7 @@ def found(samples: Samples, views: Array) -> Metal | None:
     """Return the metal that the object is; None: it is none, or nothing tells."""
     if np.count_nonzero(_is_seen(samples)) < FEWEST:
         return None
-    metal = learn(samples, views, MetalSettings())
+    metal = learn(samples, views)
     return metal if explains(metal, samples, views) else None
 
 
@@ -133,7 +114,7 @@ def _beside() -> Array:
     return np.stack(np.meshgrid(reach, reach), -1).reshape(-1, 2)
 
 
-def _fit_whole(problem: Problem, samples: Samples, settings: MetalSettings) -> Whole:
+def _fit_whole(problem: Problem, samples: Samples, _: Settings) -> Whole:
     """Find each pixel's normal by the metal that the object is.
 
     Notes
@@ -147,7 +128,7 @@ def _fit_whole(problem: Problem, samples: Samples, settings: MetalSettings) -> W
     Do not believe it where what the metal mirrors is bright itself: a lit table under steep parts.
     """
     views = problem.views()
-    metal = learn(samples, views, settings)
+    metal = learn(samples, views)
     around, normals, sigma = _beside(), np.empty((len(views), 3)), np.empty(len(views))
 
     def work(part: slice) -> None:
@@ -171,4 +152,4 @@ def _fit_whole(problem: Problem, samples: Samples, settings: MetalSettings) -> W
     return Whole(normals * metal.value, samples.valid, tuple(cautions), shade=shade, sigma_deg=sigma)
 
 
-METHOD = Method("metal", {"default": MetalSettings()}, fit_whole=_fit_whole)
+METHOD = Method("metal", {"default": NO_SETTINGS}, fit_whole=_fit_whole)

@@ -15,6 +15,9 @@ GRID = 2 * np.radians(1) ** 2 / 12
 """Variance of what lies between normals that are tried one degree apart, radians squared of both axes."""
 SMALLEST = 0.05
 """Cosine to the camera of the steepest normal that is tried."""
+UNEVEN, DOUBT = 0.2, 2.0
+"""Errors of the model, standard deviation, as a share of what it says; how many times as large all errors may be, for
+the normals' standard deviation."""
 UNSURE = 10.0
 """Standard deviation, degrees, from which a pixel's normal is a guess."""
 
@@ -28,15 +31,13 @@ class Metal(NamedTuple):
         The facets' roughness.
     value : float
         Gray value of what mirrors all light, as Lambert's albedo is: a white surface that faces the light has it.
-    stray, uneven, doubt
-        As in `MetalSettings`; `stray` is a gray value.
+    stray : float
+        Light that comes by way of other surfaces, standard deviation of the gray value.
     """
 
     alpha: float
     value: float
     stray: float
-    uneven: float
-    doubt: float
 
 
 @numba.njit(nogil=True, cache=True)
@@ -80,11 +81,11 @@ def _likelihood(gray, valid, n, view, metal, room):  # pragma: no cover
     for f in range(len(gray)):
         if valid[f]:
             model = metal.value * room[9, f]
-            square, uneven = (gray[f] - model) ** 2, (metal.uneven * model) ** 2
+            square, uneven = (gray[f] - model) ** 2, (UNEVEN * model) ** 2
             # Student's errors of three degrees of freedom: other parts' light comes in few frames, and is bright.
             variance = metal.stray**2 + uneven
             odds *= variance / metal.stray**2 * (1 + square / (3 * variance)) ** 4
-            doubted_odds *= variance / metal.stray**2 * (1 + square / (3 * metal.doubt**2 * variance)) ** 4
+            doubted_odds *= variance / metal.stray**2 * (1 + square / (3 * DOUBT**2 * variance)) ** 4
             if odds > 1e100:
                 total, odds = total - 0.5 * np.log(odds), 1.0
                 doubted, doubted_odds = doubted - 0.5 * np.log(doubted_odds), 1.0

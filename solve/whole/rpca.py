@@ -69,11 +69,11 @@ def fit_whole(problem: Problem, samples: Samples, settings: RpcaSettings) -> Who
     level = np.partition(np.where(valid, data, 0), place, axis=1)[:, place].astype(np.float64)
     there = np.ones_like(valid) if shadow_threshold is None else valid & (data > shadow_threshold * level[:, None])
     weight = 1 / np.sqrt(max(problem.mask.size, frames)) if sparsity is None else sparsity / np.sqrt(pixels * frames)
-    found = low_rank(data, there, weight, tolerance=tolerance, rounds=rounds)
+    low, residual = low_rank(data, there, weight, tolerance=tolerance, rounds=rounds)
     cautions = []
-    if found.residual > tolerance:
-        cautions.append(f"it did not converge in {rounds} rounds: |D - A - E| is {found.residual:.1g} of |D|.")
-    b, used = _fit_to_low_rank(samples._replace(gray=data, valid=there), found.low, level, outlier_share)
+    if residual > tolerance:
+        cautions.append(f"it did not converge in {rounds} rounds: |D - A - E| is {residual:.1g} of |D|.")
+    b, used = _fit_to_low_rank(samples._replace(gray=data, valid=there), low, level, outlier_share)
     corrupted = 1 - np.count_nonzero(used) / max(np.count_nonzero(there), 1)
     if corrupted > COMMON_GLOSS:
         cautions.append(f"{corrupted:.0%} of the lit samples are taken as corrupted: sparse is what a few are.")

@@ -174,7 +174,7 @@ def test_input_that_cannot_work_is_refused_before_the_search(world):
 @pytest.mark.full
 def test_a_large_picture_is_searched_shrunken(world, monkeypatch):
     """The rough search on every second pixel leads to the same pose."""
-    monkeypatch.setattr("align.pose.start.ACROSS", 40)
+    monkeypatch.setattr("align.pose.photographed.ACROSS", 40)
     px, deg = apart(world, run(world).pose)
     assert px < 0.1
     assert deg < 0.15

@@ -43,18 +43,29 @@ def metal_of_the_fixture(cosine: np.ndarray, facing: float) -> np.ndarray:
     return (_unpolarised(cosine, complex(n, n)) - facing) / (1 - facing)
 
 
-@pytest.mark.parametrize("texture", ["noise", "wood"])
-def test_outline_plane_and_reflectance_of_a_ball_on_a_textured_table(texture: str) -> None:
+@pytest.mark.parametrize(("texture", "bound_px"), [("noise", 0.015), ("wood", 0.03)])
+def test_outline_plane_and_reflectance_of_a_ball_on_a_textured_table(texture: str, bound_px: float) -> None:
     world = table_world(20000, texture=texture)
     true, frames = world.spheres()[0], seen(world, 20000)
     start = replace(true, center_px=true.center_px + [0.5, -0.4], radius_px=true.radius_px - 0.6)
     found = fit_mirrored_table(frames, CAMERA, start, blur_px=1.0, beside=Beside(laws=[metal_of_the_fixture]))
     off = np.array([*(found.sphere.center_px - true.center_px), found.sphere.radius_px - true.radius_px])
-    assert np.abs(off).max() < 0.02
+    assert np.abs(off).max() < bound_px
     assert found.explained > 0.999
     assert found.mirror == pytest.approx(0.56, abs=0.005)
     n = world.table_normal
     assert found.plane.values == pytest.approx([n[0] / n[2], n[1] / n[2], 1.0], abs=0.03)
+
+
+@pytest.mark.parametrize("blur_px", [0.3, 1.0, 1.5])
+def test_a_blur_moves_no_outline(blur_px: float) -> None:
+    """Where a profile's parts took their shares at different places, 1.5 px of it made the radius 0.04 px too small."""
+    world = table_world(20000)
+    true, rng = world.spheres()[0], np.random.default_rng(20000)
+    frames = photograph(world, Sensor(full_well_e=4e8, blur_px=blur_px), rng)
+    start = replace(true, radius_px=true.radius_px - 0.3)
+    found = fit_mirrored_table(frames, CAMERA, start, blur_px=1.0, beside=Beside(laws=[metal_of_the_fixture]))
+    assert found.sphere.radius_px == pytest.approx(true.radius_px, abs=0.02)
 
 
 def test_of_many_circles_the_one_that_mirrors_the_table_is_found() -> None:
@@ -81,7 +92,7 @@ def test_the_circle_that_mirrors_the_table_is_found_beside_one_of_twice_its_size
     points = bright_points(change, near)
     large = replace(near, radius_px=2.3 * near.radius_px, score=1.0)
     track = (near.center_px + near.radius_px * points.track - large.center_px) / large.radius_px
-    suspects = _mirrors(frames, CAMERA, coarse, change, [(large, points._replace(track=track)), (near, points)])
+    suspects = _mirrors(frames, CAMERA, coarse, change, [(large, points._replace(track=track)), (near, points)], [])
     (found,) = (one.table.sphere for one in suspects if one.table)
     assert np.abs(found.center_px - true.center_px).max() < 0.1
     assert found.radius_px == pytest.approx(true.radius_px, abs=0.1)
@@ -108,8 +119,8 @@ def test_the_far_rim_counts_on_a_table_seen_aslant(seed: int) -> None:
     world.balls.clear()
     true, frames = world.stand("chrome", -60.0, 30.0, 30.0).spheres()[0], seen(world, seed)
     start = replace(true, center_px=true.center_px + [0.5, -0.4], radius_px=true.radius_px - 0.6)
-    found = fit_mirrored_table(frames, CAMERA, start, blur_px=1.0)
-    assert np.abs(found.sphere.center_px - true.center_px).max() < 0.06
+    found = fit_mirrored_table(frames, CAMERA, start, blur_px=1.0, beside=Beside(laws=[metal_of_the_fixture]))
+    assert np.abs(found.sphere.center_px - true.center_px).max() < 0.07
     assert found.sphere.radius_px == pytest.approx(true.radius_px, abs=0.02)
 
 
@@ -125,7 +136,8 @@ def test_a_ball_that_hides_the_table_is_not_taken_for_it(seed: int) -> None:
     frames, start = seen(world, seed), replace(true, radius_px=true.radius_px - 0.6)
 
     def off(others: list[Sphere]) -> float:
-        found = fit_mirrored_table(frames, CAMERA, start, blur_px=1.0, beside=Beside(others=others))
+        beside = Beside(laws=[metal_of_the_fixture], others=others)
+        found = fit_mirrored_table(frames, CAMERA, start, blur_px=1.0, beside=beside)
         moved = np.array([*(found.sphere.center_px - true.center_px), found.sphere.radius_px - true.radius_px])
         return np.abs(moved).max()
 
@@ -140,7 +152,7 @@ def test_on_a_table_seen_aslant_the_fit_goes_to_its_end(off: tuple[float, float,
     world = table_world(20007, tilt=(0.1, 1.2))
     true, frames = world.spheres()[0], seen(world, 20007)
     start = replace(true, center_px=true.center_px + off[:2], radius_px=true.radius_px + off[2])
-    found = fit_mirrored_table(frames, CAMERA, start, blur_px=1.0)
+    found = fit_mirrored_table(frames, CAMERA, start, blur_px=1.0, beside=Beside(laws=[metal_of_the_fixture]))
     assert np.abs(found.sphere.center_px - true.center_px).max() < 0.04
     assert found.sphere.radius_px == pytest.approx(true.radius_px, abs=0.04)
     assert found.explained > 0.999

@@ -7,7 +7,6 @@ from compare.statistics.statistics import (
     ALBEDO,
     albedo_statistics,
     angular_statistics,
-    common_rotation,
     error_correlation,
 )
 
@@ -70,9 +69,3 @@ def test_without_a_pattern_there_is_no_correlation(twin):
     found = error_correlation(np.arange(9.0), twin)
     assert np.isnan(found["pearson"])
     assert np.isnan(found["spearman"])
-
-
-def test_a_plane_has_no_common_turn():
-    truth = np.tile([0.0, 0.0, 1.0], (50, 1))
-    assert common_rotation(truth.T @ truth) is None
-    assert common_rotation(np.full((3, 3), NAN)) is None

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from align.truth import ground_truth
+from compare.compare import compare
 from experiments.before_after import tell_change
 from experiments.compare_folders import NUMBERS, compare_folders, told
 from fixtures.lit_surfaces import dome, lights_along, matte, spiral
@@ -13,7 +14,7 @@ from formats.meshes.ply import write_ply
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.estimate import Estimate
-from scene.files import write_json, write_npy, write_png, write_text
+from scene.files import write_json, write_png, write_text
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
@@ -33,26 +34,23 @@ def lights(count=10, **more):
     return lights_along(directions, digits=2, reference_point_mm=np.array([0, 0, -800.0]), **more)
 
 
-def photographed(true, truth=TRUTH, noise=0.0, seed=0):
+def photographed(true, noise=0.0, seed=0):
     """A matte object under its lights."""
     grain = noise * np.random.default_rng(seed).standard_normal((len(true), SIDE, SIDE, 3))
-    return Frames.from_linear(true.names, matte(true, np.nan_to_num(truth), truth, 0.7) + grain)
+    return Frames.from_linear(true.names, matte(true, np.nan_to_num(TRUTH), TRUTH, 0.7) + grain)
 
 
-def folder_of(path, told, true, *, methods=("ls", "iterative"), rendered=False, truth=TRUTH, noise=0.0, seed=0):
-    """A processed folder: a matte ball, or another object, under the true lights, solved with those that were told."""
-    store, frames = Store(path), photographed(true, truth, noise, seed)
+def folder_of(path, told, true, *, methods=("ls", "iterative"), noise=0.0, seed=0):
+    """A processed folder: a matte ball under the true lights, solved with those that were told."""
+    store, frames = Store(path), photographed(true, noise, seed)
     store.save_frames(frames)
     store.save_camera(CAMERA)
     store.save_lights(told)
     store.save_mask(MASK)
-    if rendered:
-        write_npy(store.path("truth.npy"), truth)
-        write_text(store.path("session.toml"), "# Rendered by rgbn.\n")
-    else:
-        store.save_truth(truth, np.where(MASK, 0.1, np.nan))
+    store.save_truth(TRUTH, np.where(MASK, 0.1, np.nan))
     for method in methods:
         store.save_estimate(solve(method, frames, told, CAMERA, MASK))
+    compare(store)
     return path
 
 
@@ -62,8 +60,8 @@ def pair(tmp_path_factory):
     parent, exact = tmp_path_factory.mktemp("pair"), lights()
     aside = np.radians(4.0) * np.random.default_rng(1).standard_normal(exact.directions.shape)
     wrong = replace(exact, directions=unit(exact.directions + aside))
-    real = folder_of(parent / "real", wrong, exact, noise=0.01, seed=1)
-    return real, folder_of(parent / "twin", exact, exact, noise=0.01, seed=2, rendered=True)
+    twin = folder_of(parent / "real" / "twin", exact, exact, noise=0.01, seed=2)
+    return folder_of(parent / "real", wrong, exact, noise=0.01, seed=1), twin
 
 
 def test_two_folders_give_a_verdict_and_its_numbers(pair, tmp_path):
@@ -93,15 +91,15 @@ def test_what_cannot_be_compared_is_told_and_nothing_is_written(pair, tmp_path):
 
     told("is no folder")
     twin.mkdir()
-    told("process the session first")
+    told("found no methods' errors")
     folder_of(twin, lights(), lights(), methods=("ls",))
     for asked, missing in (("ls,iterativ", "iterativ"), ("ls, iterative", "iterative"), (" ,", "nothing")):
         told(f"--method {asked}: {missing} is unknown; .* ls. These both folders", methods=asked)
     assert list(compare_folders(real, twin, tmp_path / "found", methods=" ls ")["methods"]) == ["ls"]
-    (twin / "normals" / "ls.npy").rename(twin / "normals" / "position.npy")
+    for kind in ("normals/{}.npy", "albedo/{}.npy", "compare/error_real_{}.npy"):
+        if (twin / kind.format("ls")).exists():
+            (twin / kind.format("ls")).rename(twin / kind.format("position"))
     told("no method's normals")
-    (twin / "normals" / "truth.npy").unlink()
-    told("found no ground truth")
 
 
 SIGMA_DEG = 0.3
@@ -148,6 +146,7 @@ def session_of(parent, name, scan, pose, camera, seed, *, changed=None, told_pos
     given = unit(normals).astype(np.float32)
     albedo, samples = np.ones_like(given), lit * mask.astype(np.uint16)
     store.save_estimate(Estimate("ls", given, albedo, samples, 1.0, 1.0, {}, (), sigma))
+    compare(store)
     return store.folder
 
 

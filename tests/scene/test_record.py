@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -235,6 +236,7 @@ def test_a_record_that_cannot_be_opened_is_told(tmp_path):
 
 KILLED = """
 import os, sys
+from contextlib import nullcontext
 from pathlib import Path
 from scene import files, record
 from scene.output_folder import open_record
@@ -309,6 +311,25 @@ def test_a_folder_takes_its_place_at_once(tmp_path):
         (record.folder / "made" / "mine.txt").write_text("mine")
         with pytest.raises(SceneError, match="rgbn did not write it"):
             remove(record.folder / "made" / "mine.txt")
+
+
+def test_what_is_finished_stays_where_its_place_is_taken(tmp_path):
+    """Hours of rendering."""
+    with open_record(tmp_path / "out") as record:
+        source = record.scratch("unfinished") / "frames.npy"
+        write_text(source, "rendered")
+        (record.folder / "frames.npy").write_text("mine")
+        with pytest.raises(SceneError, match="rgbn did not write it"):
+            move(source, record.folder / "frames.npy")
+        assert source.read_text() == "rendered"
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_the_longest_names_that_a_file_system_takes_are_written(tmp_path, held):
+    with open_record(tmp_path / "out") if held else nullcontext():
+        for name in (250 * "n" + ".txt", 83 * "名" + ".txt"):
+            write_text(tmp_path / "out" / name, name)
+            assert (tmp_path / "out" / name).read_text() == name
 
 
 def test_a_file_of_the_users_that_is_named_is_not_written_over(tmp_path):

@@ -39,6 +39,16 @@ def test_each_question_is_asked_once_until_its_answer_can_be_read(monkeypatch, c
     assert [asked.camera(is_known=False) for _ in ("one object", "another")] == [{}, {}]
 
 
+@pytest.mark.parametrize("said", [(50.0, 40.0), (40.0,), ()])
+def test_what_an_earlier_file_says_of_the_balls_holds_for_as_many(monkeypatch, said):
+    balls = [{"kind": "chrome", "diameter_mm": mm} for mm in said]
+    earlier = Answers.said_in(Manifest.model_validate({"frames": {"flash": "*.png"}, "spheres": balls}))
+    assert earlier.chrome == said
+    asked = asking(monkeypatch, "", silent=True, earlier=earlier)
+    assert asked.diameters("chrome", [], 2) == {2: said, 1: 2 * said, 0: (None, None)}[len(said)]
+    assert asked.diameters("chrome", [], 3) == (3 * said if len(said) == 1 else (None,) * 3)
+
+
 @pytest.mark.parametrize(
     ("diagonal", "size", "unit"),
     [(450, 387, "mm"), (45, 387, "cm"), (0.45, 387, "m"), (17.7, 387, "inch"), (450, None, None), (35, 500, None)],
