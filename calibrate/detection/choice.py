@@ -26,6 +26,7 @@ from calibrate.detection.circles import overlap
 from calibrate.detection.coarse import Coarse
 from calibrate.detection.evidence import Change, Shaded, brightest
 from calibrate.lights.directions import USUAL_FOCAL, mirrored_rays
+from calibrate.silhouette.mirrored_surroundings import sized
 from calibrate.silhouette.mirrored_table import MirroredTable
 from scene.camera import Camera
 from scene.normals import unit
@@ -45,6 +46,7 @@ STARTS = 10  # circles from which the likeliest set is sought
 NEAREST = 0.4  # of the balls' distance from the camera: the range of the nearest light
 MATTE_DEG, MIRROR_DEG, OUTLINE_PX = 4.0, 2.0, 0.5
 """Errors of a direction by shading, by a mirror, and of an outline, coarse px: that turns what a small mirror shows."""
+STEPS = 33  # of the inverse range along that arc
 FEWEST = 2  # frames in which both show a light
 
 
@@ -188,7 +190,7 @@ def mirror_rays(coarse: Coarse, changes: list[Change], sphere: Sphere) -> Rays:
     """Return where a mirror, coarse pixels, would see the lights."""
     camera = _seen_by(coarse.camera)
     pixels, shown = brightest(changes, sphere)
-    _, directions = mirrored_rays(camera, _ball(sphere), pixels)
+    _, directions = mirrored_rays(camera, sized(sphere), pixels)
     shown &= np.isfinite(directions[..., 0])
     sigma = float(np.hypot(MIRROR_DEG, np.rad2deg(2 * OUTLINE_PX / sphere.radius_px)))
     return Rays(_center(camera, sphere), np.nan_to_num(directions), shown, sigma)
@@ -200,13 +202,9 @@ def matte_rays(coarse: Coarse, sphere: Sphere, seen: Shaded) -> Rays:
     return Rays(center, seen.directions[:, None], seen.lit[:, None], MATTE_DEG)
 
 
-def _ball(sphere: Sphere) -> Sphere:
-    return Sphere(sphere.kind, sphere.center_px, sphere.radius_px, diameter_mm=2 * sphere.radius_px)
-
-
 def _center(camera: Camera, sphere: Sphere) -> Array:
     """Return where the ball is; an orthographic camera is so far away that all are at one place."""
-    return np.zeros(3) if camera.is_orthographic else _ball(sphere).center_mm(camera)
+    return np.zeros(3) if camera.is_orthographic else sized(sphere).center_mm(camera)
 
 
 def agreement(a: Rays, b: Rays) -> Array:
@@ -220,22 +218,10 @@ def agreement(a: Rays, b: Rays) -> Array:
     both = a.shown.any(1) & b.shown.any(1)
     if both.sum() < FEWEST:
         return np.zeros(2)
-    nearest = NEAREST * np.linalg.norm(a.center) or 1.0
-    near = unit(a.center + nearest * a.directions - b.center)[:, :, None]
-    miss = np.rad2deg(_from_arc(b.directions[:, None], near, a.directions[:, :, None]))
+    # Where b would see a's light, at inverse ranges from 0 to that of the nearest.
+    inverse = np.linspace(0, 1, STEPS)[:, None, None, None] / (NEAREST * np.linalg.norm(a.center) or 1.0)
+    arc = unit(a.directions + inverse * (a.center - b.center))
+    miss = np.rad2deg(np.arccos(np.clip(np.einsum("sfki,fli->sfkl", arc, b.directions).max(0), -1, 1)))
     miss = np.where(a.shown[:, :, None] & b.shown[:, None], miss, np.inf).min((1, 2))[both]
     agree = float(np.mean(np.exp(-0.5 * (miss / np.hypot(a.sigma_deg, b.sigma_deg)) ** 2)))
     return np.sqrt(len(miss)) * np.array([agree, 1 - agree])
-
-
-def _from_arc(directions: Array, start: Array, end: Array) -> Array:
-    """Return the angle (...) between directions (..., 3) and the great circle's arc from start to end."""
-    normal = np.cross(start, end)
-    length = np.linalg.norm(normal, axis=-1, keepdims=True)
-    normal = normal / np.maximum(length, 1e-9)
-    off = np.sum(directions * normal, -1)
-    on = directions - off[..., None] * normal
-    beside = np.sum(np.cross(start, on) * normal, -1) > 0
-    beside &= (np.sum(np.cross(on, end) * normal, -1) > 0) & (length[..., 0] > 1e-6)
-    ends = np.maximum(np.sum(directions * start, -1), np.sum(directions * end, -1))
-    return np.where(beside, np.arcsin(np.clip(np.abs(off), 0, 1)), np.arccos(np.clip(ends, -1, 1)))

@@ -15,10 +15,8 @@ from scipy.linalg import block_diag
 from calibrate.lights.directions import (
     SURROUNDINGS_DEG,
     Shading,
-    mean_directions,
     mirrored_rays,
     no_shading,
-    ray_meeting,
     two_across,
 )
 from calibrate.silhouette.outline import moved, outline_shift
@@ -104,30 +102,12 @@ class Adjustment:
         self.middle[self.first_light + 2 :: 3] = np.log(typical) if near else 0
 
     def _start_lights(self) -> float:
-        """Set the lights to begin with; return a typical inverse range, 1 / mm."""
+        """Set the lights to begin with, as far as the camera; return that inverse range, 1 / mm."""
         shown_by = zip(self.seen.spheres, self.seen.highlights, strict=True)
-        mirrored = [mirrored_rays(self.camera, sphere, pixels) for sphere, pixels in shown_by]
-        points, directions = (np.stack(part) for part in zip(*mirrored, strict=True))
-        toward = mean_directions(directions)
+        toward = unit(np.nansum([mirrored_rays(self.camera, ball, pixels)[1] for ball, pixels in shown_by], axis=0))
         toward = np.where(np.isfinite(toward), toward, self.shading.rough)
-        inverse, typical = np.zeros(self.lights), 1.0
-        if self.near:
-            centers = np.broadcast_to(self.shading.centers_mm[:, None], self.shading.directions.shape)
-            white = np.where(self.shading.clear[..., None], self.shading.directions, np.nan)
-            starts, rays = np.concatenate([points, centers]), np.concatenate([directions, white])
-            for f in range(self.lights):
-                shown = np.isfinite(rays[:, f, 0])
-                if shown.sum() >= 2:
-                    meeting = ray_meeting(starts[shown, f], rays[shown, f]) - self.reference
-                    distance = np.linalg.norm(meeting)
-                    if np.isfinite(distance) and meeting @ toward[f] > 0:
-                        toward[f] = meeting / distance
-                        inverse[f] = 1 / distance
-            # Where no two rays meet, the lights are taken to be as far as the camera.
-            some = inverse[inverse > 0]
-            typical = float(np.median(some)) if len(some) else 1 / max(float(np.linalg.norm(self.reference)), 1.0)
-            inverse = np.clip(np.where(inverse > 0, inverse, typical), 0.2 * typical, 5 * typical)
-        self._begin(toward, inverse)
+        typical = 1 / max(float(np.linalg.norm(self.reference)), 1.0)
+        self._begin(toward, np.full(self.lights, typical if self.near else 0.0))
         return typical
 
     def _begin(self, toward: Array, inverse: Array) -> None:

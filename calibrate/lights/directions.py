@@ -18,7 +18,6 @@ from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
 USUAL_FOCAL = 1.4  # widths of the picture that an unknown camera is taken to have: 50 mm on 36 mm
-PARALLEL = 1e7  # condition from which on rays do not meet
 TURNS, RESTS = 60, 1e-12
 """Of the iteration to where a ball mirrors a light: each brings it nearer by the ball's radius over its distance."""
 SURROUNDINGS_DEG = 1.3
@@ -75,23 +74,6 @@ def mirrored_rays(camera: Camera, sphere: Sphere, pixels: NDArray) -> tuple[Arra
     return points, 2 * np.sum(normals * view, -1, keepdims=True) * normals - view
 
 
-def ray_meeting(points: Array, directions: Array) -> Array:
-    """Return the point (3,) nearest to rays (K, 3), (K, 3) in the least-squares sense; NaN if they are parallel."""
-    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
-    normal = across.sum(0)
-    if np.linalg.cond(normal) > PARALLEL:
-        return np.full(3, np.nan)
-    return np.linalg.solve(normal, np.einsum("kij,kj->i", across, points))
-
-
-def mean_directions(directions: Array) -> Array:
-    """Return (F, 3) unit mean over balls of (S, F, 3), NaN balls left out; NaN where no ball saw the flash."""
-    seen = np.isfinite(np.asarray(directions)[..., :1])
-    total = np.where(seen, directions, 0).sum(0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(seen.any(0), total / np.linalg.norm(total, axis=1, keepdims=True), np.nan)
-
-
 def two_across(directions: Array) -> tuple[Array, Array]:
     """Return two unit vectors (..., 3) across each unit direction (..., 3) and each other."""
     helper = np.where(np.abs(directions[..., :1]) < 0.7, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
@@ -131,9 +113,7 @@ class Shading:
     @property
     def rough(self) -> Array:
         """(F, 3) the mean of the balls that show the light clearly, NaN where none does."""
-        seen = self.clear[..., None]
-        total = np.where(seen, self.directions, 0).sum(0)
-        return np.where(seen.any(0), unit(np.where(seen.any(0), total, 1.0)), np.nan)
+        return unit(np.where(self.clear[..., None], self.directions, 0).sum(0))
 
     @property
     def placed(self) -> int:

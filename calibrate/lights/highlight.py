@@ -27,6 +27,7 @@ CENTROID_PX, CENTROID_SHARE = 0.15, 0.06  # error of a centroid: px, and of the 
 GLARE_PX, GLARE_SHARE = 1.0, 0.1
 """How far from its core's middle, px and sizes, a spot may be fitted: farther, a streak of glare has drawn it there."""
 CORE_SHARE, CORE_DEPTH = 0.1, 0.9  # error of a core's middle, sizes, and share of the depth that is its middle
+NEIGHBOURS = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], np.float32) / 4  # of which interpolated green is the mean
 MOSAIC = 0.05  # share of the other samples' miss that interpolated ones show
 
 
@@ -138,14 +139,16 @@ def measure_spot(
     inner = float(np.sqrt(np.sum(region & (image > floor + INNER * (peak - floor))) / np.pi))
     # Between a disc's radius and a blurred point's deviation.
     extent = float(np.sqrt(size * inner))
-    patch = _patch(colours, white, (xs, ys), (y, x), near_by) if frames.is_mosaic else None
-    if patch is None:
-        patch = Patch(
-            np.stack([xs[near_by], ys[near_by]], -1).astype(float),
-            (image[near_by].astype(float) - floor) / (peak - floor),
-            clipped[near_by],
-            *np.zeros((2, np.count_nonzero(near_by)), bool),
-        )
+    if frames.is_mosaic:
+        # The sensor's own samples alone: what is interpolated errs with them.
+        off, parity = np.abs(image - cv2.filter2D(image, -1, NEIGHBOURS)), (xs + ys) % 2
+        miss = [float(off[1:-1, 1:-1][parity[1:-1, 1:-1] == p].mean()) for p in (0, 1)]
+        near_by &= (parity == np.argmax(miss)) | (min(miss) > MOSAIC * max(miss))
+    patch = Patch(
+        np.stack([xs[near_by], ys[near_by]], -1).astype(float),
+        (image[near_by].astype(float) - floor) / (peak - floor),
+        clipped[near_by],
+    )
     fit = fit_disc(camera, sphere, patch, center, radius_px=size, skirt_px=size - inner)
     spot = Spot(center, CENTROID_PX + CENTROID_SHARE * size, extent) if fit is None else Spot(*fit, extent)
     if not glows:
@@ -162,47 +165,3 @@ def _core(region: NDArray[np.bool_]) -> Array:
     y, x = np.nonzero(depth > CORE_DEPTH * depth.max())
     weight = depth[y, x]
     return np.array([np.average(x, weights=weight), np.average(y, weights=weight)])
-
-
-def _patch(
-    colours: NDArray, white: NDArray[np.bool_], grid: tuple[NDArray, NDArray], peak: tuple, near_by: NDArray[np.bool_]
-) -> Patch | None:
-    """Return the samples that a mosaic's sensor took, each colour from 0 around the spot to 1 at its peak."""
-    sites = _sites(colours, *grid)
-    if sites is None:
-        return None
-    border = np.ones(colours.shape[:2], bool)
-    border[1:-1, 1:-1] = False
-    floor = np.median(colours[border], axis=0)
-    height = cv2.GaussianBlur(colours, (0, 0), SMOOTH_PX)[peak] - floor
-    if min(height) <= 0:
-        return None
-    use = near_by & (sites >= 0)
-    own = np.maximum(sites[use], 0)
-    values = (np.take_along_axis(colours[use], own[:, None], 1)[:, 0] - floor[own]) / height[own]
-    clipped = np.take_along_axis(white[use], own[:, None], 1)[:, 0]
-    pixels = np.stack([axis[use] for axis in grid], -1).astype(float)
-    return Patch(pixels, values.astype(float), clipped, own == 0, own == 2)
-
-
-def _sites(colours: NDArray, xs: NDArray, ys: NDArray) -> NDArray[np.intp] | None:
-    """Return which colour (h, w) each pixel's sensor saw, -1 where that is not clear; None if no mosaic shows.
-
-    Told by the pixels themselves: an interpolated green is the mean of its four neighbours, a red one at a blue
-    sample's place the mean of the four at its corners.
-    """
-    inside = (slice(1, -1), slice(1, -1))
-    parity = (xs + ys) % 2
-    green, red = colours[..., 1], colours[..., 0]
-    cross = (green[:-2, 1:-1] + green[2:, 1:-1] + green[1:-1, :-2] + green[1:-1, 2:]) / 4
-    off = [float(np.mean(np.abs(green[inside] - cross)[parity[inside] == p])) for p in (0, 1)]
-    if min(off) > MOSAIC * max(off):
-        return None
-    own = int(np.argmax(off))
-    sites = np.where(parity == own, 1, -1)
-    corners = (red[:-2, :-2] + red[2:, 2:] + red[2:, :-2] + red[:-2, 2:]) / 4
-    other = parity[inside] != own
-    off = [float(np.mean(np.abs(red[inside] - corners)[other & (ys[inside] % 2 == p)])) for p in (0, 1)]
-    if min(off) < MOSAIC * max(off):
-        sites[sites < 0] = np.where(ys[sites < 0] % 2 == int(np.argmax(off)), 0, 2)
-    return sites

@@ -29,9 +29,8 @@ STRAYED_PX, STRAYED = 1.0, 0.5  # px, and radii, that the centre may lie from th
 SIDES = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 SIDE_PX = 0.01  # of the differences by the pixel
 # Deviations allowed from the start: log height, log widths (2), shear, log of the profile's exponent, background
-# (level, slopes: of the height, per pixel), share of the bending; then what red and blue are higher than green.
+# (level, slopes: of the height, per pixel), share of the bending.
 LOOSE = np.array([2.0, 1.0, 1.0, 0.5, 0.5, 0.3, 0.1, 0.1, 0.25])
-LOOSE_COLOUR, LOOSE_CLIPPED_COLOUR = 0.1, 0.7
 
 
 class Patch(NamedTuple):
@@ -40,8 +39,6 @@ class Patch(NamedTuple):
     pixels: Array  # (P, 2) as (u, v); only samples that were measured, none that was interpolated
     values: Array  # (P,) 0 around the spot, 1 at its peak or white; where clipped, what it was clipped to
     clipped: NDArray[np.bool_]  # (P,)
-    red: NDArray[np.bool_]  # (P,) samples of this colour; those that are neither are green, or of all colours
-    blue: NDArray[np.bool_]  # (P,)
 
 
 def fit_disc(
@@ -70,13 +67,11 @@ def fit_disc(
     bend = (seen[5:] - seen[4]) @ flatten.T - offset
     good = np.isfinite(bend[:, 0])
     offset, bend, clipped, values = offset[good], bend[good], patch.clipped[good], patch.values[good]
-    colours = np.stack([patch.red[good], patch.blue[good]]).astype(float)
     blur = (CLIPPED_BLURS if clipped.any() else BLURS) * max(skirt_px, LEAST_SKIRT_PX)
     width = np.log(0.8 * radius_px + 0.3)
     share = (max(0.0, radius_px - blur) / radius_px) ** 2
     height = np.log(CLIPPED_HEIGHT) if clipped.any() else 0.1
-    x = np.array([0.0, 0.0, height, width, width, 0.0, 0.0, 0.0, 0.0, 0.0, share, 0.0, 0.0])
-    loose = np.append(LOOSE, [LOOSE_CLIPPED_COLOUR if clipped.any() else LOOSE_COLOUR] * 2)
+    x = np.array([0.0, 0.0, height, width, width, 0.0, 0.0, 0.0, 0.0, 0.0, share])
     if np.count_nonzero(~clipped) < len(x):
         return None
     middle = x[2:].copy()
@@ -85,17 +80,17 @@ def fit_disc(
     noise = max(1.5 * float(np.median(np.abs(rim - np.median(rim)))), LEAST_NOISE)
     weight = np.ones(len(values))
     expected = np.clip(values, 0, 1)
-    priors = np.concatenate([np.zeros((len(loose), 2)), np.diag(1 / loose)], 1)
+    priors = np.concatenate([np.zeros((len(LOOSE), 2)), np.diag(1 / LOOSE)], 1)
     for _ in range(3):
         scale = weight / np.hypot(noise, UNMODELLED * expected)
 
         def both(x: Array, scale: Array = scale) -> tuple[Array, Array]:
-            image, slopes = _image(x, offset, bend, colours)
+            image, slopes = _image(x, offset, bend)
             off = image - values
             # White is a floor for what is clipped, not a value.
             scale = np.where(clipped & (off > 0), 0.0, scale)
             return (
-                np.concatenate([scale * off, (x[2:] - middle) / loose]),
+                np.concatenate([scale * off, (x[2:] - middle) / LOOSE]),
                 np.concatenate([scale[:, None] * slopes, priors]),
             )
 
@@ -109,7 +104,7 @@ def fit_disc(
             max_nfev=40,
         ).x
         residual, slopes = both(x)
-        expected = np.clip(_image(x, offset, bend, colours)[0] - x[7], 0, 1)
+        expected = np.clip(_image(x, offset, bend)[0] - x[7], 0, 1)
         size = np.abs(residual[: len(values)]) / np.maximum(weight, 1e-9)
         weight = 1 / np.sqrt(1 + (size / (OUTLIER * max(1.0, spread(size[~clipped])))) ** 2)
     if np.hypot(x[0], x[1]) > max(STRAYED_PX, STRAYED * radius_px):
@@ -128,15 +123,15 @@ def fit_disc(
     return center, float(np.hypot(sigma, FLOOR_PX))
 
 
-def _image(x: Array, offset: Array, bend: Array, colours: Array) -> tuple[Array, Array]:
-    """Return the model (P,) and its derivatives (P, 13); `colours` (2, P) is 1 at samples of red, and of blue."""
-    u, v, height, wide, high, shear, exponent, level, across, down, share, *colour = x
+def _image(x: Array, offset: Array, bend: Array) -> tuple[Array, Array]:
+    """Return the model (P,) and its derivatives (P, 11)."""
+    u, v, height, wide, high, shear, exponent, level, across, down, share = x
     du, dv = (offset + share * bend - [u, v]).T
     e, f, g = np.exp(np.clip([-wide, -high, exponent], -7, 2.3))
     first, second = e * du, f * (dv + shear * du)
     square = np.minimum(first * first + second * second + 1e-12, 1e4)
     power = np.minimum(square**g, 80.0)
-    spot = np.exp(np.minimum(height + colour @ colours, 20.0) - power)
+    spot = np.exp(np.minimum(height, 20.0) - power)
     fall = -spot * g * power / square
     of_u = -2 * fall * (first * e + second * f * shear)
     of_v = -2 * fall * second * f
@@ -152,6 +147,5 @@ def _image(x: Array, offset: Array, bend: Array, colours: Array) -> tuple[Array,
         offset[:, 0],
         offset[:, 1],
         -of_u * bend[:, 0] - of_v * bend[:, 1],
-        *(spot * colours),
     ]
     return spot + level + across * offset[:, 0] + down * offset[:, 1], np.stack(slopes, -1)

@@ -6,7 +6,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from calibrate.detection.coarse import shrink
-from calibrate.lights.highlight import _sites, find_spots
+from calibrate.lights.highlight import find_spots
 from calibrate.lights.reflected_disc import _image
 from scene.camera import Camera
 from scene.frames import PEDESTAL, WHITE, Frames
@@ -77,18 +77,6 @@ def test_a_mosaic_is_read_at_its_own_samples(brightness):
     error, sigma = _errors(_frames(PLACES, 1.5, brightness, mosaic=True, colour=(0.6, 1.0, 0.75)))
     assert np.sqrt(np.mean(error**2)) < 0.04
     assert (np.abs(error) < 3.5 * sigma[:, None]).all()
-
-
-@pytest.mark.parametrize("left", [0, 1])
-@pytest.mark.parametrize("top", [0, 1])
-def test_the_mosaic_shows_in_its_pixels(left, top):
-    """Whatever the first pixel of a crop is: RGGB, GRBG, GBRG, BGGR."""
-    frame = _frames(PLACES, 3.0, 0.8, mosaic=True).frame(0)[40 + top : 100 + top, 40 + left : 100 + left]
-    ys, xs = np.mgrid[7:67, 4:64]
-    row, column = np.mgrid[top : top + 60, left : left + 60] % 2
-    sites = _sites(frame, xs, ys)
-    np.testing.assert_array_equal(sites[1:-1, 1:-1], (row + column)[1:-1, 1:-1])
-    assert _sites(_frames(PLACES, 3.0, 0.8).frame(0)[40:100, 40:100], xs, ys) is None
 
 
 def test_a_frame_without_flash_has_no_highlight():
