@@ -57,7 +57,8 @@ wall throws light."""
 NEAREST_PLANE, FARTHEST_PLANE = 0.85, 2.0
 """Radii from the ball's centre to its table: nearer it would cut the ball (a ring lets it in a little), and no foot on
 which a ball stands is higher."""
-TURNS, ROUGH_TURNS = 40, 8
+TURNS, ROUGH_TURNS, LAST_TURNS = 40, 8, 20
+LAST_STEP = 0.5  # whole steps would go to and fro: bilinear interpolation has kinks, and weights are read anew
 FIRST_DAMPING, MOST_DAMPING = 1e-2, 1e1  # of a step that does not lead down
 USUAL = 0.6  # the same of chromium, before it is known
 ROUGH_PX, REST = 0.1, 0.1  # a rough fit's step from which on no more is taken; the same in sigmas of each unknown
@@ -175,9 +176,9 @@ def _settle(
     prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / known.sigma**2
     middle[BLUR], middle[PLANE] = blur_px, known.values
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
-    normal, gradient, sigma, least = np.eye(8), np.zeros(8), np.ones(8), np.inf
+    normal, gradient, sigma, least, is_last = np.eye(8), np.zeros(8), np.ones(8), np.inf, False
     told: _Told | None = None
-    for _ in range(ROUGH_TURNS if rough else TURNS):
+    for turn in range(ROUGH_TURNS if rough else TURNS):
         if abs(np.log(blur / at.blur_px)) > ANEW:
             at = samples(sphere.radius_px, blur)
         profiles, jacobian = table.profiles(sphere, at)
@@ -185,9 +186,9 @@ def _settle(
         explained = explain(profiles, shown, law(at.middle, mirror), at.offsets, blur)
         beside = np.concatenate([np.zeros(3), plane, [blur, 0.0]]) - middle
         pulled = float(prior @ beside**2)
-        if explained and explained.hopeful and (told is None or told.cost(explained) + pulled < least):
+        if explained and explained.hopeful and (is_last or told is None or told.cost(explained) + pulled < least):
             looked = _Seen(profiles, at, jacobian, shown, table.slopes(sphere, plane, at))
-            told = _told(looked, blur, law, explained, rough=rough)
+            told = _told(looked, blur, law, explained, is_last=is_last)
             normal = told.information + np.diag(prior)
             size = np.sqrt(np.diag(normal))
             if not (size > 0).all() or np.linalg.cond(normal / np.outer(size, size)) > SINGULAR:
@@ -199,15 +200,20 @@ def _settle(
             found = MirroredTable(sphere, covariance[OUTLINE, OUTLINE], seen, blur, explained.mirror, explained.share)
             gradient, damping = told.gradient - prior * beside, damping / 10
             least = told.cost(explained) + pulled
-        elif found is None:
+        elif found is None or is_last:
             break
         else:
             damping = max(10 * damping, FIRST_DAMPING)
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
         step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12))))
         moves = np.abs(step[OUTLINE]) / ROUGH_PX if rough else np.abs(step[:BLUR]) / (REST * sigma[:BLUR])
-        if moves.max() < 1 or damping > MOST_DAMPING:
+        is_at_rest = moves.max() < 1
+        if is_at_rest and (rough or is_last):
             break
+        if is_last:
+            step = LAST_STEP * step
+        elif is_at_rest or damping > MOST_DAMPING or turn == TURNS - LAST_TURNS:
+            is_last, damping, step = True, 0.0, 0 * step
         sphere, plane = moved(found.sphere, np.asarray(step[OUTLINE], np.float64)), found.plane.values + step[PLANE]
         plane[2] = np.clip(plane[2], NEAREST_PLANE, FARTHEST_PLANE)
         blur = float(max(found.blur_px + step[BLUR], SHARPEST_PX))
@@ -239,7 +245,7 @@ class _Told(NamedTuple):
         return self.samples * explained.cost(self.noise)
 
 
-def _told(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles, *, rough: bool) -> _Told:
+def _told(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles, *, is_last: bool) -> _Told:
     """Return what the profiles say: neighbours err alike, so that many of them say what one does.
 
     How many is told by the scatter of their scores between sectors. Without that, what is known of the plane beforehand
@@ -248,8 +254,9 @@ def _told(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles, *, r
     slopes, steeper = _slopes(seen, blur, law, explained)
     pull = explained.weight * explained.residual
     scores = np.einsum("pfnm,fnm->pn", slopes, pull).astype(np.float64)
-    if rough:
-        # Downhill in what the photographs show: it leads from farther away. At last their noise counts.
+    if not is_last:
+        # Downhill in what the photographs show. At last by the model's own slopes, which have no noise: the sum
+        # is least where interpolation smooths the noise most.
         scores[OUTLINE] -= seen.jacobian.T * np.sum(pull * steeper, (0, 2))
     rows = slopes.reshape(8, -1).astype(np.float64)
     information = (rows * explained.weight.reshape(-1)) @ rows.T
