@@ -174,15 +174,8 @@ class Camera:
 
     def every(self, step: int) -> "Camera":
         """Return the camera whose pixels are every n-th one, from the first on: pixel u becomes u / n."""
-        return replace(
-            self,
-            width=-(-self.width // step),
-            height=-(-self.height // step),
-            fx=self.fx / step,
-            fy=self.fy / step,
-            cx=self.cx / step,
-            cy=self.cy / step,
-        )
+        smaller = self.scaled(-(-self.width // step), -(-self.height // step), 1 / step, 1 / step)
+        return replace(smaller, cx=self.cx / step, cy=self.cy / step)
 
     def _distort(self, x: Array, y: Array) -> tuple[Array, Array]:
         """Apply Brown's model as OpenCV writes it, on normalised coordinates with y down."""

@@ -137,12 +137,10 @@ class Frames:
         red, green, blue = np.moveaxis(codes >= self.limit, -1, 0)
         clipped = red | green | blue  # eight times faster than np.any over so short an axis
         if margin:
-            spread = clipped.copy()
-            spread[:, 1:] |= clipped[:, :-1]
-            spread[:, :-1] |= clipped[:, 1:]
-            clipped = spread.copy()
-            clipped[:, :, 1:] |= spread[:, :, :-1]
-            clipped[:, :, :-1] |= spread[:, :, 1:]
+            import cv2
+
+            for one in clipped.view(np.uint8):
+                cv2.dilate(one, np.ones((3, 3), np.uint8), dst=one)
         return clipped[:, first - top :, left - edge :][:, : last - first, : right - left]
 
     def read_pixels(self, index: int, v: NDArray, u: NDArray) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

@@ -216,8 +216,9 @@ def test_balls_agree_on_near_lights_and_a_flat_mirror_does_not():
     lights = rng.normal(0, 500, (12, 3)) * [1, 1, 0.3] + [0, 0, -300]
     one, other = (_rays(center, lights) for center in CENTERS)
     agree, differ = agreement(one, other)
-    assert agree == pytest.approx(np.sqrt(12), rel=1e-6)
-    assert differ == pytest.approx(0, abs=1e-6)
+    # To the steps along the arc.
+    assert agree == pytest.approx(np.sqrt(12), rel=0.01)
+    assert differ == pytest.approx(0, abs=0.03)
     agree, differ = agreement(one, _rays(CENTERS[1], lights, flat=0.67))
     assert differ > 1.5 * agree
     # Off by one sigma of both across the arc, at most.

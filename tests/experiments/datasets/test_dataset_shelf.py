@@ -72,7 +72,7 @@ def command(tmp_path):
 def test_what_is_at_fault_is_not_added(striped, tmp_path):
     lights = striped / "light_directions.txt"
     np.savetxt(lights, np.loadtxt(lights)[:-1])
-    with pytest.raises(SceneError, match="not added, .*light_directions.txt has 11 lights"):
+    with pytest.raises(SceneError, match=r"not added, .*light_directions.txt has 11 lights"):
         add(tmp_path / "shelf", striped)
     assert not (tmp_path / "shelf").exists()
 
