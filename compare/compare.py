@@ -219,11 +219,12 @@ def _without_common_rotation(
     step = sampling_step(error.size)
     found, true, left = (one[::step, ::step].astype(np.float64) for one in (estimate, truth, error))
     # The worst quarter is left out: shadows and highlights are not what turns a whole map.
-    tells, known = left <= np.nanquantile(left, 0.75), np.isfinite(left)
+    known = np.isfinite(left)
+    tells = left <= np.quantile(left[known], 0.75) if known.any() else known
     spread = np.linalg.svd(true[tells].T @ found[tells], compute_uv=False)
     if not spread[1] > 0.01 * spread[0]:
         return None, None
-    rotation, _ = Rotation.align_vectors(true[tells], found[tells])
+    rotation = Rotation.align_vectors(true[tells], found[tells])[0]
     left = angular_error_deg(rotation.apply(found[known]), true[known])
     return float(np.degrees(rotation.magnitude())), float(np.median(left))
 

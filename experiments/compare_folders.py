@@ -58,7 +58,7 @@ def compare_folders(
     Raises
     ------
     SceneError
-        A folder is not processed, a method asked for is not in both, or the two have none in common.
+        A folder has no errors, a method asked for is not in both, or the two have none in common.
     """
     from compare.statistics.counterparts import compare_counterparts
 
@@ -123,13 +123,13 @@ def _common(folders: tuple[Folder, Folder], asked: str | None) -> tuple[str, ...
     names = "; ".join(f"{one.store.folder}: {', '.join(one.errors)}" for one in folders)
     common = tuple(name for name in folders[0].errors if name in folders[1].errors)
     if not common:
-        raise SceneError(f"compare: no method's normals are in both folders ({names}). Process both alike.")
+        raise SceneError(f"compare: no method's errors are in both folders ({names}). Process both alike.")
     if asked is None:
         return common
     try:
         return named("--method", asked, common)
     except SceneError as error:
-        raise SceneError(f"{error} These both folders have normals of ({names}): process both alike.") from None
+        raise SceneError(f"{error} These both folders have errors of ({names}): process both alike.") from None
 
 
 def open_folder(path: Path) -> Folder:

@@ -135,7 +135,7 @@ class Frames:
         top, edge = max(first - margin, 0), max(left - margin, 0)
         codes = self.codes[frames, top : last + margin, edge : right + margin]
         red, green, blue = np.moveaxis(codes >= self.limit, -1, 0)
-        clipped = red | green | blue  # eight times faster than np.any over so short an axis
+        clipped = np.ascontiguousarray(red | green | blue)  # eight times faster than np.any over so short an axis
         if margin:
             import cv2
 
@@ -210,6 +210,8 @@ def shrunk(codes: NDArray, factor: int) -> NDArray[np.float32]:
     rows = max(1, BAND_PIXELS // (factor * codes.shape[1]))
     for start in range(0, height, rows):
         stop = min(start + rows, height)
-        band = decode(codes[start * factor : stop * factor, : width * factor])
-        out[start:stop] = cv2.resize(band, (width, stop - start), interpolation=cv2.INTER_AREA)
+        band = codes[start * factor : stop * factor, : width * factor]
+        # What is linear may be averaged before it is decoded. OpenCV knows no float16.
+        band = band if codes.dtype == np.uint16 else band.astype(np.float32)
+        out[start:stop] = decode(cv2.resize(band, (width, stop - start), interpolation=cv2.INTER_AREA))
     return out

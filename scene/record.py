@@ -27,7 +27,7 @@ FORMAT = 4
 
 def temporary_name(path: Path) -> str:
     """Return the name under which a file is written; no longer than file systems allow, 255 bytes."""
-    return f".{os.getpid()}.{threading.get_ident()}.tmp.{path.name.encode()[-200:].decode(errors='ignore')}"
+    return f".{os.getpid()}.{threading.get_ident()}.tmp.{os.fsdecode(os.fsencode(path.name)[-200:])}"
 
 
 @dataclass

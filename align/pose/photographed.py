@@ -42,7 +42,7 @@ class Photographs:
         """Raise AlignError unless mask and normals (H, W, 3), if any, show an object."""
         asked = thinned(self.mask)
         known = asked if normals is None else asked & np.isfinite(normals).all(-1)
-        if known.sum() < 0.2 * asked.sum():
+        if known.sum() < max(0.2 * asked.sum(), 1):
             raise AlignError(
                 f"align: normals are known at {known.sum()} of {asked.sum()} pixels of the mask; expected most. "
                 "Is the mask on the object?"

@@ -122,9 +122,11 @@ class View:
             inside, outside = np.where(hit, middle, inside), np.where(hit, outside, middle)
         points = self.surface(*camera.rays(inside))[0]
 
-        soft = cv2.GaussianBlur(raster.astype(np.float32), (0, 0), 1.5)
+        top, left = (max(int(np.flatnonzero(raster.any(axis))[0]) - 5, 0) for axis in (1, 0))
+        bottom, right = (int(np.flatnonzero(raster.any(axis))[-1]) + 6 for axis in (1, 0))
+        soft = cv2.GaussianBlur(raster[top:bottom, left:right].astype(np.float32), (0, 0), 1.5)
         gradient = np.stack([cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1)], -1)
-        at = (inside / step).astype(np.float32)
+        at = (inside / step - [left, top]).astype(np.float32)
         slope = cv2.remap(gradient, at[:, 0], at[:, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         slope = slope.reshape(-1, 2).astype(np.float64)
         length = np.linalg.norm(slope, axis=1, keepdims=True)

@@ -77,14 +77,12 @@ def find_balls(
                 progress(number * total + done, len(stacks) * total)
 
         coarse = shrink(own, camera, progress=step)
-        masked = [r for r in group if r.mask is not None]
-        circled = [r for r in group if r.mask is None and r.center_px is not None]
+        given = [r for r in group if r.mask is not None or r.center_px is not None]
         open_ = [r for r in group if r.mask is None and r.center_px is None]
-        fits = [_fit_given_mask(own, camera, r.kind, r.mask) for r in group if r.mask is not None]
-        circles = [_circle(r) for r in circled]
-        given = [*(fit.sphere for fit in fits), *circles]
-        fits += [_given(own, camera, coarse, circle, given, warnings) for circle in circles]
-        diameters = [Diameter(request.diameter_mm, 0.0) for request in [*masked, *circled]]
+        starts = [_circle(r) if r.mask is None else _fit_given_mask(own, camera, r.kind, r.mask) for r in given]
+        there = [one.sphere if isinstance(one, OutlineFit) else one for one in starts]
+        fits = [s if isinstance(s, OutlineFit) else _given(own, camera, coarse, s, there, warnings) for s in starts]
+        diameters = [Diameter(request.diameter_mm, 0.0) for request in given]
         if open_ or not group:
             wanted: dict[Kind, int] | None = Counter(r.kind for r in open_) if group else None
             found, refused = detect(own, camera, coarse, wanted=wanted, taken=tuple(fit.sphere for fit in fits))

@@ -20,13 +20,18 @@ from calibrate.detection.detect import Rejected
 from calibrate.known_lights.measured_lights import are_sure
 from calibrate.known_lights.read_known import AS_THEY_ARE, NO_INTENSITIES, lacks_intensities, without_flag
 from calibrate.known_lights.rig import against_balls
+from calibrate.lights.directions import mirrored_rays
+from calibrate.lights.highlight import find_spots
+from calibrate.photometry.from_white import intensities_from_white
+from calibrate.photometry.matte_shading import brightness_beside, read_surface, shading_directions
+from calibrate.photometry.table_normal import table_normal
 from calibrate.without_balls.from_object import strengths_from_object
 from calibrate.without_balls.probe import CANDIDATES, read_probe, varied
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
 from scene.lights import Lights
-from scene.normals import angular_error_deg
+from scene.normals import angular_error_deg, unit
 from scene.spheres import Sphere, SphereRequest
 
 Array = NDArray[np.float64]
@@ -65,7 +70,7 @@ def with_known_lights(
     requests: Sequence[SphereRequest],
     lights: Lights,
     *,
-    own: Callable[[Sequence[Ball]], Calibration],
+    own: Callable[[Sequence[Ball]], Calibration] | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
     """Use given lights; find the balls that were asked for, and say how far they agree.
@@ -87,52 +92,78 @@ def with_known_lights(
     notes.evidence.append(f"{len(lights)} known lights ({lights.model}), {AS_THEY_ARE}")
     balls: list[Ball] = []
     rejected: tuple[Rejected, ...] = ()
-    found: Calibration | None = None
     if requests:
         try:
             balls, rejected, cautions = find_balls(frames, camera, requests, progress=progress)
-            notes.warnings.extend(cautions)
-            found = own(balls)
         except CalibrationError as error:
-            notes.warnings.append(f"the balls cannot check lights.file: {error}" if balls else str(error))
-    doubts, shown = [], np.full((len(balls), len(frames), 2), np.nan)
-    if found:
-        there, shown = lights.seen_from(found.lights.reference_point_mm).directions, found.highlights_px
-        angle = np.median(angular_error_deg(found.lights.directions, there))
-        notes.evidence.append(f"the balls see the known lights {angle:.2f} degrees off (median)")
-        doubts.append(contradiction("the balls", frames.names, found.lights.directions, there))
+            cautions = (str(error),)
+        notes.warnings.extend(cautions)
+    doubts: list[str | None] = []
+    table = table_normal(camera, [ball.sphere for ball in balls])
+    shown = np.full((len(balls), len(frames), 2), np.nan)
+    for i, ball in enumerate(balls):
+        if ball.sphere.kind == "chrome":
+            shown[i] = find_spots(ball.frames, camera, ball.coarse, ball.sphere).pixels
+            points, seen = mirrored_rays(camera, ball.sphere, shown[i])
+            target = _toward(lights, ball.sphere, points)
+            off_deg = angular_error_deg(seen, target)
+            if np.isfinite(off_deg).any():
+                told = f"{np.nanmedian(off_deg):.2f} degrees off (median)"
+                notes.evidence.append(f"chrome ball {i + 1} sees the known lights {told}")
+            else:
+                notes.warnings.append(f"chrome ball {i + 1} mirrors no flash: it checks nothing of lights.file.")
+        else:
+            beside = brightness_beside(ball.frames, ball.sphere)
+            seen, _ = shading_directions(read_surface(ball.frames, camera, ball.sphere, table), beside)
+            target = _toward(lights, ball.sphere, ball.sphere.center_mm(camera))
+        doubts.append(contradiction(f"{ball.sphere.kind} ball {i + 1}", frames.names, seen, target))
     if not balls:
         doubts.append(wrong_order(frames, camera, lights, np.ones((frames.height, frames.width), bool)))
     contradictions = [doubt for doubt in doubts if doubt]
     notes.warnings.extend(contradictions)
-    if found and not contradictions and are_sure(lights.direction_sigma_deg).all():
-        notes.warnings.extend(against_balls(lights, found, camera))
+    if own and balls and not contradictions and are_sure(lights.direction_sigma_deg).all():
+        try:
+            notes.warnings.extend(against_balls(lights, own(balls), camera))
+        except CalibrationError as error:
+            notes.warnings.append(f"the balls cannot check lights.file: {error}")
     if lacks_intensities(lights):
-        lights = _with_intensities(frames, camera, [ball.sphere for ball in balls], found, lights, notes)
+        try:
+            lights = _with_intensities(frames, camera, balls, lights, notes)
+        except CalibrationError as error:
+            # Under wrong directions a lit ball looks as if its flash had not fired.
+            if not contradictions:
+                raise
+            raise CalibrationError("\n".join(contradictions)) from error
     notes.warnings.extend(flag_warnings(lights.names, lights.flags))
     return Calibration([b.sphere for b in balls], lights, shown, rejected, tuple(notes.evidence), tuple(notes.warnings))
 
 
-def _with_intensities(
-    frames: Frames, camera: Camera, spheres: list[Sphere], found: Calibration | None, lights: Lights, notes: Notes
-) -> Lights:
-    """Take those of the white balls, else read on the object, the intensities that the lights' file does not have."""
-    if found and any(sphere.kind == "white" for sphere in spheres):
-        there = found.lights.seen_from(lights.reference_point_mm)
-        read = {name: getattr(there, name) for name in ("intensities", "intensity_sigma", "ambient", "white_value")}
-        notes.evidence.append("intensities from the white ball: the file has none")
+def _toward(lights: Lights, sphere: Sphere, points: Array) -> Array:
+    """Return unit vectors (F, 3) from points (F, 3) or (3,) on a ball to the lights."""
+    if lights.positions_mm is None or not sphere.diameter_mm:
+        return lights.directions
+    return unit(lights.positions_mm - points)
+
+
+def _with_intensities(frames: Frames, camera: Camera, balls: list[Ball], lights: Lights, notes: Notes) -> Lights:
+    """Read on the white balls, else on the object, the intensities that the lights' file does not have."""
+    white, table = [b for b in balls if b.sphere.kind == "white"], table_normal(camera, [b.sphere for b in balls])
+    surfaces = [read_surface(ball.frames, camera, ball.sphere, table) for ball in white]
+    if surfaces:
+        lights = intensities_from_white(frames, surfaces, lights, notes)
+        notes.evidence.append("intensities from the white ball, read with the known directions: the file has none")
     else:
         lacking = next(flag for flags in lights.flags for flag in flags if flag.endswith(NO_INTENSITIES))
         own = Notes(notes.evidence)
-        strengths = strengths_from_object(frames, camera, spheres, lights, own)
-        if strengths is None:
+        read = strengths_from_object(frames, camera, [ball.sphere for ball in balls], lights, own)
+        if read is None:
             notes.warnings.append(
                 f"{lacking}, and there is {EQUALLY_BRIGHT} State a white ball ([[spheres]]), or give a lights.json."
             )
             return lights
-        read = {"intensities": strengths[0], "intensity_sigma": strengths[1]}
+        lights = replace(lights, intensities=read[0], intensity_sigma=read[1])
         notes.warnings.extend(f"{lacking}, and there is {text}" for text in own.warnings)
-    return replace(lights, **read, flags=without_flag(lights)).normalised()
+    return replace(lights, flags=without_flag(lights)).normalised()
 
 
 def _orders(count: int) -> list[tuple[str, Order]]:

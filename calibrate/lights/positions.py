@@ -106,7 +106,8 @@ def fit_lights(seen: ObservedSpots, *, near: bool) -> LightFit:
     options: dict[str, Any] = {"jac": problem.slopes, "x_scale": "jac", "max_nfev": MOST_TRIALS}
     for index in range(ROUNDS):
         x = least_squares(problem.residuals, x, **options).x
-        if near:
+        if near and index < ROUNDS - 1:
+            # Lights of one session are about as far as each other; how far, they tell themselves.
             problem.middle[problem.first_light + 2 :: 3] = np.median(x[problem.first_light + 2 :: 3])
         size = np.linalg.norm(problem.residual_pixels(x), axis=-1)
         square = np.nanmedian((size / seen.sigma_px)[problem.used] ** 2) / MEDIAN_SQUARE

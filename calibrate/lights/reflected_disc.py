@@ -51,7 +51,7 @@ def fit_disc(
 
     Notes
     -----
-    I = h exp(-(x^T E x)^g) + plane, at x = W(p) - x0: h (one a colour), E (an ellipse) and g free, so that a disc, a
+    I = h exp(-(x^T E x)^g) + plane, at x = W(p) - x0: h, E (an ellipse) and g free, so that a disc, a
     blurred point and a halo's skirt are all of the family; the centre hangs on the symmetry alone. A clipped pixel
     says only that the model is not below white. W(p) = p + b (A^+ (d(p) - d(c)) - (p - c)), d the mirrored direction
     and A its derivative at the centroid c: b = 0 is symmetric in the picture, b = 1 among directions; how much of the

@@ -80,8 +80,11 @@ def _load_diligent(folder: Path) -> CaptureSession:
     frames = {"flash": [escape(name) for name in names], "linear": True}
     normals = next((name for name in NORMALS if (folder / name).is_file()), None)
     known = {"mask": MASK if (folder / MASK).is_file() else None, "normals": normals}
-    told_of = parse({"frames": frames, "lights": {"file": DIRECTIONS}, "object": known})
-    return replace(_resolved(folder, folder, *told_of), layout="diligent")
+    manifest = parse({"frames": frames, "lights": {"file": DIRECTIONS}, "object": known})
+    try:
+        return replace(_resolved(folder, folder, *manifest), layout="diligent")
+    except SessionError as error:
+        raise SessionError(str(error).replace("frames.flash", FILENAMES).replace("lights.file", DIRECTIONS)) from None
 
 
 def _resolved(place: Path, folder: Path, manifest: Manifest | None, faults: list[str]) -> CaptureSession:

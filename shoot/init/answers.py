@@ -114,11 +114,11 @@ class Asking:
         what = f"Diameter in mm of the {balls} {kind} balls" if balls > 1 else f"Diameter in mm of the {kind} ball"
         what += f" at {', '.join(f'({u:.0f}, {v:.0f})' for u, v in places)} px" if places else ""
         more = "; where they differ, one for each, in this order" if balls > 1 else ""
+        if len(getattr(self.earlier, kind)) not in (1, balls):
+            # Said of other balls.
+            self.earlier = replace(self.earlier, **{kind: ()})
         given = self._once(kind, f"{what}{more}") or (None,)
         if len(given) not in (1, balls):
-            if not getattr(self.answers, kind):
-                # Said earlier, of other balls.
-                return (None,) * balls
             raise SessionError(
                 f"--{kind} {' '.join(f'{one:g}' for one in given)}: {len(given)} diameters, but {balls} {kind} balls "
                 "were found. Give one for all, or one for each."

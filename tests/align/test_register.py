@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from align.pose.motion import nudge
+from align.pose.photographed import thinned
 from align.pose.register import register
 from align.pose.scan_view import View
 from align.truth import ground_truth
@@ -169,6 +170,15 @@ def test_input_that_cannot_work_is_refused_before_the_search(world):
         run(world, mask=cut & False)
     with pytest.raises(AlignError, match="normals are known at"):
         run(world, normals=np.full((*cut.shape, 3), np.nan))
+
+
+def test_normals_are_asked_for_where_the_search_reads_them():
+    mask = np.zeros((1700, 1611), bool)
+    mask[100:1500, 90:1400] = True
+    few = thinned(mask)
+    assert (few <= mask).all()
+    assert few.sum() == mask[::3, ::3].sum()
+    assert (few[::3, ::3] == mask[::3, ::3]).all()
 
 
 @pytest.mark.full

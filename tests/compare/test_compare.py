@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import compare.compare as module
-from compare.compare import compare
+from compare.compare import _without_common_rotation, compare
 from compare.statistics.statistics import ALBEDO, statistics_rows
 from scene.files import write_npy
 from scene.normals import unit
@@ -104,6 +104,9 @@ def test_a_tilt_common_to_all_normals_is_told_apart_from_scatter(compared):
     assert methods["ls"]["real_median_unrotated_deg"] < 1e-3
     assert methods["hsh"]["real_rotation_deg"] < 1
     assert methods["hsh"]["real_median_unrotated_deg"] > 3
+    # Normals that all but share one direction do not show a turn about it.
+    flat = np.broadcast_to(np.float32([0, 0, 1]), (24, 32, 3))
+    assert _without_common_rotation(flat, flat, np.zeros((24, 32), np.float32)) == (None, None)
 
 
 def test_without_truth_only_differences_are_told_and_no_error(compared):

@@ -99,7 +99,7 @@ def test_what_cannot_be_compared_is_told_and_nothing_is_written(pair, tmp_path):
     for kind in ("normals/{}.npy", "albedo/{}.npy", "compare/error_real_{}.npy"):
         if (twin / kind.format("ls")).exists():
             (twin / kind.format("ls")).rename(twin / kind.format("position"))
-    told("no method's normals")
+    told("no method's errors")
 
 
 SIGMA_DEG = 0.3

@@ -46,7 +46,8 @@ def test_what_an_earlier_file_says_of_the_balls_holds_for_as_many(monkeypatch, s
     assert earlier.chrome == said
     asked = asking(monkeypatch, "", silent=True, earlier=earlier)
     assert asked.diameters("chrome", [], 2) == {2: said, 1: 2 * said, 0: (None, None)}[len(said)]
-    assert asked.diameters("chrome", [], 3) == (3 * said if len(said) == 1 else (None,) * 3)
+    asked = asking(monkeypatch, "30\n", earlier=earlier)
+    assert asked.diameters("chrome", [], 3) == (3 * said if len(said) == 1 else (30.0,) * 3), "of others it is asked"
 
 
 @pytest.mark.parametrize(
