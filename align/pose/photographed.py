@@ -40,6 +40,7 @@ class Photographs:
 
     def check(self, normals: NDArray | None) -> None:
         """Raise AlignError unless mask and normals (H, W, 3), if any, show an object."""
+        self.check_mask()
         asked = thinned(self.mask)
         known = asked if normals is None else asked & np.isfinite(normals).all(-1)
         if known.sum() < max(0.2 * asked.sum(), 1):
@@ -47,7 +48,6 @@ class Photographs:
                 f"align: normals are known at {known.sum()} of {asked.sum()} pixels of the mask; expected most. "
                 "Is the mask on the object?"
             )
-        self.check_mask()
 
     def check_mask(self) -> None:
         """Raise AlignError unless the mask (H, W) shows an object."""
