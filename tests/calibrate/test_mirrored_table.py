@@ -57,6 +57,7 @@ def test_outline_plane_and_reflectance_of_a_ball_on_a_textured_table(texture: st
     assert found.plane.values == pytest.approx([n[0] / n[2], n[1] / n[2], 1.0], abs=0.03)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("blur_px", [0.3, 1.0, 1.5])
 def test_a_blur_moves_no_outline(blur_px: float) -> None:
     """Where a profile's parts took their shares at different places, 1.5 px of it made the radius 0.04 px too small."""
