@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.photographed import box_of
+from align.pose.scan_view import box_of
 from scene.fan_out import fan_out
 from scene.frames import Frames, gray
 from scene.robust import MAD, spread

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from align.mask.backdrop import Contradiction, bright_mean, bright_picture, contradict_backdrop
 from align.mask.cut_out import cut_out
-from align.pose.photographed import FEWEST, box_of
+from align.pose.photographed import FEWEST
+from align.pose.scan_view import window_of
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.frames import Frames, gray, shrunk
@@ -78,8 +79,8 @@ def find_object(
 
     factor = max(1, round(max(size) / WORK_SIZE))
     ambient = 0.0 if frames.ambient is None else shrunk(frames.ambient, factor)
-    stack = np.stack([shrunk(codes, factor) for codes in frames.codes])
-    stack = stack * frames.gain.astype(np.float32)[:, None, None, None] - ambient
+    each = zip(frames.codes, frames.gain, strict=True)
+    stack = np.stack([shrunk(codes, factor) * np.float32(gain) - ambient for codes, gain in each])
     height, width = stack.shape[1:3]
     balls_small = _blocks(balls, factor, height, width)
     beside = np.zeros(size, bool) if box is None else _beside(box, size)
@@ -262,14 +263,6 @@ def _blur(image: NDArray[np.float32], sigma_px: float) -> NDArray[np.float32]:
         image = np.asarray(cv2.resize(image, (width // step, height // step), interpolation=cv2.INTER_AREA), np.float32)
     image = np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px / step), np.float32)
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
-
-
-def window_of(mask: NDArray[np.bool_], *, margin: int) -> tuple[slice, slice]:
-    """Return the rows and columns of a mask's box, grown by a margin."""
-    if not mask.any():
-        return np.s_[:, :]
-    rows, columns = (slice(max(side.start - margin, 0), side.stop + margin) for side in box_of(mask))
-    return rows, columns
 
 
 def _pieces(mask: NDArray) -> NDArray[np.int64]:

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from align.mask.object_mask import ObjectMask, window_of
+from align.mask.object_mask import ObjectMask
+from align.pose.scan_view import window_of
 
 
 def scan_mask(silhouette: NDArray[np.bool_], found: ObjectMask, *, tolerance_px: float = 3.0) -> ObjectMask:

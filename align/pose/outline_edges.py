@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.appearance import Appearance, Lit
-from align.pose.photographed import Photographs, box_of
-from align.pose.scan_view import Outline, View, sample
+from align.pose.photographed import Photographs
+from align.pose.scan_view import Outline, View, box_of, sample
 from scene.lights import Lights
 from scene.robust import spread
 

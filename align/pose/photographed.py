@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.scan_view import signed_distance
+from align.pose.scan_view import box_of, signed_distance
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.frames import Frames
@@ -73,12 +73,6 @@ class Photographs:
 def shading_tells(lights: Lights) -> bool:
     """Return whether photographs under these lights tell a surface's normals from others: enough, of known lights."""
     return len(lights) >= FEWEST and not lights.is_unknown
-
-
-def box_of(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
-    """Return the rows and columns that hold a mask's pixels; the mask is not empty."""
-    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
 
 
 def longer_side(mask: NDArray[np.bool_]) -> int:

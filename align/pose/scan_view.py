@@ -122,11 +122,10 @@ class View:
             inside, outside = np.where(hit, middle, inside), np.where(hit, outside, middle)
         points = self.surface(*camera.rays(inside))[0]
 
-        top, left = (max(int(np.flatnonzero(raster.any(axis))[0]) - 5, 0) for axis in (1, 0))
-        bottom, right = (int(np.flatnonzero(raster.any(axis))[-1]) + 6 for axis in (1, 0))
-        soft = cv2.GaussianBlur(raster[top:bottom, left:right].astype(np.float32), (0, 0), 1.5)
+        rows, columns = window_of(raster, margin=5)
+        soft = cv2.GaussianBlur(raster[rows, columns].astype(np.float32), (0, 0), 1.5)
         gradient = np.stack([cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1)], -1)
-        at = (inside / step - [left, top]).astype(np.float32)
+        at = (inside / step - [columns.start, rows.start]).astype(np.float32)
         slope = cv2.remap(gradient, at[:, 0], at[:, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         slope = slope.reshape(-1, 2).astype(np.float64)
         length = np.linalg.norm(slope, axis=1, keepdims=True)
@@ -173,6 +172,20 @@ def outline_strokes(mesh: Mesh, pose: Pose, camera: Camera) -> NDArray[np.float6
     along = np.stack([-found.outward[:, 1], found.outward[:, 0]], -1)
     # A little longer than their distance, so that they join.
     return found.pixels[:, None] + 0.6 * found.step * np.array([-1.0, 1.0])[:, None] * along[:, None]
+
+
+def box_of(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
+    """Return the rows and columns that hold a mask's pixels; the mask is not empty."""
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+
+
+def window_of(mask: NDArray[np.bool_], *, margin: int) -> tuple[slice, slice]:
+    """Return the rows and columns of a mask's box, grown by a margin."""
+    if not mask.any():
+        return np.s_[:, :]
+    rows, columns = (slice(max(side.start - margin, 0), side.stop + margin) for side in box_of(mask))
+    return rows, columns
 
 
 def signed_distance(mask: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -14,6 +14,7 @@ from compare.report.pictures import Exposure
 from draw.readable import is_number
 from draw.speed_chart import SpeedPoint
 from scene.errors import SceneError
+from scene.frames import Frames
 from scene.method_names import METHODS, UNCALIBRATED
 from scene.store import Store
 
@@ -185,6 +186,18 @@ class Material:
         self.lights: Summary | None = compared.get("lights") or there(lambda: store.load_lights().facts())
         self.spheres: list[Summary] = compared.get("spheres") or sphere_rows(store)
         self.methods = by_error(compared) if "methods" in compared else method_names(store)
+
+    def photographs_of_ball(self, index: int) -> tuple[Frames | None, Exposure | None]:
+        """Return the frames that show a ball: the session's, or its own where it was shot apart."""
+        apart = [i for i, row in enumerate(self.spheres) if row.get("apart")]
+        if index not in apart:
+            return self.frames, self.exposure
+        folders = sorted(self.store.path("spheres").glob("*/frames"), key=lambda path: int(path.parent.name))
+        # Balls that share their photographs share a folder: which is whose is then not known here.
+        if len(folders) != len(apart):
+            return None, None
+        frames = Store(folders[apart.index(index)].parent).load_frames()
+        return frames, Exposure.for_frames(frames)
 
     def map_of(self, place: str, name: str) -> NDArray[np.float32] | None:
         return map_of(self.store, place, name)

@@ -122,8 +122,7 @@ def ball_figures(material: Material) -> Summary:
 def _ball(material: Material, index: int, sphere: Sphere, seen: list | None) -> Summary:
     """Return what is told of a ball, its outline as a drawing, and its crop where it is there."""
     row, camera = {"kind": "", **material.spheres[index], "number": str(index + 1)}, material.camera
-    # Of one that was shot apart only the fit is drawn.
-    frames, exposure = (None, None) if row.get("apart") else (material.frames, material.exposure)
+    frames, exposure = material.photographs_of_ball(index)
     outline = sphere.outline(camera)
     known = outline[np.isfinite(outline).all(-1)]
     known = known if known.size else sphere.center_px + sphere.radius_px * np.array([[-1.0], [1.0]])

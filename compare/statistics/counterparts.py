@@ -39,7 +39,7 @@ def sampling_step(pixels: int) -> int:
 
 
 def thinned(error_deg: NDArray) -> NDArray[np.float32]:
-    """Return every n-th row and column of a map (H, W)."""
+    """Return every n-th row and column of a map (H, W); see `sampling_step`."""
     step = sampling_step(error_deg.size)
     return np.array(error_deg[::step, ::step], np.float32)
 
