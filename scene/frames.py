@@ -6,7 +6,6 @@ row bands or single frames and gets linear float32; the whole stack is never hel
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,22 +54,6 @@ class Frames:
             np.ones(len(names)),
             None if ambient is None else encode(ambient),
         )
-
-    def __getstate__(self) -> dict:
-        """Send a memory-mapped stack to another process as its path, not as its pixels."""
-        state = dict(self.__dict__)
-        for name in ("codes", "ambient"):
-            array = state[name]
-            # A window of a map has the map's file name but an array for its base.
-            if isinstance(array, np.memmap) and array.filename and not isinstance(array.base, np.ndarray):
-                state[name] = Path(array.filename)
-        return state
-
-    def __setstate__(self, state: dict) -> None:
-        for name in ("codes", "ambient"):
-            if isinstance(state[name], Path):
-                state[name] = np.load(state[name], mmap_mode="r")
-        self.__dict__.update(state)
 
     def __len__(self) -> int:
         return self.codes.shape[0]

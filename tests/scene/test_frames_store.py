@@ -2,7 +2,6 @@
 
 import errno
 import os
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -53,17 +52,6 @@ def test_single_pixels_are_those_of_the_whole(images, is_mosaic):
         np.testing.assert_array_equal(linear, frames.frame(index)[v, u])
         np.testing.assert_array_equal(clipped, frames.saturated()[index][v, u])
         assert 0 < clipped.sum() < 99
-
-
-def test_a_memory_mapped_stack_travels_to_a_worker_by_its_path(tmp_path, images):
-    store = Store(tmp_path)
-    store.save_frames(Frames.from_linear(tuple("abcd"), np.repeat(images, 50, 1)))
-    frames = store.load_frames()
-    message = pickle.dumps(frames)
-    assert len(message) < 2000
-    np.testing.assert_array_equal(pickle.loads(message).read(slice(3, 5)), frames.read(slice(3, 5)))
-    some = frames.some(2)
-    np.testing.assert_array_equal(pickle.loads(pickle.dumps(some)).codes, frames.codes[::2])
 
 
 def test_everything_comes_back(tmp_path, images):
