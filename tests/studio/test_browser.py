@@ -19,7 +19,7 @@ from tests.studio.conftest import small_document
 from twin.description.object_mesh import built_in
 from twin.engines.variant import SLOW, pick_variant
 
-pytestmark = [pytest.mark.render, pytest.mark.slow]
+pytestmark = [pytest.mark.render, pytest.mark.slow, pytest.mark.full]
 
 
 @pytest.fixture
@@ -36,14 +36,9 @@ def studio(tmp_path, run_studio):
     return run_studio(root, area="Scene", edits={"Scene": begun(Workspace.at(root), quick, None)})
 
 
-@pytest.fixture
-def visitor(visit, studio):
-    return visit(studio)
-
-
-@pytest.mark.full
-def test_a_first_dataset(visitor, studio, tmp_path):
+def test_a_first_dataset(visit, studio, tmp_path):
     """Load, drag, choose lights, export, render: the files are what stock Mitsuba renders and rgbn reads."""
+    visitor = visit(studio)
     window, root = visitor.window, visitor.window.workspace.root
     drawn = visitor.preview(lambda: visitor.send("Load model", root / "cone.ply"))
     assert [one.is_refined for one in drawn[-2:]] == [False, True], "a picture comes before the refined one"
@@ -128,38 +123,3 @@ def free_knob(visitor):
     low, high = np.array([box["x"] + 30, 300]), np.array([box["x"] + box["width"] - 30, box["height"] - 30])
     clear[((places < low) | (places > high)).any(1)] = -1
     return int(clear.argmax()), places[clear.argmax()]
-
-
-@pytest.mark.full
-def test_a_broken_file_shows_a_message_and_the_studio_lives_on(visitor, tmp_path):
-    window = visitor.window
-    before = window.scene
-    broken = tmp_path / "broken.ply"
-    broken.write_bytes(b"ply\nformat ascii 1.0\nelement vertex 3\nend_header\n1 2\n")
-    visitor.send("Load model", broken)
-    visitor.see("That cannot be done")
-    visitor.see("broken.ply")
-    assert window.scene is before
-    visitor.tab("Material")
-    junk = tmp_path / "junk.png"
-    junk.write_bytes(b"no picture")
-    visitor.send("Send a texture from here", junk)
-    visitor.see("cannot be read as a picture")
-    visitor.shows("(the colour)")
-    visitor.keep("broken")
-    assert window.scene is before
-    visitor.tab("Objects")
-    visitor.press("Add shape")
-    visitor.until(lambda: window.scene is not before, "the studio lives on")
-
-
-@pytest.mark.full
-def test_a_reload_keeps_the_scene_and_its_past(visitor):
-    visitor.press("Add shape")
-    visitor.until(lambda: visitor.window.history.past, "changed")
-    visitor.tab("Camera")
-    visitor.fill("width, px", 90)
-    visitor.until(lambda: len(visitor.window.history.past) == 2, "changed again")
-    history = visitor.window.history
-    visitor.reload("Undo: camera width")
-    assert visitor.window.history is history

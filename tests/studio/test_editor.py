@@ -168,6 +168,20 @@ def test_a_picture_sent_again_is_read_again(furnished, settle):
     assert window.client.input("picture").value == "uploads/a.png", "the first one is as it was"
 
 
+def test_a_broken_file_is_told_and_the_scene_is_as_it_was(furnished, settle):
+    window, say = furnished()
+    before, broken = window.scene, b"ply\nformat ascii 1.0\nelement vertex 3\nend_header\n1 2\n"
+    for button, name, content in (("Load model", "b.ply", broken), ("Send a texture from here", "j.png", b"none")):
+        window.client.sends(window.client.inputs(button)[0], name, content)
+        settle(window)
+        assert "That cannot be done" in window.client.told[-1]
+        assert name in window.client.told[-1]
+        assert window.scene is before
+    assert window.client.input("picture").value == "(the colour)"
+    say("Add shape")
+    assert window.scene is not before
+
+
 def test_opening_and_beginning_anew_can_be_taken_back(furnished, tmp_path):
     """Nothing is lost; and a scene that is taken back is saved to its own folder, not over the one opened meanwhile."""
     write_document(edits.start_document(), tmp_path / "a" / "other")
