@@ -69,10 +69,9 @@ def open_record(
             yield record
         finally:
             _active.remove(record)
-            # All else is saved already.
+            # How files looked that were read spares the next run reading them; all else is saved already.
             with suppress(SceneError):
-                if record.has_learnt:
-                    record.save()
+                record.save()
 
 
 def own_folder(folder: Path, origin: Origin) -> Path:

@@ -55,8 +55,6 @@ class Record:
     may have: two, while nobody knows whether a killed run had put the second in place."""
     _seen: dict[str, tuple[FileLook, str]] = field(default_factory=dict)
     """How a file looked when it had this digest: inputs, and files that rgbn wrote."""
-    has_learnt: bool = False
-    """Files were read since it was saved: what they look like spares the next run reading them."""
     _work: str = ""
     process: int = field(default_factory=os.getpid)
     _guard: threading.RLock = field(default_factory=threading.RLock)
@@ -237,7 +235,7 @@ class Record:
             return known[1]
         digest = file_digest(path) if look else None
         if look and digest is not None and look.is_settled:
-            self._seen[name], self.has_learnt = (look, digest), True
+            self._seen[name] = look, digest
         return digest
 
     def refuse_inputs(self, paths: Iterable[Path]) -> None:
@@ -289,7 +287,6 @@ class Record:
                 text = json.dumps({**data, "digest": fingerprint(data)}, allow_nan=False)
                 path.with_suffix(".new").write_text(text)
                 os.replace(path.with_suffix(".new"), path)
-                self.has_learnt = False
             except OSError as error:
                 raise SceneError(
                     f"{path}: cannot be written ({error.strerror}). Free some space or choose another folder with "
