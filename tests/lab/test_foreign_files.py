@@ -1,13 +1,11 @@
 """Whatever lies where, no verb writes over, changes or removes a file that rgbn did not write."""
 
 import shutil
-import sys
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from rgbn import cli
 from scene.files import write_png
 
 NAMES = (
@@ -40,15 +38,6 @@ def files_of(folder):
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file() and ".rgbn" not in path.parts}
 
 
-def rgbn(monkeypatch, *words):
-    monkeypatch.setattr(sys, "argv", ["rgbn", *map(str, words)])
-    try:
-        cli.main()
-    except SystemExit as error:
-        return error.code
-    return 0
-
-
 def some_folder(root, generator):
     """Return a folder that may be anything: an input's, above or below one, the user's, linked, or new."""
     places = ["session", "session/known", "session/out", ".", "photos", "photos/new", "new", "new/within", "link"]
@@ -56,7 +45,7 @@ def some_folder(root, generator):
 
 
 @pytest.mark.parametrize("seed", [10_000, pytest.param(10_001, marks=pytest.mark.full)])
-def test_no_file_of_the_users_is_lost(tmp_path, monkeypatch, capsys, seed):
+def test_no_file_of_the_users_is_lost(tmp_path, monkeypatch, run_rgbn, seed):
     """Twenty layouts, and 60 more in `make test-all`; several runs in each, with results of earlier ones."""
     generator = np.random.default_rng(seed)
     ended = set()
@@ -75,8 +64,8 @@ def test_no_file_of_the_users_is_lost(tmp_path, monkeypatch, capsys, seed):
             verb = ["check", "solve", "export"][generator.integers(3)]
             more = {"solve": ["--method", "ls"], "export": ["--format", "dome"]}.get(verb, [])
             monkeypatch.chdir(root)
-            code = rgbn(monkeypatch, verb, root / "session", "--out", out, *more)
-            assert code in (0, 2), capsys.readouterr().err
+            code, _, said = run_rgbn(verb, root / "session", "--out", out, *more)
+            assert code in (0, 2), said
             ended.add(code)
             now = files_of(root)
             for path, content in mine.items():
@@ -93,29 +82,28 @@ def test_no_file_of_the_users_is_lost(tmp_path, monkeypatch, capsys, seed):
 
 
 @pytest.mark.parametrize("words", [["--out", ""], ["--out="]])
-def test_an_empty_word_is_not_the_current_folder(tmp_path, monkeypatch, capsys, words):
+def test_an_empty_word_is_not_the_current_folder(tmp_path, monkeypatch, run_rgbn, words):
     """`--out "$OUT"` where the variable is not set."""
     make_session(tmp_path / "session")
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    assert rgbn(monkeypatch, "check", tmp_path / "session", *words) == 2
-    assert "--out: nothing is given after it" in capsys.readouterr().err
+    code, _, said = run_rgbn("check", tmp_path / "session", *words)
+    assert code == 2
+    assert "--out: nothing is given after it" in said
     assert not list((tmp_path / "here").iterdir())
 
 
-def test_what_a_library_or_the_user_has_changed_is_made_anew(tmp_path, monkeypatch, capsys):
+def test_what_a_library_or_the_user_has_changed_is_made_anew(tmp_path, monkeypatch, run_rgbn):
     """Photographs exchanged with size and time kept; another version of a library; frames that were zeroed."""
     from scene import current
 
     make_session(tmp_path / "session")
     out = tmp_path / "out"
     words = ("solve", tmp_path / "session", "--out", out, "--method", "ls")
-    said = []
 
     def run():
-        code = rgbn(monkeypatch, *words)
-        said.append(capsys.readouterr().err)
-        return code, "check ..." in said[-1], (out / "normals" / "ls.npy").read_bytes()
+        code, _, said = run_rgbn(*words)
+        return code, "check ..." in said, (out / "normals" / "ls.npy").read_bytes()
 
     code, was_decoded, first = run()
     assert (code, was_decoded) == (0, True)
@@ -134,7 +122,8 @@ def test_what_a_library_or_the_user_has_changed_is_made_anew(tmp_path, monkeypat
 
     codes = out / "frames" / "codes.npy"
     codes.write_bytes(bytes(codes.stat().st_size))
-    assert rgbn(monkeypatch, *words) == 2
-    assert "codes.npy: was changed after rgbn wrote it" in capsys.readouterr().err
+    code, _, said = run_rgbn(*words)
+    assert code == 2
+    assert "codes.npy: was changed after rgbn wrote it" in said
     codes.unlink()
     assert run() == (0, True, third)

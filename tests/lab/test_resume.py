@@ -4,10 +4,10 @@ import numpy as np
 
 from scene.lights import Lights
 from scene.store import Store
-from tests.lab.test_foreign_files import make_session, rgbn
+from tests.lab.test_foreign_files import make_session
 
 
-def test_lights_that_are_moved_to_the_object_are_moved_once(tmp_path, monkeypatch):
+def test_lights_that_are_moved_to_the_object_are_moved_once(tmp_path, run_rgbn):
     """A run that was killed after it had written them moved them again: other last digits."""
     session, out = tmp_path / "session", tmp_path / "out"
     make_session(session)
@@ -27,7 +27,7 @@ def test_lights_that_are_moved_to_the_object_are_moved_once(tmp_path, monkeypatc
     (session / "session.toml").write_text(text + camera)
 
     def aligned():
-        assert rgbn(monkeypatch, "align", session, "--out", out) == 0
+        assert run_rgbn("align", session, "--out", out)[0] == 0
         return (out / "lights.json").read_bytes()
 
     first = aligned()

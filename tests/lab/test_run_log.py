@@ -11,7 +11,7 @@ import pytest
 from lab.job import Job
 from lab.progress import log, logged
 from scene.output_folder import open_record
-from tests.lab.test_foreign_files import make_session, rgbn
+from tests.lab.test_foreign_files import make_session
 
 ROOT = Path(__file__).parents[2]
 
@@ -29,10 +29,10 @@ def runs_of(out):
     return [part.splitlines() for part in text.split("=== ")[1:]]
 
 
-def test_every_run_is_logged_with_its_command_its_table_and_its_warnings(lab, monkeypatch, capsys):
-    assert rgbn(monkeypatch, "check", "pear") == 0
-    assert rgbn(monkeypatch, "solve", "out/pear", "-q", "-m", "ls") == 0
-    said = capsys.readouterr().err
+def test_every_run_is_logged_with_its_command_its_table_and_its_warnings(lab, run_rgbn):
+    code, _, said = run_rgbn("check", "pear")
+    again, _, more = run_rgbn("solve", "out/pear", "-q", "-m", "ls")
+    assert (code, again) == (0, 0)
     first, second = runs_of(lab / "out" / "pear")
     assert first[0].endswith("  rgbn check pear")
     assert second[0].endswith("  rgbn solve out/pear -q -m ls")
@@ -42,24 +42,24 @@ def test_every_run_is_logged_with_its_command_its_table_and_its_warnings(lab, mo
     # Quiet is for the terminal.
     assert any(line.endswith("solve ...") for line in second)
     assert any("sigma of a normal" in line for line in second)
-    warnings = [line for line in said.splitlines() if line.startswith("warning (align)")]
+    warnings = [line for line in (said + more).splitlines() if line.startswith("warning (align)")]
     assert warnings
     assert any(line.endswith(warnings[0]) for line in second)
     assert first[-1].endswith(" done")
 
 
-def test_how_a_run_ended_is_logged(lab, monkeypatch, capsys):
+def test_how_a_run_ended_is_logged(lab, monkeypatch, run_rgbn):
     (lab / "pear" / "known" / "lights.lp").write_text("3\n")
-    assert rgbn(monkeypatch, "solve", "pear") == 2
-    told = capsys.readouterr().err.splitlines()[-1]
-    assert runs_of(lab / "out" / "pear")[-1][-1].endswith(told)
+    code, _, said = run_rgbn("solve", "pear")
+    assert code == 2
+    assert runs_of(lab / "out" / "pear")[-1][-1].endswith(said.splitlines()[-1])
 
     def broken(*_):
         raise ZeroDivisionError("of the test")
 
     monkeypatch.setattr(Job, "frame_files", property(broken))
     make_session(lab / "plum")
-    assert rgbn(monkeypatch, "solve", "plum") == 1
+    assert run_rgbn("solve", "plum")[0] == 1
     text = (lab / "out" / "plum" / "rgbn.log").read_text()
     assert "Traceback" in text
     assert "ZeroDivisionError: of the test" in text
