@@ -130,14 +130,13 @@ def _new_pixels(source: Path | None, options: PlanOptions) -> ObjectPixels:
     return pixels_of(lens, mesh, albedo=options.albedo, said=said)
 
 
-def plan_facts(so_far: UnderWay, lights: Lights, predictions: list[Predicted | None]) -> dict[str, Any]:
+def plan_facts(so_far: UnderWay, lights: Lights, predictions: list[Predicted]) -> dict[str, Any]:
     """Return the plan."""
     pixels, result = so_far.pixels, predictions[-1]
     camera, middle = pixels.camera, pixels.middle_mm
-    if result is not None and result.error_deg >= 90:
-        result = None
     rows = lights.facts()["frames"]
-    for number, (row, predicted) in enumerate(zip(rows, predictions, strict=True), 1):
+    errors = [None] * (len(rows) - len(predictions)) + [one.error_deg for one in predictions]
+    for number, (row, error) in enumerate(zip(rows, errors, strict=True), 1):
         away = row["position_mm"] - middle
         row |= {
             "number": number,
@@ -145,7 +144,7 @@ def plan_facts(so_far: UnderWay, lights: Lights, predictions: list[Predicted | N
             "clock": clock(row["azimuth_deg"]),
             "height_cm": (row["position_mm"][2] - pixels.table_mm) / 10,
             "aside_cm": np.hypot(*away[:2]) / 10,
-            "error_median_deg": None if predicted is None or predicted.error_deg >= 90 else predicted.error_deg,
+            "error_median_deg": error,
         }
     balls = []
     for sphere in so_far.spheres:
@@ -157,8 +156,8 @@ def plan_facts(so_far: UnderWay, lights: Lights, predictions: list[Predicted | N
     facts = {
         "flashes": rows,
         "there": len(so_far.lights),
-        "error_median_deg": None if result is None else result.error_deg,
-        "by_noise_deg": None if result is None else np.median(result.by_noise_deg),
+        "error_median_deg": result.error_deg,
+        "by_noise_deg": None if result.error_deg is None else np.median(result.by_noise_deg),
         "lights_sigma_deg": known_median(lights.direction_sigma_deg),
         "balls": balls,
         "camera": {"width": camera.width, "height": camera.height, "distance_mm": np.linalg.norm(middle)},
@@ -170,7 +169,7 @@ def plan_facts(so_far: UnderWay, lights: Lights, predictions: list[Predicted | N
         "flash_mm": np.median([row["distance_mm"] for row in rows]),
         "white_ball_value": EXPOSURE,
         "said": pixels.said,
-        "warnings": _warnings(so_far, min(row["distance_mm"] for row in rows), predictions[-1]),
+        "warnings": _warnings(so_far, min(row["distance_mm"] for row in rows), result),
     }
     return plain(facts)
 
@@ -181,10 +180,10 @@ def clock(azimuth_deg: float) -> str:
     return f"{(quarters // 4) or 12}:{15 * (quarters % 4):02d}"
 
 
-def _warnings(so_far: UnderWay, nearest: float, result: Predicted | None) -> list[str]:
+def _warnings(so_far: UnderWay, nearest: float, result: Predicted) -> list[str]:
     """Return what is to be looked at before the shoot; `nearest`: of the flashes, mm."""
     found = []
-    if result is not None and (told := float((result.sigma_deg < 90).mean())) < 0.995:
+    if (told := float((result.sigma_deg < 90).mean())) < 0.995:
         found.append(
             f"{1 - told:.1%} of the object is lit by fewer than three of the flashes, and has no normal: lower "
             "flashes (--to-deg), or a second view."

@@ -36,9 +36,10 @@ class Predicted(NamedTuple):
         return np.minimum(np.hypot(self.by_noise_deg, self.by_lights_deg), 90.0)
 
     @property
-    def error_deg(self) -> float:
-        """Median angle between the normals and the truth that is to be expected."""
-        return float(RAYLEIGH_MEDIAN * np.median(self.sigma_deg))
+    def error_deg(self) -> float | None:
+        """Median angle between the normals and the truth that is to be expected; None where most are unknown."""
+        error = float(RAYLEIGH_MEDIAN * np.median(self.sigma_deg))
+        return error if error < 90 else None
 
 
 def predict(b: Array, shown: ShownObject, direction_sigma_deg: Array, intensity_sigma: float) -> Predicted:
@@ -55,7 +56,7 @@ def predict(b: Array, shown: ShownObject, direction_sigma_deg: Array, intensity_
     return Predicted(sigma, known_median(direction_sigma_deg) or 0.0)
 
 
-def plan_shoot(so_far: UnderWay, options: PlanOptions) -> tuple[Lights, list[Predicted | None]]:
+def plan_shoot(so_far: UnderWay, options: PlanOptions) -> tuple[Lights, list[Predicted]]:
     """Return the flashes that one after the other help most, and what they give.
 
     As many as wanted, one more than there are at least.
@@ -71,8 +72,8 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> tuple[Lights, list[Pre
     -------
     lights : Lights
         First the flashes that there are already, then those that help most; as well known as the balls tell them.
-    predicted : list of Predicted or None
-        After each of them, with those before; None before the third.
+    predicted : list of Predicted
+        By all flashes that there are; then after each of the others, with those before.
 
     Raises
     ------
@@ -98,9 +99,8 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> tuple[Lights, list[Pre
     else:
         known = predict_lights(camera, so_far.spheres, positions[order], middle)
         sigma, intensity = known.direction_sigma_deg, known.intensity_sigma
-    predicted: list[Predicted | None] = [None] * min(len(order), max(TOLD_BY, n) - 1)
-    for used in range(len(predicted) + 1, len(order) + 1):
-        predicted.append(predict(pixels.b, shown.only(order[:used]), sigma, intensity or 0.0))
+    parts = (shown.only(order[:used]) for used in range(max(n, 1), len(order) + 1))
+    predicted = [predict(pixels.b, part, sigma, intensity or 0.0) for part in parts]
     return replace(lights_at(positions[order], middle), direction_sigma_deg=sigma), predicted
 
 
@@ -128,9 +128,7 @@ def next_flash(so_far: UnderWay, camera: Camera, lights: Lights) -> tuple[dict[s
         No place in reach is out of the picture.
     """
     so_far = so_far._replace(pixels=replace(so_far.pixels, camera=camera))
-    planned, (*_, now, then) = plan_shoot(so_far, replace(so_far.within(AS_USUAL), flashes=0))
-    assert now is not None
-    assert then is not None
+    planned, (now, then) = plan_shoot(so_far, replace(so_far.within(AS_USUAL), flashes=0))
     is_near = lights.positions_mm is not None
     here = lights.reference_point_mm if is_near else so_far.pixels.middle_mm
     row = planned.seen_from(here).facts()["frames"][-1]
