@@ -12,7 +12,7 @@ from scipy.stats import rankdata
 
 from experiments.stagings import CALIBRATED, ONE_FACTOR, SOLVERS
 from experiments.tables import Results
-from solve.methods import UNCALIBRATED
+from scene.method_names import UNCALIBRATED
 
 UNACCEPTABLE_DEG = 5.0
 """Mean error from which a result is called unacceptable."""

@@ -20,8 +20,8 @@ from scene.camera import Camera
 from scene.clock import now, since
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.method_names import METHODS
 from scene.normals import angular_error_deg
-from solve.methods import METHODS
 from solve.solve import solve
 
 SESSIONS = {

@@ -20,10 +20,10 @@ from experiments.scenes import dataset_scene
 from scene.clock import now, since
 from scene.errors import SceneError
 from scene.lights import Lights
+from scene.method_names import METHODS, UNCALIBRATED
 from scene.normals import angular_error_deg, unit
 from scene.spheres import WHITE_BALL_ALBEDO
 from solve.frame_intensities import corrected
-from solve.methods import METHODS, UNCALIBRATED
 from solve.solve import solve
 from solve.trust import trust
 from twin.camera.virtual_camera import NO_FILTER, Sensor

@@ -18,8 +18,8 @@ from fixtures.mesh_shapes import SHAPES
 from scene.clock import now, since
 from scene.lights import Lights
 from scene.mesh import Mesh
+from scene.method_names import UNCALIBRATED
 from scene.normals import angular_error_deg, unit
-from solve.methods import UNCALIBRATED
 from solve.problem import Problem
 from solve.solve import solve
 from solve.whole.near import find_positions

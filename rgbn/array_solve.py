@@ -10,7 +10,8 @@ from scene.errors import SceneError
 from scene.estimate import Estimate
 from scene.frames import Frames, encode
 from scene.lights import Lights
-from solve.solve import method_of, solve
+from solve.methods import method_of
+from solve.solve import solve
 
 WHOLE_NUMBERS = (np.uint8, np.uint16)
 SATURATED = 0.98

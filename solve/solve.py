@@ -6,7 +6,7 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExec
 from contextlib import nullcontext
 from dataclasses import replace
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +17,12 @@ from scene.errors import SceneError
 from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
-from solve.methods import METHODS, UNCALIBRATED, Method, Settings, Whole, as_dict, method_of
+from solve.assess import DARK, assess, shared_sigma_deg
+from solve.axes import relief_cautions
+from solve.bootstrap import sigma_factors
+from solve.methods import Method, Settings, Whole, as_dict, method_of
 from solve.problem import Problem
-
-if TYPE_CHECKING:
-    from solve.samples import Band, Samples
-
-__all__ = ["METHODS", "UNCALIBRATED", "method_of", "solve"]
+from solve.samples import Band, Geometry, Samples, all_samples, bands, read_band, samples_of, scale_of
 
 Call = tuple[Callable, tuple]
 
@@ -44,7 +43,7 @@ def solve(
     Parameters
     ----------
     method : str or Method
-        One of `METHODS`; or one that is not in the table, with `fit_whole`, as in `solve.given_normals`.
+        One of `scene.method_names`; or one that is not in the table, with `fit_whole`, as in `solve.given_normals`.
     frames : Frames
     lights : Lights
         Near lights are evaluated at each pixel's ray, at the depth of `lights.reference_point_mm`.
@@ -107,19 +106,13 @@ def solve(
                 progress(done, parts)
     _, _, samples, sigma_deg = maps
     if what.fit and not what.is_linear:
-        from solve.bootstrap import sigma_factors
-
         sigma_deg *= sigma_factors(problem, what.fit, settings)[samples]
     if problem.intensity_covariance is not None:
-        from solve.assess import shared_sigma_deg
-
         shared = shared_sigma_deg(normals, problem.lights.directions, problem.intensity_covariance)
         sigma_deg = np.hypot(sigma_deg, shared)
     spent = since(start)
     cautions = (*problem.cautions, *_cautions_of(mask, normals, samples, *doubts.tolist()))
     if not what.is_calibrated:
-        from solve.axes import relief_cautions
-
         cautions += relief_cautions(normals, frames, lights, camera, mask)
     return Estimate(
         what.name, normals, albedo, samples, spent["seconds"], spent["processor_seconds"], as_dict(settings), cautions,
@@ -158,40 +151,24 @@ def _compile(what: Method, settings: Settings, problem: Problem) -> None:
 
 def _fit_bands(name: str, settings: Settings, problem: Problem) -> tuple[int, Iterator[Call]]:
     """Return how many bands there are, and the call that fits each."""
-    from solve.samples import bands, scale_of
-
     scale = scale_of(problem)
     parts = list(bands(problem.frames, problem.mask))
     return len(parts), ((_fit_band, (name, settings, problem.part(rows), scale)) for rows in parts)
 
 
 def _fit_band(name: str, settings: Settings, part: Problem, scale: float) -> tuple[slice, tuple]:
-    """Return the rows, and what `assess` returns of the pixels of their mask, in its order."""
-    from solve.samples import read_band, samples_of
-
+    """Fit the pixels of a problem's rows; see `_judge_band`."""
     what, band = method_of(name), read_band(part)
     assert what.fit
     samples = samples_of(band, part)
     b, used = what.fit(samples, scale, settings)
-    return part.rows, _judged(band, samples._replace(valid=used), b, part, scale)
-
-
-def _judged(
-    band: "Band", used: "Samples", b: NDArray, part: Problem, scale: float, shade: NDArray | None = None
-) -> tuple:
-    """Return normals, albedo, samples, sigma and doubts of the pixels of a band; see `assess`."""
-    from solve.assess import DARK, assess
-
-    shade = np.zeros((0, 0)) if shade is None else shade
-    return assess(band, used, b, np.ascontiguousarray(part.lights.intensities), DARK * scale, shade)
+    return _judge_band(part, samples._replace(valid=used), b, scale, band=band)
 
 
 def _fit_whole(
-    fit: Callable[[Problem, "Samples", Settings], Whole], settings: Settings, problem: Problem, is_calibrated: bool
+    fit: Callable[[Problem, Samples, Settings], Whole], settings: Settings, problem: Problem, is_calibrated: bool
 ) -> tuple[Problem, int, Iterator[Call]]:
     """Fit all pixels; return the problem with what was found, the number of bands, and the call that judges each."""
-    from solve.samples import Geometry, all_samples, bands
-
     lights = problem.lights
     if not is_calibrated:
         nowhere = np.full_like(lights.directions, np.nan)
@@ -217,11 +194,17 @@ def _fit_whole(
 
 
 def _judge_band(
-    part: Problem, used: "Samples", b: NDArray, scale: float, shade: NDArray | None, sigma_deg: NDArray | None
+    part: Problem,
+    used: Samples,
+    b: NDArray,
+    scale: float,
+    shade: NDArray | None = None,
+    sigma_deg: NDArray | None = None,
+    band: Band | None = None,
 ) -> tuple[slice, tuple]:
-    from solve.samples import read_band
-
-    *maps, sigma, doubts = _judged(read_band(part), used, b, part, scale, shade)
+    """Return the rows, and what `assess` returns of the pixels of their mask, in its order."""
+    shade, intensities = np.zeros((0, 0)) if shade is None else shade, np.ascontiguousarray(part.lights.intensities)
+    *maps, sigma, doubts = assess(band or read_band(part), used, b, intensities, DARK * scale, shade)
     if sigma_deg is not None:
         # Its samples are not held to what Lambert's law needs of them.
         sigma, doubts = sigma_deg.astype(np.float32), 0 * doubts

@@ -14,8 +14,8 @@ from experiments.tables import GAP_DEG, Row, Rows, errors_of, why
 from scene.current import code_fingerprint
 from scene.errors import SceneError
 from scene.map_pictures import data_uri, shrink
+from scene.method_names import UNCALIBRATED
 from scene.normals import angular_error_deg
-from solve.methods import UNCALIBRATED
 from solve.solve import solve
 
 PICTURE_SIDE = 96

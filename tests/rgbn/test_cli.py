@@ -14,7 +14,7 @@ from compare.report.facts import all_warnings
 from lab.options import Solving, TwinSettings, named
 from rgbn.export_command import FORMATS, export
 from scene.errors import SceneError
-from solve.methods import METHODS
+from scene.method_names import METHODS
 from tests.lab.test_foreign_files import make_session
 
 

@@ -6,8 +6,9 @@ from scipy.optimize import linprog
 
 from fixtures.lit_surfaces import as_samples, spiral
 from scene.errors import SceneError
+from scene.method_names import METHODS
 from scene.normals import angular_error_deg, unit
-from solve.methods import METHODS, method_of
+from solve.methods import method_of
 from solve.pixelwise import hsh, l1, sbl
 
 COUNT = 16

@@ -13,8 +13,8 @@ from scene.camera import Camera
 from scene.errors import CalibrationError, SceneError
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.method_names import METHODS, UNCALIBRATED
 from scene.normals import angular_error_deg
-from solve.methods import METHODS, UNCALIBRATED
 from solve.solve import solve
 
 SIZE = 48

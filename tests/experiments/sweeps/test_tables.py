@@ -15,7 +15,7 @@ from experiments.sweeps.sweep import write_tables
 from experiments.sweeps.sweep_page import write_page
 from experiments.sweeps.sweep_statistics import breaks, curves, levels, speed_points, statistics
 from experiments.tables import KEY, RESULTS, results
-from solve.methods import UNCALIBRATED
+from scene.method_names import UNCALIBRATED
 
 THEIRS = benchmark_statistics()
 

@@ -8,8 +8,8 @@ import pytest
 
 from fixtures.lit_surfaces import as_floats, as_samples, dome, even_cap, gloss, lights_along, matte
 from scene.camera import Camera
+from scene.method_names import UNCALIBRATED
 from scene.normals import angular_error_deg, unit
-from solve.methods import UNCALIBRATED
 from solve.problem import Problem
 from solve.solve import solve
 from solve.uncalibrated import entropy, ldr, tv
