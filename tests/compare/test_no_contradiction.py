@@ -235,7 +235,7 @@ def keep_the_page(store, summary):
         assert plain(tile[1]) in statements[0].text
 
 
-@pytest.mark.parametrize("count", [12, pytest.param(150, marks=pytest.mark.full)])
+@pytest.mark.parametrize("count", [6, pytest.param(150, marks=pytest.mark.full)])
 def test_pages_of_such_summaries_contradict_nothing(session, count):
     rng = np.random.default_rng(count)
     for _ in range(count):

@@ -95,7 +95,6 @@ SLIPS = [
     ("diameter_mm = 90.0", "diameter_cm = 9.0", "spheres[2].diameter_cm", "diameter_mm"),
     ("= 90.0", "= 0.09", "spheres[2].diameter_mm", "0.09", "millimetres"),
     ('"white"', '"mirror"', "spheres[2].kind", "mirror", "chrome"),
-    (TEXT, 'name = "x"\n', "frames"),
     # Camera and scan.
     ("fx = 900.0", "fx = 85.0", "camera.fx", "85 px"),
     ("cx = 330.7", "cx = 3307", "camera.cx", "3307"),
@@ -111,12 +110,6 @@ def test_a_slip_in_session_toml(session, refused, old, new, parts):
     assert old in TEXT
     (session / "session.toml").write_text(TEXT.replace(old, new))
     refused("check", session, parts=(f"{session / 'session.toml'}: ", *parts))
-
-
-def test_faults_are_told_all_at_once(session, refused):
-    (session / "session.toml").write_text(TEXT.replace("raw/amb", "raw/dusk").replace('kind = "white"', 'kynd = "w"'))
-    message = refused("process", session, parts=("3 faults",))
-    assert all(part in message for part in ("dusk", "kynd", "spheres"))
 
 
 def test_another_folder_is_given(session, refused):
