@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from compare.compare import compare
-from fixtures.lit_surfaces import gloss, lights_along, matte, spiral
+from fixtures.lit_surfaces import flashes_at, gloss, lights_along, matte, spiral
 from scene.camera import Camera
-from scene.estimate import Estimate
 from scene.files import write_json
 from scene.frames import Frames
 from scene.lights import Lights
@@ -19,6 +18,7 @@ from scene.normals import unit
 from scene.pose import Pose
 from scene.spheres import Sphere
 from scene.store import Store
+from solve.solve import solve
 
 NAME = "lab <script>alert(1)</script> & “penguin”"
 
@@ -35,12 +35,9 @@ def lights_above(count: int, rng: np.random.Generator) -> Lights:
     reference = np.array([0.0, 0.0, -700.0])
     intensities = rng.uniform(0.7, 1.3, (count, 1)) * rng.uniform(0.95, 1.05, (count, 3))
     sigmas = {"direction_sigma_deg": rng.uniform(0.1, 0.5, count), "intensity_sigma": rng.uniform(0.004, 0.01, count)}
-    places, flags = (
-        directions * rng.uniform(800, 1100, (count, 1)),
-        ((),) * (count - 1) + (("highlight near the rim",),),
-    )
-    more = {"positions_mm": reference + places, "reference_point_mm": reference, "flags": flags, **sigmas}
-    return lights_along(directions, intensities / intensities.mean(0), **more)
+    flags = ((),) * (count - 1) + (("highlight near the rim",),)
+    places = reference + directions * rng.uniform(800, 1100, (count, 1))
+    return flashes_at(places, reference, intensities / intensities.mean(0), flags=flags, **sigmas)
 
 
 def bumpy_ball(camera: Camera, center_px: np.ndarray, radius_px: float) -> tuple[np.ndarray, np.ndarray]:
@@ -69,21 +66,6 @@ def render(camera: Camera, lights: Lights, balls: list[Sphere], normals: np.ndar
     return 0.6 * np.where(images.any((0, -1))[..., None], images, 0.01)
 
 
-def solve(images: np.ndarray, lights: Lights, mask: np.ndarray, *, trimmed: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return least-squares normals and albedo; `trimmed` leaves out each pixel's darkest third and brightest two."""
-    grey = (images / lights.intensities[:, None, None]).mean(-1)[:, mask].T
-    weight = np.ones_like(grey)
-    if trimmed:
-        rank = grey.argsort(1).argsort(1)
-        weight = ((rank >= grey.shape[1] // 3) & (rank < grey.shape[1] - 2)).astype(float)
-    a = np.einsum("pf,fi,fj->pij", weight, lights.directions, lights.directions)
-    b = np.einsum("pf,pf,fi->pi", weight, grey, lights.directions)
-    g = np.linalg.solve(a + 1e-9 * np.eye(3), b[..., None])[..., 0]
-    normals, albedo = np.full((*mask.shape, 3), np.nan), np.full((*mask.shape, 3), np.nan)
-    normals[mask], albedo[mask] = unit(g), np.linalg.norm(g, axis=-1, keepdims=True)
-    return normals.astype(np.float32), albedo.astype(np.float32)
-
-
 @pytest.fixture(scope="session")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
     """A whole output folder, and the summary that lab would write; tests read it and do not change it."""
@@ -103,7 +85,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
     exact = render(camera, lights, balls, truth, albedo)
     noisy = np.clip(exact + rng.normal(0, 0.006, exact.shape), -0.02, None)
     store.save_frames(Frames.from_linear(lights.names, noisy))
-    twin.save_frames(Frames.from_linear(lights.names, render(camera, lights, balls, truth, albedo)))
+    twin.save_frames(Frames.from_linear(lights.names, exact))
     store.save_camera(camera)
     store.save_spheres(balls, camera)
     store.save_lights(lights)
@@ -125,11 +107,8 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
     write_json(store.path("calibration.json"), calibration)
     solved: dict[str, Any] = {}
     for number, name in enumerate(methods):
-        for where, images in ((store, noisy), (twin, exact)):
-            normals, rho = solve(images, lights, mask, trimmed=name != "ls")
-            if where is store:
-                normals[:2] = np.nan
-            where.save_estimate(Estimate(name, normals, rho, np.where(mask, count, 0).astype(np.uint16)))
+        for where in (store, twin):
+            where.save_estimate(solve(name, where.load_frames(), lights, camera, mask))
         megapixels = width * height / 1e6
         seconds = 0.05 * (1 + 7 * number)
         solved[name] = {
