@@ -16,10 +16,12 @@ from scene.frames import Frames
 from scene.intensities import solve_intensities
 from scene.lights import Lights
 from scene.reading import listed
+from solve.pixelwise.iterative import IterativeSettings
 from solve.problem import Problem
-from solve.whole.semicalibrated import CONTRAST, SemicalibratedSettings, told_by_object
+from solve.whole.semicalibrated import CONTRAST, told_by_object
 
-_HOW = SemicalibratedSettings(pixels=2_000, rounds=4)
+_PIXELS, _ROUNDS = 2_000, 4
+"""That the intensities are found from, and by."""
 _LEAST = 0.04
 """Log of the factor under which an error is not worth a word: how surfaces reflect makes jumps of up to 3 %."""
 _CHANCE = 0.001
@@ -47,7 +49,8 @@ def corrected(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.b
     """
     if len(lights) < 4 + _FREE or not mask.any() or not np.isfinite(lights.directions).all():
         return lights, []
-    found, parts, _ = told_by_object(Problem.of(frames, lights, camera, mask), _HOW)
+    problem = Problem.of(frames, lights, camera, mask)
+    found, parts, _ = told_by_object(problem, IterativeSettings(), pixels=_PIXELS, rounds=_ROUNDS)
     solved = [solve_intensities(part, with_sigma=True) for part in parts]
     sigma = np.sqrt(np.mean([part.sigma**2 for part in solved], axis=0))
     if min(part.contrast for part in solved) < CONTRAST:

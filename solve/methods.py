@@ -103,11 +103,3 @@ def method_of(name: str) -> Method:
     if name not in FAMILIES:
         raise SceneError(f"solve: unknown method {name!r}; there are {', '.join(METHODS)}.")
     return importlib.import_module(f"solve.{FAMILIES[name]}.{name}").METHOD
-
-
-def as_dict(settings: Settings) -> dict[str, Any]:
-    """Return settings by name, those of a method inside another beside its own."""
-    found: dict[str, Any] = {}
-    for name, value in settings._asdict().items():
-        found |= as_dict(value) if hasattr(value, "_asdict") else {name: value}
-    return found

@@ -20,7 +20,7 @@ from scene.lights import Lights
 from solve.assess import DARK, assess, shared_sigma_deg
 from solve.axes import relief_cautions
 from solve.bootstrap import sigma_factors
-from solve.methods import Method, Settings, Whole, as_dict, method_of
+from solve.methods import Method, Settings, Whole, method_of
 from solve.problem import Problem
 from solve.samples import Band, Geometry, Samples, all_samples, bands, read_band, samples_of, scale_of
 
@@ -115,7 +115,7 @@ def solve(
     if not what.is_calibrated:
         cautions += relief_cautions(normals, frames, lights, camera, mask)
     return Estimate(
-        what.name, normals, albedo, samples, spent["seconds"], spent["processor_seconds"], as_dict(settings), cautions,
+        what.name, normals, albedo, samples, spent["seconds"], spent["processor_seconds"], settings._asdict(), cautions,
         sigma_deg, problem.own_lights, problem.z_mm,
     )  # fmt: skip
 

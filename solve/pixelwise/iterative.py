@@ -103,11 +103,6 @@ def fit(samples, scale, settings):  # pragma: no cover
     return b, used
 
 
-def fit_inner(samples, scale, settings):
-    """Fit for a method that has the settings of `iterative` within its own, as `pixelwise`."""
-    return fit(samples, scale, settings.pixelwise)
-
-
 METHOD = Method("iterative", {"default": IterativeSettings(), "seed": SEED}, fit=fit)
 
 

@@ -28,6 +28,8 @@ RANK_GAP = 2.0
 EIGEN_GAP = 0.1
 INTEGRABLE_ROUNDS = 15
 """Rounds of reweighting of the integrability's equations."""
+SMOOTH_PX = 2.0
+"""Standard deviation of the Gaussian under the derivatives."""
 CLEAR_VOTE = 0.75
 STEEP = 0.4
 
@@ -70,13 +72,10 @@ class FrontEnd(NamedTuple):
     sign : str
         `outline`: of (b1, b2, b3) and (-b1, -b2, b3), which give the same pictures under mirrored lights, that
         whose normals point outward along the mask's outline. `arbitrary`: as the eigenvectors left it.
-    smooth_px : float
-        Standard deviation of the Gaussian under the derivatives.
     """
 
     robust: bool = True
     sign: str = "outline"
-    smooth_px: float = 2.0
 
 
 PLAIN = FrontEnd(robust=False, sign="arbitrary")
@@ -136,7 +135,7 @@ def family(samples: Samples, mask: NDArray[np.bool_], settings: FrontEnd) -> Fam
             f"{RANK_GAP:g}: shadows, gloss or too few lights hide the surface's three dimensions."
         )
     known = np.linalg.norm(b, axis=1) > 0
-    matrix, gap = integrable(np.where(known[:, None], b, b.mean(0)), mask, settings.smooth_px)
+    matrix, gap = integrable(np.where(known[:, None], b, b.mean(0)), mask)
     if gap > EIGEN_GAP:
         cautions.append(
             f"integrability hardly tells the surface from others (eigenvalues at a ratio of {gap:.2f}, expected under "
@@ -175,13 +174,12 @@ def lights_of(gray: NDArray, used: NDArray[np.bool_], b: Array) -> Array:
     return solution
 
 
-def integrable(pseudo: Array, mask: NDArray[np.bool_], smooth_px: float) -> tuple[Array, float]:
+def integrable(pseudo: Array, mask: NDArray[np.bool_]) -> tuple[Array, float]:
     """Return (3, 3) T, with b = pseudo @ T integrable, and how well T is determined.
 
-    `pseudo` (P, 3) is any linear image of albedo x normal of the mask's pixels, `smooth_px` the standard deviation of
-    the Gaussian under the derivatives, within the mask. The third column of T is a convention: b G is as integrable for
-    every bas-relief transform G. How well: the smallest eigenvalue as a share of the next; near 1, other surfaces
-    explain the pictures as well.
+    `pseudo` (P, 3) is any linear image of albedo x normal of the mask's pixels. The third column of T is a convention:
+    b G is as integrable for every bas-relief transform G. How well: the smallest eigenvalue as a share of the next;
+    near 1, other surfaces explain the pictures as well.
 
     Notes
     -----
@@ -195,7 +193,7 @@ def integrable(pseudo: Array, mask: NDArray[np.bool_], smooth_px: float) -> tupl
     root = np.linalg.cholesky(moments + (1e-12 * np.trace(moments) + 1e-300) * np.eye(3))
     white = np.linalg.solve(root, pseudo.T).T
     length = np.linalg.norm(white, axis=1, keepdims=True)
-    e, e_x, e_y = _derivatives(white / np.maximum(length, 1e-12), mask, smooth_px)
+    e, e_x, e_y = _derivatives(white / np.maximum(length, 1e-12), mask)
     rows = np.concatenate([np.cross(e, e_x), -np.cross(e, e_y)], 1)
     weights = np.ones(len(rows))
     values, vectors = np.ones(6), np.eye(6)
@@ -212,15 +210,14 @@ def integrable(pseudo: Array, mask: NDArray[np.bool_], smooth_px: float) -> tupl
     return matrix, float(values[0] / max(values[1], 1e-300))
 
 
-def _derivatives(e: Array, mask: NDArray[np.bool_], smooth_px: float) -> tuple[Array, Array, Array]:
+def _derivatives(e: Array, mask: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
     """Return e, smoothed, and its derivatives along x (right) and y (up) where all four neighbours are in the mask."""
     field = np.zeros((*mask.shape, 3), np.float32)
     field[mask] = e
-    share = mask.astype(np.float32)
-    if smooth_px > 0:
-        field, share = (
-            cv2.GaussianBlur(one, (0, 0), smooth_px, borderType=cv2.BORDER_CONSTANT) for one in (field, share)
-        )
+    field, share = (
+        cv2.GaussianBlur(one, (0, 0), SMOOTH_PX, borderType=cv2.BORDER_CONSTANT)
+        for one in (field, mask.astype(np.float32))
+    )
     field = field.astype(np.float64) / np.maximum(share, 1e-6)[..., None]
     middle = mask[1:-1, 1:-1] & mask[:-2, 1:-1] & mask[2:, 1:-1] & mask[1:-1, :-2] & mask[1:-1, 2:]
     e_x = (field[1:-1, 2:] - field[1:-1, :-2])[middle] / 2

@@ -6,7 +6,7 @@ import numpy as np
 from solve.methods import Method, Whole
 from solve.problem import Problem
 from solve.samples import Samples
-from solve.uncalibrated.front_end import PLAIN, FrontEnd, family, finish
+from solve.uncalibrated.front_end import PLAIN, SMOOTH_PX, FrontEnd, family, finish
 
 BRIGHT, MOST_MAXIMA = 0.5, 2500
 """Maxima under this share of an image's range are none; how many of them, the brightest of their images, take part."""
@@ -39,7 +39,7 @@ def fit_whole(problem: Problem, samples: Samples, settings: FrontEnd) -> Whole:
     found = family(samples, mask, settings)
     clean = found.rendered() if settings.robust else samples.gray
     cautions = []
-    pixel, frame, height, times = maxima(clean, mask, settings.smooth_px)
+    pixel, frame, height, times = maxima(clean, mask)
     distinct = times < 2
     if settings.robust and np.count_nonzero(distinct) < FEWEST_DISTINCT:
         cautions.append(
@@ -65,17 +65,16 @@ def fit_whole(problem: Problem, samples: Samples, settings: FrontEnd) -> Whole:
     return finish(found, (float(middle[0]), float(middle[1]), depth), mask, settings, *cautions)
 
 
-def maxima(images, mask, smooth_px):
+def maxima(images, mask):
     """Find the maxima of each image, away from the outline.
 
-    `images` are (P, F) float32, those under the mask; `smooth_px`: of the Gaussian that smooths them. Returns, for each
-    maximum, pixel, frame, height (0 at the image's darkest, 1 at its brightest pixel), and in how many images one lies
-    here or beside.
+    `images` are (P, F) float32, those under the mask. Returns, for each maximum, pixel, frame, height (0 at the image's
+    darkest, 1 at its brightest pixel), and in how many images one lies here or beside.
     """
     top, left = (int(np.flatnonzero(mask.any(axis)).min()) for axis in (1, 0))
     bottom, right = (int(np.flatnonzero(mask.any(axis)).max()) + 1 for axis in (1, 0))
     inside = np.pad(mask[top:bottom, left:right], _MARGIN)
-    share = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), smooth_px)
+    share = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), SMOOTH_PX)
     inner = cv2.erode(inside.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
     beside = np.ones((3, 3), np.uint8)
     number = np.full(inside.shape, -1)
@@ -85,7 +84,7 @@ def maxima(images, mask, smooth_px):
     places, frames, heights = [], [], []
     for frame in range(images.shape[1]):
         field[inside] = images[:, frame]
-        smooth = cv2.GaussianBlur(field, (0, 0), smooth_px) / np.maximum(share, 1e-6)
+        smooth = cv2.GaussianBlur(field, (0, 0), SMOOTH_PX) / np.maximum(share, 1e-6)
         smooth[~inside] = 0
         low, high = float(smooth[inside].min()), float(smooth[inside].max())
         peak = (smooth >= cv2.dilate(smooth, beside)) & inner & (smooth > low + BRIGHT * (high - low))

@@ -17,7 +17,7 @@ from solve.pixelwise import iterative
 from solve.problem import Problem, spread_over
 from solve.samples import Geometry, all_samples, scale_of
 from solve.surface.integration import integrate
-from solve.whole.near_depth import NearSettings, find_depth
+from solve.whole.near_depth import find_depth
 
 Array = NDArray[np.float64]
 
@@ -150,23 +150,20 @@ class _Small:
 
     def follow(self, lights: Lights) -> None:
         """Let `near_depth` make the relief."""
-        found = find_depth(replace(self.problem, lights=lights), NearSettings()).z_mm
+        found = find_depth(replace(self.problem, lights=lights), iterative.IterativeSettings()).z_mm
         assert found is not None
         self.z_mm = found
 
     def spread(self, lights: Lights) -> float:
         """Return the logarithm of the pixels' robust sigma, relative to their albedo: its mean."""
         b, used, points = self._fit(lights, self.some)
-        residuals = np.where(used, self.samples.gray[self.some] - self._shade(lights, points, b), np.nan)
+        shade = np.einsum("fpk,pk->pf", lights.toward(points), b)
+        residuals = np.where(used, self.samples.gray[self.some] - shade, np.nan)
         count, albedo = used.sum(1), np.linalg.norm(b, axis=1)
         known = (count > 4) & (albedo > 0)
         sigma = np.nanmedian(np.abs(residuals[known]), 1) / albedo[known]
         sigma *= np.sqrt(count[known] / (count[known] - 3))
         return float(np.mean(np.log(np.maximum(sigma, 1e-6))))
-
-    @staticmethod
-    def _shade(lights: Lights, points: Array, b: Array) -> Array:
-        return np.einsum("fpk,pk->pf", lights.toward(points), b)
 
     def nearer(self, lights: Lights, nearness: Array, size: float) -> Array:
         """Return the nearness (F,) of the lights after one step."""
@@ -196,7 +193,7 @@ class _Small:
         return np.clip(nearness * np.exp(np.clip(step, -0.3, 0.3)), 1e-3, 0.8)
 
 
-def _prepare(problem: Problem, settings: NearSettings) -> Problem:
+def _prepare(problem: Problem, settings: iterative.IterativeSettings) -> Problem:
     problem = find_positions(problem)
     if problem.lights.positions_mm is None:
         return problem.warned("the lights have no positions: this is `iterative`.")
@@ -204,6 +201,4 @@ def _prepare(problem: Problem, settings: NearSettings) -> Problem:
 
 
 # The same turns about the plain reading of `iterative`. (The seed has no such method.)
-METHOD = Method(
-    "near", {"default": NearSettings(), "seed": NearSettings(iterative.SEED)}, fit=iterative.fit_inner, prepare=_prepare
-)
+METHOD = Method("near", iterative.METHOD.profiles, fit=iterative.fit, prepare=_prepare)

@@ -1,7 +1,6 @@
 """The depth of every pixel under near lights, found in turn with its normal."""
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,32 +21,17 @@ _UNKNOWN = 0.05
 """Standard deviation of the distance, as a share of the lights', from which the shading is not asked about depth."""
 _ALIKE = 100
 """Pixels whose errors are taken to be one and the same: gloss and mutual light come in patches."""
+_ROUNDS, _AT_REST = 5, 3e-4
+"""Times that normals and depth are found in turn, at most; nine tenths of the pixels move less than this share of the
+lights' distance when they are at rest."""
+_ROUGHNESS_PX = 0.11
+"""How far a neighbour may lie off a pixel's tangent plane: the less, the less weighs what the shading says of depth."""
 
 
-class NearSettings(NamedTuple):
-    """Settings of `near`.
-
-    Parameters
-    ----------
-    pixelwise : NamedTuple
-        Of `solve.pixelwise.iterative`, which fits the normals.
-    rounds : int
-        Times that normals and depth are found in turn, at most.
-    depth_tolerance : float
-        At rest when nine tenths of the pixels move less than this share of the lights' distance.
-    roughness_px : float
-        By how much a neighbour may lie off a pixel's tangent plane, in pixels: what the shading says of depth weighs
-        less the smaller this is.
-    """
-
-    pixelwise: iterative.IterativeSettings = iterative.IterativeSettings()
-    rounds: int = 5
-    depth_tolerance: float = 3e-4
-    roughness_px: float = 0.11
-
-
-def find_depth(problem: Problem, settings: NearSettings) -> Problem:
+def find_depth(problem: Problem, settings: iterative.IterativeSettings) -> Problem:
     """Return the problem with the depth of each pixel, and cautions; its lights have positions.
+
+    `settings`: of `solve.pixelwise.iterative`, which fits the normals.
 
     Notes
     -----
@@ -65,7 +49,7 @@ def find_depth(problem: Problem, settings: NearSettings) -> Problem:
     per cent of the distance. Light is taken to leave a flash alike to all sides that the object is on.
     """
     camera, mask = problem.camera, problem.mask
-    task = _Task(problem, scale_of(problem), settings.pixelwise)
+    task = _Task(problem, scale_of(problem), settings)
     reference = float(problem.lights.reference_point_mm[2])
     level = np.where(mask, reference, np.nan)
     normals, *_ = task.look(level)
@@ -80,20 +64,20 @@ def find_depth(problem: Problem, settings: NearSettings) -> Problem:
             "reference point."
         )
     moved = np.inf
-    for _ in range(settings.rounds):
+    for _ in range(_ROUNDS):
         normals, step, spread = task.look(z_mm)
         if is_known:
             hint, weight = task.moved(z_mm, np.clip(step, -0.3 * task.unit, 0.3 * task.unit)), _weight(step, spread)
-            weight *= (settings.roughness_px / np.sqrt(camera.fx * camera.fy)) ** 2
+            weight *= (_ROUGHNESS_PX / np.sqrt(camera.fx * camera.fy)) ** 2
             middle = float(np.median(z_mm[mask]))
             surface = integrate(normals, mask, camera, z_mm=middle, start=z_mm, hint=(hint, weight))
         else:
             surface = integrate(normals, mask, camera, z_mm=reference, start=z_mm)
         before, z_mm = z_mm, np.where(mask, filled(surface.z_mm, np.isfinite(surface.z_mm)), np.nan)
         moved = float(np.percentile(np.abs(z_mm - before)[mask], 90)) / task.distance
-        if moved < settings.depth_tolerance:
+        if moved < _AT_REST:
             break
-    return replace(problem, z_mm=z_mm).warned(*_cautions(surface, moved, settings.depth_tolerance))
+    return replace(problem, z_mm=z_mm).warned(*_cautions(surface, moved))
 
 
 def _weight(step: Array, spread: Array) -> Array:
@@ -103,9 +87,9 @@ def _weight(step: Array, spread: Array) -> Array:
     return np.where(known, 1 / (spread**2 * (1 + (step / (3 * spread)) ** 2) ** 2), 0.0)
 
 
-def _cautions(surface: IntegratedSurface, moved: float, tolerance: float) -> list[str]:
+def _cautions(surface: IntegratedSurface, moved: float) -> list[str]:
     cautions = []
-    if moved > 5 * tolerance:
+    if moved > 5 * _AT_REST:
         cautions.append(
             f"depth did not come to rest: it still moved by {moved:.1%} of the lights' distance in the last round."
         )

@@ -4,21 +4,19 @@ Least squares throws away what is not matte; gloss and retroreflection tell of t
 object reflects. All pixels share that, but for their albedo; the pixels teach it to each other.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from scene.fan_out import fan_out
 from scene.spheres import WHITE_BALL_ALBEDO
-from solve.methods import Method, Whole
+from solve.methods import NO_SETTINGS, Method, Settings, Whole
 from solve.pixelwise import iterative
 from solve.problem import Problem, spread_over
 from solve.samples import GRAY, Samples, all_samples
-from solve.whole import near_depth
 from solve.whole.interreflection import Relief, Thrown
 from solve.whole.near import find_positions
+from solve.whole.near_depth import find_depth
 from solve.whole.reflectance_equations import accumulate, back_substitute, refine
 from solve.whole.reflectance_kernels import DIFFERENCE, HALF, INCIDENCE, SIZE, TABLE, Given, Pixels
 
@@ -44,63 +42,45 @@ LOBE, GLOSSY = 5, 1.05
 """Half angles of the table from 0 on, and what it is there (median) of a glossy object."""
 
 
-class ReflectanceSettings(NamedTuple):
-    """Settings of `reflectance`.
-
-    Parameters
-    ----------
-    pixels : int
-        How many pixels, evenly spread, the table is learnt from; the others are fitted to it.
-    rounds, steps : int
-        Of the joint fit, and of each pixel's own afterwards.
-    turns : int
-        How often the object's light upon itself is found anew, with half as many rounds after it.
-    shadow_threshold : float
-        Samples under this share of the stack's 99th percentile are shadowed.
-    noise_floor : float
-        Least sigma of a pixel's residuals, as a share of the same.
-    smoothness : float
-        Weight of the table's second differences, per sample.
-    sigmas : float
-        Residuals beyond this times their pixel's own robust sigma count ever less.
-    """
-
-    pixels: int = 4000
-    rounds: int = 12
-    steps: int = 12
-    turns: int = 2
-    shadow_threshold: float = 0.02
-    noise_floor: float = 0.004
-    smoothness: float = 1e-4
-    sigmas: float = 2.0
+PIXELS = 4000
+"""Of which, evenly spread, the table is learnt; the others are fitted to it."""
+ROUNDS, STEPS, TURNS = 12, 12, 2
+"""Of the joint fit; of each pixel's own afterwards; and how often the object's light upon itself is found anew, with
+half as many rounds after it."""
+SHADOW, NOISE = 0.02, 0.004
+"""Samples under this share of the stack's 99th percentile are shadowed; least sigma of a pixel's residuals, as a share
+of the same."""
+SIGMAS = 2.0
+"""Residuals beyond this times their pixel's own robust sigma count ever less."""
+SMOOTHNESS = 1e-4
+"""Weight of the table's second differences, per sample."""
 
 
-def prepare(problem: Problem, settings: ReflectanceSettings) -> Problem:
+def prepare(problem: Problem, _: Settings) -> Problem:
     """Return the problem with near lights as each pixel's own place sees them."""
     problem = find_positions(problem)
     is_near = problem.lights.positions_mm is not None
-    return near_depth.find_depth(problem, near_depth.NearSettings()) if is_near else problem
+    return find_depth(problem, iterative.IterativeSettings()) if is_near else problem
 
 
-def _fit_whole(problem: Problem, samples: Samples, settings: ReflectanceSettings) -> Whole:
-    return _fitted(problem, samples, settings)[0]
+def _fit_whole(problem: Problem, samples: Samples, _: Settings) -> Whole:
+    return _fitted(problem, samples)[0]
 
 
 def learn(problem: Problem) -> tuple[Problem, Samples, NDArray, Thrown]:
     """Return the prepared problem, its samples, and what its pixels share: the reflectance (SIZE,), and their light."""
-    settings = ReflectanceSettings()
-    problem = prepare(problem, settings)
+    problem = prepare(problem, NO_SETTINGS)
     samples = all_samples(problem)
-    _, shared, thrown = _fitted(problem, samples, settings)
+    _, shared, thrown = _fitted(problem, samples)
     return problem, samples, shared, thrown
 
 
-def _fitted(problem: Problem, samples: Samples, settings: ReflectanceSettings) -> tuple[Whole, NDArray, Thrown]:
+def _fitted(problem: Problem, samples: Samples) -> tuple[Whole, NDArray, Thrown]:
     """Return what `fit_to_views` does of a prepared problem."""
-    relief = Relief(problem.mask, problem.camera, problem.depth_mm(), settings.pixels)
+    relief = Relief(problem.mask, problem.camera, problem.depth_mm(), PIXELS)
     ball = problem.lights.white_value
     white = None if ball is None else float(GRAY @ ball) / WHITE_BALL_ALBEDO
-    return fit_to_views(samples, problem.views(), settings, relief, white)
+    return fit_to_views(samples, problem.views(), relief, white)
 
 
 def _is_matte(shared: NDArray) -> bool:
@@ -109,7 +89,7 @@ def _is_matte(shared: NDArray) -> bool:
 
 
 def fit_to_views(
-    samples: Samples, views, settings: ReflectanceSettings, relief: Relief | None = None, white: float | None = None
+    samples: Samples, views: NDArray, relief: Relief | None = None, white: float | None = None
 ) -> tuple[Whole, NDArray, Thrown]:
     """Fit normals, albedos and one reflectance; return also what all pixels share (SIZE,), and the light on them.
 
@@ -125,9 +105,9 @@ def fit_to_views(
     [Wolff1994]; without C, plastic looks two degrees too steep. t is the light thrown by the object's other parts, see
     `interreflection`, r the reflectance of the brightest.
 
-    Minimised is sum w (m / albedo - c f - r t)^2 + smoothness |D f|^2 + the pull to matte, over all normals, albedos,
+    Minimised is sum w (m / albedo - c f - r t)^2 + SMOOTHNESS |D f|^2 + the pull to matte, over all normals, albedos,
     T, C and r at once: the normals are eliminated pixel by pixel (Schur complement), as points are in bundle adjustment
-    [Triggs2000], since taking turns creeps. Weights fall off beyond `sigmas` (shadows) and where f is far from 1
+    [Triggs2000], since taking turns creeps. Weights fall off beyond `SIGMAS` (shadows) and where f is far from 1
     (highlights are steep). Starts from `iterative`; where it goes astray, that is what is returned. One reflectance
     serves one material: of an object of several, the best is a compromise.
     """
@@ -140,36 +120,32 @@ def fit_to_views(
         return Whole(b, used, (said,)), MATTE_OBJECT, Thrown.none(*samples.gray.shape)
     albedo = np.linalg.norm(b[known], axis=1)
     normals = b[known] / albedo[:, None]
-    limits = settings.shadow_threshold * scale, settings.noise_floor * scale, settings.sigmas
-    given = Given(samples, views, *limits, Thrown.none(*samples.gray.shape))
-    chosen = np.flatnonzero(spread_over(is_known, settings.pixels)) if relief is None else relief.patches(is_known)
+    given = Given(samples, views, SHADOW * scale, NOISE * scale, SIGMAS, Thrown.none(*samples.gray.shape))
+    chosen = np.flatnonzero(spread_over(is_known, PIXELS)) if relief is None else relief.patches(is_known)
     learnt = Pixels(known, normals, albedo).some(np.searchsorted(known, chosen))
-    alone, before, after = _learn(given, learnt, settings.rounds, settings.smoothness)
+    alone, before, after = _learn(given, learnt, ROUNDS)
     shared = alone
     if relief is not None:
         # Of a glossy object nobody knows how much of its brightness it throws upon itself: the samples tell.
         white = white if _is_matte(shared) else None
-        for _ in range(settings.turns):
+        for _ in range(TURNS):
             brightest = np.percentile(learnt.albedo, 95)
             thrown = relief.throw(chosen, samples.gray[chosen] / np.float32(brightest), learnt.normals)
             given, known_white = given._replace(thrown=thrown), None if white is None else brightest / white
-            shared, _, after = _learn(given, learnt, settings.rounds // 2, settings.smoothness, shared, known_white)
+            shared, _, after = _learn(given, learnt, ROUNDS // 2, shared, known_white)
     if not after <= (WORSE if white is None else WORSE_WITH_WHITE) * before:
         said = "reflectance: no one table explains the object better than matte; the normals are those of `iterative`."
         return Whole(b, used, (said,)), MATTE_OBJECT if _is_matte(alone) else alone, given.thrown
 
     def run(first: int) -> None:
-        refine(given, Pixels(known, normals, albedo).some(slice(first, first + CHUNK)), shared, settings.steps, used)
+        refine(given, Pixels(known, normals, albedo).some(slice(first, first + CHUNK)), shared, STEPS, used)
 
     fan_out(run, range(0, len(known), CHUNK))
     b[known] = normals * albedo[:, None]
     return Whole(b, used, ()), shared, given.thrown
 
 
-def _learn(
-    given: Given, chosen: Pixels, rounds: int, smoothness: float, start: NDArray | None = None,
-    brightest: float | None = None,
-):  # fmt: skip
+def _learn(given: Given, chosen: Pixels, rounds: int, start: NDArray | None = None, brightest: float | None = None):
     """Return what is shared (SIZE,), and the residuals' middle sigma with the start and with it.
 
     Moves the normals and albedos of the pixels that are chosen, in place. Without a start: from a matte object.
@@ -193,8 +169,8 @@ def _learn(
         sigma = float(np.median(spread * albedo))
         before = before or sigma
         towards = RIDGE + pull * np.median(spread) ** 2 / (1 + ((shared - MATTE_OBJECT) / FAR) ** 2)
-        hessian = hessian + np.triu(hessian, 1).T + samples * (smoothness * bend + np.diag(towards))
-        slope = slope - samples * (smoothness * bend @ shared + towards * (shared - MATTE_OBJECT))
+        hessian = hessian + np.triu(hessian, 1).T + samples * (SMOOTHNESS * bend + np.diag(towards))
+        slope = slope - samples * (SMOOTHNESS * bend @ shared + towards * (shared - MATTE_OBJECT))
         step = np.linalg.solve(hessian, slope)
         shared = shared + step
         shared[:TABLE] = np.maximum(shared[:TABLE], 0.05)
@@ -215,4 +191,4 @@ def _second_differences():
     return np.asarray(block_diag(table, curve, 0))
 
 
-METHOD = Method("reflectance", {"default": ReflectanceSettings()}, fit_whole=_fit_whole, prepare=prepare)
+METHOD = Method("reflectance", {"default": NO_SETTINGS}, fit_whole=_fit_whole, prepare=prepare)

@@ -4,7 +4,6 @@ First each flash's intensity, per channel, from some thousand pixels; then the n
 """
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,25 +18,8 @@ from solve.pixelwise import iterative
 from solve.problem import Problem, spread_over
 from solve.samples import GRAY, Geometry, Samples, row_medians
 
-
-class SemicalibratedSettings(NamedTuple):
-    """Settings of `semicalibrated`.
-
-    Parameters
-    ----------
-    pixelwise : NamedTuple
-        Of `solve.pixelwise.iterative`, which fits the normals.
-    pixels : int
-        That the intensities are found from, at most; evenly spread over the mask.
-    rounds : int
-        At most; three to six are typical.
-    """
-
-    pixelwise: iterative.IterativeSettings = iterative.IterativeSettings()
-    pixels: int = 12_000
-    rounds: int = 12
-
-
+PIXELS, ROUNDS = 12_000, 12
+"""That the intensities are found from, at most, evenly spread over the mask; at most: three to six are typical."""
 CONTRAST = 3.0
 """The next best intensities must leave this many times the misfit of the best."""
 SIGMA = 0.1
@@ -49,7 +31,7 @@ _WORTH_MOVING = 0.02
 """Of a step of depth."""
 
 
-def find_lights(problem: Problem, settings: SemicalibratedSettings) -> Problem:
+def find_lights(problem: Problem, settings: iterative.IterativeSettings) -> Problem:
     """Return the problem under lights with the intensities that the object itself tells, and cautions.
 
     Directions (and positions) are taken as they are; intensities where the object tells none; and a trend of the
@@ -103,7 +85,9 @@ def _pretended(ratio: NDArray, parts: list[Evidence], directions: NDArray) -> ND
     return trend * min(with_it / max(without - with_it, 1e-30), 1.0)
 
 
-def told_by_object(problem: Problem, settings: SemicalibratedSettings) -> tuple[Lights, list[Evidence], NDArray]:
+def told_by_object(
+    problem: Problem, how: iterative.IterativeSettings, *, pixels: int = PIXELS, rounds: int = ROUNDS
+) -> tuple[Lights, list[Evidence], NDArray]:
     """Return the lights with intensities by the object alone, what it says of each channel, and its points (P, 3), mm.
 
     Near lights are seen from the depth of the visible surface.
@@ -115,10 +99,10 @@ def told_by_object(problem: Problem, settings: SemicalibratedSettings) -> tuple[
     sample to shading is divided out first: a flash whose intensity is still wrong would be an outlier
     everywhere, and be believed never again.
     """
-    lights, camera, how = problem.lights, problem.camera, settings.pixelwise
-    color, valid, pixel = _samples(problem.frames, problem.mask, settings.pixels)
+    lights, camera = problem.lights, problem.camera
+    color, valid, pixel = _samples(problem.frames, problem.mask, pixels)
     found, here, used, parts = lights.intensities, lights, None, []
-    for turn in range(settings.rounds):
+    for turn in range(rounds):
         gray = np.einsum("pfc,fc->pf", color, (GRAY / found).astype(np.float32))
         scale = float(np.percentile(gray[valid], 99)) if valid.any() else 1.0
         lit = valid & (gray > how.shadow_threshold * np.quantile(gray, 0.75, axis=1)[:, None])
@@ -245,4 +229,4 @@ def _lambertian(gray, lit, toward, b, sigmas, floor) -> NDArray[np.bool_]:
     return facing & (residual <= sigmas * np.maximum(spread, floor / np.maximum(size, 1e-12)))
 
 
-METHOD = Method("semicalibrated", {"default": SemicalibratedSettings()}, fit=iterative.fit_inner, prepare=find_lights)
+METHOD = Method("semicalibrated", {"default": iterative.IterativeSettings()}, fit=iterative.fit, prepare=find_lights)

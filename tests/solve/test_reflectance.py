@@ -8,7 +8,7 @@ from scene.camera import Camera
 from scene.normals import angular_error_deg, unit
 from solve.pixelwise import iterative
 from solve.whole.interreflection import Relief
-from solve.whole.reflectance import ReflectanceSettings, fit_to_views
+from solve.whole.reflectance import fit_to_views
 
 FRONT = np.array([0.0, 0.0, 1.0])
 
@@ -25,8 +25,8 @@ def photographs(lobe, *, count=32, size=44, noise=0.001, seed=20_000):
     return (gray + noise * generator.standard_normal(gray.shape)).astype(np.float32), normals, lights
 
 
-def fit(gray, lights, **changes):
-    return fit_to_views(as_samples(gray, lights), np.tile(FRONT, (len(gray), 1)), ReflectanceSettings(**changes))[0]
+def fit(gray, lights):
+    return fit_to_views(as_samples(gray, lights), np.tile(FRONT, (len(gray), 1)))[0]
 
 
 def of_iterative(gray, lights):
@@ -73,7 +73,7 @@ def test_a_view_from_the_side_is_not_one_from_the_front():
     """Half angles count from the direction to the camera: with the wrong one, the table explains nothing."""
     gray, normals, lights = photographs(LOBES["satin"][0])
     views = np.tile(unit(np.array([0.6, 0.0, 0.8])), (len(gray), 1))
-    wrong, *_ = fit_to_views(as_samples(gray, lights), views, ReflectanceSettings())
+    wrong, *_ = fit_to_views(as_samples(gray, lights), views)
     right = fit(gray, lights)
     error = [angular_error_deg(unit(found.b), normals).mean() for found in (wrong, right)]
     assert error[1] < 0.1 * error[0]
@@ -149,9 +149,7 @@ def test_normals_of_a_matte_bowl(reflectance):
     samples = as_samples(gray, LIGHTS)
     views = np.tile([0.0, 0.0, 1.0], (len(gray), 1))
     errors = [
-        angular_error_deg(
-            unit(fit_to_views(samples, views, ReflectanceSettings(pixels=600, rounds=8), relief)[0].b), normals
-        ).mean()
+        angular_error_deg(unit(fit_to_views(samples, views, relief)[0].b), normals).mean()
         for relief in (None, Relief(mask, CAMERA, 0.0, 600))
     ]
     assert errors[1] < 0.6 * errors[0]

@@ -10,6 +10,7 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.normals import angular_error_deg, unit
 from solve.assess import shared_sigma_deg
+from solve.pixelwise.iterative import IterativeSettings
 from solve.problem import Problem
 from solve.solve import solve
 from solve.whole import semicalibrated
@@ -26,7 +27,7 @@ ALBEDO = 0.3 + 0.12 * np.sin(np.stack([7 * U, 5 * V, 6 * (U + V)], -1))
 def find_lights(frames, lights):
     """The lights that `semicalibrated` finds, and its cautions."""
     problem = Problem(frames, lights, CAMERA, MASK, slice(0, SIZE))
-    found = semicalibrated.find_lights(problem, semicalibrated.SemicalibratedSettings())
+    found = semicalibrated.find_lights(problem, IterativeSettings())
     return found.lights, found.cautions
 
 

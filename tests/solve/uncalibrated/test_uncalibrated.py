@@ -40,14 +40,10 @@ def scene():
 
 
 def run(name, gray, mask, **changes):
-    """The method's result; `changes` are settings, its own or the front end's."""
+    """The method's result; `changes` are settings."""
     module = METHODS[name]
-    settings = module.METHOD.settings("default")
-    own = {key: value for key, value in changes.items() if key not in FrontEnd._fields}
-    front_end = FrontEnd(**{key: value for key, value in changes.items() if key in FrontEnd._fields})
-    settings = front_end if isinstance(settings, FrontEnd) else settings._replace(front_end=front_end, **own)
     samples = as_samples(gray, np.full((gray.shape[1], 3), np.nan))  # under lights that nobody knows
-    return module.fit_whole(Problem(None, None, None, mask, slice(0, len(mask))), samples, settings)
+    return module.fit_whole(Problem(None, None, None, mask, slice(0, len(mask))), samples, FrontEnd(**changes))
 
 
 def error(b, normals):
