@@ -263,17 +263,17 @@ def attribute(name, form, data):
     return f"{name}\0{form}\0".encode() + struct.pack("<i", len(data)) + data
 
 
-def exr_head(channels, more=b"", flags=0):
+def exr_head(channels):
     """Return a header of uncompressed floats; `channels`: (name, sampling), in alphabetical order."""
     listed = b"".join(f"{name}\0".encode() + struct.pack("<iIii", 2, 0, step, step) for name, step in channels)
     window = struct.pack("<4i", 0, 0, WIDTH - 1, HEIGHT - 1)
     return b"".join((
-        struct.pack("<ii", 20000630, 2 | flags), attribute("channels", "chlist", listed + b"\0"),
+        struct.pack("<ii", 20000630, 2), attribute("channels", "chlist", listed + b"\0"),
         attribute("compression", "compression", b"\0"), attribute("dataWindow", "box2i", window),
         attribute("displayWindow", "box2i", window), attribute("lineOrder", "lineOrder", b"\0"),
         attribute("pixelAspectRatio", "float", struct.pack("<f", 1)),
         attribute("screenWindowCenter", "v2f", struct.pack("<2f", 0, 0)),
-        attribute("screenWindowWidth", "float", struct.pack("<f", 1)), more, b"\0",
+        attribute("screenWindowWidth", "float", struct.pack("<f", 1)), b"\0",
     ))  # fmt: skip
 
 
@@ -284,31 +284,13 @@ def exr_body(path, head, chunks):
     return path
 
 
-def tiled_exr(folder, mode, side=32):
-    """Write a picture and its smaller copies, which hold 9 everywhere; mode 1: mipmap, 2: ripmap."""
-    wide, high = (range(int(np.log2(size)) + 1) for size in (WIDTH, HEIGHT))
-    levels = [(level, level) for level in wide] if mode == 1 else list(itertools.product(wide, high))
-    chunks = []
-    for right, down in levels:
-        width, height = max(1, WIDTH >> right), max(1, HEIGHT >> down)
-        picture = FLOAT if right == down == 0 else np.full((height, width, 3), 9, "f4")
-        for row, column in itertools.product(range(-(-height // side)), range(-(-width // side))):
-            tile = picture[row * side : (row + 1) * side, column * side : (column + 1) * side]
-            data = b"".join(line[:, ::-1].T.astype("<f4").tobytes() for line in tile)
-            chunks.append(struct.pack("<5i", column, row, right, down, len(data)) + data)
-    tiles = attribute("tiles", "tiledesc", struct.pack("<IIB", side, side, mode))
-    return exr_body(folder / "a.exr", exr_head([("B", 1), ("G", 1), ("R", 1)], tiles, 0x200), chunks)
-
-
-@kind("OpenEXR", "scan lines or tiles, with smaller copies (mipmap, ripmap)")
+@kind("OpenEXR", "scan lines or tiles")
 def exr_storage(folder):
     yield exr(folder, {"RGB": FLOAT}, lineOrder=OpenEXR.DECREASING_Y), FLOAT
     tiles = OpenEXR.TileDescription()
     tiles.xSize = tiles.ySize = 16
     tiles.mode = OpenEXR.ONE_LEVEL
     yield exr(folder, {"RGB": FLOAT}, type=OpenEXR.tiledimage, tiles=tiles), FLOAT
-    for mode in (1, 2):
-        yield tiled_exr(folder, mode), FLOAT
 
 
 def box(left, top, width, height):
