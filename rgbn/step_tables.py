@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from compare.report.advice import advice
-from compare.report.facts import all_warnings
+from compare.report.facts import all_warnings, sphere_rows
 from compare.report.page import plain
 from compare.report.verdict import trust_sentence, verdict
 from compare.statistics.statistics import statistics_rows
@@ -19,7 +19,6 @@ from draw.readable import Readable, readable, share
 from lab.job import Job
 from lab.progress import say
 from lab.terminal_tables import fact_table, number_table, show
-from rgbn.result_tables import ball_rows
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.store import Store
@@ -62,7 +61,7 @@ def camera_text(camera: Camera) -> str:
 
 def calibrate_tables(job: Job, summary: Values) -> Iterator[Any]:
     """Yield the table of the lights, and that of the balls where there are any; of unknown lights that they are it."""
-    store, lights = job.store, job.store.load_lights()
+    lights = job.store.load_lights()
     if lights.is_unknown:
         words = f"{len(lights)}, unknown: no ball was found, and no file gives them"
         yield fact_table("calibrate", {"lights": words})
@@ -70,8 +69,8 @@ def calibrate_tables(job: Job, summary: Values) -> Iterator[Any]:
     # `align` moves them.
     seen = "the object" if "align" in job.done else "amid the balls"
     yield light_table(f"calibrate: {len(lights)} {lights.model} lights, seen from {seen}", lights)
-    if store.path("spheres.json").exists() and (spheres := store.load_spheres()):
-        yield number_table("calibrate: balls", "told balls", ball_rows(spheres, store.load_camera()))
+    if balls := sphere_rows(job.store):
+        yield number_table("calibrate: balls", "told balls", balls)
 
 
 def light_table(title: str, lights: Lights) -> Any:

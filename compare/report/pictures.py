@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats.picture_files import srgb_from_linear
+from scene.camera import Camera
 from scene.frames import Frames
 from scene.map_pictures import PAPER, Image, normal_picture, shrink
+from scene.spheres import Sphere
 
 SCALE_ENDS_DEG = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0)
 
@@ -130,11 +132,8 @@ def enlarged(image: Image, times: int) -> Image:
 
 def legend_ball(width: int) -> Image:
     """Return a ball facing the viewer in the colours of `normal_picture`: the key to read them by."""
-    v, u = np.mgrid[0:width, 0:width]
-    x, y = (u - (width - 1) / 2) / (width / 2 - 1), -(v - (width - 1) / 2) / (width / 2 - 1)
-    square = 1 - x * x - y * y
-    z = np.sqrt(np.where(square >= 0, square, np.nan))
-    normals = np.where(square[..., None] >= 0, np.stack([x, y, z], -1), np.nan)
+    camera = Camera.orthographic(width, width)
+    normals, _ = Sphere("white", np.full(2, (width - 1) / 2), width / 2 - 1).normals(camera, camera.grid())
     return normal_picture(normals, width)
 
 
