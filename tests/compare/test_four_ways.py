@@ -5,6 +5,7 @@ import pytest
 
 from compare.report.facts import family
 from compare.statistics.statistics import MIRROR, four_ways
+from fixtures.lit_surfaces import dome
 from scene.normals import unit
 
 RELIEF = np.array([[1, 0, 0], [0, 1, 0], [0.4, -0.3, 1.7]])
@@ -13,10 +14,8 @@ LINEAR = np.array([[1, 0.5, 0.2], [-0.3, 0.8, 0.1], [0.1, -0.2, 1.2]])
 
 @pytest.fixture
 def truth():
-    v, u = np.mgrid[-1:1:40j, -1:1:40j]
-    normals = unit(np.stack([u, -v, np.sqrt(np.maximum(1 - u**2 - v**2, 0.05))], -1))
-    normals[u**2 + v**2 > 0.95] = np.nan
-    return normals
+    normals, mask = dome(40, radius=0.5, rim=0.22)
+    return np.where(mask[..., None], normals, np.nan)
 
 
 def ways(normals, truth, mask=None):

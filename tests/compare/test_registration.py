@@ -6,6 +6,8 @@ import pytest
 
 from compare.report import registration_pictures
 from compare.report.pictures import Exposure, PixelBox
+from fixtures.lit_surfaces import ball_seen, matte
+from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.store import Store
@@ -19,20 +21,13 @@ def scene(width, height):
     intensities = np.array([[1.1, 1.0, 0.9], [0.9, 1.0, 1.1], [1.0, 1.2, 1.0], [1.0, 0.8, 1.0]])
     lights = Lights(("left", "top", "right", "bottom"), directions, intensities)
     center, radius = np.array([0.47 * width, 0.52 * height]), 0.3 * height
-
-    def shading(index, pixels):
-        x, y = (pixels[..., 0] - center[0]) / radius, -(pixels[..., 1] - center[1]) / radius
-        inside = x * x + y * y < 1
-        z = np.sqrt(np.maximum(1 - x * x - y * y, 0))
-        return np.where(inside, np.maximum(np.stack([x, y, z], -1) @ directions[index], 0), np.nan)
-
-    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(float)
-    images = np.stack([shading(index, pixels)[..., None] * ALBEDO * intensities[index] for index in range(4)])
-    mask = np.isfinite(images[0, ..., 0])
+    u, v = center - (np.array([width, height]) - 1) / 2
+    points, normals, mask = ball_seen(Camera.orthographic(width, height), (u, -v, -radius), radius, rim=0)
+    images = np.where(mask[..., None], matte(lights, points, normals, ALBEDO), 0.1)
     angle = np.linspace(0, 2 * np.pi, 1500, endpoint=False)
-    points = center + radius * np.stack([np.cos(angle), np.sin(angle)], -1)
-    strokes = np.stack([points, np.roll(points, -1, 0)], 1)
-    return Frames.from_linear(lights.names, np.nan_to_num(images, nan=0.1)), lights, mask, strokes
+    outline = center + radius * np.stack([np.cos(angle), np.sin(angle)], -1)
+    strokes = np.stack([outline, np.roll(outline, -1, 0)], 1)
+    return Frames.from_linear(lights.names, images), lights, mask, strokes
 
 
 def test_strokes_lie_where_their_pixels_are_to_a_tenth_of_a_pixel():
