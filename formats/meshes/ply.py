@@ -6,7 +6,7 @@ lengths; Open3D reads neither strips nor lines that hold more numbers than the h
 
 import re
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,8 +39,6 @@ class Element:
 
 Columns = dict[str, dict[str, Any]]
 """Of each element, each property's values (N,), or of a list all lengths (N,) and all values in a row."""
-View = Callable[[str], tuple[NDArray, int]]
-"""All values of one type that the file could hold, at each place; and how many places one takes."""
 
 
 def read_ply(path: Path) -> Columns:
@@ -89,36 +87,32 @@ def read_rows(text: bytes, elements: list[Element]) -> Columns:
     Lines may hold more than their row: exporters and scripts append flags and colours.
     """
     numbers, words = table(text)
-    ends = np.cumsum(words)
+    data, ends = numbers.view(np.uint8), 8 * np.cumsum(words)
     columns, line = {}, 0
     for element in elements:
         rows = slice(line, line + (element.count if element.properties else 0))
         line = rows.stop
         if line > len(ends):
             raise ValueError(f"{element.name}: values are missing, or several rows share a line")
-        columns[element.name], _ = _rows(element, (ends - words)[rows], ends[rows], lambda kind: (numbers, 1))
+        columns[element.name], _ = _rows(element, (ends - 8 * words)[rows], ends[rows], data)
     if line < len(ends):
         raise ValueError(f"{len(ends) - line} lines are left behind the last {elements[-1].name}")
     return columns
 
 
 def _read_binary(data: bytes, at: int, elements: list[Element], order: str) -> Columns:
-    def view(kind: str) -> tuple[NDArray, int]:
-        size = np.dtype(kind).itemsize
-        return np.ndarray(max(len(data) - size + 1, 0), order + kind, data, strides=(1,)), size
-
     columns = {}
     for element in elements:
         # Mostly all rows are as long as the first one.
         edges = at + (_walk(data, at, min(element.count, 1), element, order)[-1] - at) * np.arange(element.count + 1)
         try:
-            columns[element.name], ends = _rows(element, edges[:-1], len(data), view)
+            columns[element.name], ends = _rows(element, edges[:-1], len(data), data, order)
             is_even = np.array_equal(ends, edges[1:])
         except ValueError:
             is_even = False
         if not is_even:
             edges = _walk(data, at, element.count, element, order)
-            columns[element.name], _ = _rows(element, edges[:-1], len(data), view)
+            columns[element.name], _ = _rows(element, edges[:-1], len(data), data, order)
         at = int(edges[-1])
     if data[at:].strip(b"\0 \t\r\n"):
         raise ValueError(f"{len(data) - at} bytes are left behind the last {elements[-1].name}")
@@ -145,17 +139,20 @@ def _walk(data: bytes, at: int, count: int, element: Element, order: str) -> Int
     return np.array(edges, np.int64)
 
 
-def _rows(element: Element, at: Integers, ends: Integers | int, view: View) -> tuple[dict[str, Any], Integers]:
+def _rows(element: Element, at: Integers, ends: Any, data: Any, order: str = "") -> tuple[dict[str, Any], Integers]:
     """Return an element's columns, and where each row's values end.
 
-    at (N,): Where rows start. ends: Where they have to end.
+    at (N,): Where rows start. ends: Where they have to end, one for each or one for all. data: Bytes. order: Of them;
+    empty: all values are doubles, as a text's.
     """
 
     def take(kind: str, counts: Integers) -> tuple[NDArray, Integers]:
-        values, size = view(kind)
-        if (at + counts * size > ends).any():
+        form = np.dtype(order + kind if order else "d")
+        if (at + counts * form.itemsize > ends).any():
             raise ValueError(f"{element.name}: values are missing")
-        return values[places(at, counts, size)], at + counts * size
+        # One could begin at any byte.
+        values = np.ndarray(max(len(data) - form.itemsize + 1, 0), form, data, strides=(1,))
+        return values[places(at, counts, form.itemsize)], at + counts * form.itemsize
 
     columns: dict[str, Any] = {}
     for name, kind, length in element.properties:
