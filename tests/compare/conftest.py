@@ -11,7 +11,7 @@ import pytest
 from compare.compare import compare
 from fixtures.lit_surfaces import flashes_at, gloss, lights_along, matte, spiral
 from scene.camera import Camera
-from scene.files import write_json
+from scene.files import write_json, write_png
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
@@ -92,6 +92,8 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
     store.save_pose(Pose(np.eye(4)), residual_px=0.62, sigma_mm=0.11, sigma_deg=0.21)
     store.save_mask(mask)
     store.save_truth(truth, np.where(mask, 0.4, np.nan))
+    # What `align` draws; without it each report of a test would draw it, a fifth of a second long.
+    write_png(store.path("align", "outline.png"), np.zeros((height, width, 3), np.uint8))
     seen: list[list[Any]] = []
     for ball in balls:
         row: list[Any] = [None] * count

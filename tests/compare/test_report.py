@@ -110,7 +110,7 @@ def test_every_number_on_the_page_is_in_the_summary(page, session, tmp_path):
 def test_pictures_are_all_there_each_with_words_for_it(page):
     images = page.all("img")
     # 3 on the first screen; of the viewer 12 frames, real and twin, normals of the truth and of 2 methods real and
-    # twin, their errors, 2 albedos, 3 sigmas; 3 balls, silhouette, key ball; `align` drew none here.
+    # twin, their errors, 2 albedos, 3 sigmas; 3 balls, the outline, key ball.
     assert len(images) == 3 + 2 * 12 + (1 + 4) + 4 + 2 + 3 + 3 + 1 + 1
     assert all(image["alt"] for image in images)
     assert all(values.get("aria-label") for values in page.all("svg"))
