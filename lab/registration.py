@@ -74,13 +74,8 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         found = replace(found, covariance=probe.covariance)
     truth = ground_truth(mesh, found.pose, camera, covariance=found.covariance, at_vertices=smooth)
     store.save_truth(truth.normals, truth.sigma_deg)
-    store.save_pose(
-        found.pose,
-        residual_px=found.residual_px,
-        sigma_mm=found.sigma_mm,
-        sigma_deg=found.sigma_deg,
-        mm_per_unit=scale,
-    )
+    exactness = {name: getattr(found, name) for name in ("residual_px", "sigma_mm", "sigma_deg")}
+    store.save_pose(found.pose, **exactness, mm_per_unit=scale)
     final_mask = scan_mask(truth.mask, rough_mask)
     store.save_mask(final_mask.mask)
     lights = lights.seen_from(found.pose.apply(mesh.center_mm))
@@ -88,9 +83,7 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     strokes = outline_strokes(mesh, found.pose, camera)
     write_pictures(store, frames, lights, strokes=strokes, mask=final_mask.mask)
     result = {
-        "residual_px": found.residual_px,
-        "sigma_mm": found.sigma_mm,
-        "sigma_deg": found.sigma_deg,
+        **exactness,
         "focal_px": None if camera.is_orthographic else camera.fx,
         "focal_sigma": camera.focal_sigma,
         "fit": found.evidence,

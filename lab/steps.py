@@ -90,14 +90,8 @@ def calibrate(job: Job) -> Outcome:
     store.save_lights(found.lights, files=job.frame_files)
     # As they are before they are moved to the object: `align` starts from these, however often it is run.
     Store(store.path("frames")).save_lights_json(found.lights)
-    calibration = {
-        "highlights_px": found.highlights_px,
-        "rejected": found.rejected,
-        "position_covariance_mm2": found.position_covariance_mm2,
-        "evidence": found.evidence,
-        "warnings": found.warnings,
-    }
-    write_json(store.path("calibration.json"), calibration)
+    kept = ("highlights_px", "rejected", "position_covariance_mm2", "evidence", "warnings")
+    write_json(store.path("calibration.json"), {name: getattr(found, name) for name in kept})
     lights = found.lights
     result = {
         "model": lights.model,
