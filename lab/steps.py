@@ -188,16 +188,13 @@ def solve_all(job: Job, store: Store, label: str, methods: Sequence[str]) -> tup
             else:
                 estimate = run(method, frames, lights, camera, mask, profile=job.profile, **how)
         store.save_estimate(estimate)
-        table[method] = {
-            "seconds": estimate.seconds,
-            "processor_seconds": estimate.processor_seconds,
+        own = ("seconds", "processor_seconds", "settings", "warnings")
+        table[method] = {name: getattr(estimate, name) for name in own} | {
             "megapixels": megapixels,
             "frames": len(frames),
             "processor_seconds_per_megapixel_image": estimate.processor_seconds / (megapixels * len(frames)),
             "sigma_deg_median": known_median(estimate.sigma_deg),
             "profile": job.profile,
-            "settings": estimate.settings,
-            "warnings": estimate.warnings,
         }
         if estimate.lights is not None:
             found = estimate.lights.seen_from(lights.reference_point_mm)
@@ -224,12 +221,8 @@ def trust(job: Job) -> Outcome:
     write_npy(store.path("sigma", "recommended.npy"), found.sigma_deg)
     known = found.sigma_deg[np.isfinite(found.sigma_deg)]
     median, most = np.quantile(known, [0.5, 0.9]).tolist() if len(known) else (None, None)
-    result = {
-        "recommended": found.recommended,
-        "level": found.level,
-        "relative_rmse": found.relative_rmse,
+    result = {name: getattr(found, name) for name in ("recommended", "level", "relative_rmse", "doubts")} | {
         "sigma_deg": {"median": median, "q90": most},
-        "doubts": found.doubts,
         "methods": {name: row._asdict() for name, row in found.methods.items()},
     }
     return Outcome(result, list(found.doubts))
