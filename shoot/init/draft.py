@@ -101,11 +101,6 @@ class Draft:
         new = table_of(table, data) if data or table in ("frames", "object") else None
         return replace(self, manifest=self.manifest.model_copy(update={table: new}))
 
-    @property
-    def balls(self) -> list[SphereTable]:
-        """The balls that are known, in the frames or shot apart."""
-        return self.manifest.spheres
-
     def with_balls(self, balls: Sequence[SphereTable]) -> "Draft":
         """Return the draft with other balls."""
         return replace(self, manifest=self.manifest.model_copy(update={"spheres": list(balls)}))
@@ -142,12 +137,10 @@ class Draft:
 
         Of balls of several diameters it is known which has which: all of that kind have their circles.
         """
-        mixed = {kind for kind in KINDS if len({one.diameter_mm for one in self.balls if one.kind == kind}) > 1}
-        spheres = []
-        for one in self.balls:
-            center, radius = (one.center_px, one.radius_px) if one.kind in mixed else (None, None)
-            rounded = {"center_px": center and [round(value, 1) for value in center]}
-            spheres.append(one.model_copy(update=rounded | {"radius_px": radius and round(radius, 1)}))
+        balls = self.manifest.spheres
+        mixed = {kind for kind in KINDS if len({one.diameter_mm for one in balls if one.kind == kind}) > 1}
+        bare = {"center_px": None, "radius_px": None}
+        spheres = [one if one.kind in mixed else one.model_copy(update=bare) for one in balls]
         written = self.with_balls(spheres).manifest
         if not spheres:
             # An empty list would say that no ball is to be looked for.
@@ -159,7 +152,8 @@ class Draft:
 
         `vertices` (V, 3), of the file; `across_px`: the object's diagonal in the picture, None where it was not found.
         """
-        scales = [one.diameter_mm / (2 * one.radius_px) for one in self.balls if one.diameter_mm and one.radius_px]
+        balls = self.manifest.spheres
+        scales = [one.diameter_mm / (2 * one.radius_px) for one in balls if one.diameter_mm and one.radius_px]
         looks_mm = across_px * float(np.median(scales)) if scales and across_px else None
         sides = np.ptp(vertices, axis=0)
         likely = unit_by_size(float(np.linalg.norm(sides)), looks_mm)

@@ -70,7 +70,7 @@ def init_sessions(folder: Path, told: Answers, *, yes: bool = False) -> list[tup
         print(f"         {sheet}: the balls in circles; look whether all are found")
     for draft, _, _ in made:
         place = shlex.quote(str(draft.folder))
-        unknown = sorted({f" --{ball.kind} MM" for ball in draft.balls if ball.diameter_mm is None})
+        unknown = sorted({f" --{ball.kind} MM" for ball in draft.manifest.spheres if ball.diameter_mm is None})
         if unknown:
             print(f"tell     rgbn init {place}{''.join(unknown)}: diameters, for the lights' positions")
         print(f"next     rgbn process {place}")

@@ -183,7 +183,7 @@ def _across_px(draft: Draft) -> float | None:
     """Return the object's diagonal in the picture; None where it, or every ball, is not found."""
     balls = [
         Sphere(ball.kind, (np.array(ball.center_px) + 0.5) / draft.step - 0.5, ball.radius_px / draft.step)
-        for ball in draft.balls if ball.center_px and ball.radius_px
+        for ball in draft.manifest.spheres if ball.center_px and ball.radius_px
     ]  # fmt: skip
     try:
         mask = find_object(draft.small, _small_camera(draft), balls).mask if balls else None
@@ -238,13 +238,16 @@ def _small_camera(draft: Draft) -> Camera:
 
 
 def drafted(spheres: Sequence[Sphere], step: int = 1) -> list[SphereTable]:
-    """Return balls that were found in frames of which a pixel is `step` of the photographs' wide, the largest first."""
+    """Return balls that were found in frames of which a pixel is `step` of the photographs' wide, the largest first.
+
+    To a tenth of a pixel, as session.toml is to say it.
+    """
     ordered = sorted(spheres, key=lambda sphere: (sphere.kind, -sphere.radius_px))
     return [
         SphereTable(
             kind=one.kind,
-            center_px=[(float(c) + 0.5) * step - 0.5 for c in one.center_px],
-            radius_px=float(one.radius_px) * step,
+            center_px=[round((float(c) + 0.5) * step - 0.5, 1) for c in one.center_px],
+            radius_px=round(float(one.radius_px) * step, 1),
         )
         for one in ordered
     ]

@@ -216,7 +216,7 @@ def test_photographs_that_others_took(shared, tmp_path, monkeypatch, place):
         assert [draft.folder.name for draft, *_ in made] == ["buddha", "cat", "horse", "owl", "rock"]
         assert all(len(load_session(draft.folder).spheres) == 2 for draft, *_ in made)
     else:
-        (ball,) = made[0][0].balls
+        (ball,) = made[0][0].manifest.spheres
         assert (ball.kind, ball.radius_px) == ("chrome", pytest.approx(487, rel=0.03))
         assert any("ref.JPG is brighter" in note for note in made[0][0].notes)
 
