@@ -90,14 +90,23 @@ def solve_external(
 
 
 def with_lambertian_albedo(normals: NDArray[np.float64], samples: Samples, cautions: tuple[str, ...]) -> Whole:
-    """Return normals (P, 3), known already, camera frame, with their albedo."""
-    normals = np.where(np.isfinite(normals[:, :1]), normals, 0)
-    scale = samples.scale()
-    b, used = np.zeros(normals.shape), np.zeros(samples.gray.shape, bool)
+    """Return normals (P, 3), known already, camera frame, with their albedo: the median ratio of sample to shading.
+
+    Used are the samples that agree with it. A pixel without any lit sample keeps its normal: its albedo is the least
+    that is not zero.
+    """
+    b, used = np.where(np.isfinite(normals[:, :1]), normals, 0), np.zeros(samples.gray.shape, bool)
+    scale, how = samples.scale(), IterativeSettings()
     for first in range(0, len(b), _BLOCK):
         part = slice(first, first + _BLOCK)
-        albedo, used[part] = _albedo(samples.some(part), normals[part], scale)
-        b[part] = albedo[:, None] * normals[part]
+        gray, valid, *_ = some = samples.some(part)
+        shade = np.einsum("pfi,pi->pf", some.toward(), b[part])
+        facing = valid & (shade > _FACING) & (gray > DARK * scale)
+        ratio = row_medians(gray / np.where(facing, shade, 1), facing)
+        residual = np.abs(gray - ratio[:, None] * shade)
+        spread = np.maximum(MAD * row_medians(residual, facing), how.noise_floor * scale)
+        used[part] = facing & (residual <= how.outlier_sigmas * spread[:, None])
+        b[part] *= np.maximum(ratio, 1e-9 * scale)[:, None]
     return Whole(b, used, cautions)
 
 
@@ -122,18 +131,3 @@ def _with_lights_of_its_own(normals: NDArray[np.float64], samples: Samples, caut
     lights /= max(float(np.mean(np.linalg.norm(lights, axis=1))), 1e-12)
     whole = with_lambertian_albedo(normals, samples._replace(lights=Geometry.distant(lights)), cautions)
     return replace(whole, lights=lights)
-
-
-def _albedo(samples: Samples, normals: NDArray, scale: float) -> tuple[NDArray, NDArray[np.bool_]]:
-    """Return the median ratio of sample to shading (P,), and the samples (P, F) that agree with it.
-
-    A pixel without any lit sample keeps its normal: its albedo is the least that is not zero.
-    """
-    gray, valid = samples.gray, samples.valid
-    shade = np.einsum("pfi,pi->pf", samples.toward(), normals)
-    facing = valid & (shade > _FACING) & (gray > DARK * scale)
-    ratio = row_medians(gray / np.where(facing, shade, 1), facing)
-    residual = np.abs(gray - ratio[:, None] * shade)
-    how = IterativeSettings()
-    spread = np.maximum(MAD * row_medians(residual, facing), how.noise_floor * scale)
-    return np.maximum(ratio, 1e-9 * scale), facing & (residual <= how.outlier_sigmas * spread[:, None])

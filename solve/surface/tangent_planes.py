@@ -18,13 +18,13 @@ _FARTHEST = 0.1
 
 @dataclass(frozen=True)
 class GridAxis:
-    """A pixel and the next in its row or column, all (h, w) at the first of the two, lengths in pixels.
+    """A pixel and the next along an axis of the picture, all (h, w) at the first of the two, lengths in pixels.
 
     `pair`: both count. `top`, `bottom` (2, h, w): numerator and denominator of the step to the next, for the
     normal of the first, of the next. `weight`: squared cosine of the more edge-on one.
     """
 
-    step: tuple[int, int]
+    axis: int
     pair: NDArray[np.bool_]
     top: Array
     bottom: Array
@@ -40,11 +40,11 @@ class GridAxis:
 
     def next(self, values: NDArray) -> NDArray:
         """Return each pixel's next one's value."""
-        return np.roll(values, (-self.step[0], -self.step[1]), (0, 1))
+        return np.roll(values, -1, self.axis)
 
     def last(self, values: NDArray) -> NDArray:
         """Return the value of each pixel's last one."""
-        return np.roll(values, self.step, (0, 1))
+        return np.roll(values, 1, self.axis)
 
 
 @dataclass(frozen=True)
@@ -76,23 +76,19 @@ def edges_of(normals: Array, inside: NDArray[np.bool_], camera: Camera, box: tup
     cosine = np.where(inside, np.maximum(cosine, least), 1.0)
     rays = rays / -rays[..., 2:]
     axes = []
-    for step in ((0, 1), (1, 0)):
-
-        def shifted(values: NDArray, step: tuple[int, int] = step) -> NDArray:
-            return np.roll(values, (-step[0], -step[1]), (0, 1))
-
-        pair = inside & shifted(inside)
-        pair[tuple(-1 if along else slice(None) for along in step)] = False
-        both = np.stack([normals, shifted(normals)])
+    for axis in (1, 0):
+        pair = inside & np.roll(inside, -1, axis)
+        np.moveaxis(pair, axis, 0)[-1] = False
+        both = np.stack([normals, np.roll(normals, -1, axis)])
         if camera.is_orthographic:
             # Depth is -z, as in perspective.
-            top, bottom = np.sum(both * (shifted(base) - base), -1), both[..., 2]
+            top, bottom = np.sum(both * (np.roll(base, -1, axis) - base), -1), both[..., 2]
         else:
-            top, bottom = -np.sum(both * rays, -1), -np.sum(both * shifted(rays), -1)
+            top, bottom = -np.sum(both * rays, -1), -np.sum(both * np.roll(rays, -1, axis), -1)
         # Where there is no pair: a step of nothing.
         top, bottom = np.where(pair, top, 0.0 if camera.is_orthographic else 1.0), np.where(pair, bottom, 1.0)
-        weight = np.where(pair, np.minimum(cosine, shifted(cosine)) ** 2, 0.0)
-        axes.append(GridAxis(step, pair, top, bottom, weight, float(focal), camera.is_orthographic))
+        weight = np.where(pair, np.minimum(cosine, np.roll(cosine, -1, axis)) ** 2, 0.0)
+        axes.append(GridAxis(axis, pair, top, bottom, weight, float(focal), camera.is_orthographic))
     return GridEdges(inside, cosine, (axes[0], axes[1]))
 
 

@@ -42,7 +42,7 @@ def low_rank(
     strength = 1.25 / largest
     limit = strength * 1e7
     state /= max(largest, max(float(known.max()), -float(known.min())) / weight) * strength
-    right, factor = np.zeros((frames, 0)), np.zeros(0)
+    first, second = np.zeros((frames, 0)), np.zeros((0, frames))
     before = strength
     residual = np.inf
     chunks = [slice(start, start + _CHUNK) for start in range(0, pixels, _CHUNK)]
@@ -52,34 +52,23 @@ def low_rank(
             return _pass(known[part], there[part], state[part], first, second, *levels)
 
         for _ in range(rounds):
-            first, second = _factors(right, factor)
             levels = before / strength, weight / strength
             grams, squares = zip(*pool.map(each, chunks), strict=True)
-            right, factor = _threshold(np.sum(grams, axis=0), strength)
+            first, second = _threshold(np.sum(grams, axis=0), strength)
             residual = float(np.sqrt(np.sum(squares))) / length
             if residual < tolerance:
                 break
             before, strength = strength, min(_GROWTH * strength, limit)
-        first, second = _factors(right, factor)
-
-        def finish(part: slice) -> None:
-            state[part] = state[part] @ first @ second
-
-        list(pool.map(finish, chunks))
-    return state, residual
+    return np.matmul(state @ first, second, out=state), residual
 
 
 def _threshold(gram: Array, strength: float) -> tuple[Array, Array]:
-    """Return the right singular vectors (F, k) that are kept of X, X' X being given, and their factors (k,)."""
+    """Return V diag(factor) (F, k) and V' (k, F), contiguous: right singular vectors that are kept of X, by X' X."""
     square, vectors = np.linalg.eigh(gram)
     singular = np.sqrt(np.maximum(square, 0))
     kept = singular * strength > 1
-    return vectors[:, kept], 1 - 1 / (singular[kept] * strength)
-
-
-def _factors(right: Array, factor: Array) -> tuple[Array, Array]:
-    """Return V diag(factor) (F, k) and V' (k, F), each contiguous."""
-    return np.ascontiguousarray(right * factor), np.ascontiguousarray(right.T)
+    right = vectors[:, kept]
+    return np.ascontiguousarray(right * (1 - 1 / (singular[kept] * strength))), np.ascontiguousarray(right.T)
 
 
 @numba.njit(nogil=True, cache=True)

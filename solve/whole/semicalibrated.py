@@ -201,12 +201,9 @@ def _named(lights: Lights, which: NDArray[np.bool_]) -> str:
 def _samples(frames: Frames, mask: NDArray[np.bool_], pixels: int):
     """Return color (P, F, 3), valid (P, F) and (u, v) (P, 2) of pixels evenly spread over the mask."""
     row, column = np.nonzero(spread_over(mask, pixels))
-    color = np.empty((len(row), len(frames), 3), np.float32)
-    valid = np.empty((len(row), len(frames)), bool)
-    for index in range(len(frames)):
-        color[:, index], clipped = frames.read_pixels(index, row, column)
-        valid[:, index] = ~clipped
-    return color, valid, np.stack([column, row], -1)
+    read = (frames.read_pixels(index, row, column) for index in range(len(frames)))
+    color, clipped = (np.stack(each, 1) for each in zip(*read, strict=True))
+    return color, ~clipped, np.stack([column, row], -1)
 
 
 def _seen(lights: Lights, camera: Camera, pixel: NDArray) -> tuple[NDArray, NDArray]:
