@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import re
+import shutil
 import signal
 import time
 from html import unescape
@@ -183,6 +184,8 @@ def test_a_session_where_the_list_is_to_be_is_refused(captures, here, run_rgbn, 
 
 def test_a_folder_of_another_keeps_its_results(captures, here, run_rgbn, tmp_path):
     """The usual output folder is a session's of the same name; that given is another's."""
+    for name in (ODD, "x/y"):
+        shutil.rmtree(captures / name)
     make_session(tmp_path / "else" / "captures")
     assert run_rgbn("check", tmp_path / "else" / "captures")[0] == 0
     code, _, said = run_rgbn("process", "captures")
