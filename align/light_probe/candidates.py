@@ -65,7 +65,7 @@ def rough_lights(samples: ShadedSamples, normals: Array) -> tuple[Array, float]:
     n, values = normals[seen], samples.values[:, seen] / samples.scale[seen]
     free, usable = ~samples.clipped[:, seen], samples.usable[:, seen]
     albedo, weight = np.ones(len(n)), usable.astype(np.float64)
-    vectors = np.zeros((len(values), 3))
+    vectors, residual = np.zeros((len(values), 3)), values
     for _ in range(ROUNDS):
         along = albedo[:, None] * n
         matrix = np.einsum("np,pi,pj->nij", weight, along, along, optimize=True) + 1e-6 * np.eye(3)
@@ -75,7 +75,6 @@ def rough_lights(samples: ShadedSamples, normals: Array) -> tuple[Array, float]:
         albedo = np.clip((weight * cosine * values).sum(0) / square, 0.05, 20.0)
         residual = values - albedo * np.maximum(cosine, 0)
         weight = usable * (cosine > 0) / (1 + (residual / LOOSE) ** 2) ** 2
-    residual = values - albedo * np.maximum(vectors @ n.T, 0)
     relative = (residual / LOOSE) ** 2
     cost = np.where(free, relative / (1 + relative), 0).sum() / max(free.sum(), 1)
     return vectors, float(cost)

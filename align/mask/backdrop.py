@@ -145,12 +145,11 @@ def bright_mean(stack: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def bright_picture(frames: Frames, near: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Return (H, W) float32, `bright_mean` of the gray frames around the pixels of `near`; 0 elsewhere."""
-    (down, across), margin = box_of(near), 32
-    columns = slice(max(across.start - margin, 0), across.stop + margin)
+    down, columns = box_of(near, margin=32)
     out = np.zeros(near.shape, np.float32)
 
     def fill(band: slice) -> None:
-        rows = slice(max(band.start, down.start - margin), min(band.stop, down.stop + margin))
+        rows = slice(max(band.start, down.start), min(band.stop, down.stop))
         if rows.start < rows.stop:
             out[rows, columns] = bright_mean(gray(frames.read(rows, columns=columns)))
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from align.mask.backdrop import Contradiction, bright_mean, bright_picture, contradict_backdrop
 from align.mask.cut_out import cut_out
 from align.pose.photographed import FEWEST
-from align.pose.scan_view import window_of
+from align.pose.scan_view import box_of
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.frames import Frames, gray, shrunk
@@ -65,8 +65,6 @@ def find_object(
         The given mask is empty, too thin or of another size; the box is empty or holds all of the picture; or nothing
         stands out from the backdrop.
     """
-    import cv2
-
     size = (camera.height, camera.width)
     balls = np.zeros(size, bool)
     for sphere in spheres:
@@ -99,7 +97,7 @@ def find_object(
         big[: blown.shape[0], : blown.shape[1]] = blown
         reach = 2 * factor + 1
         # Nothing farther off has a say: the blur's sigma is 1.5 reaches.
-        window = window_of(big, margin=10 * reach)
+        window = box_of(big, margin=10 * reach)
         border = np.zeros(size, bool)
         border[window] = _sharpen(bright_picture(frames, big)[window], big[window], balls[window], reach=reach)
     border = _one_piece(border & ~balls)
@@ -109,8 +107,7 @@ def find_object(
             f"mask: {len(frames)} photographs hardly tell an object from its backdrop, {FEWEST} do. Look at the "
             "outline; where it is wrong, give a box about the object, or its mask: box, mask under [object]."
         )
-    frame = np.pad(beside, 1, constant_values=True).astype(np.uint8)
-    cut = int((border & (cv2.dilate(frame, np.ones((3, 3), np.uint8)) > 0)[1:-1, 1:-1]).sum())
+    cut = int((border & ~_whole(~beside)).sum())
     if cut > 4:
         reached = "the image's border" if box is None else "the border of object.box, or the image's"
         warnings.append(f"mask: the object reaches {reached} ({cut} pixels): part of it may be missing.")
@@ -151,14 +148,18 @@ def _checked(mask: NDArray[np.bool_], balls: NDArray[np.bool_], size: tuple[int,
 
 def _check_area(mask: NDArray[np.bool_]) -> None:
     """Raise AlignError where no pixel of a mask has all its neighbours in it: slopes of normals need them."""
-    import cv2
-
-    whole = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0)
-    if not whole.any():
+    if not _whole(mask).any():
         raise AlignError(
             f"mask: {mask.sum()} pixels are the object's, and nowhere 3 x 3 of them together: too few or too thin for "
             "normals. White marks the object: paint all of it, or drop mask under [object]."
         )
+
+
+def _whole(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the pixels of a mask that have all eight neighbours in it; beside the picture there are none."""
+    import cv2
+
+    return cv2.erode(np.pad(mask, 1).astype(np.uint8), np.ones((3, 3), np.uint8))[1:-1, 1:-1] > 0
 
 
 def _beside(box: Box, size: tuple[int, int]) -> NDArray[np.bool_]:

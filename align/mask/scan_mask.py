@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.mask.object_mask import ObjectMask
-from align.pose.scan_view import window_of
+from align.pose.scan_view import box_of
 
 
 def scan_mask(silhouette: NDArray[np.bool_], found: ObjectMask, *, tolerance_px: float = 3.0) -> ObjectMask:
@@ -17,7 +17,7 @@ def scan_mask(silhouette: NDArray[np.bool_], found: ObjectMask, *, tolerance_px:
     """
     from scipy.ndimage import binary_dilation, binary_fill_holes, binary_opening
 
-    shape, window = silhouette.shape, window_of(silhouette | found.mask, margin=int(4 * tolerance_px))
+    shape, window = silhouette.shape, box_of(silhouette | found.mask, margin=int(4 * tolerance_px))
     silhouette, rough = silhouette[window], found.mask[window]
     radius = int(np.ceil(tolerance_px))
     disc = np.hypot(*np.mgrid[-radius : radius + 1, -radius : radius + 1]) <= tolerance_px

@@ -144,13 +144,8 @@ def albedo_of(values: Array, used: NDArray[np.bool_], shown: Array, loss: float)
     for turn in range(REWEIGHTED + 1):
         albedo = (weight * shown * values).sum(0) / np.maximum((weight * shown * shown).sum(0), 1e-12)
         if turn < REWEIGHTED:
-            weight = trust(used, values - albedo * shown, loss)
+            weight = used / (1 + ((values - albedo * shown) / loss) ** 2) ** 2
     return albedo, weight
-
-
-def trust(used: NDArray[np.bool_], residuals: Array, loss: float = LEAST_LOSS) -> Array:
-    """Return weights (N, P) of the used samples, by Geman and McClure's loss."""
-    return used / (1 + (residuals / loss) ** 2) ** 2
 
 
 def freed_of_appearance(changes: Array, weight: Array, albedo: Array, shown: Array, lit: Lit, normals: Array) -> Array:

@@ -56,27 +56,24 @@ class EdgePictures:
     def of(cls, photographs: Photographs) -> "EdgePictures":
         """Take the pictures about the mask, in one pass over the frames."""
         frames, lights = photographs.frames, photographs.lights
-        rows, columns = box_of(photographs.mask)
-        low = np.maximum([columns.start - MARGIN_PX, rows.start - MARGIN_PX], 0)
-        high = np.minimum([columns.stop + MARGIN_PX, rows.stop + MARGIN_PX], [frames.width, frames.height])
+        down, columns = box_of(photographs.mask, margin=MARGIN_PX)
         # Image axes: u along the camera's x, v against its y.
         score = _sector_axes() @ (lights.directions[:, :2] * [1.0, -1.0]).T
         keep = min(len(frames), max(3, len(frames) // 4))
         members = np.zeros(score.shape, bool)
         np.put_along_axis(members, np.argsort(-score, axis=1)[:, :keep], True, axis=1)
-        pictures = np.zeros((SECTORS, high[1] - low[1], high[0] - low[0]), np.float32)
+        pictures = np.zeros((SECTORS, down.stop - down.start, columns.stop - columns.start), np.float32)
         weight = (1 / lights.intensities / 3 / keep).astype(np.float32)
-        columns = slice(int(low[0]), int(high[0]))
         for band in frames.bands(64 << 20):
-            rows = slice(max(band.start, int(low[1])), min(band.stop, int(high[1])))
+            rows = slice(max(band.start, down.start), min(band.stop, down.stop))
             if rows.start >= rows.stop:
                 continue
-            there = slice(rows.start - int(low[1]), rows.stop - int(low[1]))
+            there = slice(rows.start - down.start, rows.stop - down.start)
             for index in np.flatnonzero(members.any(0)).tolist():
                 gray = frames.read(rows, [index], columns=columns)[0] @ weight[index]
                 for sector in np.flatnonzero(members[:, index]):
                     pictures[sector, there] += gray
-        return cls(pictures, low.astype(np.int64), members)
+        return cls(pictures, np.array([columns.start, down.start]), members)
 
     def locate(self, pixels: NDArray, outward: NDArray, *, reach_px: float) -> Array:
         """Return how far outside each of K pixels an edge lies (K,), px along `outward`; NaN where there is none.

@@ -122,7 +122,7 @@ class View:
             inside, outside = np.where(hit, middle, inside), np.where(hit, outside, middle)
         points = self.surface(*camera.rays(inside))[0]
 
-        rows, columns = window_of(raster, margin=5)
+        rows, columns = box_of(raster, margin=5)
         soft = cv2.GaussianBlur(raster[rows, columns].astype(np.float32), (0, 0), 1.5)
         gradient = np.stack([cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1)], -1)
         at = (inside / step - [columns.start, rows.start]).astype(np.float32)
@@ -174,17 +174,12 @@ def outline_strokes(mesh: Mesh, pose: Pose, camera: Camera) -> NDArray[np.float6
     return found.pixels[:, None] + 0.6 * found.step * np.array([-1.0, 1.0])[:, None] * along[:, None]
 
 
-def box_of(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
-    """Return the rows and columns that hold a mask's pixels; the mask is not empty."""
-    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
-
-
-def window_of(mask: NDArray[np.bool_], *, margin: int) -> tuple[slice, slice]:
-    """Return the rows and columns of a mask's box, grown by a margin."""
+def box_of(mask: NDArray[np.bool_], *, margin: int = 0) -> tuple[slice, slice]:
+    """Return the rows and columns that hold a mask's pixels, and a margin about them; all of an empty one."""
     if not mask.any():
-        return np.s_[:, :]
-    rows, columns = (slice(max(side.start - margin, 0), side.stop + margin) for side in box_of(mask))
+        return slice(0, mask.shape[0]), slice(0, mask.shape[1])
+    ends = (np.flatnonzero(mask.any(axis))[[0, -1]] + [-margin, margin + 1] for axis in (1, 0))
+    rows, columns = (slice(*np.clip(two, 0, size).tolist()) for two, size in zip(ends, mask.shape, strict=True))
     return rows, columns
 
 

@@ -46,10 +46,8 @@ def take_samples(frames: Frames, lights: Lights, mask: NDArray[np.bool_], *, cou
     # Every k-th in scan order lies in slanted rows: even, and without a grid's blind frequencies.
     pick = np.unique(np.linspace(0, len(inside) - 1, min(count, len(inside))).astype(int))
     v, u = np.divmod(inside[pick], mask.shape[1])
-    colours = np.zeros((len(frames), len(u), 3), np.float32)
-    clipped = np.zeros((len(frames), len(u)), bool)
-    for index in range(len(frames)):
-        colours[index], clipped[index] = frames.read_pixels(index, v, u)
+    read = (frames.read_pixels(index, v, u) for index in range(len(frames)))
+    colours, clipped = map(np.stack, zip(*read, strict=True))
     return samples_of(np.stack([u, v], -1).astype(np.float64), colours, clipped, lights)
 
 

@@ -7,13 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.scan.beside_object import find_balls, find_table
-from align.scan.scan_surface import border_of, connected, orient, pieces_of, surface_of, weld
-from formats.meshes.scan_files import SUFFIXES, read_scan
+from align.scan.scan_surface import border_of, orient, pieces_of, surface_of, weld
+from formats.meshes.scan_files import read_scan
 from scene.errors import AlignError
 from scene.length_units import UNITS_MM
 from scene.mesh import Mesh
-
-__all__ = ["SUFFIXES", "load_scan"]
 
 USUAL_MM = (2.0, 3000.0)
 """Objects that are photographed on a table are this large, across."""
@@ -134,14 +132,15 @@ def _large(surface: Any, kept: NDArray[np.bool_], repairs: list[str]) -> NDArray
 
 def _report_borders(surface: Any, scale: float, unit: str, repairs: list[str]) -> None:
     """Say how many holes and outer borders there are, and how large the largest is."""
+    from trimesh.graph import connected_component_labels
+
     ends = border_of(surface)
     if not len(ends):
         return
     names, index = np.unique(ends, return_inverse=True)
-    one, two = index.reshape(-1, 2).T
-    loop = connected(one, two, len(names))
-    places = scale * np.asarray(surface.vertices)[names]
-    length = np.bincount(loop[one], np.linalg.norm(places[one] - places[two], axis=1))
+    index, places = index.reshape(-1, 2), scale * np.asarray(surface.vertices)[names]
+    loop = connected_component_labels(index, len(names))
+    length = np.bincount(loop[index[:, 0]], np.linalg.norm(places[index[:, 0]] - places[index[:, 1]], axis=1))
     across = np.linalg.norm(np.ptp(places[loop == length.argmax()], axis=0))
     repairs.append(
         f"{len(length)} open borders, left open: no truth there; the largest is {length.max():.3g} {unit} long and "

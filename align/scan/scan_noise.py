@@ -94,7 +94,7 @@ class Neighbours:
             square -= np.divide(explained, determinant, out=np.zeros_like(a), where=known)
         return np.where(known, np.sqrt(np.maximum(square, 0) / np.maximum(degree - 2, 1)), 0.0)
 
-    def fit(self, start: Array, chosen: NDArray, step: float, heights: Array | None = None) -> Fits:
+    def fit(self, start: Array, chosen: NDArray, step: float, heights: Array = _NONE) -> Fits:
         """Fit around the vertices `chosen` (K,) within `step` spacings, on all cores; see `jets.fit_normals`."""
         count = len(chosen)
         fits = Fits(np.zeros((count, 3)), np.zeros(count), np.zeros(count))
@@ -102,8 +102,7 @@ class Neighbours:
         def work(first: int) -> None:
             part = slice(first, first + CHUNK)
             some, own = chosen[part], Fits(*(array[part] for array in fits))
-            known = _NONE if heights is None else heights
-            fit_normals(some, step * self.spacing_mm[some], self.graph, known, looking_along(start[some]), own)
+            fit_normals(some, step * self.spacing_mm[some], self.graph, heights, looking_along(start[some]), own)
 
         fan_out(work, range(0, len(chosen), CHUNK))
         return fits

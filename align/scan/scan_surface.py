@@ -47,17 +47,9 @@ def border_of(surface: Any) -> Integers:
 
 def pieces_of(surface: Any) -> NDArray[np.int32]:
     """Return the number (T,) of the connected piece that each face belongs to."""
-    one, two = surface.face_adjacency.T
-    return connected(one, two, len(surface.faces))
+    from trimesh.graph import connected_component_labels
 
-
-def connected(one: Integers, two: Integers, count: int) -> NDArray[np.int32]:
-    """Return the connected component (count,) of each of `count` nodes under the links one - two."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    graph = coo_matrix((np.ones(len(one), np.int8), (one, two)), (count, count))
-    return connected_components(graph, directed=False)[1]
+    return connected_component_labels(surface.face_adjacency, len(surface.faces))
 
 
 def weld(surface: Any, repairs: list[str]) -> Any:
@@ -113,6 +105,7 @@ def _drop_bad_faces(surface: Any, repairs: list[str]) -> Any:
 def _near_borders(surface: Any) -> Integers:
     """Return for each vertex (V,) which it becomes: patches whose borders meet only nearly are sewn."""
     from scipy.spatial import KDTree
+    from trimesh.graph import connected_component_labels
 
     vertices, ends = np.asarray(surface.vertices), border_of(surface)
     same = np.arange(len(vertices))
@@ -120,8 +113,8 @@ def _near_borders(surface: Any) -> Integers:
         return same
     border = np.unique(ends)
     shortest = np.quantile(np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1), 0.01)
-    one, two = KDTree(vertices[border]).query_pairs(NEAR * shortest, output_type="ndarray").T
-    group = connected(one, two, len(border))
+    near = KDTree(vertices[border]).query_pairs(NEAR * shortest, output_type="ndarray")
+    group = connected_component_labels(near, len(border))
     same[border] = border[np.unique(group, return_index=True)[1][group]]
     return same
 
@@ -168,6 +161,8 @@ def orient(surface: Any, repairs: list[str]) -> Any:
 
 def _disagreeing(surface: Any, repairs: list[str]) -> NDArray[np.bool_]:
     """Return which faces (T,) to turn so that neighbours agree; in each piece, one of the two ways to do it."""
+    from trimesh.graph import connected_component_labels
+
     count, (one, two), ends = len(surface.faces), surface.face_adjacency.T, surface.face_adjacency_edges
     start, end = np.asarray(surface.faces), np.roll(surface.faces, -1, axis=1)
     runs = (((start[own] == ends[:, :1]) & (end[own] == ends[:, 1:])).any(1) for own in (one, two))
@@ -178,7 +173,8 @@ def _disagreeing(surface: Any, repairs: list[str]) -> NDArray[np.bool_]:
     # Each face stands twice in a graph, as it is and turned over, and an edge joins the copies that agree. A piece
     # falls apart into two mirrored ones, of which either is an answer; a one-sided piece does not.
     over = count * against
-    label = connected(np.concatenate([one, one + count]), np.concatenate([two + over, two + count - over]), 2 * count)
+    pairs = np.concatenate([[one, two + over], [one + count, two + count - over]], 1).T
+    label = connected_component_labels(pairs, 2 * count)
     as_is, turned = label[:count], label[count:]
     if (as_is == turned).any():
         repairs.append(f"{(as_is == turned).sum()} faces are of a one-sided surface: normals there may be reversed")

@@ -8,9 +8,10 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 from markupsafe import escape
 
-from align.scan.mended_scan import SUFFIXES, load_scan
+from align.scan.mended_scan import load_scan
 from compare.report.page import table, whole_page
 from draw.light_charts import directions
+from formats.meshes.scan_files import SUFFIXES
 from lab.progress import is_quiet, say
 from lab.run import open_job
 from lab.session_place import is_output, is_session
