@@ -15,8 +15,9 @@ from scene.lights import Lights
 from scene.method_names import METHODS
 from scene.normals import angular_error_deg, filled
 from solve.assess import DARK
+from solve.methods import NO_SETTINGS
 from solve.problem import Problem
-from solve.samples import row_medians
+from solve.samples import all_samples, row_medians
 from solve.solve import solve
 from solve.whole import metal, reflectance
 from solve.whole.metal_kernels import appearance
@@ -179,7 +180,9 @@ class _Photographs:
     """What is seen of a problem's pixels, and the reflectance that all of them share."""
 
     def __init__(self, problem: Problem) -> None:
-        problem, samples, shared, thrown = reflectance.learn(problem)
+        problem = reflectance.prepare(problem, NO_SETTINGS)
+        samples = all_samples(problem)
+        _, shared, thrown = reflectance.fit_prepared(problem, samples)
         self.gray, self.toward, self.views = samples.gray.astype(np.float64), samples.toward(), problem.views()
         self.valid, self.lit = samples.valid, samples.valid & (samples.gray > DARK * samples.scale())
         self.square = max(float(np.sum(self.gray[self.lit] ** 2)), 1e-300)

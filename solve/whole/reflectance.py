@@ -13,7 +13,7 @@ from scene.spheres import WHITE_BALL_ALBEDO
 from solve.methods import NO_SETTINGS, Method, Settings, Whole
 from solve.pixelwise import iterative
 from solve.problem import Problem, spread_over
-from solve.samples import GRAY, Samples, all_samples
+from solve.samples import GRAY, Samples
 from solve.whole.interreflection import Relief, Thrown
 from solve.whole.near import find_positions
 from solve.whole.near_depth import find_depth
@@ -64,18 +64,10 @@ def prepare(problem: Problem, _: Settings) -> Problem:
 
 
 def _fit_whole(problem: Problem, samples: Samples, _: Settings) -> Whole:
-    return _fitted(problem, samples)[0]
+    return fit_prepared(problem, samples)[0]
 
 
-def learn(problem: Problem) -> tuple[Problem, Samples, NDArray, Thrown]:
-    """Return the prepared problem, its samples, and what its pixels share: the reflectance (SIZE,), and their light."""
-    problem = prepare(problem, NO_SETTINGS)
-    samples = all_samples(problem)
-    _, shared, thrown = _fitted(problem, samples)
-    return problem, samples, shared, thrown
-
-
-def _fitted(problem: Problem, samples: Samples) -> tuple[Whole, NDArray, Thrown]:
+def fit_prepared(problem: Problem, samples: Samples) -> tuple[Whole, NDArray, Thrown]:
     """Return what `fit_to_views` does of a prepared problem."""
     relief = Relief(problem.mask, problem.camera, problem.depth_mm(), PIXELS)
     ball = problem.lights.white_value

@@ -149,23 +149,15 @@ def test_every_format_gives_back_the_same_surface(tmp_path, coarse, name):
     assert all(repair.startswith("merged") or "no face uses" in repair for repair in mesh.repairs)
 
 
-@pytest.mark.parametrize("name", [name for name in FORMATS if name[:3] not in ("stl", "glb")])
-@pytest.mark.parametrize("mixed", [False, True])
-def test_polygons_of_any_length_become_triangles(tmp_path, name, mixed):
-    rows = [[0, 1, 3], [0, 3, 2], *QUADS[1:]] if mixed else QUADS
-    triangles = [triangle for row in rows for triangle in ([row[0], *row[i : i + 2]] for i in range(1, len(row) - 1))]
-    mesh = load_scan(FORMATS[name](tmp_path / "scan", CUBE, rows), "mm")
-    assert surface(mesh, CUBE) == rotated(triangles)
-
-
 BENT = np.array([[30, 0], [30, 10], [10, 10], [10, 40], [0, 40], [0, 0]], float)
 PRISM = np.concatenate([np.c_[BENT, np.zeros(6)], np.c_[BENT, np.full(6, 20.0)]])
-SIDES = [[5, 4, 3, 2, 1, 0], [6, 7, 8, 9, 10, 11], *([i, (i + 1) % 6, (i + 1) % 6 + 6, i + 6] for i in range(6))]
+SIDES = [[5, 4, 3, 2, 1, 0], [6, 7, 8, 9, 10, 11], *([i, (i + 1) % 6, (i + 1) % 6 + 6, i + 6] for i in range(5))]
+SIDES += [[5, 0, 6], [5, 6, 11]]
 """Of a prism over an L, which a fan about its first corner, or its last but one, does not fill."""
 
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if name[:3] not in ("stl", "glb")])
-def test_a_polygon_with_a_bay_is_filled_and_no_more(tmp_path, name):
+def test_polygons_of_any_length_with_a_bay_or_none_are_filled_and_no_more(tmp_path, name):
     vertices, faces = read_scan(FORMATS[name](tmp_path / "scan", PRISM, SIDES))
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     around = np.linalg.norm(BENT - np.roll(BENT, 1, 0), axis=1).sum()
@@ -418,6 +410,7 @@ def test_damaged_files_are_refused_with_what_was_found(tmp_path):
         "cannot be read as a mesh": write("bad.glb", "glTFnothing"),
         "no such file": tmp_path / "absent.ply",
         "faces with an area": ply(tmp_path / "line", CUBE * [1, 0, 0], QUADS),
+        r"[47] of 8 vertices have no finite position, or one beyond 1e\+09": ply(tmp_path / "far", CUBE * 1e300, QUADS),
     }
     for words, path in cases.items():
         with pytest.raises(AlignError, match=words) as caught:
@@ -448,9 +441,3 @@ def test_a_list_of_impossible_length_in_a_text(tmp_path, length):
     (tmp_path / "a.ply").write_text(head + faces)
     with pytest.raises(AlignError, match=r"face: |whole number"):
         load_scan(tmp_path / "a.ply", "mm")
-
-
-def test_positions_without_end(tmp_path):
-    path = ply(tmp_path / "a", CUBE * 1e300, QUADS)
-    with pytest.raises(AlignError, match=r"4 of 8 vertices have no finite position, or one beyond 1e\+09|7 of 8"):
-        load_scan(path, "mm")

@@ -12,15 +12,16 @@ from scene.camera import Camera
 from scene.errors import AlignError
 
 
+@pytest.fixture
+def run(world):
+    return lambda mesh, start: register(mesh, world.photographs, world.normals, start=start)
+
+
 @pytest.mark.full
-def test_the_scale_comes_out_of_the_distance(world):
+def test_the_scale_comes_out_of_the_distance(world, run):
     """In units of 25.4 mm, and 100 times too large in another frame."""
     for unit in (25.4, 0.01):
         small = replace(world.mesh, vertices=world.mesh.vertices / unit)
-
-        def run(mesh, start):
-            return register(mesh, world.photographs, world.normals, start=start)
-
         mesh, found, scale = register_unknown_scale(small, world.photographs, run)
         # The reference point is where the object is; a third of a pixel of 30 is what edges leave open of the distance.
         assert scale == pytest.approx(unit, rel=1e-2)
@@ -32,14 +33,10 @@ def test_the_scale_comes_out_of_the_distance(world):
 
 
 @pytest.mark.full
-def test_picks_in_the_files_unit_start_it(world, monkeypatch):
+def test_picks_in_the_files_unit_start_it(world, run, monkeypatch):
     """They were left aside, and then held against the pose in millimetres as if they lay far off."""
     monkeypatch.setattr("align.pose.search.find_starts", None)
     small = replace(world.mesh, vertices=world.mesh.vertices / 25.4)
-
-    def run(mesh, start):
-        return register(mesh, world.photographs, world.normals, start=start)
-
     beside = nudge(world.pose, [0.02, -0.02, 0.03, 1.0, -1.0, 2.0], world.pose.apply(world.mesh.center_mm))
     picked = scaled_pose(beside, 1 / 25.4)
     mesh, found, scale = register_unknown_scale(small, world.photographs, run, start=picked)

@@ -111,19 +111,23 @@ def shadows(images, albedo):
     return np.where(hidden & (abs(COLUMN - 25) < 15)[..., None], 0.05, 1) * images
 
 
+def painted(paint):
+    """Lights, and images of a ball in this paint."""
+    lights = lights_over()
+    return lights, np.where(MASK[..., None], matte(lights, POINTS, NORMALS, PAINTS[paint][..., None] * np.ones(3)), 0)
+
+
 @pytest.mark.parametrize("fault", [None, reversed_frames, lamp, shadows])
 @pytest.mark.parametrize("paint", PAINTS)
 def test_paint_is_no_metal_under_whatever_fault(paint, fault):
     """In bright and dark it looks like narrow lobes to what takes the object for of one value."""
-    lights = lights_over()
-    images = np.where(MASK[..., None], matte(lights, POINTS, NORMALS, PAINTS[paint][..., None] * np.ones(3)), 0)
+    lights, images = painted(paint)
     frames = as_floats(lights, fault(images, PAINTS[paint]) if fault else images)
     assert at_odds(frames, lights, CAMERA, MASK)[0] is None
 
 
 def test_the_method_says_so_of_paint():
-    lights = lights_over()
-    images = np.where(MASK[..., None], matte(lights, POINTS, NORMALS, PAINTS["white band"][..., None] * np.ones(3)), 0)
+    lights, images = painted("white band")
     (said,) = solve("metal", as_floats(lights, images), lights, CAMERA, MASK).warnings
     assert "not to be believed" in said
 
@@ -166,8 +170,7 @@ def test_the_photographs_recommend_it_for_a_metal():
 
 @pytest.mark.full
 def test_the_photographs_do_not_recommend_it_for_paint():
-    lights = lights_over()
-    images = np.where(MASK[..., None], matte(lights, POINTS, NORMALS, PAINTS["white band"][..., None] * np.ones(3)), 0)
+    lights, images = painted("white band")
     frames = as_floats(lights, images)
     answers = {name: solve(name, frames, lights, CAMERA, MASK).normals for name in ("iterative", "metal")}
     told = trust(frames, lights, CAMERA, MASK, answers)

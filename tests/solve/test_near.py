@@ -116,17 +116,13 @@ def directions_only(lights: Lights) -> Lights:
     return Lights(lights.names, lights.directions, lights.intensities).normalised()
 
 
-def problem_of(frames, lights, camera, mask):
-    return Problem(frames, lights, camera, mask, slice(0, len(mask)))
-
-
 @pytest.mark.full
 @pytest.mark.parametrize(("shape", "seed"), [("blob", 20_400), ("potato", 20_401)])
 def test_distances_and_normals(shape, seed):
     """Flashes 0.5 to 0.9 m away."""
     frames, lights, camera, mask, normals, *_ = photographed(shape, seed, 1.5)
     given = directions_only(lights)
-    placed = find_positions(problem_of(frames, given, camera, mask))
+    placed = find_positions(Problem.of(frames, given, camera, mask))
     found = placed.lights
     assert "without positions" in placed.cautions[0]
     # Of perspective pictures without a scale, everything is told up to one: the object is put at 1000.
@@ -148,5 +144,5 @@ def test_distances_and_normals(shape, seed):
 @pytest.mark.full
 def test_distant_lights_stay_distant():
     frames, lights, camera, mask, *_ = photographed("blob", 20_402, 40.0)
-    problem = problem_of(frames, directions_only(lights), camera, mask)
+    problem = Problem.of(frames, directions_only(lights), camera, mask)
     assert find_positions(problem) is problem

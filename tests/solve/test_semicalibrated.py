@@ -26,7 +26,7 @@ ALBEDO = 0.3 + 0.12 * np.sin(np.stack([7 * U, 5 * V, 6 * (U + V)], -1))
 
 def find_lights(frames, lights):
     """The lights that `semicalibrated` finds, and its cautions."""
-    problem = Problem(frames, lights, CAMERA, MASK, slice(0, SIZE))
+    problem = Problem.of(frames, lights, CAMERA, MASK)
     found = semicalibrated.find_lights(problem, IterativeSettings())
     return found.lights, found.cautions
 
