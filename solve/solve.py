@@ -17,6 +17,7 @@ from scene.errors import SceneError
 from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.normals import unit
 from solve.assess import DARK, assess, shared_sigma_deg
 from solve.axes import relief_cautions
 from solve.bootstrap import sigma_factors
@@ -83,10 +84,12 @@ def solve(
         _compile(what, settings, problem)
     start = now()
     problem = what.prepare(problem, settings) if what.prepare else problem
+    rows_of = list(bands(frames, mask))
     if what.fit_whole:
-        problem, parts, work = _fit_whole(what.fit_whole, settings, problem, what.is_calibrated)
+        problem, work = _fit_whole(what.fit_whole, settings, problem, rows_of, what.is_calibrated)
     else:
-        parts, work = _fit_bands(what.name, settings, problem)
+        scale = scale_of(problem)
+        work = ((_fit_band, (what.name, settings, problem.part(rows), scale)) for rows in rows_of)
     # Nothing is known yet of normals, albedo, samples and sigma.
     normals, albedo = (np.full((*mask.shape, 3), np.nan, np.float32) for _ in range(2))
     maps = normals, albedo, np.zeros(mask.shape, np.uint16), np.full(mask.shape, np.nan, np.float32)
@@ -103,7 +106,7 @@ def solve(
                     place[rows][inside] = value
             doubts += values[-1]
             if progress:
-                progress(done, parts)
+                progress(done, len(rows_of))
     _, _, samples, sigma_deg = maps
     if what.fit and not what.is_linear:
         sigma_deg *= sigma_factors(problem, what.fit, settings)[samples]
@@ -149,13 +152,6 @@ def _compile(what: Method, settings: Settings, problem: Problem) -> None:
     _fit_band(what.name, settings, replace(problem, mask=one, rows=slice(int(row), int(row) + 1)), 1.0)
 
 
-def _fit_bands(name: str, settings: Settings, problem: Problem) -> tuple[int, Iterator[Call]]:
-    """Return how many bands there are, and the call that fits each."""
-    scale = scale_of(problem)
-    parts = list(bands(problem.frames, problem.mask))
-    return len(parts), ((_fit_band, (name, settings, problem.part(rows), scale)) for rows in parts)
-
-
 def _fit_band(name: str, settings: Settings, part: Problem, scale: float) -> tuple[slice, tuple]:
     """Fit the pixels of a problem's rows; see `_judge_band`."""
     what, band = method_of(name), read_band(part)
@@ -166,21 +162,24 @@ def _fit_band(name: str, settings: Settings, part: Problem, scale: float) -> tup
 
 
 def _fit_whole(
-    fit: Callable[[Problem, Samples, Settings], Whole], settings: Settings, problem: Problem, is_calibrated: bool
-) -> tuple[Problem, int, Iterator[Call]]:
-    """Fit all pixels; return the problem with what was found, the number of bands, and the call that judges each."""
+    fit: Callable[[Problem, Samples, Settings], Whole], settings: Settings, problem: Problem, rows_of: list[slice],
+    is_calibrated: bool,
+) -> tuple[Problem, Iterator[Call]]:  # fmt: skip
+    """Fit all pixels; return the problem with what was found, and the call that judges each band."""
     lights = problem.lights
     if not is_calibrated:
         nowhere = np.full_like(lights.directions, np.nan)
         problem = replace(problem, lights=replace(lights, directions=nowhere, positions_mm=None))
-    parts = [problem.part(rows) for rows in bands(problem.frames, problem.mask)]
-    samples = all_samples(problem)
+    parts, samples = [problem.part(rows) for rows in rows_of], all_samples(problem)
     found = fit(problem, samples, settings)
     scale = samples._replace(valid=np.isfinite(samples.gray)).scale()
     used = samples._replace(valid=found.used)
     if found.lights is not None:
         used = used._replace(lights=Geometry.distant(found.lights))
-        problem = replace(problem, own_lights=_own_lights(lights, found.lights))
+        # What the calibrated intensities leave over. A light of no strength has no direction: NaN.
+        strength = np.linalg.norm(found.lights, axis=1, keepdims=True)
+        own = Lights(lights.names, unit(found.lights), lights.intensities * strength).normalised()
+        problem = replace(problem, own_lights=own)
 
     def calls() -> Iterator[Call]:
         done = 0
@@ -190,7 +189,7 @@ def _fit_whole(
             own = tuple(None if each is None else each[some] for each in (found.shade, found.sigma_deg))
             yield _judge_band, (part, used.some(some), np.nan_to_num(found.b[some]), scale, *own)
 
-    return problem.warned(*found.cautions), len(parts), calls()
+    return problem.warned(*found.cautions), calls()
 
 
 def _judge_band(
@@ -209,16 +208,6 @@ def _judge_band(
         # Its samples are not held to what Lambert's law needs of them.
         sigma, doubts = sigma_deg.astype(np.float32), 0 * doubts
     return part.rows, (*maps, sigma, doubts)
-
-
-def _own_lights(lights: Lights, found: NDArray[np.float64]) -> Lights:
-    """Return the lights that a method recovered: (F, 3), direction times what the calibrated intensities leave over.
-
-    A light of no strength has no direction: NaN.
-    """
-    strength = np.linalg.norm(found, axis=1, keepdims=True)
-    directions = np.divide(found, strength, out=np.full_like(found, np.nan), where=strength > 0)
-    return Lights(lights.names, directions, lights.intensities * strength).normalised()
 
 
 def _cautions_of(mask: NDArray[np.bool_], normals: NDArray, samples: NDArray, dark: int, flat: int) -> tuple[str, ...]:

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scene.camera import Camera
-from scene.light_layouts import GOLDEN_ANGLE, directions_of
 from scene.mesh import Mesh
 from scene.normals import unit
 from scene.pose import Pose
@@ -64,21 +63,6 @@ def apart_px(mesh: Mesh, camera: Camera, a: Pose, b: Pose) -> float:
     apart = np.linalg.norm(a.apply(points) - b.apply(points), axis=1)
     scale = 1.0 if camera.is_orthographic else max(-float(a.apply(mesh.center_mm)[2]), 1e-9)
     return float(np.sqrt(np.mean(apart**2)) * camera.fx / scale)
-
-
-def distinct(mesh: Mesh, camera: Camera, poses: Sequence[Pose], *, least_px: float) -> list[int]:
-    """Return the numbers of the poses that move the scan's image by more than so much from every earlier one kept."""
-    kept: list[int] = []
-    for number, pose in enumerate(poses):
-        if all(apart_px(mesh, camera, pose, poses[other]) > least_px for other in kept):
-            kept.append(number)
-    return kept
-
-
-def even_directions(count: int) -> Array:
-    """Return (count, 3) unit vectors, evenly over the sphere (Fibonacci's spiral)."""
-    index = np.arange(count) + 0.5
-    return directions_of(1 - 2 * index / count, GOLDEN_ANGLE * index)
 
 
 def looking_along(directions: NDArray) -> Array:

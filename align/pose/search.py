@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.full_resolution import NEAREST_PX, FinalEvidence, ObservedObject, patches
-from align.pose.motion import apart_px, distinct
+from align.pose.motion import apart_px
 from align.pose.outline_edges import EdgePictures
 from align.pose.photographed import FEWEST, Photographs, longer_side, shading_tells
 from align.pose.scan_view import View
@@ -136,9 +136,11 @@ def rough_poses(
         tell(1 + len(poses))
     least = max(NEAREST_PX, reach / 2**ROUGH_ROUNDS)
     rough = sorted((FinalEvidence(coarse, pose, least) for pose in poses), key=unexplained)
-    return [
-        rough[n] for n in distinct(caster.mesh, photographs.camera, [one.pose for one in rough], least_px=reach / 2)
-    ]
+    kept: list[FinalEvidence] = []
+    for one in rough:
+        if all(apart_px(caster.mesh, camera, one.pose, other.pose) > reach / 2 for other in kept):
+            kept.append(one)
+    return kept
 
 
 def unexplained(one: FinalEvidence) -> float:

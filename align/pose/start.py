@@ -9,10 +9,11 @@ turns of all views are scored at once, by one product of matrices, against the m
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.motion import even_directions, looking_along
+from align.pose.motion import looking_along
 from align.pose.photographed import step_across
 from scene.camera import Camera
 from scene.errors import AlignError
+from scene.light_layouts import GOLDEN_ANGLE, directions_of
 from scene.normals import unit
 from scene.pose import Pose, rotation_from_vector
 from scene.rays import RayCaster
@@ -40,7 +41,9 @@ def find_starts(
     step = step_across(mask)
     camera, mask = camera.every(step), mask[::step, ::step]
     aim, area, reach = _aim(camera, mask)
-    views = looking_along(even_directions(VIEWS))
+    # Fibonacci's spiral: evenly over the sphere.
+    index = np.arange(VIEWS) + 0.5
+    views = looking_along(directions_of(1 - 2 * index / VIEWS, GOLDEN_ANGLE * index))
     middle, seen_area = _middle(caster, views)
     # In mm per image coordinate: the distance, but of an orthographic camera.
     scale = np.ones(VIEWS) if camera.is_orthographic else np.sqrt(seen_area / area)

@@ -64,12 +64,13 @@ def find_positions(problem: Problem) -> Problem:
     lights = problem.lights
     if lights.positions_mm is not None:
         return problem
-    small = _Small(problem)
-    if small.count < ENOUGH:
+    thin = problem.thinned(PIXELS)
+    if np.count_nonzero(thin.mask) < ENOUGH:
         return problem.warned("too few pixels to tell how far the lights are: they are taken as distant.")
     if len(lights) < FEWEST:
         # A pixel's own three numbers leave one sample or none.
         return problem
+    small = _Small(thin)
     small.raise_relief(lights)
     center, size = small.center(), small.size()
     distant = small.spread(lights)
@@ -110,19 +111,15 @@ def _placed(lights: Lights, center: Array, distance: Array) -> Lights:
 class _Small:
     """Every n-th pixel of the stack: its samples, and where they are."""
 
-    def __init__(self, problem: Problem) -> None:
-        small = problem.thinned(PIXELS)
+    def __init__(self, small: Problem) -> None:
         # What lay beside a clipped sample does not lie beside it here.
         self.problem = small = replace(small, frames=replace(small.frames, is_mosaic=False))
         self.mask, self.camera = small.mask, small.camera
-        self.count = int(self.mask.sum())
-        if not self.count:
-            return
         self.scale = scale_of(small)
         self.samples = all_samples(small)
         self.depth = small.depth_mm()
         self.z_mm = np.where(self.mask, self.depth, np.nan)
-        self.some = np.flatnonzero(spread_over(np.ones(self.count, bool), SAMPLED))
+        self.some = np.flatnonzero(spread_over(np.ones(len(self.samples.gray), bool), SAMPLED))
 
     def _points(self) -> Array:
         return replace(self.problem, z_mm=self.z_mm).points()
