@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from align.pose.motion import nudge
 from align.pose.photographed import thinned
@@ -26,6 +27,18 @@ def apart(world, pose):
     points = world.mesh.vertices
     gap = world.camera.project(pose.apply(points)) - world.camera.project(world.pose.apply(points))
     return np.sqrt(np.mean((gap**2).sum(1))), (pose.inverse() @ world.pose).angle_deg()
+
+
+INSIDE = 12.592
+"""95 % quantile of chi-square with 6 degrees of freedom."""
+
+
+def deviations(world, found) -> float:
+    """Return the squared distance of the true pose from the one found, in standard deviations."""
+    turn = Rotation.from_matrix(world.pose.rotation @ found.pose.rotation.T).as_rotvec()
+    middle_mm = world.mesh.center_mm
+    twist = np.append(turn, world.pose.apply(middle_mm) - found.pose.apply(middle_mm))
+    return float(twist @ np.linalg.solve(found.covariance, twist))
 
 
 def run(world, **changes):
@@ -219,3 +232,21 @@ def test_a_start_is_refined_and_nothing_else_is_looked_for(world, monkeypatch):
     px, deg = apart(world, run(world, start=beside).pose)
     assert px < 0.1
     assert deg < 0.15
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("lit", [3, 2, 1, "unknown"])
+def test_the_outline_places_a_scan_and_states_the_larger_doubt(world, lit):
+    """Photographs too few to tell normals, or of unknown lights: so it is said."""
+    some = slice(None) if lit == "unknown" else slice(0, 4 * lit, 4)
+    frames, lights = world.frames.only(some), world.lights.only(some)
+    lights = Lights.unknown(frames.names) if lit == "unknown" else lights.normalised()
+    found = run(world, frames=frames, lights=lights, normals=None)
+    assert apart(world, found.pose)[0] < 1
+    assert deviations(world, found) < INSIDE
+    (told, *_) = found.warnings
+    assert f"by the outline alone: with {len(frames)} photographs" in told
+    assert f"{found.sigma_deg:.2g} degrees" in told
+    whole = run(world, start=found.pose)
+    assert found.sigma_mm > 2 * whole.sigma_mm
+    assert "outline alone" not in " ".join(whole.warnings)
