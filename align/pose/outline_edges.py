@@ -20,6 +20,7 @@ from scene.robust import spread
 Array = NDArray[np.float64]
 
 SECTORS = 8
+AXES = np.stack([turn(2 * np.pi * np.arange(SECTORS) / SECTORS) for turn in (np.cos, np.sin)], -1)
 """Directions in the image; an edge is looked for in the frames whose light comes from its own side: the outline is
 lit there, and the object's shadow falls to the other side."""
 MARGIN_PX = 32
@@ -58,7 +59,7 @@ class EdgePictures:
         frames, lights = photographs.frames, photographs.lights
         down, columns = box_of(photographs.mask, margin=MARGIN_PX)
         # Image axes: u along the camera's x, v against its y.
-        score = _sector_axes() @ (lights.directions[:, :2] * [1.0, -1.0]).T
+        score = AXES @ (lights.directions[:, :2] * [1.0, -1.0]).T
         keep = min(len(frames), max(3, len(frames) // 4))
         members = np.zeros(score.shape, bool)
         np.put_along_axis(members, np.argsort(-score, axis=1)[:, :keep], True, axis=1)
@@ -171,13 +172,8 @@ class OutlineEdges:
         return cls(on_scan, pixels, outward, bias, float(np.median(np.abs(offset))), sigma, residual)
 
 
-def _sector_axes() -> Array:
-    angle = 2 * np.pi * np.arange(SECTORS) / SECTORS
-    return np.stack([np.cos(angle), np.sin(angle)], -1)
-
-
 def _sector_of(outward: NDArray) -> NDArray[np.int64]:
-    return np.argmax(outward @ _sector_axes().T, axis=1)
+    return np.argmax(outward @ AXES.T, axis=1)
 
 
 def _steepest(along: NDArray, profile: Array, reach_px: float) -> Array:

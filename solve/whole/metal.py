@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 CHUNK = 512
 CANDIDATES = cap(round(2 * np.pi / np.radians(6) ** 2), 90)
 """Normals (N, 3) that are tried first: all that face the camera, six degrees apart."""
-REACH = 5
-"""How many are tried then to each side of the likeliest, one degree apart."""
+BESIDE = np.radians([(across, up) for up in range(-5, 6) for across in range(-5, 6)])
+"""Tangents (M, 2) of what is tried then beside the likeliest: five to each side, one degree apart."""
 SMOOTHEST, STARTS, BROAD = 0.02, (0.1, 0.2, 0.35), 0.5
 """Least alpha, and those that are tried first; and the one from which lobes are as broad as Lambert's: of matte and
 glossy objects, and under wrong lights, it comes out at 0.65 to 1, of bronzes of roughness 0.36 to 0.5 at 0.19 to 0.28.
@@ -87,7 +87,7 @@ def explains(metal: Metal, samples: Samples, views: Array) -> bool:
         return False
     some, toward = samples.some(chosen), views[chosen]
     normals, sigma = np.empty((len(chosen), 3)), np.empty(len(chosen))
-    _, largest = search(some, toward, CANDIDATES, _beside(), metal, normals, sigma)
+    _, largest = search(some, toward, CANDIDATES, BESIDE, metal, normals, sigma)
     b, _ = iterative.fit(some, samples.scale(), iterative.IterativeSettings())
     matte = np.maximum(np.einsum("pi,pfi->pf", b, some.toward()), 0)
     variance = metal.stray**2 + (UNEVEN * matte) ** 2
@@ -108,12 +108,6 @@ def _is_seen(samples: Samples) -> NDArray[np.bool_]:
     return samples.valid.sum(1) > max(3, samples.gray.shape[1] // 2)
 
 
-def _beside() -> Array:
-    """Return tangents (M, 2) of what is tried beside a normal."""
-    reach = np.radians(np.arange(-REACH, REACH + 1))
-    return np.stack(np.meshgrid(reach, reach), -1).reshape(-1, 2)
-
-
 def _fit_whole(problem: Problem, samples: Samples, _: Settings) -> Whole:
     """Find each pixel's normal by the metal that the object is.
 
@@ -129,10 +123,10 @@ def _fit_whole(problem: Problem, samples: Samples, _: Settings) -> Whole:
     """
     views = problem.views()
     metal = learn(samples, views)
-    around, normals, sigma = _beside(), np.empty((len(views), 3)), np.empty(len(views))
+    normals, sigma = np.empty((len(views), 3)), np.empty(len(views))
 
     def work(part: slice) -> None:
-        search(samples.some(part), views[part], CANDIDATES, around, metal, normals[part], sigma[part])
+        search(samples.some(part), views[part], CANDIDATES, BESIDE, metal, normals[part], sigma[part])
 
     fan_out(work, [slice(first, first + CHUNK) for first in range(0, len(views), CHUNK)])
     shade = appearance(samples, views, normals, metal.alpha)
