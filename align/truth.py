@@ -193,20 +193,19 @@ def read_normals(path: Path, height: int, width: int) -> NDArray[np.float32]:
         values = read_normal_map(path, height, width)
     except SceneError as error:
         raise AlignError(str(error)) from error
-    return _checked(path, values, tolerance=0.02 if path.suffix.lower() == ".png" else 0.01)
-
-
-def _checked(path: Path, values: NDArray, *, tolerance: float) -> NDArray[np.float32]:
+    is_coded = path.suffix.lower() == ".png"
+    # The most by which a length may differ from 1.
+    tolerance = 0.1 if is_coded else 0.05
     length = np.linalg.norm(values.astype(np.float64), axis=-1)
     known = np.isfinite(length) & (length > 0.1)
     if not known.any():
         raise AlignError(f"{path}: no pixel has a normal (all are zero or no numbers).")
-    off = np.abs(length[known] - 1) > 5 * tolerance
+    off = np.abs(length[known] - 1) > tolerance
     if off.mean() > 0.02:
         raise AlignError(
             f"{path}: {100 * off.mean():.0f} % of the vectors are not of length 1 (median length "
             f"{np.median(length[known]):.3f}). Store unit vectors"
-            f"{', coded as (n + 1) / 2' if path.suffix.lower() == '.png' else ''}."
+            f"{', coded as (n + 1) / 2' if is_coded else ''}."
         )
     behind = values[known][:, 2] < 0
     if behind.mean() > 0.1:
@@ -215,7 +214,7 @@ def _checked(path: Path, values: NDArray, *, tolerance: float) -> NDArray[np.flo
             "x right, y up, z toward the viewer. Normals in OpenCV's frame: flip the signs of y and z."
         )
     # A few vectors of a wrong length (interpolation at the border) are unknown, not errors of the whole map.
-    known &= np.abs(length - 1) <= 5 * tolerance
+    known &= np.abs(length - 1) <= tolerance
     normals = np.full(values.shape, np.nan, np.float32)
     normals[known] = values[known] / length[known][:, None]
     return normals
