@@ -57,10 +57,9 @@ def register_unknown_scale(
         extent_px = float(np.hypot(np.ptp(rows), np.ptp(columns)))
         # Near enough to look for the pose: the mask's diagonal is about the scan's diameter.
         scale = distance * extent_px / camera.fx / (2 * mesh.radius_mm)
-        first = register(_scaled(mesh, scale), None)
     else:
         scale = distance / -float(start.apply(mesh.center_mm)[2])
-        first = register(_scaled(mesh, scale), scaled_pose(start, scale))
+    first = register(_scaled(mesh, scale), start and scaled_pose(start, scale))
     middle = first.pose.apply(scale * mesh.center_mm)
     shadow = first.evidence.get("shadow_scale")
     nearer = distance / -float(middle[2]) if shadow is None else shadow

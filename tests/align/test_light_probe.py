@@ -124,9 +124,7 @@ def test_a_spoilt_light_and_a_moved_scan_come_back_together(world):
 
 
 def test_too_few_frames_are_refused(world):
-    frames = replace(
-        world.frames, names=world.frames.names[:4], codes=world.frames.codes[:4], gain=world.frames.gain[:4]
-    )
+    frames = world.frames.only(slice(4))
     photographs = Photographs(world.camera, frames, Lights.unknown(frames.names), world.mask)
     with pytest.raises(AlignError, match="4 frames are too few for the scan to tell the lights"):
         lights_from_scan(RayCaster(world.mesh), np.zeros(len(world.mesh.vertices)), photographs)
@@ -172,13 +170,7 @@ def test_lights_far_away_are_distant(build, bumpy, rotations):
 def test_the_scans_own_frame_and_the_frames_order_change_nothing(world, found, rotations):
     turned = replace(world.mesh, vertices=world.mesh.vertices @ rotations[2].T + [30.0, -200.0, 7.0])
     order = np.random.default_rng(4).permutation(len(world.lights))
-    frames = replace(
-        world.frames,
-        names=tuple(world.frames.names[n] for n in order),
-        codes=world.frames.codes[order],
-        gain=world.frames.gain[order],
-    )
-    again = _found(replace(world, frames=frames), turned)
+    again = _found(replace(world, frames=world.frames.only(order)), turned)
     error = angular_error_deg(again.lights.directions, found.lights.directions[order])
     # Another start ends elsewhere within what this small picture tells.
     assert np.median(error) < 0.5
