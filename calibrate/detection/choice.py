@@ -25,11 +25,10 @@ from scipy.special import expit
 from calibrate.detection.circles import overlap
 from calibrate.detection.coarse import Coarse
 from calibrate.detection.evidence import Change, Shaded, brightest
-from calibrate.lights.directions import USUAL_FOCAL, mirrored_rays
+from calibrate.lights.directions import USUAL_FOCAL, arc_miss_deg, mirrored_rays
 from calibrate.silhouette.mirrored_surroundings import sized
 from calibrate.silhouette.mirrored_table import MirroredTable
 from scene.camera import Camera
-from scene.normals import unit
 from scene.spheres import Kind, Sphere
 
 Array = NDArray[np.float64]
@@ -43,10 +42,8 @@ FEATURES: dict[Kind, tuple[str, ...]] = {
 EACH = 2  # circles of one kind that overlap and are considered
 LIKELIEST, HOPELESS = 60, -6.0  # circles that are considered, and log-odds of their own under which none is
 STARTS = 10  # circles from which the likeliest set is sought
-NEAREST = 0.4  # of the balls' distance from the camera: the range of the nearest light
 MATTE_DEG, MIRROR_DEG, OUTLINE_PX = 4.0, 2.0, 0.5
 """Errors of a direction by shading, by a mirror, and of an outline, coarse px: that turns what a small mirror shows."""
-STEPS = 33  # of the inverse range along that arc
 FEWEST = 2  # frames in which both show a light
 
 
@@ -218,10 +215,7 @@ def agreement(a: Rays, b: Rays) -> Array:
     both = a.shown.any(1) & b.shown.any(1)
     if both.sum() < FEWEST:
         return np.zeros(2)
-    # Where b would see a's light, at inverse ranges from 0 to that of the nearest.
-    inverse = np.linspace(0, 1, STEPS)[:, None, None, None] / (NEAREST * np.linalg.norm(a.center) or 1.0)
-    arc = unit(a.directions + inverse * (a.center - b.center))
-    miss = np.rad2deg(np.arccos(np.clip(np.einsum("sfki,fli->sfkl", arc, b.directions).max(0), -1, 1)))
+    miss = arc_miss_deg(a.center, a.directions, b.center, b.directions)
     miss = np.where(a.shown[:, :, None] & b.shown[:, None], miss, np.inf).min((1, 2))[both]
     agree = float(np.mean(np.exp(-0.5 * (miss / np.hypot(a.sigma_deg, b.sigma_deg)) ** 2)))
     return np.sqrt(len(miss)) * np.array([agree, 1 - agree])

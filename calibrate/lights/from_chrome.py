@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from calibrate.calibration import CrossValidation, Notes, leave_out
 from calibrate.detection.balls import Ball
 from calibrate.lights.adjustment import ObservedSpots
+from calibrate.lights.agreement import agreed
 from calibrate.lights.cross_validation import cross_validate
 from calibrate.lights.directions import Shading, mirrored_rays
-from calibrate.lights.highlight import find_spots
+from calibrate.lights.highlight import find_peaks, find_spots
 from calibrate.lights.light_model import choose_model
 from calibrate.lights.positions import LightFit
 from scene.camera import Camera
@@ -28,6 +29,9 @@ balls of 15 to 84 px by two generators of others, which sample each pixel and th
 STRAY_DEG = 45.0
 """How much farther than usual a highlight must point beside the white ball's shading to be another thing's: flashes a
 metre away are up to 30 degrees elsewhere for a ball 500 mm beside the white one."""
+AGREE_DEG, BY_CHANCE, DIMMER = 2.5, 5.0, 3.0
+"""Error of what two balls show of one light; what two places that are not the same light's cost at most, -log of how
+often chance makes them agree; what a place costs that is not the brightest, -log of how often the flash is not."""
 CONTRADICTION_DEG = 2.0  # how far the lights of two balls must point apart in one frame for it to be named
 WIDER = 2.0  # times its stated doubt by which balls, each alone, may differ before somebody is told
 ODD = 0.6
@@ -48,7 +52,8 @@ def lights_from_chrome(
         A frame's flash is seen on no ball, or none on chrome.
     """
     spheres = [ball.sphere for ball in balls]
-    spots = [find_spots(ball.frames, camera, ball.coarse, ball.sphere) for ball in balls]
+    peaks = agreed(camera, spheres, [find_peaks(ball.frames, ball.coarse, ball.sphere) for ball in balls], shading)
+    spots = [find_spots(b.frames, camera, b.coarse, b.sphere, seen) for b, seen in zip(balls, peaks, strict=True)]
     chosen, sigma, extents, glare, strength = (np.stack(part) for part in zip(*spots, strict=True))
     radius = np.array([[sphere.radius_px] for sphere in spheres])
     sigma, extents = np.hypot(sigma, SAMPLED_PX2 / radius), np.nan_to_num(extents)

@@ -20,7 +20,10 @@ FAINT = 0.1
 """A spot under this share of the ball's usual one, or of the frame's brightest, is no flash: the ball was in shadow, or
 the flash misfired."""
 FRONT = 0.9  # radii: beyond, a mirror shows what is behind it, never a flash that lights the object
-PEAK_SHARE = 0.04  # radii around a point in which none is brighter
+PEAKS = 3  # bright places of a frame that may be the flash
+PEAK_LIT, PEAK_EDGE = 0.2, 0.5
+"""Share of the frame's brightest from which another place may be the flash; share of its own height down to which a
+place reaches."""
 SMOOTH_PX = 0.7
 WINDOW_PX, WINDOW_SHARE, LARGEST_WINDOW = 6, 0.12, 0.6  # half a window: px at least, radii, and radii at most
 CENTROID_PX, CENTROID_SHARE = 0.15, 0.06  # error of a centroid: px, and of the spot's size
@@ -40,6 +43,18 @@ class Spot(NamedTuple):
     glare: bool = False  # a streak lies beside its core, and its core's middle was taken
 
 
+class Peaks(NamedTuple):
+    """The brightest places of one ball in F frames, the brightest first; NaN where there are fewer."""
+
+    pixels: Array  # (F, PEAKS, 2) known to a coarse pixel
+    strength: Array  # (F, PEAKS)
+
+    def with_first(self, place: NDArray[np.intp]) -> "Peaks":
+        """Return the same with the places number `place` (F,) before the others."""
+        order = np.argsort(np.arange(self.strength.shape[1]) != place[:, None], axis=1, kind="stable")
+        return Peaks(*(np.take_along_axis(a, order.reshape(*order.shape, *[1] * (a.ndim - 2)), 1) for a in self))
+
+
 class Spots(NamedTuple):
     """The brightest point of one ball in F frames; NaN where there is none."""
 
@@ -50,42 +65,47 @@ class Spots(NamedTuple):
     strength: Array  # (F,) height, in the ball's usual one
 
 
-def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -> Spots:
-    """Locate the brightest point that comes and goes on a mirror ball, in each frame.
+def find_peaks(frames: Frames, coarse: Coarse, sphere: Sphere) -> Peaks:
+    """Find the brightest places that come and go on a mirror ball, in each frame, on the shrunken ball.
 
     Notes
     -----
     What a frame adds to the median over frames is the flash and its company: the table, a window and the
-    object that the ball mirrors do not move and drop out. Found on the shrunken ball, measured at full size.
+    object that the ball mirrors do not move and drop out. What the flash lights brightly may be as bright as itself.
     """
-    rough, strength = _rough(frames, coarse, coarse.from_full(sphere))
+    small = coarse.from_full(sphere)
+    (u, v), r = small.center_px, small.radius_px
+    box = coarse.box(small)
+    rows, columns = box.grid
+    values = coarse.window(frames, box)
+    change = values - np.median(values, axis=0)
+    pixels, strength = np.full((len(values), PEAKS, 2), np.nan), np.full((len(values), PEAKS), np.nan)
+    for f, image in enumerate(change):
+        smooth = cv2.GaussianBlur(image, (0, 0), SMOOTH_PX)
+        top = (np.hypot(columns - u, rows - v) < FRONT * r) & (smooth >= cv2.dilate(smooth, np.ones((3, 3), np.uint8)))
+        left = np.where(top, smooth, 0)
+        for k in range(PEAKS):
+            y, x = np.unravel_index(left.argmax(), left.shape)
+            if left[y, x] <= (PEAK_LIT * strength[f, 0] if k else 0):
+                break
+            pixels[f, k], strength[f, k] = (x + box.columns.start, y + box.rows.start), left[y, x]
+            places = np.asarray(cv2.connectedComponents((smooth > PEAK_EDGE * left[y, x]).astype(np.uint8))[1])
+            left[places == places[y, x]] = 0
+    return Peaks(coarse.to_full(pixels), strength)
+
+
+def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere, peaks: Peaks | None = None) -> Spots:
+    """Locate the flash on a mirror ball in each frame, at full size: by the first of its `peaks`."""
+    found = peaks or find_peaks(frames, coarse, sphere)
+    rough, strength = found.pixels[:, 0], found.strength[:, 0]
     pixels, glare = np.full((len(frames), 2), np.nan), np.zeros(len(frames), bool)
     sigma, extent = np.full((2, len(frames)), np.nan)
     usual = np.nanmedian(strength) if np.isfinite(strength).any() else np.inf
     for f in np.flatnonzero(np.nan_to_num(strength) > FAINT * usual).tolist():
-        spot = measure_spot(frames, f, camera, sphere, coarse.to_full(rough[f]), factor=coarse.factor)
+        spot = measure_spot(frames, f, camera, sphere, rough[f], factor=coarse.factor)
         if spot is not None:
             pixels[f], sigma[f], extent[f], glare[f] = spot
     return Spots(pixels, sigma, extent, glare, strength / usual)
-
-
-def _rough(frames: Frames, coarse: Coarse, sphere: Sphere) -> tuple[Array, Array]:
-    """Return the coarse pixels (F, 2) and strengths (F,) of the highest local maximum of the change over time."""
-    (u, v), r = sphere.center_px, sphere.radius_px
-    box = coarse.box(sphere)
-    rows, columns = box.grid
-    inside = np.hypot(columns - u, rows - v) < FRONT * r
-    values = coarse.window(frames, box)
-    change = values - np.median(values, axis=0)
-    pixels, strength = np.full((len(values), 2), np.nan), np.full(len(values), np.nan)
-    size = 2 * max(1, round(PEAK_SHARE * r)) + 1
-    for f, image in enumerate(change):
-        smooth = cv2.GaussianBlur(image, (0, 0), SMOOTH_PX)
-        peak = inside & (smooth >= cv2.dilate(smooth, np.ones((size, size), np.uint8))) & (smooth > 0)
-        if peak.any():
-            y, x = np.unravel_index(np.where(peak, smooth, 0).argmax(), smooth.shape)
-            pixels[f], strength[f] = (x + box.columns.start, y + box.rows.start), smooth[y, x]
-    return pixels, strength
 
 
 def measure_spot(

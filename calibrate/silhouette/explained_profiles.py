@@ -23,7 +23,7 @@ LEAST_SEEN, KNOWN_BLURS = 0.25, 2.5
 """Share of the profiles to go on with a plane, in which the table is known down to so many blurs inside the outline."""
 HOPELESS = 0.8  # share explained under which a start leads nowhere
 REFLECTS = 0.2, 0.93  # reflectance of a mirror: what shows the table as bright as it is may be the table itself
-STRAIGHT_PX = 2.5
+STRAIGHT_PX = 4.0
 """Distance from the outline at which what lies outside departs from a line by as much as its noise. At double that, the
 departure is fourfold: a texture's curvature."""
 CAUCHY = 3.0  # noises at which a sample counts half: a highlight or another ball may be mirrored, too

@@ -6,11 +6,17 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from calibrate.detection.coarse import shrink
-from calibrate.lights.highlight import find_spots
+from calibrate.lights.agreement import agreed
+from calibrate.lights.directions import Shading, no_shading
+from calibrate.lights.highlight import PEAKS, Peaks, find_peaks, find_spots
 from calibrate.lights.reflected_disc import _image
+from fixtures.ball_scene import flashes
 from scene.camera import Camera
 from scene.frames import PEDESTAL, WHITE, Frames
+from scene.normals import unit
 from scene.spheres import Sphere
+from tests.calibrate.test_positions import CAMERA as SEEN
+from tests.calibrate.test_positions import CENTERS, _spheres, fermat
 
 SIZE = 160
 CAMERA = Camera.orthographic(SIZE, SIZE)
@@ -115,3 +121,42 @@ def test_a_streak_of_glare_does_not_draw_a_clipped_flash_along():
     assert spots.glare.all()
     assert (error < 2.5 * spots.sigma_px).all()
     assert not find_spots(frames, CAMERA, shrink(frames, CAMERA), BALL).glare.any()
+
+
+def test_what_the_flash_lights_is_one_place_beside_the_flash():
+    """A table's gloss is mirrored larger and as bright; a clipped plateau is one place, however many pixels it has."""
+    frames = _frames(PLACES, 2.0, 30.0)
+    images = np.stack([frames.frame(f) for f in range(len(PLACES))])
+    gloss = _disc(80.0, 50.0, 12.0)[..., None].astype(images.dtype)
+    images[1::2] = np.clip(images[1::2] + 30 * gloss, 0, 1)
+    glossy = Frames.from_linear(frames.names, images)
+    peaks = find_peaks(glossy, shrink(glossy, CAMERA), BALL)
+    for f, places in enumerate(peaks.pixels):
+        assert np.isfinite(places[:, 0]).sum() == 1 + f % 2
+        assert np.nanmin(np.linalg.norm(places - PLACES[f], axis=1)) < 5
+
+
+@pytest.mark.parametrize("stated", [True, False], ids=["diameters stated", "no diameter"])
+def test_of_bright_places_that_is_the_flash_on_which_the_balls_agree(stated):
+    """In a third of all frames each of three balls shows something brighter; the balls stand 2.5 % apart in depth."""
+    lights = flashes(8, seed=3)
+    shown = np.array([[fermat(center, light) for light in lights] for center in CENTERS])
+    rng, balls = np.random.default_rng(3), _spheres(3)
+    other = np.stack([b.center_px + 0.6 * b.radius_px * rng.uniform(-1, 1, (len(lights), 2)) for b in balls])
+    first = rng.random((3, len(lights))) < 1 / 3
+    first[:, first.sum(0) > 1] = False
+    places = np.full((3, len(lights), PEAKS, 2), np.nan)
+    places[:, :, 0] = np.where(first[..., None], other, shown)
+    places[:, :, 1] = np.where(first[..., None], shown, other)
+    strength = np.where(np.isfinite(places[..., 0]), np.array([1.0, 0.6, np.nan]), np.nan)
+    peaks = [Peaks(*one) for one in zip(places, strength, strict=True)]
+    spheres = balls if stated else [Sphere("chrome", b.center_px, b.radius_px) for b in balls]
+    assert first.any(1).all()
+    for ball, one in enumerate(agreed(SEEN, spheres, peaks, no_shading(len(lights)))):
+        np.testing.assert_array_equal(one.pixels[:, 0], shown[ball])
+    # One ball alone cannot know: its brightest place stays. A white ball beside it tells.
+    (alone,) = agreed(SEEN, spheres[:1], peaks[:1], no_shading(len(lights)))
+    np.testing.assert_array_equal(alone.pixels[:, 0], places[0, :, 0])
+    white = Shading(unit(lights - CENTERS[1])[None], np.full((1, len(lights)), 0.3), CENTERS[None, 1])
+    (beside,) = agreed(SEEN, balls[:1], peaks[:1], white)
+    np.testing.assert_array_equal(beside.pixels[:, 0], shown[0])

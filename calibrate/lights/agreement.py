@@ -1,0 +1,59 @@
+"""Which of the bright places on the balls is the flash: that on which the balls agree."""
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrate.lights.directions import Shading, arc_miss_deg, mirrored_rays
+from calibrate.lights.highlight import Peaks
+from calibrate.silhouette.mirrored_surroundings import sized
+from scene.camera import Camera
+from scene.spheres import Sphere
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+AGREE_DEG = 2.5  # error of what two balls show of one light
+BY_CHANCE = 5.0  # what places of different lights cost at most: -log of how often chance makes two agree
+DIMMER = 3.0  # what a place costs that is not the brightest: -log of how often the flash is not
+
+
+def agreed(camera: Camera, spheres: Sequence[Sphere], peaks: Sequence[Peaks], shading: Shading) -> list[Peaks]:
+    """Return the mirrors' bright places, in each frame with the one first on which they and white balls agree.
+
+    What the flash lights brightly (a table's gloss, a white wall) may be brighter in a mirror than the flash. Of all
+    sets of one place each, these are looked at: all the brightest; and each place, with what agrees best with it.
+    """
+    placed = spheres if all(sphere.diameter_mm for sphere in spheres) else [sized(sphere) for sphere in spheres]
+    centers = [np.zeros(3) if camera.is_orthographic else sphere.center_mm(camera) for sphere in placed]
+    rays = [mirrored_rays(camera, sphere, one.pixels)[1] for sphere, one in zip(placed, peaks, strict=True)]
+    own = [np.where(np.isfinite(ray[..., 0]), DIMMER * (np.arange(ray.shape[1]) > 0), np.inf) for ray in rays]
+    for directions, clear, center in zip(shading.directions, shading.clear, shading.centers_mm, strict=True):
+        if np.isfinite(center).all() and placed is spheres:
+            centers.append(center)
+            rays.append(directions[:, None])
+            own.append(np.where(clear, 0.0, np.inf)[:, None])
+    # What is not seen costs as much in each set.
+    own = [np.where(np.isfinite(cost).any(1, keepdims=True), cost, 0.0) for cost in own]
+    pairs: dict[tuple[int, int], Array] = {}
+    for s, t in combinations(range(len(rays)), 2):
+        miss = arc_miss_deg(centers[s], rays[s], centers[t], rays[t])
+        pairs[s, t] = np.nan_to_num(np.minimum(0.5 * (miss / AGREE_DEG) ** 2, BY_CHANCE), nan=BY_CHANCE)
+        pairs[t, s] = pairs[s, t].swapaxes(1, 2)
+    frames = np.arange(len(own[0]))
+
+    def total(places: Index) -> Array:
+        """Return the cost (F,) of one place (N, F) on each ball."""
+        alone = sum(cost[frames, at] for cost, at in zip(own, places, strict=True))
+        return np.asarray(alone + sum(pairs[s, t][frames, places[s], places[t]] for s, t in pairs if s < t))
+
+    sets = [np.zeros((len(rays), len(frames)), np.intp)]
+    for s in range(len(peaks)):
+        for k in range(rays[s].shape[1]):
+            best = [
+                (pairs[s, t][:, k] + own[t]).argmin(1) if t != s else np.full(len(frames), k) for t in range(len(rays))
+            ]
+            sets.append(np.stack(best))
+    chosen = np.stack(sets)[np.stack([total(one) for one in sets]).argmin(0), :, frames]
+    return [one.with_first(chosen[:, s]) for s, one in enumerate(peaks)]
