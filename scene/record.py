@@ -285,6 +285,8 @@ class Record:
             data |= {"files": self._files, "seen": seen}
             try:
                 text = json.dumps({**data, "digest": fingerprint(data)}, allow_nan=False)
+                if path.is_file() and path.read_text() == text:
+                    return
                 path.with_suffix(".new").write_text(text)
                 os.replace(path.with_suffix(".new"), path)
             except OSError as error:
