@@ -50,7 +50,9 @@ ADVICE: Mapping[str, str] = {
 """Words of a flag, and what it costs and what to do."""
 A_FEW_ARE_USUAL, MANY = ("glare beside the highlight", "left out"), 0.25
 """Flags that a few frames may have, and the share of the frames from which they are a warning."""
+ANOTHER_BRIGHTER = "shows something brighter than the flash: its highlight is that on which the balls agree"
 SAID_ELSEWHERE = (
+    ANOTHER_BRIGHTER,
     "small and dark: another reflection?",
     "no highlight seen: direction from the white ball's shading",
     "has no intensities",

@@ -102,11 +102,10 @@ def log(text: str) -> None:
 def logged(record: "Record") -> Iterator[None]:
     """Log what is said in the block into the rgbn.log of an output folder that is held.
 
-    It goes line by line into a file of the folder's `.rgbn`, behind what runs before it have said, killed ones too.
-    When the run ends, all of that becomes the log, which is a file as all others that rgbn has written.
+    It goes line by line into the folder's `.rgbn`, where a killed run leaves what it had said; when the run ends, or
+    else the next one, that is put behind the log, which is a file as all others that rgbn has written.
     """
     from scene.current import libraries
-    from scene.files import write_text
 
     now, command = record.scratch("running.log"), shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
     versions = ", ".join(f"{name} {version}" for name, version in libraries().items())
@@ -125,7 +124,16 @@ def logged(record: "Record") -> Iterator[None]:
         _open.remove(now)
         # A log that cannot be written, or that the user has changed, is no reason for a run to fail.
         with suppress(OSError, SceneError):
-            write_text(record.folder / "rgbn.log", now.read_text("utf-8", "replace"))
+            _put_behind(record, now)
+
+
+def _put_behind(record: "Record", now: Path) -> None:
+    from scene.files import write_text
+
+    path = record.folder / "rgbn.log"
+    before = path.read_text("utf-8", "replace") if record.is_intact(path) else ""
+    write_text(path, before + now.read_text("utf-8", "replace"))
+    now.unlink()
 
 
 def say(text: str, *, always: bool = False) -> None:

@@ -21,7 +21,7 @@ from solve.problem import Problem
 from solve.whole.semicalibrated import CONTRAST, told_by_object
 
 _PIXELS, _ROUNDS = 2_000, 4
-"""That the intensities are found from, and by."""
+"""Pixels from which the intensities are found, and rounds."""
 _LEAST = 0.04
 """Log of the factor under which an error is not worth a word: how surfaces reflect makes jumps of up to 3 %."""
 _CHANCE = 0.001

@@ -20,9 +20,10 @@ from scene.robust import spread
 Array = NDArray[np.float64]
 
 SECTORS = 8
-AXES = np.stack([turn(2 * np.pi * np.arange(SECTORS) / SECTORS) for turn in (np.cos, np.sin)], -1)
 """Directions in the image; an edge is looked for in the frames whose light comes from its own side: the outline is
 lit there, and the object's shadow falls to the other side."""
+AXES = np.stack([turn(2 * np.pi * np.arange(SECTORS) / SECTORS) for turn in (np.cos, np.sin)], -1)
+"""(SECTORS, 2) unit vectors of these directions."""
 MARGIN_PX = 32
 SPACING_PX = 0.25
 BLUR_PX = 1.0

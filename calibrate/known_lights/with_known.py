@@ -20,8 +20,9 @@ from calibrate.detection.detect import Rejected
 from calibrate.known_lights.measured_lights import are_sure
 from calibrate.known_lights.read_known import AS_THEY_ARE, NO_INTENSITIES, lacks_intensities, without_flag
 from calibrate.known_lights.rig import against_balls
-from calibrate.lights.directions import mirrored_rays
-from calibrate.lights.highlight import find_spots
+from calibrate.lights.agreement import agreed
+from calibrate.lights.directions import mirrored_rays, no_shading
+from calibrate.lights.highlight import find_peaks, find_spots
 from calibrate.photometry.from_white import intensities_from_white
 from calibrate.photometry.matte_shading import brightness_beside, read_surface, shading_directions
 from calibrate.photometry.table_normal import table_normal
@@ -99,11 +100,14 @@ def with_known_lights(
             cautions = (str(error),)
         notes.warnings.extend(cautions)
     doubts: list[str | None] = []
+    chrome = [ball for ball in balls if ball.sphere.kind == "chrome"]
+    peaks = [find_peaks(ball.frames, ball.coarse, ball.sphere) for ball in chrome]
+    agreed_on = iter(agreed(camera, [ball.sphere for ball in chrome], peaks, no_shading(len(frames))))
     table = table_normal(camera, [ball.sphere for ball in balls])
     shown = np.full((len(balls), len(frames), 2), np.nan)
     for i, ball in enumerate(balls):
         if ball.sphere.kind == "chrome":
-            shown[i] = find_spots(ball.frames, camera, ball.coarse, ball.sphere).pixels
+            shown[i] = find_spots(ball.frames, camera, ball.coarse, ball.sphere, next(agreed_on)).pixels
             points, seen = mirrored_rays(camera, ball.sphere, shown[i])
             target = _toward(lights, ball.sphere, points)
             off_deg = angular_error_deg(seen, target)

@@ -16,21 +16,26 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 AGREE_DEG = 2.5  # error of what two balls show of one light
 BY_CHANCE = 5.0  # what places of different lights cost at most: -log of how often chance makes two agree
-DIMMER = 3.0  # what a place costs that is not the brightest: -log of how often the flash is not
+DIMMER = 2.5  # what a place costs, times the -log of its height in the brightest one's: clipped ones are alike
 
 
 def agreed(camera: Camera, spheres: Sequence[Sphere], peaks: Sequence[Peaks], shading: Shading) -> list[Peaks]:
-    """Return the mirrors' bright places, in each frame with the one first on which they and white balls agree.
+    """Return the mirrors' bright places, in each frame with the one first on which the balls agree.
 
-    What the flash lights brightly (a table's gloss, a white wall) may be brighter in a mirror than the flash. Of all
-    sets of one place each, these are looked at: all the brightest; and each place, with what agrees best with it.
+    White balls count where they and all mirrors have a diameter, which says where they stand. What the flash lights
+    brightly (a table's gloss, a white wall) may be brighter in a mirror than the flash. Of all sets of one place each,
+    these are looked at: all the brightest; and each place, with what agrees best with it.
     """
-    placed = spheres if all(sphere.diameter_mm for sphere in spheres) else [sized(sphere) for sphere in spheres]
+    if not peaks:
+        return []
+    is_placed = all(sphere.diameter_mm for sphere in spheres)
+    placed = spheres if is_placed else [sized(sphere) for sphere in spheres]
     centers = [np.zeros(3) if camera.is_orthographic else sphere.center_mm(camera) for sphere in placed]
     rays = [mirrored_rays(camera, sphere, one.pixels)[1] for sphere, one in zip(placed, peaks, strict=True)]
-    own = [np.where(np.isfinite(ray[..., 0]), DIMMER * (np.arange(ray.shape[1]) > 0), np.inf) for ray in rays]
+    dimmer = [-DIMMER * np.log(one.strength / one.strength[:, :1]) for one in peaks]
+    own = [np.where(np.isfinite(ray[..., 0]), cost, np.inf) for ray, cost in zip(rays, dimmer, strict=True)]
     for directions, clear, center in zip(shading.directions, shading.clear, shading.centers_mm, strict=True):
-        if np.isfinite(center).all() and placed is spheres:
+        if np.isfinite(center).all() and is_placed:
             centers.append(center)
             rays.append(directions[:, None])
             own.append(np.where(clear, 0.0, np.inf)[:, None])
@@ -40,6 +45,8 @@ def agreed(camera: Camera, spheres: Sequence[Sphere], peaks: Sequence[Peaks], sh
     for s, t in combinations(range(len(rays)), 2):
         miss = arc_miss_deg(centers[s], rays[s], centers[t], rays[t])
         pairs[s, t] = np.nan_to_num(np.minimum(0.5 * (miss / AGREE_DEG) ** 2, BY_CHANCE), nan=BY_CHANCE)
+        # Each ball errs once, however many others it is held against.
+        pairs[s, t] /= len(rays) - 1
         pairs[t, s] = pairs[s, t].swapaxes(1, 2)
     frames = np.arange(len(own[0]))
 

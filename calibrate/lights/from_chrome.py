@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.calibration import CrossValidation, Notes, leave_out
+from calibrate.calibration import ANOTHER_BRIGHTER, CrossValidation, Notes, leave_out
 from calibrate.detection.balls import Ball
 from calibrate.lights.adjustment import ObservedSpots
 from calibrate.lights.agreement import agreed
@@ -29,9 +29,6 @@ balls of 15 to 84 px by two generators of others, which sample each pixel and th
 STRAY_DEG = 45.0
 """How much farther than usual a highlight must point beside the white ball's shading to be another thing's: flashes a
 metre away are up to 30 degrees elsewhere for a ball 500 mm beside the white one."""
-AGREE_DEG, BY_CHANCE, DIMMER = 2.5, 5.0, 3.0
-"""Error of what two balls show of one light; what two places that are not the same light's cost at most, -log of how
-often chance makes them agree; what a place costs that is not the brightest, -log of how often the flash is not."""
 CONTRADICTION_DEG = 2.0  # how far the lights of two balls must point apart in one frame for it to be named
 WIDER = 2.0  # times its stated doubt by which balls, each alone, may differ before somebody is told
 ODD = 0.6
@@ -53,6 +50,9 @@ def lights_from_chrome(
     """
     spheres = [ball.sphere for ball in balls]
     peaks = agreed(camera, spheres, [find_peaks(ball.frames, ball.coarse, ball.sphere) for ball in balls], shading)
+    for s, one in enumerate(peaks):
+        for f in np.flatnonzero(one.strength[:, 0] < np.fmax.reduce(one.strength, 1)):
+            notes.flags[f].append(f"chrome ball {s + 1} {ANOTHER_BRIGHTER}")
     spots = [find_spots(b.frames, camera, b.coarse, b.sphere, seen) for b, seen in zip(balls, peaks, strict=True)]
     chosen, sigma, extents, glare, strength = (np.stack(part) for part in zip(*spots, strict=True))
     radius = np.array([[sphere.radius_px] for sphere in spheres])
@@ -96,12 +96,12 @@ def _name_odd(names: tuple[str, ...], odd: NDArray[np.bool_], sound: NDArray[np.
     `sound` (S + W, F): which balls show it.
     """
     for s, f in zip(*np.nonzero(odd), strict=True):
-        notes.flags[f].append(f"the brightest point on chrome ball {s + 1} is small and dark: another reflection?")
+        notes.flags[f].append(f"the highlight on chrome ball {s + 1} is small and dark: another reflection?")
     alone = odd.any(0) & ~sound.any(0)
     if alone.any():
         listed = ", ".join(names[f] for f in np.flatnonzero(alone))
         notes.warnings.append(
-            f"{listed}: the brightest point on the chrome ball is less than {ODD:g} as large and as bright as in the "
+            f"{listed}: the highlight on the chrome ball is less than {ODD:g} as large and as bright as in the "
             "other frames. The ball may not see the flash, and show another reflection of it: the direction is not "
             "known. Look at the photograph; list it under frames.skip if so."
         )

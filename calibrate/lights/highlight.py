@@ -44,7 +44,7 @@ class Spot(NamedTuple):
 
 
 class Peaks(NamedTuple):
-    """The brightest places of one ball in F frames, the brightest first; NaN where there are fewer."""
+    """Bright places of one ball in F frames, the likeliest flash first; NaN where there are fewer."""
 
     pixels: Array  # (F, PEAKS, 2) known to a coarse pixel
     strength: Array  # (F, PEAKS)
@@ -56,7 +56,7 @@ class Peaks(NamedTuple):
 
 
 class Spots(NamedTuple):
-    """The brightest point of one ball in F frames; NaN where there is none."""
+    """Where one ball mirrors the flash in F frames; NaN where it does not."""
 
     pixels: Array  # (F, 2)
     sigma_px: Array  # (F,)
@@ -94,10 +94,9 @@ def find_peaks(frames: Frames, coarse: Coarse, sphere: Sphere) -> Peaks:
     return Peaks(coarse.to_full(pixels), strength)
 
 
-def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere, peaks: Peaks | None = None) -> Spots:
+def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere, peaks: Peaks) -> Spots:
     """Locate the flash on a mirror ball in each frame, at full size: by the first of its `peaks`."""
-    found = peaks or find_peaks(frames, coarse, sphere)
-    rough, strength = found.pixels[:, 0], found.strength[:, 0]
+    rough, strength = peaks.pixels[:, 0], peaks.strength[:, 0]
     pixels, glare = np.full((len(frames), 2), np.nan), np.zeros(len(frames), bool)
     sigma, extent = np.full((2, len(frames)), np.nan)
     usual = np.nanmedian(strength) if np.isfinite(strength).any() else np.inf

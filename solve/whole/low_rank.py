@@ -59,7 +59,12 @@ def low_rank(
             if residual < tolerance:
                 break
             before, strength = strength, min(_GROWTH * strength, limit)
-    return np.matmul(state @ first, second, out=state), residual
+
+        def finish(part: slice) -> None:
+            state[part] = state[part] @ first @ second
+
+        list(pool.map(finish, chunks))
+    return state, residual
 
 
 def _threshold(gram: Array, strength: float) -> tuple[Array, Array]:

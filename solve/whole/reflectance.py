@@ -43,7 +43,7 @@ LOBE, GLOSSY = 5, 1.05
 
 
 PIXELS = 4000
-"""Of which, evenly spread, the table is learnt; the others are fitted to it."""
+"""Pixels, evenly spread, from which the table is learnt; the others are fitted to it."""
 ROUNDS, STEPS, TURNS = 12, 12, 2
 """Of the joint fit; of each pixel's own afterwards; and how often the object's light upon itself is found anew, with
 half as many rounds after it."""

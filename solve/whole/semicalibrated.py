@@ -19,7 +19,8 @@ from solve.problem import Problem, spread_over
 from solve.samples import GRAY, Geometry, Samples, row_medians
 
 PIXELS, ROUNDS = 12_000, 12
-"""That the intensities are found from, at most, evenly spread over the mask; at most: three to six are typical."""
+"""Pixels from which the intensities are found, evenly spread over the mask, and rounds; both at most. Three to six
+rounds are typical."""
 CONTRAST = 3.0
 """The next best intensities must leave this many times the misfit of the best."""
 SIGMA = 0.1

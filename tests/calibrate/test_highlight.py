@@ -7,7 +7,7 @@ from scipy.ndimage import gaussian_filter
 
 from calibrate.detection.coarse import shrink
 from calibrate.lights.agreement import agreed
-from calibrate.lights.directions import Shading, no_shading
+from calibrate.lights.directions import Shading, mirrored_at, no_shading
 from calibrate.lights.highlight import PEAKS, Peaks, find_peaks, find_spots
 from calibrate.lights.reflected_disc import _image
 from fixtures.ball_scene import flashes
@@ -62,8 +62,13 @@ def _frames(places, degrees, brightness, mosaic=False, colour=(1.0, 1.0, 1.0)):
     return Frames(names, np.stack(codes), np.ones(len(names)), is_mosaic=True)
 
 
+def _spots(frames):
+    coarse = shrink(frames, CAMERA)
+    return find_spots(frames, CAMERA, coarse, BALL, find_peaks(frames, coarse, BALL))
+
+
 def _errors(frames):
-    spots = find_spots(frames, CAMERA, shrink(frames, CAMERA), BALL)
+    spots = _spots(frames)
     return spots.pixels - PLACES, spots.sigma_px
 
 
@@ -88,7 +93,7 @@ def test_a_mosaic_is_read_at_its_own_samples(brightness):
 def test_a_frame_without_flash_has_no_highlight():
     dark = _frames([*PLACES, PLACES[0]], 2.0, 0.6)
     dark.codes[5] = _frames(PLACES[:1], 2.0, 0.0).codes[0]
-    spots = find_spots(dark, CAMERA, shrink(dark, CAMERA), BALL)
+    spots = _spots(dark)
     assert np.isfinite(spots.pixels[:5]).all()
     assert np.isnan(spots.pixels[5]).all()
 
@@ -116,11 +121,11 @@ def test_a_streak_of_glare_does_not_draw_a_clipped_flash_along():
         streak = np.exp(-0.5 * ((columns - u - 0.3 * along) / 1.5) ** 2 - along / 8) * (rows > v)
         image += (24 * streak)[..., None].astype(image.dtype)
     streaked = Frames.from_linear(frames.names, np.clip(images, 0, 1))
-    spots = find_spots(streaked, CAMERA, shrink(streaked, CAMERA), BALL)
+    spots = _spots(streaked)
     error = np.linalg.norm(spots.pixels - PLACES, axis=1)
     assert spots.glare.all()
     assert (error < 2.5 * spots.sigma_px).all()
-    assert not find_spots(frames, CAMERA, shrink(frames, CAMERA), BALL).glare.any()
+    assert not _spots(frames).glare.any()
 
 
 def test_what_the_flash_lights_is_one_place_beside_the_flash():
@@ -160,3 +165,17 @@ def test_of_bright_places_that_is_the_flash_on_which_the_balls_agree(stated):
     white = Shading(unit(lights - CENTERS[1])[None], np.full((1, len(lights)), 0.3), CENTERS[None, 1])
     (beside,) = agreed(SEEN, balls[:1], peaks[:1], white)
     np.testing.assert_array_equal(beside.pixels[:, 0], shown[0])
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 6])
+def test_a_fainter_place_on_which_balls_agree_is_no_flash_where_nothing_is_known_of_the_camera(count):
+    """An orthographic camera stands for an unknown one: it does not know where each ball sees near flashes."""
+    lights = flashes(8, seed=3) + [0, 0, 1000]
+    turn = np.arange(count) * 2 * np.pi / count
+    balls = [Sphere("chrome", 80 + 30 * np.array([np.cos(a), np.sin(a)]), 6.0, 40.0) for a in turn]
+    near = [mirrored_at(CAMERA, ball, lambda x: unit(lights - x)) for ball in balls]
+    far = [mirrored_at(CAMERA, ball, lambda x: unit(lights[::-1] * [1, 1, 20])) for ball in balls]
+    strength = np.tile([1.0, 0.3], (len(lights), 1))
+    peaks = [Peaks(np.stack(one, 1), strength) for one in zip(near, far, strict=True)]
+    for one, flash in zip(agreed(CAMERA, balls, peaks, no_shading(len(lights))), near, strict=True):
+        np.testing.assert_array_equal(one.pixels[:, 0], flash)

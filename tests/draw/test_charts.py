@@ -85,6 +85,21 @@ def test_families_differ_by_shape_and_the_twin_is_hollow_and_unnamed():
     assert f">{'X' * 300}<" in speed_chart([SpeedPoint("X" * 300, "external", "real", 1.0, 2.0)])
 
 
+def test_a_name_keeps_to_its_own_point_and_off_all_marks():
+    places = [(1.0, 1.0), (1.2, 1.0), (30.0, 8.0)]
+    points = [SpeedPoint(f"name{i}", "calibrated", "real", *place) for i, place in enumerate(places)]
+    drawing = speed_chart(points)
+    marks = {words.split(",")[0]: (float(one["cx"]), float(one["cy"])) for words, _, one in parts(drawing)}
+    places, names = names_of(drawing)
+    assert names == [*marks]
+    # From the edges of a name's letters, 33 wide and 13 high, whose foot is 5 below their middle.
+    away = np.maximum(np.abs(places[:, None] - [0, 5] - np.array([*marks.values()])) - [16.5, 6.5], 0)
+    distance = np.linalg.norm(away, axis=-1)
+    assert (distance.argmin(1) == [0, 1, 2]).all()
+    assert distance.min() >= 6
+    assert distance.diagonal().max() < 20
+
+
 @pytest.mark.parametrize("spread", [0.0, 0.1, 1.0])
 def test_names_are_apart_even_where_all_points_are_one_and_stay_text(spread):
     rng = np.random.default_rng(10_130)

@@ -1,4 +1,4 @@
-"""rgbn.log: every run with its command, what it said, and how it ended, and the user's if he changes it."""
+"""rgbn.log: every run with its command, what it said, and how it ended; bounded, and the user's if he changes it."""
 
 import os
 import re

@@ -26,8 +26,7 @@ def near_lights(count=12):
     toward = spiral(np.full(count, 0.8), turn=2 * np.pi / count)
     sigmas = {"direction_sigma_deg": np.full(count, 0.22), "intensity_sigma": np.full(count, 0.022)}
     places = AT + np.linspace(1180.0, 1420.0, count)[:, None] * toward
-    intensities = 1 + np.arange(3 * count).reshape(count, 3) / 10
-    return flashes_at(places, AT, intensities, flags=(("dim", "blurred"), *((),) * (count - 1)), **sigmas)
+    return flashes_at(places, AT, flags=(("dim",), *((),) * (count - 1)), **sigmas)
 
 
 def marks(drawing):
@@ -41,10 +40,9 @@ def test_lights_in_one_line_one_table_and_one_figure_each():
     frame = lights.to_dataframe()
     assert np.array_equal(frame[["direction_x", "direction_y", "direction_z"]].to_numpy(), lights.directions)
     assert np.array_equal(frame[["x_mm", "y_mm", "z_mm"]].to_numpy(), lights.positions_mm)
-    assert np.array_equal(frame[["intensity_r", "intensity_g", "intensity_b"]].to_numpy(), lights.intensities)
     html = lights._repr_html_()
     assert html.count("<tr>") == 12
-    assert "dim; blurred" in html
+    assert "dim" in html
     u, v = marks(lights.plot()).T
     zenith, turn = np.radians(np.hypot(u - 180, 180 - v) / 150 * 90), np.arctan2(180 - v, u - 180)
     drawn = np.stack([np.sin(zenith) * np.cos(turn), np.sin(zenith) * np.sin(turn), np.cos(zenith)], -1)
@@ -89,6 +87,28 @@ def test_errors_are_those_of_the_summary():
     assert repr(empty).endswith("none is known")
     with pytest.raises(SceneError, match="nothing to draw"):
         empty.plot()
+
+
+def test_a_row_says_where_its_light_is():
+    """One light to the right, one above, one behind the camera; seen from a point that is not the origin."""
+    offsets = np.array([[300.0, 0, 0], [0, 200.0, 0], [0, 0, 1000.0], [-3.0, -3.0, 3 * np.sqrt(2)]])
+    sigma, intensities = np.array([0.2, np.nan, 0.3, 0.4]), 1 + np.arange(12).reshape(4, 3) / 10
+    flags = ((), ("dim", "blurred"), (), ())
+    rows = flashes_at(AT + offsets, AT, intensities, direction_sigma_deg=sigma, flags=flags).rows()
+    assert [row["azimuth_deg"] for row in rows][:2] == pytest.approx([0, 90])
+    assert rows[3]["azimuth_deg"] == pytest.approx(225)
+    assert [row["elevation_deg"] for row in rows] == pytest.approx([0, 0, 90, 45])
+    assert [row["distance_mm"] for row in rows] == pytest.approx([300, 200, 1000, 6])
+    for row, offset, intensity in zip(rows, offsets, intensities, strict=True):
+        assert [row[f"{axis}_mm"] for axis in "xyz"] == pytest.approx(AT + offset)
+        toward = np.array([row[f"direction_{axis}"] for axis in "xyz"])
+        assert row["distance_mm"] * toward == pytest.approx(offset)
+        assert [row[f"intensity_{channel}"] for channel in "rgb"] == pytest.approx(intensity)
+        angle, rise = np.radians([row["azimuth_deg"], row["elevation_deg"]])
+        polar = [np.cos(rise) * np.cos(angle), np.cos(rise) * np.sin(angle), np.sin(rise)]
+        assert toward == pytest.approx(polar, abs=1e-12)
+    assert [row["direction_sigma_deg"] for row in rows] == [0.2, None, 0.3, 0.4]
+    assert [row["flags"] for row in rows] == ["", "dim; blurred", "", ""]
 
 
 CAMERA = Camera(640, 480, 900.0, 900.0, 330.7, 228.1, source="EXIF", focal_sigma=0.01)
