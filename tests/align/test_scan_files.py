@@ -149,6 +149,15 @@ def test_every_format_gives_back_the_same_surface(tmp_path, coarse, name):
     assert all(repair.startswith("merged") or "no face uses" in repair for repair in mesh.repairs)
 
 
+@pytest.mark.parametrize("name", [name for name in FORMATS if name[:3] not in ("stl", "glb")])
+@pytest.mark.parametrize("mixed", [False, True])
+def test_polygons_of_any_length_become_triangles(tmp_path, name, mixed):
+    rows = [[0, 1, 3], [0, 3, 2], *QUADS[1:]] if mixed else QUADS
+    triangles = [triangle for row in rows for triangle in ([row[0], *row[i : i + 2]] for i in range(1, len(row) - 1))]
+    mesh = load_scan(FORMATS[name](tmp_path / "scan", CUBE, rows), "mm")
+    assert surface(mesh, CUBE) == rotated(triangles)
+
+
 BENT = np.array([[30, 0], [30, 10], [10, 10], [10, 40], [0, 40], [0, 0]], float)
 PRISM = np.concatenate([np.c_[BENT, np.zeros(6)], np.c_[BENT, np.full(6, 20.0)]])
 SIDES = [[5, 4, 3, 2, 1, 0], [6, 7, 8, 9, 10, 11], *([i, (i + 1) % 6, (i + 1) % 6 + 6, i + 6] for i in range(5))]
