@@ -23,9 +23,6 @@ LEAST_SEEN, KNOWN_BLURS = 0.25, 2.5
 """Share of the profiles to go on with a plane, in which the table is known down to so many blurs inside the outline."""
 HOPELESS = 0.8  # share explained under which a start leads nowhere
 REFLECTS = 0.2, 0.93  # reflectance of a mirror: what shows the table as bright as it is may be the table itself
-STRAIGHT_PX = 4.0
-"""Distance from the outline at which what lies outside departs from a line by as much as its noise. At double that, the
-departure is fourfold: a texture's curvature."""
 CAUCHY = 3.0  # noises at which a sample counts half: a highlight or another ball may be mirrored, too
 Law = Callable[[Array, float], Array]
 """Takes cosines and k, returns g."""
@@ -53,20 +50,17 @@ class ExplainedProfiles(NamedTuple):
 
 
 def explain(
-    profiles: Values, shown: MirroredView, grazing: Array, offsets: Array, blur_px: float, *, nearby: bool = False
+    profiles: Values, shown: MirroredView, grazing: Array, offsets: Array, blur_px: float
 ) -> ExplainedProfiles | None:
     """Fit d, e, f of each profile and the common reflectance, robustly; None where too little is seen.
 
-    grazing: g of the law at the cosines where the mirror is looked at. `nearby`: whether samples outside count the
-    less, the farther out they are, as for an outline that is almost found; a far one is found by all of them.
+    grazing: g of the law at the cosines where the mirror is looked at.
     """
     basis = shown.basis(offsets, blur_px)
     mirrored, given = (shown.blurred(offsets, blur_px, part) for part in (1 - grazing, grazing))
     known = (np.isfinite(profiles) & np.isfinite(mirrored)).astype(np.float32)
     if np.mean((known.sum(-1) > 8) & (shown.until > KNOWN_BLURS * blur_px)) < LEAST_SEEN:
         return None
-    if nearby:
-        known /= (1 + (np.maximum(offsets, 0) / STRAIGHT_PX) ** 4).astype(np.float32)
     profiles, mirrored, given = map(np.nan_to_num, (profiles, mirrored, given))
     weight, noise = known, np.ones((len(known), 1, 1), np.float32)
     together = np.stack([profiles, profiles - given, mirrored])
@@ -75,8 +69,7 @@ def explain(
         scale = weight / noise**2
         mirror = float((scale * x * y).sum() / max(float((scale * x * x).sum()), 1e-12))
         residual = y - np.float32(mirror) * x
-        counts = known >= 0.5
-        level = [np.median(np.abs(r[k])) if k.any() else 0.0 for r, k in zip(residual, counts, strict=True)]
+        level = [np.median(np.abs(r[k])) if k.any() else 0.0 for r, k in zip(residual, known > 0, strict=True)]
         noise = (MAD * np.array(level) + 1e-5).astype(np.float32)[:, None, None]
         residual = residual / noise
         weight = known / (1 + (residual / CAUCHY) ** 2)

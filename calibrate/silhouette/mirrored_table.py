@@ -183,7 +183,7 @@ def _settle(
             at = samples(sphere.radius_px, blur)
         profiles, jacobian = table.profiles(sphere, at)
         shown = table.mirrored_by(sphere, plane, at)
-        explained = explain(profiles, shown, law(at.middle, mirror), at.offsets, blur, nearby=is_last)
+        explained = explain(profiles, shown, law(at.middle, mirror), at.offsets, blur)
         beside = np.concatenate([np.zeros(3), plane, [blur, 0.0]]) - middle
         pulled = float(prior @ beside**2)
         if explained and explained.hopeful and (is_last or told is None or told.cost(explained) + pulled < least):

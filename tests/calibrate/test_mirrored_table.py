@@ -43,7 +43,7 @@ def metal_of_the_fixture(cosine: np.ndarray, facing: float) -> np.ndarray:
     return (_unpolarised(cosine, complex(n, n)) - facing) / (1 - facing)
 
 
-@pytest.mark.parametrize(("texture", "bound_px"), [("noise", 0.015), ("wood", 0.025)])
+@pytest.mark.parametrize(("texture", "bound_px"), [("noise", 0.015), ("wood", 0.03)])
 def test_outline_plane_and_reflectance_of_a_ball_on_a_textured_table(texture: str, bound_px: float) -> None:
     world = table_world(20000, texture=texture)
     true, frames = world.spheres()[0], seen(world, 20000)
@@ -143,7 +143,7 @@ def test_a_ball_that_hides_the_table_is_not_taken_for_it(seed: int) -> None:
         return np.abs(moved).max()
 
     assert off([other]) < 0.04
-    assert off([]) > 0.15
+    assert off([]) > 0.2
 
 
 @pytest.mark.full
