@@ -20,9 +20,8 @@ from calibrate.detection.detect import Rejected
 from calibrate.known_lights.measured_lights import are_sure
 from calibrate.known_lights.read_known import AS_THEY_ARE, NO_INTENSITIES, lacks_intensities, without_flag
 from calibrate.known_lights.rig import against_balls
-from calibrate.lights.agreement import agreed
+from calibrate.lights.agreement import agreed_spots
 from calibrate.lights.directions import mirrored_rays, no_shading
-from calibrate.lights.highlight import find_peaks, find_spots
 from calibrate.photometry.from_white import intensities_from_white
 from calibrate.photometry.matte_shading import brightness_beside, read_surface, shading_directions
 from calibrate.photometry.table_normal import table_normal
@@ -100,14 +99,14 @@ def with_known_lights(
             cautions = (str(error),)
         notes.warnings.extend(cautions)
     doubts: list[str | None] = []
-    chrome = [ball for ball in balls if ball.sphere.kind == "chrome"]
-    peaks = [find_peaks(ball.frames, ball.coarse, ball.sphere) for ball in chrome]
-    agreed_on = iter(agreed(camera, [ball.sphere for ball in chrome], peaks, no_shading(len(frames))))
     table = table_normal(camera, [ball.sphere for ball in balls])
     shown = np.full((len(balls), len(frames), 2), np.nan)
+    chrome = [i for i, ball in enumerate(balls) if ball.sphere.kind == "chrome"]
+    spots = agreed_spots(camera, [balls[i] for i in chrome], no_shading(len(frames)))
+    for i, one in zip(chrome, spots, strict=True):
+        shown[i] = one.pixels
     for i, ball in enumerate(balls):
         if ball.sphere.kind == "chrome":
-            shown[i] = find_spots(ball.frames, camera, ball.coarse, ball.sphere, next(agreed_on)).pixels
             points, seen = mirrored_rays(camera, ball.sphere, shown[i])
             target = _toward(lights, ball.sphere, points)
             off_deg = angular_error_deg(seen, target)

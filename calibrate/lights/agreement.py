@@ -6,8 +6,9 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrate.detection.balls import Ball
 from calibrate.lights.directions import Shading, arc_miss_deg, mirrored_rays
-from calibrate.lights.highlight import Peaks
+from calibrate.lights.highlight import Peaks, Spots, find_peaks, find_spots
 from calibrate.silhouette.mirrored_surroundings import sized
 from scene.camera import Camera
 from scene.spheres import Sphere
@@ -19,8 +20,16 @@ BY_CHANCE = 5.0  # what places of different lights cost at most: -log of how oft
 DIMMER = 2.5  # what a place costs, times the -log of its height in the brightest one's: clipped ones are alike
 
 
-def agreed(camera: Camera, spheres: Sequence[Sphere], peaks: Sequence[Peaks], shading: Shading) -> list[Peaks]:
-    """Return the mirrors' bright places, in each frame with the one first on which the balls agree.
+def agreed_spots(camera: Camera, balls: Sequence[Ball], shading: Shading) -> list[Spots]:
+    """Locate the flash on mirror balls in each frame, at the bright places on which they agree."""
+    peaks = [find_peaks(ball.frames, ball.coarse, ball.sphere) for ball in balls]
+    chosen = agreed(camera, [ball.sphere for ball in balls], peaks, shading)
+    each = zip(balls, peaks, chosen, strict=True)
+    return [find_spots(ball.frames, camera, ball.coarse, ball.sphere, one, which) for ball, one, which in each]
+
+
+def agreed(camera: Camera, spheres: Sequence[Sphere], peaks: Sequence[Peaks], shading: Shading) -> list[Index]:
+    """Return for each mirror which (F,) of its bright places is the flash: those on which the balls agree.
 
     White balls count where they and all mirrors have a diameter, which says where they stand. What the flash lights
     brightly (a table's gloss, a white wall) may be brighter in a mirror than the flash. Of all sets of one place each,
@@ -63,4 +72,4 @@ def agreed(camera: Camera, spheres: Sequence[Sphere], peaks: Sequence[Peaks], sh
             ]
             sets.append(np.stack(best))
     chosen = np.stack(sets)[np.stack([total(one) for one in sets]).argmin(0), :, frames]
-    return [one.with_first(chosen[:, s]) for s, one in enumerate(peaks)]
+    return list(chosen.T[: len(peaks)])

@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 from calibrate.calibration import ANOTHER_BRIGHTER, CrossValidation, Notes, leave_out
 from calibrate.detection.balls import Ball
 from calibrate.lights.adjustment import ObservedSpots
-from calibrate.lights.agreement import agreed
+from calibrate.lights.agreement import agreed_spots
 from calibrate.lights.cross_validation import cross_validate
 from calibrate.lights.directions import Shading, mirrored_rays
-from calibrate.lights.highlight import find_peaks, find_spots
 from calibrate.lights.light_model import choose_model
 from calibrate.lights.positions import LightFit
 from scene.camera import Camera
@@ -49,12 +48,10 @@ def lights_from_chrome(
         A frame's flash is seen on no ball, or none on chrome.
     """
     spheres = [ball.sphere for ball in balls]
-    peaks = agreed(camera, spheres, [find_peaks(ball.frames, ball.coarse, ball.sphere) for ball in balls], shading)
-    for s, one in enumerate(peaks):
-        for f in np.flatnonzero(one.strength[:, 0] < np.fmax.reduce(one.strength, 1)):
-            notes.flags[f].append(f"chrome ball {s + 1} {ANOTHER_BRIGHTER}")
-    spots = [find_spots(b.frames, camera, b.coarse, b.sphere, seen) for b, seen in zip(balls, peaks, strict=True)]
-    chosen, sigma, extents, glare, strength = (np.stack(part) for part in zip(*spots, strict=True))
+    spots = agreed_spots(camera, balls, shading)
+    chosen, sigma, extents, glare, strength, outshone = (np.stack(part) for part in zip(*spots, strict=True))
+    for s, f in zip(*np.nonzero(outshone), strict=True):
+        notes.flags[f].append(f"chrome ball {s + 1} {ANOTHER_BRIGHTER}")
     radius = np.array([[sphere.radius_px] for sphere in spheres])
     sigma, extents = np.hypot(sigma, SAMPLED_PX2 / radius), np.nan_to_num(extents)
     usual = np.array([np.median(row[row > 0]) if row.any() else 0.0 for row in extents])[:, None]

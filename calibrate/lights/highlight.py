@@ -44,15 +44,10 @@ class Spot(NamedTuple):
 
 
 class Peaks(NamedTuple):
-    """Bright places of one ball in F frames, the likeliest flash first; NaN where there are fewer."""
+    """The brightest places of one ball in F frames, the brightest first; NaN where there are fewer."""
 
     pixels: Array  # (F, PEAKS, 2) known to a coarse pixel
     strength: Array  # (F, PEAKS)
-
-    def with_first(self, place: NDArray[np.intp]) -> "Peaks":
-        """Return the same with the places number `place` (F,) before the others."""
-        order = np.argsort(np.arange(self.strength.shape[1]) != place[:, None], axis=1, kind="stable")
-        return Peaks(*(np.take_along_axis(a, order.reshape(*order.shape, *[1] * (a.ndim - 2)), 1) for a in self))
 
 
 class Spots(NamedTuple):
@@ -63,6 +58,7 @@ class Spots(NamedTuple):
     extent_px: Array  # (F,)
     glare: NDArray[np.bool_]  # (F,)
     strength: Array  # (F,) height, in the ball's usual one
+    outshone: NDArray[np.bool_]  # (F,) another place is brighter
 
 
 def find_peaks(frames: Frames, coarse: Coarse, sphere: Sphere) -> Peaks:
@@ -94,9 +90,12 @@ def find_peaks(frames: Frames, coarse: Coarse, sphere: Sphere) -> Peaks:
     return Peaks(coarse.to_full(pixels), strength)
 
 
-def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere, peaks: Peaks) -> Spots:
-    """Locate the flash on a mirror ball in each frame, at full size: by the first of its `peaks`."""
-    rough, strength = peaks.pixels[:, 0], peaks.strength[:, 0]
+def find_spots(
+    frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere, peaks: Peaks, which: NDArray[np.intp]
+) -> Spots:
+    """Locate the flash on a mirror ball in each frame, at full size. `which` (F,) of its peaks is the flash."""
+    each = np.arange(len(frames))
+    rough, strength = peaks.pixels[each, which], peaks.strength[each, which]
     pixels, glare = np.full((len(frames), 2), np.nan), np.zeros(len(frames), bool)
     sigma, extent = np.full((2, len(frames)), np.nan)
     usual = np.nanmedian(strength) if np.isfinite(strength).any() else np.inf
@@ -104,7 +103,7 @@ def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere, p
         spot = measure_spot(frames, f, camera, sphere, rough[f], factor=coarse.factor)
         if spot is not None:
             pixels[f], sigma[f], extent[f], glare[f] = spot
-    return Spots(pixels, sigma, extent, glare, strength / usual)
+    return Spots(pixels, sigma, extent, glare, strength / usual, strength < peaks.strength[:, 0])
 
 
 def measure_spot(

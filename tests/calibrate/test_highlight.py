@@ -64,7 +64,8 @@ def _frames(places, degrees, brightness, mosaic=False, colour=(1.0, 1.0, 1.0)):
 
 def _spots(frames):
     coarse = shrink(frames, CAMERA)
-    return find_spots(frames, CAMERA, coarse, BALL, find_peaks(frames, coarse, BALL))
+    peaks = find_peaks(frames, coarse, BALL)
+    return find_spots(frames, CAMERA, coarse, BALL, peaks, np.zeros(len(frames), int))
 
 
 def _errors(frames):
@@ -141,6 +142,12 @@ def test_what_the_flash_lights_is_one_place_beside_the_flash():
         assert np.nanmin(np.linalg.norm(places - PLACES[f], axis=1)) < 5
 
 
+def _flashes(camera, balls, peaks, shading):
+    """Return the places (S, F, 2) that are taken for the flash."""
+    chosen = agreed(camera, balls, peaks, shading)
+    return [one.pixels[np.arange(len(which)), which] for one, which in zip(peaks, chosen, strict=True)]
+
+
 @pytest.mark.parametrize("stated", [True, False], ids=["diameters stated", "no diameter"])
 def test_of_bright_places_that_is_the_flash_on_which_the_balls_agree(stated):
     """In a third of all frames each of three balls shows something brighter; the balls stand 2.5 % apart in depth."""
@@ -157,14 +164,14 @@ def test_of_bright_places_that_is_the_flash_on_which_the_balls_agree(stated):
     peaks = [Peaks(*one) for one in zip(places, strength, strict=True)]
     spheres = balls if stated else [Sphere("chrome", b.center_px, b.radius_px) for b in balls]
     assert first.any(1).all()
-    for ball, one in enumerate(agreed(SEEN, spheres, peaks, no_shading(len(lights)))):
-        np.testing.assert_array_equal(one.pixels[:, 0], shown[ball])
+    for ball, pixels in enumerate(_flashes(SEEN, spheres, peaks, no_shading(len(lights)))):
+        np.testing.assert_array_equal(pixels, shown[ball])
     # One ball alone cannot know: its brightest place stays. A white ball beside it tells.
-    (alone,) = agreed(SEEN, spheres[:1], peaks[:1], no_shading(len(lights)))
-    np.testing.assert_array_equal(alone.pixels[:, 0], places[0, :, 0])
+    (alone,) = _flashes(SEEN, spheres[:1], peaks[:1], no_shading(len(lights)))
+    np.testing.assert_array_equal(alone, places[0, :, 0])
     white = Shading(unit(lights - CENTERS[1])[None], np.full((1, len(lights)), 0.3), CENTERS[None, 1])
-    (beside,) = agreed(SEEN, balls[:1], peaks[:1], white)
-    np.testing.assert_array_equal(beside.pixels[:, 0], shown[0])
+    (beside,) = _flashes(SEEN, balls[:1], peaks[:1], white)
+    np.testing.assert_array_equal(beside, shown[0])
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 6])
@@ -177,5 +184,5 @@ def test_a_fainter_place_on_which_balls_agree_is_no_flash_where_nothing_is_known
     far = [mirrored_at(CAMERA, ball, lambda x: unit(lights[::-1] * [1, 1, 20])) for ball in balls]
     strength = np.tile([1.0, 0.3], (len(lights), 1))
     peaks = [Peaks(np.stack(one, 1), strength) for one in zip(near, far, strict=True)]
-    for one, flash in zip(agreed(CAMERA, balls, peaks, no_shading(len(lights))), near, strict=True):
-        np.testing.assert_array_equal(one.pixels[:, 0], flash)
+    for pixels, flash in zip(_flashes(CAMERA, balls, peaks, no_shading(len(lights))), near, strict=True):
+        np.testing.assert_array_equal(pixels, flash)
