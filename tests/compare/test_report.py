@@ -295,6 +295,13 @@ PARTS = (
 )  # fmt: skip
 
 
+@pytest.mark.full
+@pytest.mark.parametrize(("missing", "null"), [(key, PARTS[i - 1]) for i, key in enumerate(PARTS)])
+def test_any_part_of_the_summary_may_be_missing_or_null(session, missing, null):
+    summary = {key: value for key, value in session.summary.items() if key != missing} | {null: None}
+    assert_self_contained(Page(write_report(session.store, summary)))
+
+
 @pytest.mark.parametrize("summary", [{}, dict.fromkeys(PARTS)], ids=["missing", "null"])
 def test_without_a_ball_that_is_said_and_an_empty_summary_calls_nothing_good(copied, summary):
     store, _ = copied

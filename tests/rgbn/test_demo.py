@@ -145,6 +145,13 @@ def test_every_file_of_the_contract(demo):
     assert summary == json.loads((out / "summary.json").read_text())
 
 
+def test_the_report_stands_alone(demo):
+    page = (demo[0] / "report.html").read_text()
+    assert 'src="http' not in page
+    assert "<script src" not in page
+    assert len(page) < 15e6
+
+
 @pytest.mark.full
 def test_the_twin_is_a_session(demo, rgbn_process, tmp_path):
     """`process` accepts the twin's folder: known lights, given normals, the same solver result."""

@@ -123,3 +123,15 @@ def free_knob(visitor):
     low, high = np.array([box["x"] + 30, 300]), np.array([box["x"] + box["width"] - 30, box["height"] - 30])
     clear[((places < low) | (places > high)).any(1)] = -1
     return int(clear.argmax()), places[clear.argmax()]
+
+
+def test_a_reload_keeps_the_scene_and_its_past(visit, studio):
+    visitor = visit(studio)
+    visitor.press("Add shape")
+    visitor.until(lambda: visitor.window.history.past, "changed")
+    visitor.tab("Camera")
+    visitor.fill("width, px", 90)
+    visitor.until(lambda: len(visitor.window.history.past) == 2, "changed again")
+    history = visitor.window.history
+    visitor.reload("Undo: camera width")
+    assert visitor.window.history is history
