@@ -3,7 +3,7 @@
 import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from scene.errors import SceneError
 from scene.method_names import FAMILIES, METHODS
 from solve.problem import Problem
-from solve.samples import Samples
+
+if TYPE_CHECKING:
+    from solve.samples import Samples
 
 Settings = Any
 """A NamedTuple of a method's own, each field with its default: kernels take it as it is."""
@@ -71,8 +73,8 @@ class Method:
 
     name: str
     profiles: Mapping[str, Settings]
-    fit: Callable[[Samples, float, Settings], tuple[NDArray, NDArray]] | None = None
-    fit_whole: Callable[[Problem, Samples, Settings], Whole] | None = None
+    fit: Callable[["Samples", float, Settings], tuple[NDArray, NDArray]] | None = None
+    fit_whole: Callable[[Problem, "Samples", Settings], Whole] | None = None
     prepare: Callable[[Problem, Settings], Problem] | None = None
     is_calibrated: bool = True
     is_linear: bool = False

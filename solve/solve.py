@@ -6,7 +6,7 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExec
 from contextlib import nullcontext
 from dataclasses import replace
 from itertools import islice
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +18,12 @@ from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
-from solve.assess import DARK, assess, shared_sigma_deg
-from solve.axes import relief_cautions
-from solve.bootstrap import sigma_factors
 from solve.methods import Method, Settings, Whole, method_of
 from solve.problem import Problem
-from solve.samples import Band, Geometry, Samples, all_samples, bands, read_band, samples_of, scale_of
+
+# Kernels are loaded where they are called: a sweep names its cells without them.
+if TYPE_CHECKING:
+    from solve.samples import Band, Samples
 
 Call = tuple[Callable, tuple]
 
@@ -69,6 +69,8 @@ def solve(
     CalibrationError
         Fewer than three lights, or coplanar lights.
     """
+    from solve.samples import bands, scale_of
+
     what = method if isinstance(method, Method) else method_of(method)
     if mask.shape != (frames.height, frames.width):
         raise SceneError(
@@ -109,13 +111,19 @@ def solve(
                 progress(done, len(rows_of))
     _, _, samples, sigma_deg = maps
     if what.fit and not what.is_linear:
+        from solve.bootstrap import sigma_factors
+
         sigma_deg *= sigma_factors(problem, what.fit, settings)[samples]
     if problem.intensity_covariance is not None:
+        from solve.assess import shared_sigma_deg
+
         shared = shared_sigma_deg(normals, problem.lights.directions, problem.intensity_covariance)
         sigma_deg = np.hypot(sigma_deg, shared)
     spent = since(start)
     cautions = (*problem.cautions, *_cautions_of(mask, normals, samples, *doubts.tolist()))
     if not what.is_calibrated:
+        from solve.axes import relief_cautions
+
         cautions += relief_cautions(normals, frames, lights, camera, mask)
     return Estimate(
         what.name, normals, albedo, samples, spent["seconds"], spent["processor_seconds"], settings._asdict(), cautions,
@@ -154,6 +162,8 @@ def _compile(what: Method, settings: Settings, problem: Problem) -> None:
 
 def _fit_band(name: str, settings: Settings, part: Problem, scale: float) -> tuple[slice, tuple]:
     """Fit the pixels of a problem's rows; see `_judge_band`."""
+    from solve.samples import read_band, samples_of
+
     what, band = method_of(name), read_band(part)
     assert what.fit
     samples = samples_of(band, part)
@@ -162,10 +172,12 @@ def _fit_band(name: str, settings: Settings, part: Problem, scale: float) -> tup
 
 
 def _fit_whole(
-    fit: Callable[[Problem, Samples, Settings], Whole], settings: Settings, problem: Problem, rows_of: list[slice],
+    fit: Callable[[Problem, "Samples", Settings], Whole], settings: Settings, problem: Problem, rows_of: list[slice],
     is_calibrated: bool,
 ) -> tuple[Problem, Iterator[Call]]:  # fmt: skip
     """Fit all pixels; return the problem with what was found, and the call that judges each band."""
+    from solve.samples import Geometry, all_samples
+
     lights = problem.lights
     if not is_calibrated:
         nowhere = np.full_like(lights.directions, np.nan)
@@ -194,14 +206,17 @@ def _fit_whole(
 
 def _judge_band(
     part: Problem,
-    used: Samples,
+    used: "Samples",
     b: NDArray,
     scale: float,
     shade: NDArray | None = None,
     sigma_deg: NDArray | None = None,
-    band: Band | None = None,
+    band: "Band | None" = None,
 ) -> tuple[slice, tuple]:
     """Return the rows, and what `assess` returns of the pixels of their mask, in its order."""
+    from solve.assess import DARK, assess
+    from solve.samples import read_band
+
     shade, intensities = np.zeros((0, 0)) if shade is None else shade, np.ascontiguousarray(part.lights.intensities)
     *maps, sigma, doubts = assess(band or read_band(part), used, b, intensities, DARK * scale, shade)
     if sigma_deg is not None:
