@@ -4,7 +4,9 @@ import ast
 import re
 import subprocess
 import sys
+import tomllib
 from collections import Counter
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -17,13 +19,26 @@ HEAVY = {"open3d", "mitsuba", "drjit", "viser", "dask", "distributed", "trimesh"
 SOURCES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
 
 
-def imports(tree, *, top_only=False):
+@cache
+def tree_of(path):
+    return ast.parse(path.read_text())
+
+
+@cache
+def import_nodes(path, *, top_only=False):
+    """Return what a file imports, inside functions too."""
+    tree = tree_of(path)
+    return [
+        node for node in (tree.body if top_only else ast.walk(tree)) if isinstance(node, ast.Import | ast.ImportFrom)
+    ]
+
+
+def imports(path, *, top_only=False):
     """Yield the first name of every module that a file imports."""
-    nodes = tree.body if top_only else ast.walk(tree)
-    for node in nodes:
+    for node in import_nodes(path, top_only=top_only):
         if isinstance(node, ast.Import):
             yield from (alias.name.split(".")[0] for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
+        else:
             assert node.level == 0, "imports name their room"
             yield (node.module or "").split(".")[0]
 
@@ -32,15 +47,15 @@ def imports(tree, *, top_only=False):
 def test_a_file_keeps_the_rules(path):
     room = path.relative_to(ROOT).parts[0]
     text = path.read_text()
-    tree = ast.parse(text)
+    tree = tree_of(path)
     below = set(ROOMS[: ROOMS.index(room) + 1])
     allowed = below - (set(STEPS) - {room} if room in STEPS else set())
-    assert set(imports(tree)) & set(ROOMS) <= allowed
-    assert not set(imports(tree, top_only=True)) & HEAVY, "heavy libraries are imported where they are used"
+    assert set(imports(path)) & set(ROOMS) <= allowed
+    assert not set(imports(path, top_only=True)) & HEAVY, "heavy libraries are imported where they are used"
     if room == "scene":
-        assert set(imports(tree, top_only=True)) <= {*sys.stdlib_module_names, "numpy", "scene"}
+        assert set(imports(path, top_only=True)) <= {*sys.stdlib_module_names, "numpy", "scene"}
     if room == "draw":
-        assert set(imports(tree)) <= {*sys.stdlib_module_names, "numpy", "draw"}
+        assert set(imports(path)) <= {*sys.stdlib_module_names, "numpy", "draw"}
     assert len(text.splitlines()) <= 300
     assert path.stem not in {"utils", "util", "helpers", "common", "misc"}
     assert ast.get_docstring(tree), "a file says what it is for"
@@ -56,10 +71,10 @@ def import_circles():
     reached = {}
     for name, path in modules.items():
         found = set()
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in import_nodes(path):
             if isinstance(node, ast.Import):
                 found |= {alias.name for alias in node.names}
-            elif isinstance(node, ast.ImportFrom):
+            else:
                 # Of a package either a file or a name is imported.
                 found |= {f"{node.module}.{alias.name}" for alias in node.names} | {node.module}
         reached[name] = found & set(modules) - {name}
@@ -75,9 +90,7 @@ def test_no_file_imports_itself_through_others():
 
 def test_no_two_files_and_no_two_classes_have_one_name():
     files = Counter(path.name for path in SOURCES if path.name != "__init__.py")
-    classes = Counter(
-        node.name for path in SOURCES for node in ast.parse(path.read_text()).body if isinstance(node, ast.ClassDef)
-    )
+    classes = Counter(node.name for path in SOURCES for node in tree_of(path).body if isinstance(node, ast.ClassDef))
     assert not {name for name, count in files.items() if count > 1}
     assert not {name for name, count in classes.items() if count > 1}
 
@@ -95,8 +108,6 @@ def test_every_citation_is_in_the_bibliography():
 
 def test_the_project_installs_every_room_and_every_import():
     """What the rooms import is named in pyproject.toml."""
-    import tomllib
-
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     assert project["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"] == list(ROOMS)
     declared = {re.split(r"[\[<>= ]", line)[0].lower() for line in project["project"]["dependencies"]}
@@ -104,15 +115,13 @@ def test_the_project_installs_every_room_and_every_import():
                     "libusb_package": "libusb-package", "distributed": "dask", "PIL": "pillow", "markupsafe": "jinja2",
                     "OpenEXR": "openexr", "fpdf": "fpdf2",
                     "docstring_parser": "docstring-parser"}  # fmt: skip
-    used = {name for path in SOURCES for name in imports(ast.parse(path.read_text()))}
+    used = {name for path in SOURCES for name in imports(path)}
     foreign = used - set(ROOMS) - set(sys.stdlib_module_names)
     assert {distribution.get(name, name) for name in foreign} <= declared
 
 
 def test_the_lock_file_is_that_of_the_project():
     """Every requirement is locked, in its range, with hashes, from no other place than the usual one."""
-    import tomllib
-
     from packaging.requirements import Requirement
     from packaging.utils import canonicalize_name
 
@@ -136,17 +145,13 @@ def test_the_lock_file_is_that_of_the_project():
 def test_help_loads_nothing_heavy():
     """`rgbn --help` answers at once: it may load neither a heavy library nor numpy and its friends."""
     code = "import sys, rgbn.cli; print(' '.join(sorted({m.split('.')[0] for m in sys.modules})))"
-    loaded = set(
-        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    )
-    assert not loaded & (HEAVY | {"numpy", "scipy", "cv2", "numba", "pydantic", "tifffile", "h5py"})
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not set(ended.stdout.split()) & (HEAVY | {"numpy", "scipy", "cv2", "numba", "pydantic", "tifffile", "h5py"})
 
 
 def test_no_path_of_a_machine_is_in_the_project():
-    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split(
-        "\n"
-    )
-    for name in filter(None, tracked):
+    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
+    for name in tracked.stdout.splitlines():
         path = ROOT / name
         if path.suffix in {".py", ".md", ".toml", ".sh", ".yml", ".html", ".css", ".json", ""} and path.is_file():
             text = path.read_text(errors="ignore")

@@ -255,14 +255,12 @@ CONTRADICTED = {
 
 @pytest.mark.parametrize("words", CONTRADICTED)
 def test_curves_of_which_one_is_false(words):
-    (claim,) = (one for one in CLAIMS if one.startswith(words))
-    name, wrong = CLAIMS[claim].experiment, CONTRADICTED[words]
-    found = verdicts(
-        rows_of(lambda e, solver, level: wrong(solver, level) if e == name else as_stated(e, solver, level))
-    )
-    assert found[claim] == "not reproduced"
-    others = {other: verdict for other, verdict in found.items() if CLAIMS[other].experiment != name}
-    assert set(others.values()) == {"reproduced"}
+    """By its own experiment alone each statement is judged."""
+    (finding,) = (one for one in FINDINGS if one.claim.startswith(words))
+    rows = rows_of(lambda _, *at: CONTRADICTED[words](*at))
+    found = verdicts(rows[rows["experiment"] == finding.experiment])
+    assert found[finding.claim] == "not reproduced"
+    assert set(found) == {one.claim for one in FINDINGS if one.experiment == finding.experiment}
 
 
 def test_a_relief_that_is_not_flipped_says_nothing_of_convexity():
