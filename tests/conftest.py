@@ -75,6 +75,12 @@ def run_rgbn(monkeypatch, capsys):
     return run
 
 
+@pytest.fixture
+def no_report(monkeypatch):
+    """`compare` writes no report, which takes longer than all else on a small session."""
+    monkeypatch.setattr("compare.report.report.write_report", lambda *_: None)
+
+
 @pytest.fixture(scope="session")
 def rgbn_process():
     """Run this checkout's command line in a process of its own; give what `subprocess.run` does."""

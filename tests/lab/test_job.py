@@ -129,7 +129,7 @@ def test_a_tolerance_is_a_matter_of_the_comparison_alone(tmp_path):
     assert {name for name in STEPS if plain[name] != told[name]} == {"compare"}
 
 
-def test_the_option_goes_before_the_file_and_both_are_told(tmp_path):
+def test_the_option_goes_before_the_file_and_both_are_told(tmp_path, no_report):
     make_session(tmp_path / "session")
     text = (tmp_path / "session" / "session.toml").read_text()
 

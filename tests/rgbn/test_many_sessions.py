@@ -158,7 +158,7 @@ def test_a_tolerance_is_passed_or_failed_on_the_page(captures, monkeypatch, run_
     assert words_of(text).count("fail") == 1
 
 
-def test_of_one_that_can_no_longer_be_processed_nothing_old_is_told(captures, here, run_rgbn):
+def test_of_one_that_can_no_longer_be_processed_nothing_old_is_told(captures, here, run_rgbn, no_report):
     for name in ("broken", ODD, "x/y"):
         (captures / name / "session.toml").unlink()
     assert run_rgbn("process", "captures")[0] == 0
@@ -182,7 +182,7 @@ def test_a_session_where_the_list_is_to_be_is_refused(captures, here, run_rgbn, 
     assert not Path("out").exists()
 
 
-def test_a_folder_of_another_keeps_its_results(captures, here, run_rgbn, tmp_path):
+def test_a_folder_of_another_keeps_its_results(captures, here, run_rgbn, tmp_path, no_report):
     """The usual output folder is a session's of the same name; that given is another's."""
     for name in (ODD, "x/y"):
         shutil.rmtree(captures / name)
