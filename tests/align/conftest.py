@@ -7,7 +7,9 @@ import pytest
 
 from align.pose.photographed import Photographs
 from align.pose.scan_view import View
+from fixtures.lit_surfaces import lights_along, spiral
 from fixtures.mesh_scene import random_rotation
+from fixtures.mesh_shapes import ball
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -37,31 +39,24 @@ class World:
 
 def bumpy_mesh(seed: int, *, subdivisions: int = 5, radius_mm: float = 50.0) -> Mesh:
     """A closed blob without symmetry: a sphere pushed out and in by a few random bumps."""
-    import trimesh
-
-    generator = np.random.default_rng(seed)
-    sphere = trimesh.creation.icosphere(subdivisions)
-    directions = np.array(sphere.vertices, np.float64)
+    generator, sphere = np.random.default_rng(seed), ball(1.0, subdivisions)
+    directions = sphere.vertices
     reach = np.ones(len(directions))
     for _ in range(12):
         toward = generator.standard_normal(3)
         toward /= np.linalg.norm(toward)
         width = generator.uniform(0.2, 0.6)
         reach += generator.uniform(-0.2, 0.45) * np.exp((directions @ toward - 1) / width**2)
-    return Mesh(radius_mm * directions * reach[:, None], np.array(sphere.faces, np.int64))
+    return Mesh(radius_mm * directions * reach[:, None], sphere.faces)
 
 
 def ring_lights(middle: np.ndarray, *, count: int = 10, away: float = 1.0) -> Lights:
     """Flashes at unequal distances around the viewing axis, of unequal power and colour."""
     generator = np.random.default_rng(7)
-    azimuth = np.arange(count) * 2.4
-    zenith = np.radians(np.linspace(15, 55, count))
-    directions = np.stack([np.sin(zenith) * np.cos(azimuth), np.sin(zenith) * np.sin(azimuth), np.cos(zenith)], -1)
+    directions = spiral(np.cos(np.radians(np.linspace(15, 55, count))))
     positions = middle + away * directions * generator.uniform(600, 900, (count, 1))
     intensities = generator.uniform(0.7, 1.3, (count, 1)) * generator.uniform(0.95, 1.05, (count, 3))
-    return Lights(
-        tuple(f"flash_{i:03d}" for i in range(count)), directions, intensities, positions, middle
-    ).normalised()
+    return lights_along(directions, intensities, positions_mm=positions, reference_point_mm=middle).normalised()
 
 
 def make_world(

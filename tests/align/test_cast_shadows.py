@@ -12,6 +12,7 @@ from align.pose.register import register
 from align.pose.scan_scale import scaled_pose
 from align.pose.scan_view import View
 from fixtures.mesh_scene import random_rotation
+from fixtures.mesh_shapes import ball as mesh_of_ball
 from scene.camera import Camera
 from scene.mesh import Mesh
 from scene.rays import RayCaster
@@ -24,10 +25,8 @@ RADIUS_MM = 12.0
 @pytest.fixture(scope="module")
 def beside_balls():
     """A scan's world, its photographs with three balls at unequal heights over the table."""
-    import trimesh
-
     camera, rotation = Camera(200, 150, 330.0, 330.0, 101.0, 73.0), random_rotation(np.random.default_rng(3))
-    scan, ball = bumpy_mesh(4, subdivisions=4, radius_mm=24.0), trimesh.creation.icosphere(3, RADIUS_MM)
+    scan, ball = bumpy_mesh(4, subdivisions=4, radius_mm=24.0), mesh_of_ball(RADIUS_MM, 3)
     places = np.array([[-52.0, 24.0, -24.0], [50.0, 30.0, -12.0], [42.0, -44.0, -20.0]])
     vertices = [scan.vertices, *(ball.vertices + place @ rotation for place in places)]
     faces = [scan.faces, *(ball.faces + len(scan.vertices) + k * len(ball.vertices) for k in range(3))]

@@ -13,7 +13,7 @@ from align.mask.object_mask import find_object
 from align.pose.photographed import Photographs
 from align.scan.smooth_normals import smooth_normals
 from fixtures.mesh_scene import random_scene
-from fixtures.mesh_shapes import relief, scan_of
+from fixtures.mesh_shapes import ball, relief, scan_of
 from scene.errors import AlignError
 from scene.lights import Lights
 from scene.mesh import Mesh
@@ -148,10 +148,7 @@ def test_a_flat_thing_does_not_tell_lights(build):
 
 @pytest.mark.full
 def test_a_ball_turns_as_it_likes_and_tells_its_lights_all_the_same(build, rotations):
-    import trimesh
-
-    sphere = trimesh.creation.icosphere(5)
-    world = build(Mesh(50 * np.array(sphere.vertices), np.array(sphere.faces)), rotations[0])
+    world = build(ball(50.0), rotations[0])
     found = _found(world)
     assert np.median(angular_error_deg(found.lights.directions, world.lights.directions)) < 0.6
     assert any("nearly symmetric" in text for text in found.warnings)

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from align.scan.mended_scan import load_scan
+from fixtures.mesh_shapes import ball, over_grid
 from scene.errors import AlignError
 from scene.mesh import Mesh
 
@@ -85,8 +87,6 @@ def test_a_vertex_without_a_position_harms_only_where_a_face_names_it(tmp_path):
 
 def same_places(mesh, truth):
     """Which faces of `truth` each face of `mesh` is, by its middle; and whether it looks the same way."""
-    from scipy.spatial import KDTree
-
     away, face = KDTree(truth.vertices[truth.faces].mean(1)).query(mesh.vertices[mesh.faces].mean(1))
     return away, np.einsum("tk,tk->t", mesh.face_normals, truth.face_normals[face]) > 0
 
@@ -136,9 +136,8 @@ def test_three_borders_in_one_place_are_not_sewn(tmp_path):
     for number in range(3):
         out, up = np.meshgrid(np.arange(5.0), np.arange(9.0), indexing="ij")
         angle = 2 * number + 0.001
-        vertices = np.stack([(out + 0.01) * np.cos(angle), (out + 0.01) * np.sin(angle), up], -1).reshape(-1, 3)
-        a = (9 * np.arange(4)[:, None] + np.arange(8)).ravel()
-        leaves.append((vertices, np.concatenate([np.stack([a, a + 9, a + 10], -1), np.stack([a, a + 10, a + 1], -1)])))
+        leaf = over_grid(np.stack([(out + 0.01) * np.cos(angle), (out + 0.01) * np.sin(angle), up], -1))
+        leaves.append((leaf.vertices, leaf.faces))
     mesh = load(tmp_path, *joined(leaves))
     assert "kept 3 separate pieces" in mesh.repairs
     assert not any("three or more faces" in repair for repair in mesh.repairs)
@@ -199,9 +198,7 @@ def test_a_one_sided_band_is_named(tmp_path):
 
 def bowl():
     """The inside of a bowl and its outside: patches that do not touch, wound as a scanner winds them."""
-    import trimesh
-
-    sphere = trimesh.creation.icosphere(4)
+    sphere = ball(1.0, 4)
     half = sphere.faces[(sphere.vertices[sphere.faces][:, :, 2] < 0.1).all(1)]
     inner = (38.0 * sphere.vertices, half[:, ::-1])
     return joined([inner, (40.0 * sphere.vertices, half)])
@@ -244,9 +241,7 @@ def test_both_sides_of_every_face_become_one(tmp_path, coarse):
 
 def with_balls(mesh, *diameters, cut=-2.0):
     """The mesh and balls beside it, each without what lies below `cut` radii."""
-    import trimesh
-
-    sphere = trimesh.creation.icosphere(3)
+    sphere = ball(1.0, 3)
     kept = sphere.faces[(sphere.vertices[sphere.faces][:, :, 2] > cut).all(1)]
     vertices, faces = [mesh.vertices], [mesh.faces]
     for number, diameter in enumerate(diameters):

@@ -12,7 +12,7 @@ from align.pose.photographed import thinned
 from align.pose.register import register
 from align.pose.scan_view import View
 from align.truth import ground_truth
-from fixtures.mesh_shapes import scan_of
+from fixtures.mesh_shapes import ball, scan_of
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.lights import Lights
@@ -164,12 +164,9 @@ def test_a_wrong_unit_is_noticed(world):
 @pytest.mark.full
 def test_two_poses_that_look_alike_are_reported(build):
     """A brick with a tiny notch looks the same after half a turn."""
-    import trimesh
-
-    box = trimesh.creation.icosphere(4)
-    p = np.array(box.vertices)
-    p = np.sign(p) * np.abs(p) ** 0.5
-    mesh = Mesh(p / np.linalg.norm(p, ord=4, axis=1, keepdims=True) * [50, 32, 20.0], np.array(box.faces, np.int64))
+    sphere = ball(1.0, 4)
+    p = np.sign(sphere.vertices) * np.abs(sphere.vertices) ** 0.5
+    mesh = Mesh(p / np.linalg.norm(p, ord=4, axis=1, keepdims=True) * [50, 32, 20.0], sphere.faces)
     c, s = np.cos(0.5), np.sin(0.5)
     world = build(mesh, np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]]))
     found = run(world)

@@ -5,6 +5,7 @@ import pytest
 
 from align.scan.beside_object import find_table
 from align.scan.scan_surface import surface_of
+from fixtures.mesh_shapes import over_grid
 
 SPAN = np.linspace(-100, 100, 161)
 
@@ -12,11 +13,8 @@ SPAN = np.linspace(-100, 100, 161)
 def field(height, *, x=SPAN, y=SPAN):
     """What a scanner sees from above: a height (N, M) over a grid, steep walls and all, in one piece."""
     across, along = np.meshgrid(x, y, indexing="ij")
-    vertices = np.stack([across, along, height(across, along) + 0 * across], -1).reshape(-1, 3)
-    i, j = np.meshgrid(np.arange(len(x) - 1), np.arange(len(y) - 1), indexing="ij")
-    a = (i * len(y) + j).ravel()
-    b, c, d = a + len(y), a + len(y) + 1, a + 1
-    return vertices, np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+    mesh = over_grid(np.stack([across, along, height(across, along) + 0 * across], -1))
+    return mesh.vertices, mesh.faces
 
 
 def dome(height, radius, x=0.0, y=0.0):

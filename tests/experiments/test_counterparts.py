@@ -10,6 +10,7 @@ from compare.compare import compare
 from experiments.before_after import tell_change
 from experiments.compare_folders import NUMBERS, compare_folders, told
 from fixtures.lit_surfaces import dome, lights_along, matte, spiral
+from fixtures.mesh_shapes import ball
 from formats.meshes.ply import write_ply
 from scene.camera import Camera
 from scene.errors import SceneError
@@ -108,12 +109,10 @@ SIGMA_DEG = 0.3
 @pytest.fixture(scope="module")
 def scan():
     """A ball pushed in and out, in axes of its own."""
-    import trimesh
-
-    ball = trimesh.creation.icosphere(4)
-    d = np.array(ball.vertices)
+    sphere = ball(1.0, 4)
+    d = sphere.vertices
     reach = 1 + 0.1 * np.sin(3 * d[:, 0] + 1) * np.cos(4 * d[:, 1]) + 0.1 * d[:, 2] ** 3
-    return Mesh(40 * d * reach[:, None] + [5, -80, 30], np.array(ball.faces))
+    return Mesh(40 * d * reach[:, None] + [5, -80, 30], sphere.faces)
 
 
 def session_of(parent, name, scan, pose, camera, seed, *, changed=None, told_pose=None, other_scan=None, lit=1):

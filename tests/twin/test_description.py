@@ -7,9 +7,9 @@ import cv2
 import drjit
 import numpy as np
 import pytest
-import trimesh
 from pydantic import TypeAdapter
 
+from fixtures.mesh_shapes import ball
 from formats.picture_files import write_exr
 from scene.camera import Camera
 from scene.errors import RenderError
@@ -186,13 +186,12 @@ def test_faults_of_what_is_named_are_told_at_once_too(tmp_path):
     ],
 )
 def test_what_cannot_be_rendered_is_named(change, message):
-    shape = trimesh.creation.icosphere(2, 30)
-    faces = np.asarray(shape.faces)[: -5 if change.get("open") else None]
-    mesh = smooth(Mesh(np.asarray(shape.vertices), faces))
+    shape = ball(30.0, 2)
+    mesh = smooth(Mesh(shape.vertices, shape.faces[: -5 if change.get("open") else None]))
     given, material = lights(change.get("light", [0.0, 0, 300]), near=True), change.get("material", Diffuse((0.5,) * 3))
-    camera, ball = Camera(64, 48, 100.0, 100.0, 31.5, 23.5), placed("ball", mesh, "m", 1.0, change.get("at", (0, 0, 0)))
+    camera, one = Camera(64, 48, 100.0, 100.0, 31.5, 23.5), placed("ball", mesh, "m", 1.0, change.get("at", (0, 0, 0)))
     with pytest.raises(RenderError, match=message):
-        check_scene(TwinScene(camera, (ball,), {"m": material}, given))
+        check_scene(TwinScene(camera, (one,), {"m": material}, given))
 
 
 CFA = "fx = 100.0\n[camera.sensor]\n"

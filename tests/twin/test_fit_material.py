@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
 
 from fixtures.lit_surfaces import ball_seen, lights_along, spiral
+from fixtures.mesh_shapes import ball as mesh_of_ball
+from fixtures.mesh_shapes import over_grid
 from scene.camera import Camera
 from scene.errors import RenderError
 from scene.frames import Frames
@@ -182,12 +183,8 @@ CAMERA = Camera(80, 80, 240.0, 240.0, 39.5, 39.5)
 def bowl(half: float = 30.0, pieces: int = 48) -> Mesh:
     """Return a hollow that opens toward the camera, its rim 24 mm nearer than its middle at the sides."""
     line = np.linspace(-half, half, pieces + 1)
-    across, up = np.meshgrid(line, line)
-    depth = 0.8 * (across**2 + up**2) / half - 280
-    vertices = np.stack([across, up, depth], -1).reshape(-1, 3)
-    index = np.arange(len(vertices)).reshape(across.shape)
-    a, b, c, d = (part.ravel() for part in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]))
-    return Mesh(vertices, np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]))
+    across, up = np.meshgrid(line, line, indexing="ij")
+    return over_grid(np.stack([across, up, 0.8 * (across**2 + up**2) / half - 280], -1))
 
 
 @pytest.mark.render
@@ -219,18 +216,17 @@ def test_light_that_a_hollow_throws_on_itself_and_the_rooms_are_in_the_twin_and_
 
 def test_a_room_darker_than_the_renderings_error_is_left_out() -> None:
     camera, mask, normals = ball()
-    mesh = trimesh.creation.icosphere(subdivisions=3, radius=RADIUS)
+    mesh = mesh_of_ball(RADIUS, 3)
     albedo = np.where(mask[..., None], np.float32(0.4), np.float32(np.nan)) * np.ones(3, np.float32)
     for ambient, is_dark in ((None, True), (np.full(3, 0.004), True), (np.full(3, 0.1), False)):
         lights = replace(dome(12), ambient=ambient, white_value=np.full(3, WHITE_BALL_ALBEDO))
-        sight = Sight(Mesh(mesh.vertices, mesh.faces), camera, lights, normals)
+        sight = Sight(mesh, camera, lights, normals)
         assert scan_scene(sight, albedo, Sampling(error=0.01))[0].environment.is_dark is is_dark
 
 
 def test_the_twin_has_the_pictures_normals_where_it_is_seen_and_its_own_elsewhere() -> None:
     camera, mask, normals = ball()
-    coarse = trimesh.creation.icosphere(subdivisions=3, radius=RADIUS)
-    mesh = Mesh(np.array(coarse.vertices), np.array(coarse.faces))
+    mesh = mesh_of_ball(RADIUS, 3)
     # The picture's lean by 5 degrees to the right of what the mesh has; on its left half they are unknown.
     turn = np.radians(5)
     leaning = normals @ np.array([[np.cos(turn), 0, -np.sin(turn)], [0, 1, 0], [np.sin(turn), 0, np.cos(turn)]])

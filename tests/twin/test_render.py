@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 from fixtures.lit_surfaces import ball_seen, even_cap
+from fixtures.mesh_shapes import ball
 from scene.camera import Camera
 from scene.errors import RenderError
 from scene.frames import PEDESTAL
@@ -40,11 +41,6 @@ def render(scan, lights, albedo=0.5, *, pose=HERE, camera=CAMERA, engine="mitsub
     scene, warnings = scan_scene(sight, albedo, Sampling(engine, samples, depth))
     rendered = render_scene(scene, **how)
     return replace(rendered, warnings=(*warnings, *rendered.warnings))
-
-
-def ball(subdivisions=5):
-    shape = trimesh.creation.icosphere(subdivisions, 60.0)
-    return Mesh(np.array(shape.vertices), np.array(shape.faces))
 
 
 def squares(points, half):
@@ -106,7 +102,8 @@ def test_a_lambertian_ball_has_the_closed_form(camera, is_near):
     lights = near(*positions, at=beside, intensities=[[1.2, 0.9, 1.0], [0.8, 1.1, 1.0]])
     lights = lights if is_near else replace(lights, positions_mm=None)
     albedo = np.stack([0.2 + 0.004 * COLUMNS, 0.6 - 0.003 * COLUMNS, 0.3 + 0.003 * ROWS], -1).astype(np.float32)
-    mesh = Mesh(ball().vertices + shift, ball().faces)
+    shape = ball(60.0)
+    mesh = Mesh(shape.vertices + shift, shape.faces)
     frames = render(mesh, lights, albedo, pose=pose, camera=camera, depth=2, samples=64).frames
     points, normals, inside = ball_seen(camera, CENTER, 60.0, rim=0.35)
     vectors = lights.at(points[inside])
@@ -160,10 +157,10 @@ def test_the_white_ball_sets_interreflection_and_never_the_direct_light():
 def test_frames_are_named_stored_and_the_same_wherever_they_are_rendered(tmp_path):
     lights, told = distant([-1, 1, 2], [1, 0, 2], [0, -1, 3]), []
     how = {"pose": AT_CENTER, "samples": 4}
-    here = render(ball(3), lights, **how)
+    here = render(ball(60.0, 3), lights, **how)
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as executor:
         how |= {"executor": executor, "store": Store(tmp_path), "progress": lambda *done: told.append(done)}
-        there = render(ball(3), lights, **how)
+        there = render(ball(60.0, 3), lights, **how)
     assert told == [(1, 3), (2, 3), (3, 3)]
     assert there.frames.names == lights.names
     assert isinstance(there.frames.codes, np.memmap)
@@ -182,7 +179,7 @@ def test_what_the_twin_does_not_have_is_told():
         (np.full(3, 0.2), CAMERA, "100.0 % of the object's pixels have an albedo above 0.98"),
     ):
         lights = distant([0, 0, 1], white=white)
-        assert told in " ".join(render(ball(2), lights, pose=AT_CENTER, camera=lens, samples=4).warnings)
+        assert told in " ".join(render(ball(60.0, 2), lights, pose=AT_CENTER, camera=lens, samples=4).warnings)
 
 
 @pytest.mark.parametrize(
@@ -197,11 +194,11 @@ def test_what_the_twin_does_not_have_is_told():
         ({"albedo": np.nan}, "albedo is unknown"),
         ({"albedo": 0.0, "lights": distant([0, 0, 1], white=np.zeros(3))}, "3 positive numbers"),
         ({"scan": Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64))}, "0 faces"),
-        ({"scan": Mesh(ball(1).vertices * np.nan, ball(1).faces)}, "126 of its coordinates"),
+        ({"scan": Mesh(ball(60.0, 1).vertices * np.nan, ball(60.0, 1).faces)}, "126 of its coordinates"),
     ],
 )
 def test_what_cannot_be_rendered_is_named(change, message, tmp_path):
-    given = {"scan": ball(2), "pose": AT_CENTER, "lights": distant([0, 0, 1]), **change}
+    given = {"scan": ball(60.0, 2), "pose": AT_CENTER, "lights": distant([0, 0, 1]), **change}
     with pytest.raises(RenderError, match=message):
         render(store=Store(tmp_path), **given)
     assert not list(tmp_path.rglob("*"))

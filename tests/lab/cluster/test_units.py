@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 
 from capture.photographs.decode import decode
 from capture.session.session import load_session
+from fixtures.mesh_shapes import ball
 from lab.cluster import LARGE, pack
 from scene.camera import Camera
 from scene.lights import Lights
-from scene.mesh import Mesh
 from scene.normals import unit
 from scene.pose import Pose
 from scene.store import Store
@@ -62,8 +61,7 @@ def test_units_of_every_step_are_small_and_give_the_same(session, executor, tmp_
     for method in ("ls", "rpca"):
         maps = [solve(method, frames, lights, camera, session[2], executor=one) for one in (None, executor)]
         np.testing.assert_array_equal(maps[0].normals, maps[1].normals)
-    ball = trimesh.creation.icosphere(5, 60.0)
-    mesh = Mesh(np.array(ball.vertices), np.array(ball.faces))
+    mesh = ball(60.0)
     assert mesh.vertices.nbytes > MOST
     assert frames.codes[0].nbytes > MOST
     sent = len(executor.bytes)

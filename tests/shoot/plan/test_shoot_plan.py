@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from calibrate.lights.predicted_lights import predict_lights
+from fixtures.mesh_shapes import over_grid
 from scene.errors import SceneError
-from scene.mesh import Mesh
 from scene.normals import angular_error_deg, unit
 from shoot.plan.plan_options import PlanOptions
 from shoot.plan.run_plan import MOST_ROWS, answer_of, plan_facts, plan_page
@@ -37,10 +37,7 @@ def relief():
     side, turns = 81, 6 * np.pi
     y, x = np.mgrid[0.5 : -0.5 : side * 1j, -0.5 : 0.5 : side * 1j]
     z = np.tan(np.radians(35)) / turns * np.sin(turns * x) * np.sin(turns * y)
-    corner = np.arange(side * side).reshape(side, side)
-    a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]))
-    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
-    return Mesh(120 * np.stack([x, y, z], -1).reshape(-1, 3), faces)
+    return over_grid(120 * np.stack([x, y, z], -1))
 
 
 @pytest.fixture(scope="module")
