@@ -3,7 +3,8 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
-TEST = $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q
+# Python keeps what it compiled, whatever the environment says: the tests start it often.
+TEST = env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q
 
 .PHONY: setup lock demo gallery docs gates gates-compare test test-all test-full test-latest lint check clean
 
