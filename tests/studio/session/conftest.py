@@ -1,6 +1,7 @@
 """Output folders to be looked at, of known truth or made by the command line; a folder without a session."""
 
 import json
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -58,10 +59,11 @@ def note_steps(record, steps):
             kept |= entry
 
 
-@pytest.fixture
-def made(tmp_path):
+@pytest.fixture(scope="session")
+def whole(tmp_path_factory):
     """A whole output folder: every frame of a colour of its own, one of them clipped in a known block."""
-    store, lights, truth = Store(tmp_path / "out"), near_lights(), object_normals()
+    root = tmp_path_factory.mktemp("whole")
+    store, lights, truth = Store(root / "out"), near_lights(), object_normals()
     with open_record(store.folder) as record:
         mask = np.isfinite(truth[..., 0])
         generator = np.random.default_rng(10_002)
@@ -94,7 +96,7 @@ def made(tmp_path):
         steps["check"]["result"] = {"frames_table": rows}
         steps["calibrate"]["warnings"] = [WARNING]
         note_steps(record, steps)
-    session = tmp_path / "session"
+    session = root / "session"
     (session / "raw").mkdir(parents=True)
     for name in lights.names:
         (session / "raw" / f"{name}.png").write_bytes(b"")
@@ -106,10 +108,15 @@ def made(tmp_path):
         'kind = "chrome"\ndiameter_mm = 100.0\n[[spheres]]\nkind = "white"\ndiameter_mm = 90.0\n'
         '[object]\nscan = "cone.ply"\n'
     )
-    return SimpleNamespace(
-        folder=store.folder, store=store, session=session, lights=lights, spheres=balls(), camera=CAMERA, mask=mask,
-        truth=truth, linear=linear, frames=frames, pose=pose,
-    )  # fmt: skip
+    return root, {"lights": lights, "camera": CAMERA, "mask": mask, "truth": truth, "linear": linear, "pose": pose}
+
+
+@pytest.fixture
+def made(whole, tmp_path):
+    """A copy of the whole folder and of its session, to be changed; and what is known of both."""
+    root, known = whole
+    out, session = (Path(shutil.copytree(root / name, tmp_path / name)) for name in ("out", "session"))
+    return SimpleNamespace(folder=out, store=Store(out), session=session, **known)
 
 
 @pytest.fixture(scope="session")
