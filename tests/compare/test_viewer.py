@@ -36,7 +36,7 @@ def shown(session):
     return path, ViewerLayers.of(Material(session.store, session.summary), session.summary)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def visit(chromium, shown):
     """Open the report at a size; what the console says fails the test."""
     pages, faults = [], []
@@ -71,12 +71,17 @@ def pixels_inside(session, count):
     return [(int(columns[i]), int(rows[i])) for i in chosen]
 
 
+@pytest.fixture(scope="module")
+def desk(visit):
+    return visit()
+
+
 @pytest.fixture
-def viewer(visit, shown):
-    page = visit()
-    page.locator("#viewer-canvas").scroll_into_view_if_needed()
-    expect(page.locator("#viewer-frame-name")).not_to_be_empty()
-    return page
+def viewer(desk):
+    """The viewer on one page for all tests; the last of them enlarges what it shows."""
+    desk.locator("#viewer-canvas").scroll_into_view_if_needed()
+    expect(desk.locator("#viewer-frame-name")).not_to_be_empty()
+    return desk
 
 
 def test_photographs_keep_the_error_that_the_page_states(session, shown):
