@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -91,6 +92,19 @@ def rgbn_process():
         return subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def shared():
+    """Return a path under the captures that others made, which are no part of the repository; skip where it is not."""
+
+    def at(name):
+        path = Path(__file__).parents[1] / ".." / "shared" / name
+        if not path.exists():
+            pytest.skip(f"../shared/{name} is absent")
+        return path
+
+    return at
 
 
 def started(*words, **how):

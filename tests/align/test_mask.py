@@ -2,10 +2,11 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+import trimesh
 
 from align.mask.object_mask import ObjectMask, find_object
 from align.mask.scan_mask import scan_mask
@@ -177,13 +178,9 @@ def test_the_final_mask_is_the_silhouette_and_what_was_not_scanned():
 
 @pytest.mark.full
 @pytest.mark.parametrize("name", ["buddha", "cat", "horse", "owl", "rock"])
-def test_real_objects_before_black_cloth(name):
+def test_real_objects_before_black_cloth(shared, name):
     """Against the masks that came with the photographs."""
-    import cv2
-
-    folder = Path(__file__).parents[2] / ".." / "shared" / "real" / "uw_psm" / "png" / name
-    if not folder.exists():
-        pytest.skip("../shared/real/uw_psm is absent")
+    folder = shared(f"real/uw_psm/png/{name}")
     stack = np.stack([cv2.imread(str(folder / f"{name}.{i}.png"))[..., ::-1] / 255.0 for i in range(12)])
     frames = Frames.from_linear(tuple(map(str, range(12))), stack)
     given = cv2.imread(str(folder / f"{name}.mask.png"), cv2.IMREAD_GRAYSCALE) > 127
@@ -195,14 +192,9 @@ OTHERS = ["blender_2", *(pytest.param(f"blender_{n}", marks=pytest.mark.full) fo
 
 
 @pytest.mark.parametrize("name", OTHERS)
-def test_a_table_in_the_objects_shadow_is_no_object(name):
+def test_a_table_in_the_objects_shadow_is_no_object(shared, name):
     """Sessions by others: the mask held a tenth to a third more than the object on four of the five."""
-    import cv2
-    import trimesh
-
-    folder = Path(__file__).parents[2] / ".." / "shared" / "sessions" / name
-    if not folder.exists():
-        pytest.skip("../shared/sessions is absent")
+    folder = shared(f"sessions/{name}")
     true = json.loads((folder / "truth.json").read_text())
     room = cv2.imread(str(folder / "asked" / "ambient.png"), -1)[..., ::-1] / 65535
     paths = sorted((folder / "asked").glob("flash_*.png"))

@@ -3,39 +3,31 @@
 The captures are not part of this project; what a surface is that was made from normals: `benchmarks/real_surfaces.py`.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+from align.pose.photographed import Photographs
 from align.pose.picks import misses_px, read_picks
+from benchmarks.real_surfaces import DISTANCE_MM, diligent_object, integrated, mirrored, moved_scan, ycb_objects
+from benchmarks.registration import register_on
+from fixtures.lit_surfaces import ball_seen
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.mesh import Mesh
 from solve.solve import solve
 
-REAL = Path(__file__).parents[2] / ".." / "shared" / "real"
-needs_captures = pytest.mark.skipif(not REAL.is_dir(), reason="../shared/real, with captures made by others, is absent")
-
 
 @pytest.mark.parametrize("projection", ["orthographic", "perspective"])
 def test_a_balls_normals_become_a_ball(projection):
     """Every vertex at one distance from one centre, and that centre seen where the ball was."""
-    from benchmarks.real_surfaces import DISTANCE_MM, integrated
-
     camera = Camera(80, 70, 1000.0, 1000.0, 38.0, 33.0)
     middle = np.array([1.0, -2.0, -DISTANCE_MM])
     if projection == "orthographic":
         camera = Camera.orthographic(80, 70)
     radius = 25.0 if camera.is_orthographic else 40.0
-    origins, rays = camera.rays(camera.grid())
-    along = np.sum((middle - origins) * rays, -1)
-    square = radius**2 - np.sum((origins + along[..., None] * rays - middle) ** 2, -1)
     # Its limb is left out: what is steep there has no depth.
-    mask = square > (0.3 * radius) ** 2
-    points = origins + (along - np.sqrt(np.maximum(square, 0)))[..., None] * rays
-    normals = np.where(mask[..., None], (points - middle) / radius, np.nan)
-    mesh = integrated(normals, mask, camera)
+    _, normals, mask = ball_seen(camera, middle, radius, rim=0.3)
+    mesh = integrated(np.where(mask[..., None], normals, np.nan), mask, camera)
     system = np.column_stack([2 * mesh.vertices, np.ones(len(mesh.vertices))])
     fitted = np.linalg.lstsq(system, np.sum(mesh.vertices**2, 1), rcond=None)[0]
     away = np.linalg.norm(mesh.vertices - fitted[:3], axis=1)
@@ -49,27 +41,20 @@ def test_a_balls_normals_become_a_ball(projection):
 
 
 @pytest.fixture(scope="module")
-def cat():
-    from benchmarks.real_surfaces import diligent_object
-
+def cat(shared):
+    shared("real/diligent/catPNG")
     return diligent_object("cat", "perspective", shots=8)
 
 
 def run(made, scan, pose):
-    from align.pose.photographed import Photographs
-    from benchmarks.registration import register_on
-
     normals = solve("iterative", made.frames, made.lights, made.camera, made.mask).normals
     return register_on(Photographs(made.camera, made.frames, made.lights, made.mask), normals, scan, pose)
 
 
 @pytest.mark.slow
-@needs_captures
 @pytest.mark.full
 def test_the_cat_is_found_on_its_photographs(cat):
     """Half a pixel from where DiLiGenT's makers put it by hand. All frames: docs/evidence/registration.md."""
-    from benchmarks.real_surfaces import moved_scan
-
     found = run(cat, *moved_scan(cat.surface, 10_001))
     assert found["apart_px"] < 1
     assert found["turn_deg"] < 1
@@ -78,25 +63,20 @@ def test_the_cat_is_found_on_its_photographs(cat):
 
 
 @pytest.mark.slow
-@needs_captures
 @pytest.mark.full
 def test_surfaces_that_are_not_the_cats_are_refused(cat):
     """A mirror image, and the ball: the one's outline is the cat's own from behind, the other's is a circle."""
-    from benchmarks.real_surfaces import diligent_object, mirrored, moved_scan
-
     ball = diligent_object("ball", "perspective", shots=1).surface
     for surface in (mirrored(cat.surface), ball):
         assert run(cat, *moved_scan(surface, 10_002))["refused"]
 
 
 @pytest.fixture(scope="module")
-def table_top():
-    from benchmarks.real_surfaces import ycb_objects
-
+def table_top(shared):
+    shared("real/ycbv")
     return ycb_objects()
 
 
-@needs_captures
 def test_ycb_poses_are_in_this_projects_frame(table_top):
     """The set's README: scan points fall inside their label to 0.94-0.99, 0.74 where occluded; pixels from its maps."""
     assert len(table_top) == 3
@@ -108,7 +88,6 @@ def test_ycb_poses_are_in_this_projects_frame(table_top):
         assert made.label[v, u].mean() > share
 
 
-@needs_captures
 def test_picks_on_a_real_photograph(table_top, tmp_path):
     """Ten picks a pixel off, in metres as the set's scans are; one of them on another object's pixel, found out."""
     for made in table_top:

@@ -1,12 +1,9 @@
 """Files that the tests photograph themselves: Bayer DNG written by tifffile, pictures, session folders."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import tifffile
 
-SHARED = Path(__file__).parents[2] / ".." / "shared"
 BLACK, WHITE_DN = 512, 16383
 
 
@@ -79,19 +76,6 @@ def write_dng():
 @pytest.fixture
 def mosaic():
     return mosaic_of
-
-
-@pytest.fixture
-def shared():
-    """Return a path under the shared captures, or skip where they are absent."""
-
-    def at(name):
-        path = SHARED / name
-        if not path.exists():
-            pytest.skip(f"{name} is not here: the shared captures are outside of the repository")
-        return path
-
-    return at
 
 
 def linear_png(path, image):

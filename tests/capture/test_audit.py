@@ -188,11 +188,8 @@ def test_a_half_that_turns_dark_is_no_jolt(discs):
     assert not movement(frames, [facts_of(codes) for codes in frames.codes]).moved.any()
 
 
-REAL = ["sessions/bunny", "real/diligent/catPNG"]
-
-
 @pytest.mark.full
-@pytest.mark.parametrize("name", REAL)
+@pytest.mark.parametrize("name", ["sessions/bunny", "real/diligent/catPNG"])
 def test_a_still_camera_of_a_real_session(shared, tmp_path, name):
     """No alarm as it is; a frame moved by 3 px is found, and no other."""
     session = load_session(shared(name))
@@ -228,14 +225,7 @@ def test_noise_tells_gamma(warnings_of):
     assert warnings_of(srgb(light), table="linear = false") == ()
 
 
-LINEAR = [
-    "sessions/bunny",
-    "real/diligent/ballPNG",
-    "real/diligent/catPNG",
-]
-
-
-@pytest.mark.parametrize("name", LINEAR)
+@pytest.mark.parametrize("name", ["sessions/bunny", "real/diligent/ballPNG", "real/diligent/catPNG"])
 def test_noise_tells_gamma_on_real_captures(shared, tmp_path, name):
     session = load_session(shared(name))
     session = replace(session, flash=session.flash[:4], names=session.names[:4], ambient=())

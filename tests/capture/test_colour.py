@@ -12,7 +12,6 @@ from capture.photographs.images import read_image
 from capture.session.session_types import CaptureSession
 from scene.errors import CaptureError
 from scene.frames import Frames, decode, encode
-from tests.capture.conftest import SHARED
 from twin.camera.virtual_camera import Sensor, write_dng
 
 CAMERA = np.array([[0.62, 0.3, 0.08], [0.2, 0.7, 0.1], [0.03, 0.27, 0.7]])
@@ -121,9 +120,8 @@ def test_a_chart_in_a_flash_frame_is_read_there(tmp_path):
     assert (known["flash"], known["source"]) == (0, "chart")
 
 
-@pytest.mark.skipif(not (SHARED / "real").is_dir(), reason="no shared/real")
-def test_a_real_chart_gives_nearly_the_makers_matrix(tmp_path):
-    chart = SHARED / "real" / "raw_dng" / "colorchart.dng"
+def test_a_real_chart_gives_nearly_the_makers_matrix(shared, tmp_path):
+    chart = shared("real/raw_dng/colorchart.dng")
     made = CaptureSession("s", tmp_path, (tmp_path / "a.dng",), ("a",), (0,), chart=chart)
     known, _ = camera_colours(made, seen(np.zeros((1156, 1734, 3))))
     assert known["delta_e_2000"]["median"] < 3
@@ -144,10 +142,7 @@ def test_the_makers_matrix_of_a_camera_that_sees_srgb_is_none(tmp_path):
     "name",
     ["diligent/ballPNG/001.png", "uw_psm/png/owl/owl.0.png", "psdata_cat/Image_01.png", "ycbv/data/000001-color.png"],
 )
-def test_real_photographs_without_a_chart_hold_none(tmp_path, name):
-    path = SHARED / "real" / name
-    if not path.is_file():
-        pytest.skip(f"no {path}")
-    picture = decode(read_image(path, "linear").codes)
+def test_real_photographs_without_a_chart_hold_none(shared, tmp_path, name):
+    picture = decode(read_image(shared(f"real/{name}"), "linear").codes)
     with pytest.raises(CaptureError, match="shows no ColorChecker"):
         camera_colours(session(tmp_path, picture), seen(picture))

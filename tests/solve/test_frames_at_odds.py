@@ -1,8 +1,8 @@
 """Frames that the others contradict: exactly these are named, with the cause, or corrected; sound ones are not."""
 
 from dataclasses import replace
-from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -15,7 +15,6 @@ SIZE = 48
 CAMERA = Camera.orthographic(SIZE, SIZE)
 NORMALS, MASK = dome(SIZE)
 FLAT = np.broadcast_to([0.1, -0.2, np.sqrt(0.95)], NORMALS.shape)
-REAL = Path(__file__).parents[3] / "shared" / "real" / "diligent" / "catPNG"
 
 
 def ball(count=10, *, seed=0, normals=NORMALS):
@@ -135,15 +134,13 @@ def test_a_lamp_that_is_switched_is_told_with_its_frame(first, word):
     assert f"switched {word} after {lights.names[first - 1]}" in told
 
 
-@pytest.mark.skipif(not REAL.is_dir(), reason=f"{REAL} is not there")
-def test_photographs_of_a_real_cat_are_sound_until_a_lamp_is_added():
-    import cv2
-
-    ways = np.loadtxt(REAL / "light_directions.txt")[::7]
-    powers = np.loadtxt(REAL / "light_intensities.txt")[::7]
-    files = [REAL / f"{number:03d}.png" for number in range(1, 97, 7)]
+def test_photographs_of_a_real_cat_are_sound_until_a_lamp_is_added(shared):
+    real = shared("real/diligent/catPNG")
+    ways = np.loadtxt(real / "light_directions.txt")[::7]
+    powers = np.loadtxt(real / "light_intensities.txt")[::7]
+    files = [real / f"{number:03d}.png" for number in range(1, 97, 7)]
     images = np.stack([cv2.imread(str(file), cv2.IMREAD_UNCHANGED)[..., ::-1] / 65535 for file in files])
-    mask = cv2.imread(str(REAL / "mask.png"), cv2.IMREAD_GRAYSCALE) > 0
+    mask = cv2.imread(str(real / "mask.png"), cv2.IMREAD_GRAYSCALE) > 0
     lights = lights_along(ways, powers)
     camera = Camera.orthographic(*mask.shape[::-1])
     assert at_odds(as_floats(lights, images), lights, camera, mask) == (None, [])

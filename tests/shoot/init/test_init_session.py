@@ -25,19 +25,6 @@ FIXTURE = ROOT / "fixtures" / "bumpy"
 
 
 @pytest.fixture
-def shared():
-    """Return a path under the shared captures, or skip where they are absent."""
-
-    def at(name):
-        path = ROOT / ".." / "shared" / name
-        if not path.exists():
-            pytest.skip(f"../shared/{name} is absent")
-        return path
-
-    return at
-
-
-@pytest.fixture
 def folder(tmp_path, monkeypatch):
     """The fixture's files under names that say nothing, without its session.toml."""
     monkeypatch.chdir(tmp_path)
