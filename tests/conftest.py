@@ -107,6 +107,14 @@ def shared():
     return at
 
 
+def until(condition, said=lambda: "it took too long", within_s=120):
+    """Wait until something is so; where it takes too long, tell what was said."""
+    end = time.monotonic() + within_s
+    while not condition():
+        assert time.monotonic() < end, said()
+        time.sleep(0.02)
+
+
 def started(*words, **how):
     """Start this checkout's command line, which Ctrl-C ends also where the shell that runs the tests ignores it."""
     code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from rgbn.cli import main; main()"

@@ -6,7 +6,6 @@ import os
 import re
 import shutil
 import signal
-import time
 from html import unescape
 from pathlib import Path
 from urllib.parse import unquote
@@ -20,7 +19,7 @@ from lab.options import AS_BEFORE
 from lab.run import run_session
 from scene.errors import SceneError
 from scene.files import write_json
-from tests.conftest import started
+from tests.conftest import started, until
 from tests.lab.test_foreign_files import make_session
 
 ODD = 'b #1 100%25 [red]<i>"x"&'
@@ -222,18 +221,11 @@ def test_a_process_that_dies_is_told(monkeypatch, tmp_path):
     assert str(tmp_path / "out" / ".rgbn" / "running.log") in fault, "where a killed run leaves what it had said"
 
 
-def wait_for(what):
-    end = time.monotonic() + 120
-    while not what():
-        assert time.monotonic() < end, "it took too long"
-        time.sleep(0.02)
-
-
 @pytest.mark.full
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_no_session_goes_on_without_the_command(captures, number):
     command = started("process", "captures", "--jobs", "2")
-    wait_for(lambda: len(list(Path("out").glob("captures/*/.rgbn/running.log"))) == 2)
+    until(lambda: len(list(Path("out").glob("captures/*/.rgbn/running.log"))) == 2)
     children = psutil.Process(command.pid).children()
     assert len(children) >= 2
     # To the command alone, as a service's end is; a terminal tells all.
@@ -252,7 +244,7 @@ def test_no_session_goes_on_without_the_command(captures, number):
 def test_processes_of_their_own_go_on_where_they_were_stopped(captures):
     """Ctrl-C as a terminal sends it, to all; then the same command does the rest, two at a time."""
     command = started("process", "captures", start_new_session=True)
-    wait_for(lambda: list(Path("out").glob("captures/a/.rgbn/running.log")))
+    until(lambda: list(Path("out").glob("captures/a/.rgbn/running.log")))
     os.killpg(command.pid, signal.SIGINT)
     said = command.communicate(timeout=60)[1]
     assert command.returncode == 130

@@ -89,6 +89,11 @@ class Nobody:
         """Return the one of these words that was made last."""
         return self.inputs(label)[-1]
 
+    def shown(self, kind="content"):
+        """Return what all panels show: their texts, or their pictures, which are of the kind `image`."""
+        panels = list(self.gui._container_handle_from_uuid.values())
+        return [getattr(one, kind) for panel in panels for one in panel._children.values() if hasattr(one, kind)]
+
     def says(self, handle, value=True):
         """Change an input, or press a button, given itself or its words."""
         handle = self.input(handle) if isinstance(handle, str) else handle

@@ -33,8 +33,8 @@ MATTE = ("materials", "matte")
 
 
 @pytest.fixture
-def furnished(nobody, no_preview, tmp_path, furnish, settle):
-    """Return what makes a window with all rows, whose client is `window.client`, and what says things in it."""
+def furnished(nobody, no_preview, tmp_path, furnish):
+    """Return what makes a window with all rows."""
 
     def made(*views, document=None, folder=None):
         workspace = Workspace.at(tmp_path)
@@ -42,19 +42,14 @@ def furnished(nobody, no_preview, tmp_path, furnish, settle):
         window = furnish(EditorWindow(nobody(), workspace, state, no_preview), SCENE_ROWS, *views)
         for tab in ("Material", "Lights", "Camera", "Dataset", "Objects"):
             window.open_tab(tab)
-
-        def say(label, value=True, number=-1):
-            window.client.says(window.client.inputs(label)[number], value)
-            settle(window)
-
-        return window, say
+        return window
 
     return made
 
 
 def test_what_is_typed_while_the_studio_is_at_work_is_kept(furnished, settle):
     """The inputs' values as they were said, not as the change before them left them; and none is set back meanwhile."""
-    window, _ = furnished()
+    window = furnished()
     client, written, begun_, end = window.client, [], threading.Event(), threading.Event()
     window.change("gloss", lambda d: with_value(d, MATTE, RoughPlastic((0.5, 0.5, 0.5), 0.2)))
     focal, rough = client.input("fx, px"), client.input("roughness")
@@ -84,18 +79,18 @@ def test_what_is_typed_while_the_studio_is_at_work_is_kept(furnished, settle):
     assert not written, "an input that is typed into is not set back"
 
 
-def test_what_cannot_be_is_told_and_taken_out_of_the_input(furnished):
-    window, say = furnished()
-    say("error", 3.0)
+def test_what_cannot_be_is_told_and_taken_out_of_the_input(furnished, say):
+    window = furnished()
+    say(window, ("error", 3.0))
     assert "expected less than 1" in window.client.told[0]
     assert window.client.input("error").value == 0.01
     assert window.document == edits.start_document()
 
 
-def test_an_edit_changes_what_it_says_and_nothing_else(furnished):
+def test_an_edit_changes_what_it_says_and_nothing_else(furnished, say):
     below = Subsurface(3.0, (0.9, 0.5, 0.2), 0.3)
     was = RoughPlastic((0.2, 0.3, 0.4), 0.1, 0.5, 1.6, below)
-    window, say = furnished(document=with_value(edits.start_document(), MATTE, was))
+    window = furnished(document=with_value(edits.start_document(), MATTE, was))
     for label, value, change in (
         ("roughness", 0.7, {"roughness": 0.7}),
         ("distribution", "beckmann", {"distribution": "beckmann"}),
@@ -105,57 +100,52 @@ def test_an_edit_changes_what_it_says_and_nothing_else(furnished):
         ("subsurface", True, {"subsurface": Subsurface(2.0)}),
     ):
         inputs = [one for one in window.client.inputs(label) if isinstance(one.value, type(value))]
-        say(label, value, window.client.inputs(label).index(inputs[-1]))
+        say(window, (inputs[-1], value))
         was = replace(was, **change)
         assert window.scene.materials["matte"] == was, label
-    say("kind", "diffuse", 0)
+    say(window, (window.client.inputs("kind")[0], "diffuse"))
     assert window.scene.materials["matte"] == Diffuse(was.reflectance, was.subsurface), "what it has too is kept"
     window.change("metal", lambda d: with_value(d, MATTE, Conductor("Hg", 0.1)))
     assert window.client.input("metal").value == "Hg", "what there is no choice for is shown"
 
 
-def test_lights_are_made_changed_and_singled_out(furnished, tmp_path):
-    window, say = furnished()
-    say("kind", "ring")
-    say("Replace the lights")
+def test_lights_are_made_changed_and_singled_out(furnished, tmp_path, say):
+    window = furnished()
+    say(window, ("kind", "ring"), "Replace the lights")
     assert window.scene.lights.names == tuple(f"ring_{i:03d}" for i in range(8))
-    say("count", 5)
-    boxes = [one.value is False for one in window.client.inputs("distance, mm")]
-    say("distance, mm", True, boxes.index(True))
+    box = next(one for one in window.client.inputs("distance, mm") if one.value is False)
+    say(window, ("count", 5), (box, True))
     assert np.allclose(np.linalg.norm(window.scene.lights.positions_mm - [0, 0, -600], axis=1), 800)
-    say("kind", "point")
-    say("Add to the lights")
-    say("Single out")
+    say(window, ("kind", "point"), "Add to the lights", "Single out")
     assert [one.kind for one in window.document.lights] == ["point"] * 6
-    say("Remove light")
+    say(window, "Remove light")
     assert len(window.scene.lights) == 5
     assert not window.client.told
-    say("kind", "session")
-    say("Replace the lights")
+    say(window, ("kind", "session"), "Replace the lights")
     assert "no session" in window.client.told[-1]
     window.state.session = tmp_path, None
     Store(tmp_path).save_lights(window.scene.lights)
-    say("Replace the lights")
+    say(window, "Replace the lights")
     assert window.scene.lights.names == Store(tmp_path).load_lights().names
 
 
-def test_a_model_is_opened_into_the_scene(furnished, tmp_path):
+def test_a_model_is_opened_into_the_scene(furnished, tmp_path, say):
     """As one that is sent, and it can be taken back."""
     cone = built_in("cone")
     write_mesh(tmp_path / "cone.ply", Mesh(cone.vertices * 40, cone.faces))
     assert dict(entries(tmp_path))[tmp_path / "cone.ply"] == "model"
-    window, say = furnished()
+    window = furnished()
     open_path(window.state, window.workspace, tmp_path / "cone.ply")
     window.refresh()
     assert (window.state.area, [one.name for one in window.scene.objects]) == ("Scene", ["cone"])
-    say("Undo")
+    say(window, "Undo")
     assert window.document == edits.start_document()
 
 
 def test_a_picture_sent_again_is_read_again(furnished, settle):
     import cv2
 
-    window, _ = furnished()
+    window = furnished()
     for level, name in ((0, "uploads/a.png"), (255, "uploads/a_2.png")):
         picture = cv2.imencode(".png", np.full((4, 4, 3), level, np.uint8))[1].tobytes()
         window.client.sends(window.client.inputs("Send a texture from here")[0], "a.png", picture)
@@ -168,8 +158,8 @@ def test_a_picture_sent_again_is_read_again(furnished, settle):
     assert window.client.input("picture").value == "uploads/a.png", "the first one is as it was"
 
 
-def test_a_broken_file_is_told_and_the_scene_is_as_it_was(furnished, settle):
-    window, say = furnished()
+def test_a_broken_file_is_told_and_the_scene_is_as_it_was(furnished, settle, say):
+    window = furnished()
     before, broken = window.scene, b"ply\nformat ascii 1.0\nelement vertex 3\nend_header\n1 2\n"
     for button, name, content in (("Load model", "b.ply", broken), ("Send a texture from here", "j.png", b"none")):
         window.client.sends(window.client.inputs(button)[0], name, content)
@@ -178,49 +168,42 @@ def test_a_broken_file_is_told_and_the_scene_is_as_it_was(furnished, settle):
         assert name in window.client.told[-1]
         assert window.scene is before
     assert window.client.input("picture").value == "(the colour)"
-    say("Add shape")
+    say(window, "Add shape")
     assert window.scene is not before
 
 
-def test_opening_and_beginning_anew_can_be_taken_back(furnished, tmp_path):
+def test_opening_and_beginning_anew_can_be_taken_back(furnished, tmp_path, say):
     """Nothing is lost; and a scene that is taken back is saved to its own folder, not over the one opened meanwhile."""
     write_document(edits.start_document(), tmp_path / "a" / "other")
     theirs = (tmp_path / "a" / "other" / "scene.toml").read_text()
-    window, say = furnished()
+    window = furnished()
     client = window.client
-    say("width, px", 64)
+    say(window, ("width, px", 64))
     open_path(window.state, window.workspace, tmp_path / "a" / "other" / "scene.toml")
     window.refresh()
     assert window.scene.camera.width == 640
     assert client.input("name").value == "a/other", "the folder that it came from, below the workspace"
-    say("Undo")
+    say(window, "Undo")
     assert window.scene.camera.width == 64
     assert client.input("name").value == "scene"
-    say("name", "a/other")
-    say("Save scene")
+    say(window, ("name", "a/other"), "Save scene")
     assert "holds another scene already" in client.told[-1]
     assert (tmp_path / "a" / "other" / "scene.toml").read_text() == theirs
-    say("name", "mine")
-    say("Save scene")
-    say("New scene")
+    say(window, ("name", "mine"), "Save scene", "New scene")
     assert read_scene(tmp_path / "mine" / "scene.toml").camera.width == 64
-    say("name", "mine")
-    say("Save scene")
+    say(window, ("name", "mine"), "Save scene")
     assert "holds another scene already" in client.told[-1], "a new scene is another one"
-    say("Undo")
-    say("width, px", 80)
-    say("Save scene")
+    say(window, "Undo", ("width, px", 80), "Save scene")
     assert read_scene(tmp_path / "mine" / "scene.toml").camera.width == 80, "its own it may write over"
 
 
 @pytest.mark.parametrize("where", ["a/penguin", "."])
-def test_a_scene_is_saved_where_it_was_opened_from(furnished, tmp_path, where):
+def test_a_scene_is_saved_where_it_was_opened_from(furnished, tmp_path, say, where):
     folder = (tmp_path / where).resolve()
     path = folder / "scene.toml"
     put_own(folder, lambda place: write_document(with_value(edits.start_document(), ("name",), "penguin"), place))
-    window, say = furnished(document=read_document(path), folder=folder)
-    say("width, px", 64)
-    say("Save scene")
+    window = furnished(document=read_document(path), folder=folder)
+    say(window, ("width, px", 64), "Save scene")
     assert window.client.told == [f"Saved: {path.relative_to(tmp_path)}"]
     saved = read_scene(path)
     assert (saved.camera.width, saved.name) == (64, "penguin")
@@ -228,7 +211,9 @@ def test_a_scene_is_saved_where_it_was_opened_from(furnished, tmp_path, where):
 
 
 @pytest.mark.parametrize("name", ["meshes", "scene.toml", "export", "export/scene.xml", "export/meshes/00.ply"])
-def test_nothing_foreign_is_written_over_nor_through_a_link_that_leads_out(furnished, tmp_path_factory, tmp_path, name):
+def test_nothing_foreign_is_written_over_nor_through_a_link_that_leads_out(
+    furnished, say, tmp_path_factory, tmp_path, name
+):
     outside, place = tmp_path_factory.mktemp("outside"), tmp_path / "mine" / name
     place.parent.mkdir(parents=True)
     if name in ("meshes", "export"):
@@ -236,9 +221,8 @@ def test_nothing_foreign_is_written_over_nor_through_a_link_that_leads_out(furni
     else:
         place.write_text("mine")
     folder = tmp_path / "mine" if name == "scene.toml" else None
-    window, say = furnished(document=edits.start_document(), folder=folder)
-    say("name", "mine")
-    say("Export for Mitsuba")
+    window = furnished(document=edits.start_document(), folder=folder)
+    say(window, ("name", "mine"), "Export for Mitsuba")
     assert not list(outside.iterdir())
     if place.is_file():
         assert "rgbn did not write it" in window.client.told[-1], window.client.told
@@ -250,18 +234,16 @@ def test_names_are_shown_as_they_are(furnished):
     from markdown_it import MarkdownIt
 
     name = '<img src=x onerror="alert(1)"> *b* `c`'
-    window, _ = furnished()
+    window = furnished()
     window.change("names", lambda d: with_value(d, ("lights",), (DistantLight(name=name, direction=(0, 0, 1)),)))
-    handles = window.client.gui._container_handle_from_uuid.values()
-    texts = [one.content for folder in handles for one in folder._children.values() if hasattr(one, "content")]
-    (shown,) = [text for text in texts if "1 of 1" in text]
+    (shown,) = [text for text in window.client.shown() if "1 of 1" in text]
     escaped = name.replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")
     assert MarkdownIt("commonmark", {"html": True}).render(shown).startswith(f"<p><strong>{escaped}</strong>")
 
 
 def test_what_waits_is_dropped_when_the_window_is_closed(furnished):
     """What is at work comes to its end, and whoever closes the window does not wait for it."""
-    window, _ = furnished()
+    window = furnished()
     begun_, go_on, done = threading.Event(), threading.Event(), []
 
     def starts():

@@ -9,6 +9,7 @@ import pytest
 from studio import studio_state
 from studio.editor import edits
 from studio.studio_state import Work
+from tests.conftest import until
 from tests.studio.conftest import small_document
 from twin.description.description_file import write_document
 from twin.description.light_groups import RingTable
@@ -30,10 +31,8 @@ def render(scene, out):
 def test_a_rendering_is_stopped_and_goes_on(tmp_path):
     """What was rendered when it was stopped is kept, and the whole is as if it had never been stopped."""
     scene = small_scene(tmp_path / "scene", samples=1600)
-    stopped, end = render(scene, tmp_path / "a"), time.monotonic() + 240
-    while not stopped.share:
-        assert time.monotonic() < end, stopped.said
-        time.sleep(0.05)
+    stopped = render(scene, tmp_path / "a")
+    until(lambda: stopped.share, lambda: stopped.said)
     done = stopped.share
     stopped.stop()
     assert (stopped.is_over, stopped.is_stopped, stopped.fault) == (True, True, "")

@@ -109,8 +109,7 @@ def coming(studio, nobodies, monkeypatch):
 
 def told(client):
     """Return whether a browser was told that another one is at work here."""
-    shown = client.gui._container_handle_from_uuid["root"]._children.values()
-    return [one.content for one in shown if hasattr(one, "content")] == [ELSEWHERE]
+    return client.shown() == [ELSEWHERE]
 
 
 def test_one_window_at_a_time_and_the_next_goes_on_with_the_scene(studio, coming, settle):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from scene.files import write_png
+from tests.conftest import until
 
 ROOT = Path(__file__).parents[3]
 COMMAND = [sys.executable, "-c", "from rgbn.cli import main; main()"]
@@ -69,11 +70,10 @@ on_open("flash_", slow)
 
     def begin(self, session, out):
         """Start `rgbn solve` on the cluster, and wait until its first, slow worker is at work."""
-        process, end = self.start("solve", session, "--out", out, "--method", METHODS), time.monotonic() + 60
-        while not (self.folder / "worker-0" / "works").exists():
-            assert process.poll() is None, process.said.read_text()
-            assert time.monotonic() < end, process.said.read_text()
-            time.sleep(0.02)
+        process = self.start("solve", session, "--out", out, "--method", METHODS)
+        working = self.folder / "worker-0" / "works"
+        until(lambda: working.exists() or process.poll() is not None, process.said.read_text)
+        assert working.exists(), process.said.read_text()
         return process
 
     def run(self, *words, **settings):
@@ -111,14 +111,12 @@ on_open("flash_", slow)
             return subprocess.Popen(command, stdout=file, stderr=file, cwd=self.folder, env=os.environ | settings)
 
     def _heard(self, process, said, word):
-        end = time.monotonic() + 60
-        while time.monotonic() < end:
-            for line in said.read_text().splitlines():
-                if word in line:
-                    return line
-            assert process.poll() is None, said.read_text()
-            time.sleep(0.05)
-        raise AssertionError(said.read_text())
+        def lines():
+            return [line for line in said.read_text().splitlines() if word in line]
+
+        until(lambda: lines() or process.poll() is not None, said.read_text)
+        assert lines(), said.read_text()
+        return lines()[0]
 
 
 @pytest.fixture

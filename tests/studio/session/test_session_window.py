@@ -29,6 +29,7 @@ from studio.studio_command import studio
 from studio.studio_state import StudioState
 from studio.widgets import plain
 from studio.workspace import Workspace
+from tests.conftest import until
 from tests.studio.session.conftest import note_steps
 
 
@@ -45,23 +46,13 @@ def reviewing(made, nobody, furnish):
 
 def texts(window):
     """Return what the panels say."""
-    folders = list(window.client.gui._container_handle_from_uuid.values())
-    shown = [one.content for folder in folders for one in folder._children.values() if hasattr(one, "content")]
-    return "\n".join(shown)
+    return "\n".join(window.client.shown())
 
 
 def folder_of(window, label):
     """Return the folder whose label begins so."""
     handles = window.client.gui._container_handle_from_uuid.values()
     return next(one for one in handles if (getattr(one, "label", None) or "").startswith(label))
-
-
-def eventually(condition):
-    """Wait until something is so by itself."""
-    end = time.monotonic() + 30
-    while not condition():
-        assert time.monotonic() < end, "it looks for itself"
-        time.sleep(0.05)
 
 
 def test_what_is_missing_breaks_no_tab(reviewing, made):
@@ -204,10 +195,10 @@ def test_a_run_takes_what_was_corrected_and_the_session_as_it_is_now(reviewing, 
         before = window.reading
         with open_record(made.folder) as record, record.making("compare", str(time.monotonic())) as entry:
             entry["warnings"] = []
-        eventually(lambda: window.reading > before)
+        until(lambda: window.reading > before)
         before = window.reading
         window.work.is_over = True
-        eventually(lambda: window.reading > before)
+        until(lambda: window.reading > before)
         settle(window)
         return runs[-1]
 
@@ -250,7 +241,7 @@ def test_what_fails_at_each_look_is_told_once(reviewing, runs, monkeypatch, sett
 
     monkeypatch.setattr(SessionWindow, "plane", property(fail))
     window.client.says("Run up to Capture")
-    eventually(lambda: len(looks) > 5)
+    until(lambda: len(looks) > 5)
     assert window.client.told == ["That cannot be done: the disk is gone"]
     window.post(lambda: window.open_tab("Balls"))
     settle(window)
@@ -275,9 +266,9 @@ def test_a_shoot_is_told_renewed_and_ends(reviewing, made):
     assert plain("45 degrees from the axis at 9:00") in texts(window)
     assert "<b>" not in texts(window)
     (made.folder / STATUS).write_text(json.dumps(STATE | {"is_over": True}))
-    eventually(lambda: "3 flash frames" not in texts(window))
+    until(lambda: "3 flash frames" not in texts(window))
     (made.folder / STATUS).write_text('{"is_over": false, "flash": "many"}')
-    eventually(lambda: window.client.told)
+    until(lambda: window.client.told)
     assert "is no state of a shoot" in window.client.told[-1]
 
 
@@ -293,11 +284,11 @@ def test_a_first_shoot_is_shown_until_its_session_is_decoded(nobody, tmp_path, f
         assert (window.plane.width, window.plane.height) == (30, 20)
         write_png(folder / MAP, np.full((40, 60, 3), 90, np.uint8))
         (folder / STATUS).write_text(json.dumps(STATE | {"flash": 4}))
-        eventually(lambda: window.plane.width == 60)
+        until(lambda: window.plane.width == 60)
         (folder / STATUS).write_text(json.dumps(STATE | {"is_over": True}))
-        eventually(lambda: "The shoot is over" in texts(window))
+        until(lambda: "The shoot is over" in texts(window))
         note_steps(record, {"check": {"result": {}, "warnings": []}})
-    eventually(lambda: "check" in window.review.done)
+    until(lambda: "check" in window.review.done)
 
 
 def photographs(place, count=5):
@@ -335,10 +326,7 @@ def write(say):
 
     def written(window, *typed):
         say(window, *typed, "Write session.toml")
-        end = time.monotonic() + 120
-        while not window.turned and not window.client.told:
-            assert time.monotonic() < end, window.work and window.work.said
-            time.sleep(0.05)
+        until(lambda: window.turned or window.client.told, lambda: window.work and window.work.said)
 
     return written
 
@@ -346,9 +334,7 @@ def write(say):
 def test_what_is_typed_is_in_the_session_that_is_shown(begin, folder, nobody, furnish, say, write):
     """The whole way: a first photograph, session.toml, the folder as `init` saw it; its results go to the workspace."""
     window = begin(folder)
-    folders = window.client.gui._container_handle_from_uuid.values()
-    pictures = [one.image for folder in folders for one in folder._children.values() if hasattr(one, "image")]
-    assert pictures[0].shape == (60, 80, 3)
+    assert window.client.shown("image")[0].shape == (60, 80, 3)
     write(window, ("focal, mm", 50.0), ("sensor, mm", 36.0), ("unit", "cm"), ("unit", "(not said)"))
     assert not window.client.told
     assert "focal_mm = 50.0" in (folder / "session.toml").read_text()
