@@ -15,7 +15,7 @@ from capture.session.requests import sphere_requests
 from capture.session.session import load_session
 from scene.errors import SceneError
 from scene.rays import RayCaster
-from studio.opening import OPEN_ROWS, OpenWindow, open_path
+from studio.opening import open_path
 from studio.session import corrections
 from studio.session.ball_edits import added, moved, outline, resized
 from studio.session.corrections import Corrections, balls_of, met, tables_of, write_amended
@@ -292,17 +292,3 @@ def test_picks_give_the_pose_at_which_they_were_made(review, made):
     assert found.residual_px < 0.05
     assert (found.pose.inverse() @ made.pose).angle_deg() < 0.5
     assert met(caster, mesh.center_mm + [0, 0, 500], np.array([0.0, 0.0, 1.0])) is None
-
-
-def test_a_folder_of_sessions_is_listed(tmp_path, nobody, furnish, say):
-    """What is chosen there is gone to."""
-    for name in ("jug", "vase"):
-        (tmp_path / "captures" / name).mkdir(parents=True)
-        (tmp_path / "captures" / name / "session.toml").write_text('[frames]\nflash = "*.png"\n')
-        for number in range(3):
-            (tmp_path / "captures" / name / f"{number}.png").touch()
-    state, workspace = StudioState(), Workspace.at(tmp_path)
-    open_path(state, workspace, tmp_path / "captures")
-    window = furnish(OpenWindow(nobody(), workspace, state), OPEN_ROWS)
-    say(window, "vase")
-    assert state.session == (tmp_path / "out" / "vase", tmp_path / "captures" / "vase")

@@ -1,4 +1,4 @@
-"""A session's window without a browser: begun by `init`, what is clicked, missing and run, and a shoot under way."""
+"""A session's window without a browser: what is clicked, missing and run, and a shoot under way."""
 
 import json
 import time
@@ -6,7 +6,6 @@ from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
 
-import cv2
 import numpy as np
 import pytest
 
@@ -16,16 +15,13 @@ from scene.files import write_png
 from scene.output_folder import open_record
 from shoot.watch.watch_folder import MAP, STATUS, state_lines
 from studio import window as windows
-from studio.opening import open_path
 from studio.session import photograph_view
 from studio.session.ball_edits import moved
-from studio.session.new_session import NEW_ROWS, NewWindow
 from studio.session.photograph_view import PhotographView
 from studio.session.plane import ROOT
 from studio.session.session_rows import SESSION_ROWS, TABS
 from studio.session.session_window import SessionWindow
 from studio.session.spatial_view import SpatialView
-from studio.studio_command import studio
 from studio.studio_state import StudioState
 from studio.widgets import plain
 from studio.workspace import Workspace
@@ -289,131 +285,3 @@ def test_a_first_shoot_is_shown_until_its_session_is_decoded(nobody, tmp_path, f
         until(lambda: "The shoot is over" in texts(window))
         note_steps(record, {"check": {"result": {}, "warnings": []}})
     until(lambda: "check" in window.review.done)
-
-
-def photographs(place, count=5):
-    """Leave photographs of noise in a folder."""
-    generator = np.random.default_rng(10_040)
-    place.mkdir(parents=True)
-    for number in range(count):
-        picture = generator.integers(1000, 60000, (60, 80, 3)).astype(np.uint16)
-        cv2.imwrite(str(place / f"flash_{number}.png"), picture)
-
-
-@pytest.fixture
-def folder(tmp_path):
-    photographs(tmp_path / "bench" / "jug")
-    return tmp_path / "bench" / "jug"
-
-
-@pytest.fixture
-def begin(nobody, furnish, monkeypatch):
-    """Return what opens a folder below its workspace; the window's `turned` says that it was left."""
-
-    def begun(folder, out=None):
-        place, state = Workspace.at(folder.parent), StudioState()
-        open_path(state, place, folder, out)
-        window = furnish(NewWindow(nobody(), place, state), NEW_ROWS)
-        window.turned, window.turn = False, lambda: setattr(window, "turned", True)
-        return window
-
-    return begun
-
-
-@pytest.fixture
-def write(say):
-    """Return what types values, has the session written, and waits until that has ended and was told."""
-
-    def written(window, *typed):
-        say(window, *typed, "Write session.toml")
-        until(lambda: window.turned or window.client.told, lambda: window.work and window.work.said)
-
-    return written
-
-
-def test_what_is_typed_is_in_the_session_that_is_shown(begin, folder, nobody, furnish, say, write):
-    """The whole way: a first photograph, session.toml, the folder as `init` saw it; its results go to the workspace."""
-    window = begin(folder)
-    assert window.client.shown("image")[0].shape == (60, 80, 3)
-    write(window, ("focal, mm", 50.0), ("sensor, mm", 36.0), ("unit", "cm"), ("unit", "(not said)"))
-    assert not window.client.told
-    assert "focal_mm = 50.0" in (folder / "session.toml").read_text()
-    out = folder.parent / "out" / "jug"
-    assert (window.state.session, window.state.area) == ((out, folder), "Session")
-    window = furnish(SessionWindow(nobody(), window.workspace, window.state), SESSION_ROWS, PhotographView)
-    assert window.client.seen("/photograph/picture") is not None
-    assert window.review.preview.shape[1] > 1000, "the contact sheet"
-    window.open_tab("Balls")
-    say(window, "Add a chrome ball")
-    assert "frames: the step `check` has not ended here" in window.client.told[-1], "in which pixels is not known"
-
-
-def test_what_init_refuses_is_told(begin, folder, write):
-    """As it says it on the command line, and what was typed stays."""
-    window = begin(folder)
-    write(window, ("sensor, mm", 3000.0))
-    assert "expected 1 to 250" in window.client.told[-1]
-    assert window.client.input("sensor, mm").value == 3000
-    assert not (folder / "session.toml").exists()
-
-
-def test_of_several_objects_each_gets_a_session(begin, tmp_path, write):
-    for name in ("shelf/cup", "shelf/jug", "other/a", "other/b"):
-        photographs(tmp_path / name)
-    window = begin(tmp_path / "shelf")
-    write(window)
-    assert all((tmp_path / "shelf" / name / "session.toml").exists() for name in ("cup", "jug"))
-    assert (window.state.area, window.state.folder) == ("Open", tmp_path / "shelf")
-    with pytest.raises(SceneError, match="2 objects"):
-        begin(tmp_path / "other", tmp_path / "out")
-
-
-def test_diameters_typed_before_the_photographs_are_decoded_are_kept(made, nobody, furnish, say, tmp_path):
-    """Where the balls are is not known yet, nor changed."""
-    state = StudioState(area="Session", session=(tmp_path / "new", made.session))
-    window = furnish(SessionWindow(nobody(), Workspace.at(tmp_path), state), SESSION_ROWS)
-    window.open_tab("Balls")
-    say(window, ("white balls, mm", 80.0), "Keep")
-    kept = load_session(tmp_path / "new" / "review").spheres
-    assert [(one.kind, one.diameter_mm, one.center_px) for one in kept] == [
-        ("chrome", 100.0, None), ("chrome", 100.0, None), ("white", 80.0, None)
-    ]  # fmt: skip
-    window.read_again()
-    assert [ball.diameter_mm for ball in window.picks.balls] == [100.0, 100.0, 80.0]
-
-
-def test_the_command_opens_what_a_path_is(folder, monkeypatch):
-    """Before the page opens: no photographs, or an output folder outside of the workspace, end it with one message."""
-    asked, opened = [], []
-
-    def begin(place, **how):
-        asked.append(how["state"])
-        return SimpleNamespace(address="http://127.0.0.1:1", close=lambda: None)
-
-    def wait(self, timeout=None):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("studio.server.Studio", begin)
-    monkeypatch.setattr("threading.Event.wait", wait)
-    monkeypatch.setattr("webbrowser.open", opened.append)
-    monkeypatch.chdir(folder.parent)
-
-    def opens(*arguments, **options):
-        with pytest.raises(KeyboardInterrupt):
-            studio(*arguments, **options)
-        return asked[-1]
-
-    assert opens(browser=False).area == "Open"
-    assert not opened
-    state = opens(folder)
-    assert opened == ["http://127.0.0.1:1"], "the system's browser"
-    out = folder.parent / "out" / "jug"
-    assert (state.area, state.session) == ("Session", (out, folder))
-    with pytest.raises(SceneError, match="lies outside of the workspace"):
-        studio(folder, out=folder.parent / "out", workspace=folder)
-    (folder / "session.toml").write_text('[frames]\nflash = "flash_*.png"')
-    state = opens(folder)
-    assert (state.area, state.session) == ("Session", (out, folder))
-    (folder.parent / "empty").mkdir()
-    with pytest.raises(SceneError, match="photometric stereo needs 3"):
-        studio(folder.parent / "empty")
