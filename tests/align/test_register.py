@@ -29,6 +29,12 @@ def apart(world, pose):
     return np.sqrt(np.mean((gap**2).sum(1))), (pose.inverse() @ world.pose).angle_deg()
 
 
+def assert_found(world, pose, px, deg):
+    """Assert that a pose shows the scan within so many pixels, turned by so many degrees at most."""
+    assert apart(world, pose)[0] < px
+    assert apart(world, pose)[1] < deg
+
+
 INSIDE = 12.592
 """95 % quantile of chi-square with 6 degrees of freedom."""
 
@@ -57,10 +63,8 @@ def test_any_orientation_is_found_to_a_tenth_of_a_pixel(bumpy, rotations, build,
     calls = []
     with ThreadPoolExecutor(2) as executor:
         found = run(world, executor=executor, progress=lambda done, total: calls.append((done, total)))
-    px, deg = apart(world, found.pose)
-    assert px < 0.1 + 0.1 * index
     # What gloss does is told by the photographs, and costs some of what they tell of the pose.
-    assert deg < 0.15 + 0.15 * index
+    assert_found(world, found.pose, 0.1 + 0.1 * index, 0.15 + 0.15 * index)
     assert found.residual_px < 0.3
     assert found.evidence["misfit"] < 0.4
     assert found.warnings == ()
@@ -96,9 +100,7 @@ def test_a_mask_with_the_shadow_in_it_and_out_to_the_border(bumpy, rotations, bu
     mask[:, 60:70] &= ~world.mask[:, 60:70] | (np.arange(120) < 60)[:, None]
     mask[:, :3] = True
     found = run(world, mask=mask, normals=np.where(mask[..., None], np.nan_to_num(world.normals, nan=0.577), np.nan))
-    px, deg = apart(world, found.pose)
-    assert px < 0.1
-    assert deg < 0.15
+    assert_found(world, found.pose, 0.1, 0.15)
 
 
 @pytest.mark.full
@@ -113,9 +115,7 @@ def test_a_scan_in_another_frame_gives_the_same_truth(world, rotations):
     used, inverse = np.unique(faces, return_inverse=True)
     scan = Mesh(motion.apply(vertices)[used], inverse.reshape(-1, 3))
     found = run(world, mesh=scan)
-    px, deg = apart(world, found.pose @ motion)
-    assert px < 0.15
-    assert deg < 0.2
+    assert_found(world, found.pose @ motion, 0.15, 0.2)
 
 
 @pytest.mark.full
@@ -124,9 +124,7 @@ def test_orthographic_camera_and_distant_lights(bumpy, rotations, build):
     world = build(bumpy, rotations[1], camera=camera, away=1000.0)
     distant = Lights(world.lights.names, world.lights.directions, world.lights.intensities)
     found = run(world, lights=distant)
-    px, deg = apart(world, found.pose)
-    assert px < 0.1
-    assert deg < 0.15
+    assert_found(world, found.pose, 0.1, 0.15)
     assert found.warnings == ()
     assert found.covariance[5, 5] == pytest.approx(0, abs=1e-12)
 
@@ -195,9 +193,7 @@ def test_normals_are_asked_for_where_the_search_reads_them():
 def test_a_large_picture_is_searched_shrunken(world, monkeypatch):
     """The rough search on every second pixel leads to the same pose."""
     monkeypatch.setattr("align.pose.photographed.ACROSS", 40)
-    px, deg = apart(world, run(world).pose)
-    assert px < 0.1
-    assert deg < 0.15
+    assert_found(world, run(world).pose, 0.1, 0.15)
 
 
 @pytest.mark.full
@@ -217,18 +213,14 @@ def test_a_noisy_scan_seen_through_its_hole(bumpy, rotations, build):
     seen_inside = View(RayCaster(scan), world.camera, world.pose).hits(world.camera.grid().reshape(-1, 2))
     assert (seen_inside.hit & ~seen_inside.front).sum() > 0.08 * seen_inside.hit.sum()
     found = run(world, mesh=scan)
-    px, deg = apart(world, found.pose)
-    assert px < 0.25
-    assert deg < 0.5
+    assert_found(world, found.pose, 0.25, 0.5)
     assert "nearly symmetric" not in " ".join(found.warnings)
 
 
 def test_a_start_is_refined_and_nothing_else_is_looked_for(world, monkeypatch):
     monkeypatch.setattr("align.pose.search.find_starts", None)
     beside = nudge(world.pose, [0.03, -0.02, 0.04, 2.0, -1.0, 3.0], world.pose.apply(world.mesh.center_mm))
-    px, deg = apart(world, run(world, start=beside).pose)
-    assert px < 0.1
-    assert deg < 0.15
+    assert_found(world, run(world, start=beside).pose, 0.1, 0.15)
 
 
 @pytest.mark.full

@@ -13,6 +13,7 @@ from scene.errors import AlignError
 from scene.mesh import Mesh
 
 QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+TETRAHEDRON = [[0, 2, 1], [0, 1, 4], [0, 4, 2], [1, 2, 4]]
 CUBE = np.array([[x, y, z] for x in (0, 10) for y in (0, 10) for z in (0, 10)], float)
 
 
@@ -81,16 +82,20 @@ def obj(path, vertices, rows, *, split=False):
     return path.with_suffix(".obj")
 
 
+def solids(*names, vertices=CUBE, rows=TETRAHEDRON):
+    facets = "".join(
+        "facet normal 0 0 1\n outer loop\n"
+        + "".join("  vertex {:.9e} {:.9e} {:.9e}\n".format(*vertices[i]) for i in row)
+        + " endloop\nendfacet\n"
+        for row in rows
+    )
+    return "".join(f"solid {name}\n{facets}endsolid {name}\n" for name in names).encode()
+
+
 def stl(path, vertices, rows, *, text=False, name=b"solid"):
     path = path.with_suffix(".stl")
     if text:
-        facets = "".join(
-            "facet normal 0 0 1\n outer loop\n"
-            + "".join("  vertex {:.9e} {:.9e} {:.9e}\n".format(*vertices[i]) for i in row)
-            + " endloop\nendfacet\n"
-            for row in rows
-        )
-        path.write_text(f"solid scan\n{facets}endsolid scan\n")
+        path.write_bytes(solids("scan", vertices=vertices, rows=rows))
     else:
         # Some programs write "solid" into binary files, too.
         body = b"".join(struct.pack("<12fH", 0, 0, 1, *np.ravel(vertices[list(row)]), 0) for row in rows)
@@ -235,19 +240,6 @@ def test_lines_of_a_ply_that_hold_more_than_the_header_says(tmp_path, rows, more
         assert all(map(np.array_equal, read_scan(path), whole))
 
 
-TETRAHEDRON = [[0, 2, 1], [0, 1, 4], [0, 4, 2], [1, 2, 4]]
-
-
-def solids(*names, rows=TETRAHEDRON):
-    facets = "".join(
-        "facet normal 0 0 1\nouter loop\n"
-        + "".join("vertex {} {} {}\n".format(*CUBE[i]) for i in row)
-        + "endloop\nendfacet\n"
-        for row in rows
-    )
-    return "".join(f"solid {name}\n{facets}endsolid {name}\n" for name in names).encode()
-
-
 def numbered(rows, first=1, form="{}"):
     return "".join("f " + " ".join(form.format(i + first) for i in row) + "\n" for row in rows).encode()
 
@@ -273,6 +265,7 @@ STRANGE = {
     "mark first.stl": BOM + solids("a"),
     "upper case.stl": solids("a").upper(),
     "no name.stl": solids(""),
+    "no indents.stl": solids("a").replace(b"\n  ", b"\n").replace(b"\n ", b"\n"),
     "words of the format as its name.stl": solids("vertex 1 facet normal of a solid loop"),
     "no normals.stl": solids("a").replace(b"normal 0 0 1", b"normal nan -1.#IND nan"),
     "an empty one first.stl": b"solid e\nendsolid e\n\n" + solids("a"),
@@ -401,7 +394,7 @@ def test_damaged_files_are_refused_with_what_was_found(tmp_path):
         "5 facets need 334 bytes, and there are 384": tmp_path / "count.stl",
         "1 corners of 3 numbers in 1 facets": write("loop.stl", "solid a\nfacet\nvertex 0 0 0\nendfacet\nendsolid\n"),
         "12 corners of 35 numbers": write(
-            "number.stl", solids("a").decode().replace("vertex 0.0 0.0 0.0", "vertex 0.0 0.0", 1)
+            "number.stl", solids("a").decode().replace("vertex 0.000000000e+00 ", "vertex ", 1)
         ),
         "2 solids of which 1 end": write("half.stl", (solids("a") + solids("b")[:-12]).decode()),
         "face: values are missing": tmp_path / "cut.ply",

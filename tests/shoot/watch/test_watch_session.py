@@ -33,9 +33,7 @@ def after_shoot(tmp_path_factory):
 
     place, said = tmp_path_factory.mktemp("shoot"), io.StringIO()
     (place / "hot").mkdir()
-    photographer = threading.Thread(
-        target=shoot, args=(place / "hot", SESSION), kwargs={"every_s": 1.0, "mistakes": True, "say": lambda text: None}
-    )
+    photographer = threading.Thread(target=shoot, args=(place / "hot", SESSION), kwargs={"every_s": 1.0})
     photographer.start()
     with contextlib.redirect_stderr(said):
         watch_folder(place / "hot", out=place / "out", told=BALLS, until_idle=8.0)
@@ -129,6 +127,6 @@ def test_a_watch_that_is_told_to_end_leaves_its_session(tmp_path):
 
 @pytest.mark.slow
 def test_100_frames_by_four_hasty_writers_and_a_watch_killed_10_times(tmp_path):
-    found = killed_watch(tmp_path, count=100, kills=10)
-    assert found.lost == []
-    assert found.doubled == []
+    lost, doubled = killed_watch(tmp_path, count=100, kills=10)
+    assert lost == []
+    assert doubled == []
