@@ -179,7 +179,8 @@ def test_help_loads_nothing_of_what_the_verbs_do():
         "tell()\n"
         f"for verb in {['', *verbs]}:\n"
         "    sys.argv = ['rgbn', *verb.split(), '--help']\n"
-        "    try:\n        main()\n    except SystemExit:\n        tell()"
+        "    try:\n        main()\n    except SystemExit:\n        pass\n"
+        "    tell()"
     )
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
     assert ended.stdout.count("Usage: rgbn") == 1 + len(verbs)
