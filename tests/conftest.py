@@ -12,6 +12,9 @@ import pytest
 # Before numpy: it holds OpenBLAS to one thread, as in the command line; two workers' would wait for each other.
 import scene  # noqa: F401
 
+ROOT = Path(__file__).parents[1]
+FIXTURE = ROOT / "fixtures" / "bumpy"
+"""The session that comes with rgbn, whose truth is known."""
 LIMIT_S = 5.0
 """Of one test's own work, fixtures that it shares and compiling apart, where a million additions take `MILLION_S`."""
 MILLION_S = 0.04
@@ -88,8 +91,7 @@ def rgbn_process():
 
     def run(*words):
         command = [sys.executable, "-c", "from rgbn.cli import main; main()", *map(str, words)]
-        root = os.path.dirname(os.path.dirname(__file__))
-        return subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+        return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
     return run
 
@@ -99,7 +101,7 @@ def shared():
     """Return a path under the captures that others made, which are no part of the repository; skip where it is not."""
 
     def at(name):
-        path = Path(__file__).parents[1] / ".." / "shared" / name
+        path = ROOT / ".." / "shared" / name
         if not path.exists():
             pytest.skip(f"../shared/{name} is absent")
         return path
@@ -118,7 +120,7 @@ def until(condition, said=lambda: "it took too long", within_s=120):
 def started(*words, **how):
     """Start this checkout's command line, which Ctrl-C ends also where the shell that runs the tests ignores it."""
     code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from rgbn.cli import main; main()"
-    environment = {**os.environ, "PYTHONPATH": os.path.dirname(os.path.dirname(__file__))}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     return subprocess.Popen([sys.executable, "-c", code, *map(str, words)], env=environment, **pipes, **how)
 

@@ -7,11 +7,11 @@ import sys
 import tomllib
 from collections import Counter
 from functools import cache
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.conftest import ROOT
+
 STEPS = ("capture", "calibrate", "align", "solve", "twin", "compare")
 ROOMS = ("draw", "scene", "formats", *STEPS, "lab", "shoot", "experiments", "studio", "rgbn")
 """From the ground floor up: what a room may import stands before it; the steps never import each other."""

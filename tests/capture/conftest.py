@@ -1,8 +1,13 @@
 """Files that the tests photograph themselves: Bayer DNG written by tifffile, pictures, session folders."""
 
+import functools
+
+import cv2
 import numpy as np
 import pytest
 import tifffile
+
+from scene.files import write_png
 
 BLACK, WHITE_DN = 512, 16383
 
@@ -80,8 +85,6 @@ def mosaic():
 
 def linear_png(path, image):
     """Write 0..1 (H, W, 3) in 16 bits."""
-    from scene.files import write_png
-
     write_png(path, (np.clip(image, 0, 1) * 65535).round().astype(np.uint16))
 
 
@@ -103,14 +106,13 @@ def picture_session(tmp_path):
     return write
 
 
-def lit_scene(count=12, *, shape=(240, 320), seed=0, lights=None):
+@functools.cache
+def lit_scene(count=12, *, shape=(240, 320), seed=0):
     """Return linear pictures (F, H, W, 3) of a bumpy, textured ground under lights around it, with shadows.
 
     Heights are low-passed noise: shading, attached shadows and albedo edges as a photograph has them; the camera
     stands still.
     """
-    import cv2
-
     rng = np.random.default_rng(seed)
     height = cv2.GaussianBlur(rng.normal(size=shape), (0, 0), 12.0) * 12 * 8
     albedo = 0.3 + 0.5 * (cv2.GaussianBlur(rng.normal(size=shape), (0, 0), 4.0) > 0)
@@ -118,9 +120,8 @@ def lit_scene(count=12, *, shape=(240, 320), seed=0, lights=None):
     dy, dx = np.gradient(height)
     normals = np.stack([-dx, dy, np.ones(shape)], -1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    if lights is None:
-        azimuth = np.linspace(0, 2 * np.pi, count, endpoint=False)
-        lights = np.stack([0.5 * np.cos(azimuth), 0.5 * np.sin(azimuth), np.full(count, 0.87)], -1)
+    azimuth = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    lights = np.stack([0.5 * np.cos(azimuth), 0.5 * np.sin(azimuth), np.full(count, 0.87)], -1)
     shading = np.maximum(np.einsum("hwc,fc->fhw", normals, lights), 0)
     clean = 0.6 * albedo * shading[..., None]
     return clean + rng.normal(size=clean.shape) * np.sqrt(1e-6 + clean * 2e-5)
@@ -128,4 +129,5 @@ def lit_scene(count=12, *, shape=(240, 320), seed=0, lights=None):
 
 @pytest.fixture
 def scene_pictures():
-    return lit_scene
+    """Return a test's own copy of the lit scene, which is made once."""
+    return lambda *given, **more: lit_scene(*given, **more).copy()

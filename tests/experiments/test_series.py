@@ -4,7 +4,6 @@ import csv
 import json
 import re
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +11,8 @@ import pytest
 from experiments.series import series, series_page, series_rows
 from lab.options import Place, Settings
 from scene.errors import SceneError
+from tests.conftest import FIXTURE
 
-FOLDER = Path(__file__).parents[2] / "fixtures" / "bumpy"
 STATISTICS = ("min_deg", "max_deg", "mean_deg", "median_deg", "std_deg")
 
 
@@ -74,10 +73,10 @@ def test_what_is_no_series_is_refused_before_anything_is_made(tables, words, tmp
 @pytest.mark.render
 def test_fewer_photographs_err_more_on_both(tmp_path):
     """The fixture's twelve flashes, and four of them: nothing is given but photographs, balls and scan."""
-    text = (FOLDER / "session.toml").read_text()
+    text = (FIXTURE / "session.toml").read_text()
     for count in (4, 12):
         folder = tmp_path / "in" / f"{count} flashes"
-        shutil.copytree(FOLDER, folder, ignore=shutil.ignore_patterns("truth*"))
+        shutil.copytree(FIXTURE, folder, ignore=shutil.ignore_patterns("truth*"))
         for number in set(range(12)) - {*range(0, 12, 12 // count)}:
             (folder / "raw" / f"flash_{number:03d}.dng").unlink()
         (folder / "session.toml").write_text(f'{text}\n[series]\nfactor = "flashes"\nvalue = {count}\n')

@@ -4,12 +4,11 @@ import json
 import shlex
 import shutil
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-FIXTURE = Path(__file__).parents[2] / "fixtures" / "bumpy"
+from tests.conftest import FIXTURE
 
 PROGRAM = """
 import sys

@@ -4,13 +4,11 @@ import hashlib
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
+from tests.conftest import ROOT
 from tests.lab.test_foreign_files import make_session
-
-ROOT = Path(__file__).parents[2]
 
 # Each run is a process of its own, forked from one that has loaded the libraries.
 RUNS = """

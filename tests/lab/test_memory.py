@@ -21,8 +21,8 @@ from scene.frames import Frames
 from scene.lights import Lights, known_median
 from scene.record import Record
 from scene.store import Store
+from tests.conftest import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 WIDTH, HEIGHT, FLASHES, TIMES = 900, 600, 6, 12
 STEPS = {"solve": solve, "twin": twin, "compare": compare}
 

@@ -4,16 +4,14 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from lab.job import Job
 from lab.progress import log, logged
 from scene.output_folder import open_record
+from tests.conftest import ROOT
 from tests.lab.test_foreign_files import make_session
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 """A session with a scan and no balls: the whole way, and what is said where the scan cannot be the probe."""
 
 import json
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,8 +12,7 @@ from scene.errors import AlignError
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.store import Store
-
-BUMPY = Path(__file__).parents[2] / "fixtures" / "bumpy"
+from tests.conftest import FIXTURE
 
 
 @pytest.fixture(scope="module")
@@ -23,8 +21,8 @@ def without_balls(tmp_path_factory):
     folder = tmp_path_factory.mktemp("session") / "bumpy"
     folder.mkdir()
     for name in ("raw", "scan"):
-        (folder / name).symlink_to(BUMPY / name)
-    text = (BUMPY / "session.toml").read_text()
+        (folder / name).symlink_to(FIXTURE / name)
+    text = (FIXTURE / "session.toml").read_text()
     kept = [part for part in text.split("\n\n") if not part.startswith("[[spheres]]")]
     (folder / "session.toml").write_text("spheres = []\n" + "\n\n".join(kept))
     return folder
@@ -51,7 +49,7 @@ def test_a_scan_of_unknown_unit_cannot_be_the_probe():
 @pytest.mark.slow
 def test_process_goes_the_whole_way_and_says_where_the_lights_come_from(processed):
     out, summary = processed
-    truth = json.loads((BUMPY / "truth.json").read_text())
+    truth = json.loads((FIXTURE / "truth.json").read_text())
     lights = Store(out).load_lights()
     assert lights.model == "near"
     seen = lights.seen_from(truth["object_centre_mm"])

@@ -8,7 +8,6 @@ import re
 import shutil
 import signal
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,10 +16,8 @@ from calibrate.known_lights.read_known import read_lights
 from scene.errors import CalibrationError
 from scene.files import write_png
 from scene.output_folder import open_record
-from tests.conftest import started
+from tests.conftest import FIXTURE, started
 
-ROOT = Path(__file__).parents[2]
-FIXTURE = ROOT / "fixtures" / "bumpy"
 TEXT = (FIXTURE / "session.toml").read_text()
 BALL = '[[spheres]]\nkind = "white"\ndiameter_mm = 90.0'
 

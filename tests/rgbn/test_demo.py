@@ -5,15 +5,13 @@ import re
 import shutil
 import tomllib
 from fnmatch import fnmatch
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from formats.normal_maps import read_normal_map
 from scene.normals import angular_error_deg
-
-FIXTURE = Path(__file__).parents[2] / "fixtures" / "bumpy"
+from tests.conftest import FIXTURE
 
 pytestmark = [pytest.mark.slow, pytest.mark.render]
 

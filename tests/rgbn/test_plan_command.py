@@ -1,16 +1,14 @@
 """`rgbn plan`: what it writes and prints, each fault in one message, and a session under way."""
 
 import json
-from pathlib import Path
 
 import pytest
 
 from formats.meshes.ply import write_ply
 from shoot.plan.plan_options import PlanOptions
 from shoot.plan.run_plan import run_plan
+from tests.conftest import FIXTURE
 from twin.description.object_mesh import built_in
-
-ROOT = Path(__file__).parents[2]
 
 
 def box(path):
@@ -82,7 +80,7 @@ def test_a_scan_is_planned_written_and_told(tmp_path, run_rgbn, monkeypatch):
 @pytest.mark.full
 def test_a_session_under_way_is_continued(tmp_path):
     """The example's frames: as they are the lights so far, and the next ones lower the error."""
-    facts = run_plan(ROOT / "fixtures" / "bumpy", PlanOptions(flashes=30), out=tmp_path / "out")
+    facts = run_plan(FIXTURE, PlanOptions(flashes=30), out=tmp_path / "out")
     there, lights = facts["there"], json.loads((tmp_path / "out" / "lights.json").read_text())["frames"]
     assert [row["there"] for row in facts["flashes"]] == ["there"] * there + [""] * (30 - there)
     for row, light in zip(facts["flashes"], lights, strict=False):

@@ -23,13 +23,12 @@ from capture.session.manifest import SessionCameraTable
 from capture.session.requests import read_mask
 from capture.session.session import load_session
 from scene.camera import Camera
-from scene.current import ROOT
 from scene.errors import AlignError, SessionError
 from scene.files import write_png
 from scene.frames import Frames
 from scene.spheres import Sphere, SphereRequest
+from tests.conftest import FIXTURE
 
-FIXTURE = ROOT / "fixtures" / "bumpy"
 EXIF = Exif(focal_mm=50.0, pixels_per_mm=(160.0, 160.0), width_px=3760, camera="NIKON D7500")
 MIRROR = Rejected("chrome", np.array([92.0, 104.0]), 45.0, 0.9, 1.0, "a chrome ball")
 BALLS = [Sphere("chrome", np.zeros(2), radius, diameter_mm=100.0) for radius in (45.3, 44.8)]

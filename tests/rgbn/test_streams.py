@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from lab import progress
+from tests.conftest import ROOT
 from tests.lab.test_foreign_files import make_session
 
-ROOT = Path(__file__).parents[2]
 FULL = Path("/dev/full")
 pytestmark = pytest.mark.skipif(not FULL.exists(), reason="no /dev/full here")
 

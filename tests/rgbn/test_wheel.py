@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from scene.current import ROOMS
-
-ROOT = Path(__file__).parents[2]
+from tests.conftest import ROOT
 
 pytestmark = [pytest.mark.slow, pytest.mark.full]
 

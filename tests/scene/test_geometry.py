@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fixtures.lit_surfaces import flashes_at
 from scene.camera import Camera
-from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg, unit
 from scene.pose import Pose
@@ -73,10 +73,7 @@ def test_sphere_normals(camera):
 def near_lights():
     positions = np.array([[300.0, 0, -400], [0, 300, -400], [-200, -200, -300], [0, 0, -100]])
     reference = np.array([0.0, 0, -1000])
-    toward = positions - reference
-    directions = toward / np.linalg.norm(toward, axis=1, keepdims=True)
-    intensities = np.random.default_rng(0).uniform(0.5, 1.5, (4, 3))
-    return Lights(tuple("abcd"), directions, intensities, positions, reference).normalised()
+    return flashes_at(positions, reference, np.random.default_rng(0).uniform(0.5, 1.5, (4, 3))).normalised()
 
 
 def test_near_light_is_itself_at_the_reference_and_falls_off_by_the_square():

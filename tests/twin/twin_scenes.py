@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
+from fixtures.lit_surfaces import flashes_at
 from scene.camera import Camera
-from scene.lights import Lights
-from scene.normals import unit
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import Diffuse
 from twin.description.object_mesh import built_in
@@ -33,6 +32,4 @@ def ball_and_wall(given, material, sampling):
 def lights(*vectors, near=False, intensities=1.0, white=None, middle=MIDDLE):
     """Return flashes toward which, or `near`, at which the vectors from the middle point."""
     vectors = np.array(vectors, float)
-    powers = np.broadcast_to(np.asarray(intensities, float), (len(vectors), 3)).copy()
-    names = tuple(f"flash_{i}" for i in range(len(vectors)))
-    return Lights(names, unit(vectors), powers, middle + vectors if near else None, middle, white_value=white)
+    return flashes_at(middle + vectors, middle, intensities, near=near, digits=1, white_value=white)

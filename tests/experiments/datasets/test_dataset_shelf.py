@@ -5,7 +5,6 @@ import re
 import shlex
 import sys
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,8 +18,8 @@ from formats.diligent_layout import write_diligent
 from lab.options import Solving
 from scene.errors import SceneError
 from scene.frames import Frames
+from tests.conftest import ROOT
 
-ROOT = Path(__file__).parents[3]
 PROGRAM = """
 import sys
 from pathlib import Path

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from scene.files import write_png
-from tests.conftest import until
+from tests.conftest import ROOT, until
 
-ROOT = Path(__file__).parents[3]
 COMMAND = [sys.executable, "-c", "from rgbn.cli import main; main()"]
 FRAMES = 24
 METHODS = "ls,iterative,rpca"

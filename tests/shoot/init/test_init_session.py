@@ -11,17 +11,15 @@ import pytest
 from capture.session.manifest import SessionCameraTable
 from capture.session.session import load_session
 from lab.run import run_session
-from scene.current import ROOT
 from scene.errors import SceneError, SessionError
 from scene.files import write_png
 from scene.normals import angular_error_deg
 from scene.store import Store
 from shoot.init.answers import Answers
 from shoot.init.init_session import init_sessions
+from tests.conftest import FIXTURE
 
 SIZES = {"chrome": (100.0,), "white": (90.0,)}
-
-FIXTURE = ROOT / "fixtures" / "bumpy"
 
 
 @pytest.fixture

@@ -17,8 +17,9 @@ from shoot.init.answers import Answers, Asking
 from shoot.watch.shoot import warning_key
 from shoot.watch.taken import PATIENCE_S, Taken, read_shot, sort_shots
 from shoot.watch.watch_folder import _loop, whole_photographs
+from tests.conftest import FIXTURE
 
-RAW = Path(__file__).parents[3] / "fixtures" / "bumpy" / "raw"
+RAW = FIXTURE / "raw"
 SILENT = Asking(Answers({}), silent=True)
 
 

@@ -20,9 +20,9 @@ from scene.output_folder import open_record
 from scene.pose import Pose, rotation_from_vector
 from scene.spheres import Sphere
 from scene.store import Store
+from tests.conftest import FIXTURE
 from twin.description.object_mesh import built_in
 
-FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
 CAMERA = Camera(160, 120, 220.0, 220.0, 78.0, 61.0)
 REFERENCE = np.array([4.0, -3.0, -800.0])
 WARNING = "flash_2: the white ball stands in shadow; look at the frame."

@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,10 +14,10 @@ from studio.session.corrections import met
 from studio.session.photograph_picture import PictureLook
 from studio.session.plane import Plane
 from studio.session.spatial_view import SCAN_SIZE
+from tests.conftest import FIXTURE
 
 pytestmark = [pytest.mark.slow, pytest.mark.full]
 READY = "Show all of it"
-FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
 
 
 @pytest.fixture
