@@ -46,10 +46,10 @@ def some_folder(root, generator):
 
 @pytest.mark.parametrize("seed", [10_000, pytest.param(10_001, marks=pytest.mark.full)])
 def test_no_file_of_the_users_is_lost(tmp_path, monkeypatch, run_rgbn, seed):
-    """Twenty layouts, and 60 more in `make test-all`; several runs in each, with results of earlier ones."""
+    """Ten layouts, and 70 more in `make test-all`; several runs in each, with results of earlier ones."""
     generator = np.random.default_rng(seed)
     ended = set()
-    for layout in range(20 if seed == 10_000 else 60):
+    for layout in range(10 if seed == 10_000 else 70):
         root = tmp_path / str(layout)
         make_session(root / "session")
         for name in generator.choice(NAMES, generator.integers(1, 6), replace=False):
