@@ -26,7 +26,7 @@ def shell(words, *, environment=None):
     return done.returncode, done.stdout.decode(), done.stderr.decode(errors="replace")
 
 
-@pytest.mark.parametrize("words", ["--help > /dev/full", "doctor > /dev/full"])
+@pytest.mark.parametrize("words", ["--help > /dev/full", "dataset list > /dev/full"])
 def test_standard_output_on_a_full_disk_is_told_once(words):
     code, _, said = shell(words)
     assert code == 2
