@@ -1,7 +1,10 @@
 """Normal maps that others registered: every format gives the same map, every fault its reason."""
 
+import cv2
+import h5py
 import numpy as np
 import pytest
+import scipy.io
 
 from align.truth import read_normals
 from scene.errors import AlignError
@@ -21,10 +24,6 @@ def dome():
 
 
 def write(folder, normals, kind):
-    import cv2
-    import h5py
-    import scipy.io
-
     folder.mkdir(exist_ok=True)
     path = folder / f"{kind.replace(' ', '_')}.{kind.split()[0]}"
     if kind == "mat 5":
@@ -73,8 +72,6 @@ def test_faults_are_named(tmp_path, dome):
 
 
 def test_a_variable_with_a_name_of_pages_is_named_in_a_line(tmp_path):
-    import h5py
-
     with h5py.File(tmp_path / "n.mat", "w") as file:
         file["x\n" * 30_000] = np.ones((3, 4))
     with pytest.raises(AlignError, match="found x x") as caught:

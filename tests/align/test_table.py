@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from align.scan.beside_object import find_table
 from align.scan.scan_surface import surface_of
@@ -31,8 +32,6 @@ def plate(u, v):
 
 
 def box(size, *, open_below=False):
-    import trimesh
-
     mesh = trimesh.creation.box(size)
     for _ in range(4):
         mesh = mesh.subdivide()
@@ -69,8 +68,6 @@ def test_a_table_goes_and_nothing_else(rotations, name, noise_mm):
 
 
 def test_a_table_smaller_than_a_wall_of_what_stands_on_it_goes(rotations):
-    import trimesh
-
     block = field(lambda u, v: 300.0 * (np.maximum(abs(u), abs(v)) < 60))
     table, said = found(*trimesh.remesh.subdivide_to_size(*block, 12.0), rotations[0])
     assert said.startswith("dropped a table")

@@ -9,7 +9,9 @@ import cv2
 import numpy as np
 import pytest
 import scipy.io
+import tifffile
 
+from calibrate.known_lights.read_known import read_lights
 from formats.mat_files import arrays_of_mat
 from formats.picture_files import MOST_PIXELS, read_values
 from scene.errors import AlignError, CalibrationError, CaptureError, SceneError
@@ -108,8 +110,6 @@ def png(width, height, data=b""):
 
 
 def tiff(width, height):
-    import tifffile
-
     data = io.BytesIO()
     tifffile.imwrite(data, np.zeros((4, 4), np.uint16), metadata=None)
     whole = bytearray(data.getvalue())
@@ -146,8 +146,6 @@ def test_a_byte_that_crashes_the_reader_of_mat_files(tmp_path):
 
 
 def test_lights_json_without_positions_is_told(tmp_path):
-    from calibrate.known_lights.read_known import read_lights
-
     rows = [{"name": n, "direction": [0, 0, 1], "position_mm": None, "intensity": [1, 1, 1]} for n in "abc"]
     (tmp_path / "lights.json").write_text(json.dumps({"model": "near", "frames": rows}))
     with pytest.raises(CalibrationError, match="position_mm: found the shape"):
