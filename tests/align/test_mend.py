@@ -27,10 +27,13 @@ def volume(mesh) -> float:
     return float(np.einsum("tk,tk->", a, np.cross(b, c)) / 6)
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("m", 1000.0), ("cm", 10.0), ("mm", 1.0), ("inch", 25.4)])
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("m", 1000.0), ("cm", 10.0), ("mm", 1.0), ("inch", 25.4), ("unknown", 1.0)]
+)
 def test_units(tmp_path, unit, factor):
     mesh = load(tmp_path, VERTICES, FACES, unit)
     assert np.ptp(mesh.vertices, axis=0) == pytest.approx([30 * factor, 20 * factor, 10 * factor])
+    assert any(repair.startswith("scan_unit is unknown") for repair in mesh.repairs) == (unit == "unknown")
 
 
 def test_mending_is_done_and_said(tmp_path, bumpy):
@@ -248,12 +251,6 @@ def with_balls(mesh, *diameters, cut=-2.0):
         faces.append(kept + sum(map(len, vertices)))
         vertices.append(diameter / 2 * sphere.vertices + [150 + 100 * number, 0, 0])
     return np.concatenate(vertices), np.concatenate(faces)
-
-
-def test_an_unknown_unit_keeps_the_file_s_numbers(tmp_path, coarse):
-    mesh = load(tmp_path, 0.01 * coarse.vertices, coarse.faces, "unknown")
-    assert mesh.radius_mm == pytest.approx(0.01 * coarse.radius_mm, rel=1e-6)
-    assert any(repair.startswith("scan_unit is unknown") for repair in mesh.repairs)
 
 
 @pytest.mark.parametrize(

@@ -125,9 +125,9 @@ SIDE = 40
 CAMERA = Camera(SIDE, SIDE, 90.0, 90.0, 18.0, 21.0)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def stepped():
-    """Two leaning plates, one 60 mm behind the other, and a hole of one pixel."""
+    """(points, normals, mesh) of two leaning plates, one 60 mm behind the other, and a hole of one pixel."""
     _, rays = CAMERA.rays(CAMERA.grid())
     normal = np.array([0.2, -0.3, 1.0])
     normal /= np.linalg.norm(normal)
@@ -138,13 +138,12 @@ def stepped():
     points[8, 8], normals[8, 8] = np.nan, np.nan
     albedo = np.full(points.shape, 0.2)
     albedo[:20] *= [2, 1, 0.5]
-    return points, normals, albedo
+    return points, normals, mesh_of(surface_at(points[..., 2], normals, CAMERA), normals, albedo, CAMERA)
 
 
 def test_the_file_opens_elsewhere_with_points_normals_and_colors(stepped, tmp_path):
     trimesh = pytest.importorskip("trimesh")
-    points, normals, albedo = stepped
-    mesh = mesh_of(surface_at(points[..., 2], normals, CAMERA), normals, albedo, CAMERA)
+    points, normals, mesh = stepped
     write_surface(tmp_path / "surface.ply", mesh)
     read = trimesh.load(tmp_path / "surface.ply", process=False)
     known = np.isfinite(points[..., 2])
@@ -159,8 +158,7 @@ def test_the_file_opens_elsewhere_with_points_normals_and_colors(stepped, tmp_pa
 
 
 def test_no_face_bridges_a_step_or_a_hole_and_none_is_missing(stepped):
-    points, normals, albedo = stepped
-    mesh = mesh_of(surface_at(points[..., 2], normals, CAMERA), normals, albedo, CAMERA)
+    mesh = stepped[2]
     corners = mesh.vertices[mesh.faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max()
     assert longest < 2 * 1.5 * 660 / 90
