@@ -1,7 +1,5 @@
 """DiLiGenT's published figures for least squares, by the profile that is named after them."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
@@ -13,15 +11,11 @@ from scene.lights import Lights
 from scene.normals import angular_error_deg
 from solve.solve import solve
 
-DILIGENT = Path(__file__).resolve().parents[2] / ".." / "shared" / "real" / "diligent"
-
 
 @pytest.mark.full
 @pytest.mark.parametrize(("name", "published_deg"), [("ball", 4.10), ("cat", 8.41)])
-def test_the_mean_error_is_the_published_one(name, published_deg):
-    folder = DILIGENT / f"{name}PNG"
-    if not folder.is_dir():
-        pytest.skip("DiLiGenT's photographs are not here")
+def test_the_mean_error_is_the_published_one(shared, name, published_deg):
+    folder = shared(f"real/diligent/{name}PNG")
     names = tuple((folder / "filenames.txt").read_text().split())
     photographs = [cv2.imread(str(folder / each), cv2.IMREAD_UNCHANGED)[..., ::-1] for each in names]
     frames = Frames.from_linear(names, np.stack(photographs).astype(np.float32) / 65535)
