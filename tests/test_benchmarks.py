@@ -18,8 +18,9 @@ from benchmarks.readme import AGREED, QUOTED, README, Quoted, cell, readme_table
 LONG = {
     "calibration/lights", "calibration/balls", "calibration/scan as probe", "registration/poses",
     "methods/table", "methods/speed", "methods/light distance", "trust/trust", "twin/relighting", "twin/material",
-    "twin/engines", "counterparts/series", "faults/faults", "sweeps/stability", "sweeps/agreement", "sweeps/means", "findings/findings",
-    "robustness/kills", "robustness/bad input", "robustness/memory", "sessions/verbs", "real-captures/captures",
+    "twin/engines", "counterparts/series", "faults/faults", "sweeps/stability", "sweeps/agreement", "sweeps/means",
+    "findings/findings", "robustness/kills", "robustness/bad input", "robustness/memory", "sessions/verbs",
+    "real-captures/captures",
 }  # fmt: skip
 """More than one and a half processor seconds; what such a table must be, the other tables tell at once."""
 
