@@ -16,7 +16,7 @@ def _rational(value):
     return (round(value * 1_000_000), 1_000_000)
 
 
-def write_dng_file(
+def write_dng(
     path,
     values,
     *,
@@ -71,16 +71,6 @@ def mosaic_of(linear, pattern="RGGB", *, black=BLACK, white=WHITE_DN):
     if white is None:
         return values
     return np.clip(np.round(black + values * (white - black)), 0, white).astype(np.uint16)
-
-
-@pytest.fixture
-def write_dng():
-    return write_dng_file
-
-
-@pytest.fixture
-def mosaic():
-    return mosaic_of
 
 
 def linear_png(path, image):

@@ -8,7 +8,7 @@ from capture.session.session import load_session
 from scene.errors import CaptureError
 from scene.files import write_png
 from scene.store import Store
-from tests.capture.conftest import linear_png
+from tests.capture.conftest import linear_png, mosaic_of, write_dng
 from tests.capture.test_decode import files_of
 
 DN = 1 / (16383 - 512)
@@ -39,15 +39,15 @@ def test_dark_and_flat(picture_session, scene_pictures, tmp_path):
 
 
 @pytest.mark.parametrize("white", [15200, 16383])
-def test_a_flat_field_hides_no_clipped_sample(tmp_path, write_dng, mosaic, scene_pictures, white):
+def test_a_flat_field_hides_no_clipped_sample(tmp_path, scene_pictures, white):
     """The header says 16383; wherever the sensor ends, what it clipped is flagged, and nothing else is."""
     v, u = np.mgrid[-1:1:96j, -1:1:128j]
     vignette = (1 / (1 + 0.6 * (u * u + v * v)))[..., None] * np.ones(3)
     truth = scene_pictures(6, shape=(96, 128)) * 3.5
     ceiling = (white - 512) * DN
     for i, picture in enumerate(truth):
-        write_dng(tmp_path / f"flash_{i}.dng", mosaic(np.minimum(picture * vignette, ceiling)))
-    write_dng(tmp_path / "flat.dng", mosaic(0.7 * vignette))
+        write_dng(tmp_path / f"flash_{i}.dng", mosaic_of(np.minimum(picture * vignette, ceiling)))
+    write_dng(tmp_path / "flat.dng", mosaic_of(0.7 * vignette))
     (tmp_path / "session.toml").write_text('[frames]\nflash = "flash_*.dng"\nhalf = true\nflat = "flat.dng"\n')
     frames, report = decode(load_session(tmp_path), Store(tmp_path / "out"))
     assert any("the sensor clips there" in text for text in report.warnings) == (white == 15200)

@@ -12,13 +12,14 @@ from capture.session.session import load_session
 from scene.errors import CaptureError, SessionError
 from scene.frames import PEDESTAL, WHITE
 from scene.store import Store
+from tests.capture.conftest import mosaic_of, write_dng
 
 CODE = 1 / (WHITE - PEDESTAL)
 DN = 1 / (16383 - 512)
 
 
 @pytest.fixture
-def raw_session(tmp_path, write_dng, mosaic, scene_pictures):
+def raw_session(tmp_path, scene_pictures):
     """Six flash frames and two ambient frames as Bayer DNG; returns the folder and the linear truth."""
 
     def write(*, exposures=(1.0,) * 6, table=""):
@@ -27,11 +28,11 @@ def raw_session(tmp_path, write_dng, mosaic, scene_pictures):
         folder, how = tmp_path / "session", {"iso": 100, "aperture": 8}
         folder.mkdir()
         for i, (picture, exposure) in enumerate(zip(light, exposures, strict=True)):
-            write_dng(folder / f"flash_{i}.dng", mosaic(picture * exposure), exposure_s=exposure / 100, **how)
+            write_dng(folder / f"flash_{i}.dng", mosaic_of(picture * exposure), exposure_s=exposure / 100, **how)
         rng = np.random.default_rng(0)
         for i in range(2):
             noisy = ambient + rng.normal(scale=0.002, size=ambient.shape)
-            write_dng(folder / f"ambient_{i}.dng", mosaic(noisy), exposure_s=0.01, **how)
+            write_dng(folder / f"ambient_{i}.dng", mosaic_of(noisy), exposure_s=0.01, **how)
         (folder / "session.toml").write_text(f'[frames]\nflash = "flash_*.dng"\nambient = "ambient_*.dng"\n{table}')
         return folder, light, ambient
 
@@ -45,20 +46,20 @@ def files_of(folder):
 INNER = np.s_[..., 2:-2, 2:-2, :]
 
 
-def bilinear(linear, mosaic):
+def bilinear(linear):
     """What any linear decode sees of a scene: bilinear interpolation of its mosaic, by convolution."""
     from scipy.ndimage import convolve
 
     v, u = np.mgrid[: linear.shape[0], : linear.shape[1]]
     channel = np.array([0, 1, 1, 2])[(v % 2) * 2 + u % 2]
-    values = (mosaic(linear) - 512.0) * DN
+    values = (mosaic_of(linear) - 512.0) * DN
     cross = np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4
     square = np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]]) / 4
     planes = (np.where(channel == i, values, 0) for i in range(3))
     return np.stack([convolve(*one) for one in zip(planes, (square, cross, square), strict=True)], -1)
 
 
-def test_frames_are_the_scene(raw_session, tmp_path, mosaic):
+def test_frames_are_the_scene(raw_session, tmp_path):
     folder, light, ambient = raw_session()
     steps = []
     frames, report = decode(
@@ -70,8 +71,8 @@ def test_frames_are_the_scene(raw_session, tmp_path, mosaic):
     assert frames.is_mosaic
     for i in range(6):
         found = frames.frame(i, subtract_ambient=False)
-        assert np.abs(found - bilinear(light[i], mosaic))[INNER].max() < 2 * CODE
-    assert np.abs(frames.frame(0) - bilinear(light[0] - ambient, mosaic))[INNER].std() < 0.002
+        assert np.abs(found - bilinear(light[i]))[INNER].max() < 2 * CODE
+    assert np.abs(frames.frame(0) - bilinear(light[0] - ambient))[INNER].std() < 0.002
     assert steps == [(i + 1, 8) for i in range(8)]
     assert report.warnings == ()
     assert np.allclose([row["brightness"] for row in report.frames_table], light.mean((1, 2, 3)), rtol=0.01)
@@ -103,7 +104,7 @@ def test_any_executor_gives_the_same_bytes(raw_session, tmp_path, pool):
 
 @pytest.mark.parametrize("again", [False, True], ids=["first", "again"])
 @pytest.mark.parametrize("how", ["corrupt", "other size", "gone", "misfire", "interrupt"])
-def test_a_bad_frame_leaves_nothing(raw_session, write_dng, tmp_path, how, again):
+def test_a_bad_frame_leaves_nothing(raw_session, tmp_path, how, again):
     """After a first good run, too, no header may stand beside codes that are not its own."""
     folder, *_ = raw_session()
     session, store = load_session(folder), Store(tmp_path / "out")

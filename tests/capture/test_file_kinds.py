@@ -16,7 +16,7 @@ from capture.photographs.images import read_image
 from capture.photographs.raw import read_raw
 from scene.errors import CaptureError
 from scene.frames import PEDESTAL, WHITE, decode
-from tests.capture.conftest import mosaic_of, write_dng_file
+from tests.capture.conftest import mosaic_of, write_dng
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/file-formats.md").read_text()
 ROWS = [
@@ -327,7 +327,7 @@ def exr_refused(folder):
 
 
 def dng(folder, values, white, more=(), **how):
-    return write_dng_file(folder / "a.dng", values, black=None, white=white, more=more, **how)
+    return write_dng(folder / "a.dng", values, black=None, white=white, more=more, **how)
 
 
 def flat_scene(size=(HEIGHT, WIDTH)):

@@ -13,6 +13,7 @@ from capture.photographs.raw import read_raw
 from formats.picture_files import linear_from_srgb, write_exr
 from scene.errors import CaptureError
 from scene.frames import PEDESTAL, WHITE, Frames, decode
+from tests.capture.conftest import mosaic_of, write_dng
 
 CODE = 1 / (WHITE - PEDESTAL)
 DN = 1 / (16383 - 512)
@@ -36,15 +37,15 @@ def ramps(height=64, width=96):
 
 
 @pytest.mark.parametrize("pattern", ["RGGB", "BGGR", "GRBG", "GBRG"])
-def test_every_bayer_pattern_gives_its_own_colours_back(tmp_path, write_dng, mosaic, pattern):
+def test_every_bayer_pattern_gives_its_own_colours_back(tmp_path, pattern):
     scene = ramps()
-    found = read_raw(write_dng(tmp_path / "a.dng", mosaic(scene, pattern), pattern=pattern))
+    found = read_raw(write_dng(tmp_path / "a.dng", mosaic_of(scene, pattern), pattern=pattern))
     assert found.is_mosaic
     inner = np.s_[2:-2, 2:-2]
     assert np.abs(decode(found.codes)[inner] - scene[inner]).max() < 0.5 * DN + 1.5 * CODE
 
 
-def test_all_colours_at_every_pixel_above_a_black_level(tmp_path, write_dng):
+def test_all_colours_at_every_pixel_above_a_black_level(tmp_path):
     image = np.random.default_rng(5).integers(600, 16383, (40, 60, 3), dtype=np.uint16)
     level = (50714, 3, 3, (512, 512, 512), True)
     found = read_raw(write_dng(tmp_path / "l.dng", image, black=None, white=16383, more=[level]))
@@ -52,15 +53,15 @@ def test_all_colours_at_every_pixel_above_a_black_level(tmp_path, write_dng):
     assert np.abs(decode(found.codes) - (image.astype(float) - 512) * DN).max() < CODE
 
 
-def test_bands_have_no_seams(tmp_path, write_dng, mosaic, monkeypatch):
+def test_bands_have_no_seams(tmp_path, monkeypatch):
     rng = np.random.default_rng(0)
-    path = write_dng(tmp_path / "a.dng", mosaic(rng.uniform(0, 1, (70, 40, 3))))
+    path = write_dng(tmp_path / "a.dng", mosaic_of(rng.uniform(0, 1, (70, 40, 3))))
     whole = read_raw(path).codes
     monkeypatch.setattr("capture.photographs.raw.BAND_ROWS", 16)
     assert np.array_equal(read_raw(path).codes, whole)
 
 
-def test_each_site_has_its_own_black_level(tmp_path, write_dng):
+def test_each_site_has_its_own_black_level(tmp_path):
     black = np.array([[500, 510], [520, 530]])
     grid = np.tile(black, (20, 30)) + 4000
     found = read_raw(write_dng(tmp_path / "a.dng", grid.astype(np.uint16), black=black.ravel()))
@@ -89,9 +90,9 @@ def test_a_real_camera_file_agrees_with_libraw(shared):
 
 @pytest.mark.parametrize("floats", [{}, {"black": None, "white": 1}], ids=["whole numbers", "floats"])
 @pytest.mark.parametrize("half", [False, True])
-def test_a_highlight_changes_no_other_pixel(tmp_path, write_dng, mosaic, floats, half):
+def test_a_highlight_changes_no_other_pixel(tmp_path, floats, half):
     def read(scene):
-        values = mosaic(scene, white=None).astype("f4") if floats else mosaic(scene)
+        values = mosaic_of(scene, white=None).astype("f4") if floats else mosaic_of(scene)
         return read_raw(write_dng(tmp_path / "a.dng", values, **floats), half=half).codes
 
     scene = ramps() - 0.15
@@ -105,7 +106,7 @@ def test_a_highlight_changes_no_other_pixel(tmp_path, write_dng, mosaic, floats,
         assert 39 // step <= columns.min() <= columns.max() <= 43 // step
 
 
-def test_noise_below_black_is_kept(tmp_path, write_dng):
+def test_noise_below_black_is_kept(tmp_path):
     rng = np.random.default_rng(3)
     dark = np.round(512 + rng.normal(scale=6, size=(200, 200))).astype(np.uint16)
     linear = decode(read_raw(write_dng(tmp_path / "a.dng", dark)).codes)
@@ -115,13 +116,13 @@ def test_noise_below_black_is_kept(tmp_path, write_dng):
 
 
 @pytest.mark.parametrize("floats", [False, True])
-def test_the_session_has_one_white_level(tmp_path, write_dng, mosaic, floats):
+def test_the_session_has_one_white_level(tmp_path, floats):
     """A file with a lower white level holds the same values for the same light, and clips earlier."""
     scene, inner = ramps() * 0.5, np.s_[2:-2, 2:-2]
     if floats:
-        write_dng(tmp_path / "a.dng", mosaic(scene, white=None).astype("f4"), black=None, white=2)
+        write_dng(tmp_path / "a.dng", mosaic_of(scene, white=None).astype("f4"), black=None, white=2)
     else:
-        write_dng(tmp_path / "a.dng", mosaic(scene), white=15000)
+        write_dng(tmp_path / "a.dng", mosaic_of(scene), white=15000)
     first, lower = (1, 2) if floats else (16383 - 512, 15000 - 512)
     alone, found = read_raw(tmp_path / "a.dng"), read_raw(tmp_path / "a.dng", sensor_range=first)
     assert alone.sensor_range == pytest.approx(lower)
@@ -130,7 +131,7 @@ def test_the_session_has_one_white_level(tmp_path, write_dng, mosaic, floats):
     assert found.white == pytest.approx(min(lower / first, 1))
 
 
-def test_superpixels(tmp_path, write_dng):
+def test_superpixels(tmp_path):
     grid = np.zeros((40, 60), np.uint16)
     grid[0::2, 0::2], grid[0::2, 1::2], grid[1::2, 0::2], grid[1::2, 1::2] = 3000, 5000, 5200, 7000
     grid[0, 1] = 16383
@@ -148,7 +149,7 @@ def test_superpixels(tmp_path, write_dng):
 XTRANS = "GGRGGB GGBGGR BRGRBG GGBGGR GGRGGB RBGBRG".replace(" ", "")
 
 
-def test_another_mosaic_than_bayer(tmp_path, write_dng):
+def test_another_mosaic_than_bayer(tmp_path):
     """X-Trans: its own samples come back, noise below black too."""
     rng = np.random.default_rng(4)
     grid = rng.integers(480, 9000, (66, 84), dtype=np.uint16)
@@ -185,12 +186,12 @@ KINDS, HOW = (".png", ".jpg", ".tif", ".tga", ".exr", ".pgm", ".dng"), ("cut", "
 
 
 @pytest.mark.parametrize(("suffix", "how"), [*itertools.product(KINDS, HOW), (".exr", "no number")])
-def test_a_broken_file_is_named(tmp_path, write_dng, mosaic, suffix, how):
+def test_a_broken_file_is_named(tmp_path, suffix, how):
     path, values = tmp_path / f"flash_007{suffix}", ramps()
     if suffix == ".exr":
         write_exr(path, np.where(values > 0.5, np.nan, values) if how == "no number" else values)
     elif suffix == ".dng":
-        write_dng(path, mosaic(values))
+        write_dng(path, mosaic_of(values))
     else:
         Image.fromarray((255 * values[..., 0] if suffix == ".pgm" else 255 * values).astype(np.uint8)).save(path)
     data = path.read_bytes()
