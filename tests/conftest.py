@@ -139,7 +139,8 @@ def chromium():
         browser.close()
 
 
+@pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items):
-    """Take the files of long tests first: in the end both workers have short ones left."""
+    """Take the files of long tests first, of those that are run: in the end both workers have short ones left."""
     long = {item.path for item in items if item.get_closest_marker("full") or item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in long)
