@@ -26,8 +26,8 @@ from calibrate.detection.circles import overlap
 from calibrate.detection.coarse import Coarse
 from calibrate.detection.evidence import Change, Shaded, brightest
 from calibrate.lights.directions import USUAL_FOCAL, arc_miss_deg, mirrored_rays
+from calibrate.silhouette.mirrored_fit import MirroredTable
 from calibrate.silhouette.mirrored_surroundings import sized
-from calibrate.silhouette.mirrored_table import MirroredTable
 from scene.camera import Camera
 from scene.spheres import Kind, Sphere
 
@@ -103,10 +103,13 @@ def own_log_odds(suspect: Suspect, weights: Weights | None = None) -> float:
 
 
 def considered(suspects: Sequence[Suspect]) -> list[Suspect]:
-    """Return the suspects without those that are worse than `EACH` others at their place."""
+    """Return the suspects without those that are worse than `EACH` others at their place.
+
+    What mirrors the table comes first.
+    """
     quality = fitted()["circle"]
     kept: list[Suspect] = []
-    for one in sorted(suspects, key=lambda s: -float(s.features @ quality[s.like])):
+    for one in sorted(suspects, key=lambda s: (s.table is None, -float(s.features @ quality[s.like]))):
         same = sum(one.like == o.like and overlap(one.sphere, o.sphere) for o in kept)
         if same < EACH:
             kept.append(one)

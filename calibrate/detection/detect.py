@@ -19,8 +19,9 @@ from calibrate.detection.mirror_outline import (
 )
 from calibrate.silhouette.ball_silhouette import TABLE_FROM_PX, OutlineFit, fit_outline
 from calibrate.silhouette.explained_profiles import laws_of
+from calibrate.silhouette.mirrored_fit import MirroredTable
 from calibrate.silhouette.mirrored_surroundings import TablePlane, shared_plane
-from calibrate.silhouette.mirrored_table import Beside, MirroredTable
+from calibrate.silhouette.mirrored_table import Beside
 from draw.readable import share
 from scene.camera import Camera
 from scene.frames import Frames

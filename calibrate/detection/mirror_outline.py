@@ -20,14 +20,8 @@ from numpy.typing import NDArray
 from calibrate.detection.circles import gradient, rank
 from calibrate.detection.coarse import Coarse
 from calibrate.detection.evidence import Points
-from calibrate.silhouette.mirrored_table import (
-    NOTHING_KNOWN,
-    SURE,
-    Beside,
-    MirroredTable,
-    fit_mirrored_table,
-    mirrored_share,
-)
+from calibrate.silhouette.mirrored_fit import SURE, MirroredTable
+from calibrate.silhouette.mirrored_table import NOTHING_KNOWN, Beside, fit_mirrored_table, mirrored_share
 from calibrate.silhouette.outline import circles_apart, sampled, share_in_picture
 from scene.camera import Camera
 from scene.frames import Frames

@@ -17,7 +17,8 @@ from calibrate.silhouette.cone_fit import (
     Reader,
     fit_cone,
 )
-from calibrate.silhouette.mirrored_table import NOTHING_KNOWN, Beside, MirroredTable, fit_mirrored_table
+from calibrate.silhouette.mirrored_fit import MirroredTable
+from calibrate.silhouette.mirrored_table import NOTHING_KNOWN, Beside, fit_mirrored_table
 from calibrate.silhouette.outline import (
     KERNEL_REACH,
     agree,

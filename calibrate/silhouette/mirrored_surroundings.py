@@ -25,10 +25,14 @@ LOOKED_UP_AT_PX = 100.0  # in a picture in which the ball is at most so large: w
 SMOOTH_PX = 1.0  # with this blur: the picture's noise would pass for a slope of what is looked up
 COVERED = 1.1  # radii of another ball, within which it hides the table
 PER_BIN = 3  # directions in which the table is looked up for each profile
+EACH, MIDDLE = slice(None), slice(PER_BIN // 2, None, PER_BIN)  # all directions, and the middle one of each profile
 MOVE = 1e-4  # px, of the differences by which what is looked up moves
-SLOPE_SIGMA, HEIGHT_SIGMA = 0.1, 0.05
-"""How far the plane under one ball differs from that under the next, by slopes and in radii: tables are not flat, and
-balls may stand on rings."""
+SLOPE_SIGMA = (
+    0.1  # how far the slopes of the plane under one ball differ from those under the next: tables are not flat
+)
+STANDS, ON_FOOT = 0.003, 0.3
+"""Sigma of the distance from a ball's centre to its table, in radii: of a ball that stands on it, whose distance is 1;
+and on a foot, a ring."""
 
 
 class TablePlane(NamedTuple):
@@ -38,26 +42,33 @@ class TablePlane(NamedTuple):
     sigma: Array  # (3,)
 
     @property
+    def height(self) -> float:
+        """How high above it the ball stands, on a foot, radii."""
+        return float(self.values[2] - 1)
+
+    @property
+    def under_foot(self) -> "TablePlane":
+        """The same table where nothing says that the ball stands on it."""
+        return self._replace(sigma=np.append(self.sigma[:2], ON_FOOT))
+
+    @property
     def steepness(self) -> float:
         """Tangent of the angle between the table's normal and the view."""
         return float(np.hypot(*self.values[:2]))
 
 
-ANY_PLANE = TablePlane(np.array([0.0, 0.0, 1.0]), np.array([1.0, 1.0, 0.3]))
+ANY_PLANE = TablePlane(np.array([0.0, 0.0, 1.0]), np.array([1.0, 1.0, STANDS]))
 """What is known before the table is seen: a small ball shows little of it."""
 
 
 def shared_plane(planes: Sequence[TablePlane]) -> TablePlane | None:
-    """Return what other balls' planes say of one ball's, each as sure as it is; None of none.
-
-    Where it stands on the table, the distance is one radius.
-    """
+    """Return what other balls' planes say of that on which one stands, each as sure as it is; None of none."""
     if not planes:
         return None
     slopes = np.stack([plane.values[:2] for plane in planes])
     weight = 1 / (np.stack([plane.sigma[:2] for plane in planes]) ** 2 + SLOPE_SIGMA**2)
     mean, total = (weight * slopes).sum(0) / weight.sum(0), weight.sum(0)
-    return TablePlane(np.append(mean, 1.0), np.append(1 / np.sqrt(total), HEIGHT_SIGMA))
+    return TablePlane(np.append(mean, 1.0), np.append(1 / np.sqrt(total), STANDS))
 
 
 def sized(sphere: Sphere) -> Sphere:
@@ -195,13 +206,14 @@ class Surroundings:
 
     def slopes(self, sphere: Sphere, plane: Array, at: MirroredSamples) -> Values:
         """Return (6, F, BINS, K), what `mirrored_by` shows more by (u, v, radius) and the plane's three numbers."""
-        looking = self._looking(sphere, at)
+        shown = [_binned(slope) for slope in self._look_up(self._pixels(self._looking(sphere, at), plane, at))[1]]
+        # In a profile's few directions the pixels move alike: the middle one tells.
+        looking = self._looked(sphere, at, MIDDLE)
         here = self._pixels(looking, plane, at)
-        shown = self._look_up(here)[1]
-        elsewhere = [self._pixels(self._looked(moved(sphere, e), at), plane, at) for e in MOVE * np.eye(3)]
+        elsewhere = [self._pixels(self._looked(moved(sphere, e), at, MIDDLE), plane, at) for e in MOVE * np.eye(3)]
         elsewhere += [self._pixels(looking, plane + e, at) for e in MOVE * np.eye(3)]
-        by = (np.nan_to_num((pixels - here) / MOVE).astype(np.float32)[..., None] for pixels in elsewhere)
-        return np.stack([_binned(move[:, :, 0] * shown[0] + move[:, :, 1] * shown[1]) for move in by])
+        by = (np.nan_to_num((pixels - here) / MOVE).astype(np.float32) for pixels in elsewhere)
+        return np.stack([move[..., 0] * shown[0] + move[..., 1] * shown[1] for move in by])
 
     def _pixels(self, looking: _Looking, plane: Array, at: MirroredSamples) -> Array:
         """Return the pixels (N, K, 2) that show what a ball mirrors; NaN where its rays miss the plane."""
@@ -217,8 +229,8 @@ class Surroundings:
             self.last = key, self._looked(sphere, at)
         return self.last[1]
 
-    def _looked(self, sphere: Sphere, at: MirroredSamples) -> _Looking:
-        outline, normals = outline_with_normals(self.camera, sphere, PER_BIN * BINS)
+    def _looked(self, sphere: Sphere, at: MirroredSamples, which: slice = EACH) -> _Looking:
+        outline, normals = (each[which] for each in outline_with_normals(self.camera, sphere, PER_BIN * BINS))
         depths = sphere.radius_px * (1 - np.sqrt(1 - at.middle**2))
         ball = sized(sphere)
         rays = mirrored_rays(self.camera, ball, outline[:, None] - depths[:, None] * normals[:, None])

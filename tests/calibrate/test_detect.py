@@ -1,15 +1,18 @@
 """Balls without clicks, among shadows, mirrored rims and an object made of round lumps."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from calibrate.detection.balls import find_balls
-from calibrate.detection.choice import Rays, Suspect, agreement, choose, fitted
+from calibrate.detection.choice import Rays, Suspect, agreement, choose, considered, fitted
 from calibrate.detection.coarse import shrink
 from calibrate.detection.detect import detect
 from calibrate.detection.mirror_outline import circles_about
+from calibrate.silhouette.mirrored_fit import MirroredTable
+from calibrate.silhouette.mirrored_surroundings import ANY_PLANE
 from fixtures import ball_scene
 from fixtures.ball_scene import World, dust, flashes
 from scene.camera import Camera
@@ -233,6 +236,16 @@ def _suspect(kind, place, *, own, lights, flat=1.0):
     features = np.zeros(len(weights))
     features[0] = own / weights[0]
     return Suspect(sphere, kind, features, _rays(np.array([300.0 * place, 0, -1500]), lights, flat=flat))
+
+
+def test_a_circle_that_mirrors_the_table_is_always_considered():
+    """Its flashes lay far out: the dark discs inside it seemed better, and the ball was lost."""
+    lights = np.random.default_rng(4).normal(0, 500, (9, 3)) * [1, 1, 0.3] + [0, 0, -300]
+    mirror, *discs = (_suspect("chrome", 0.01 * n, own=-1.0, lights=lights) for n in range(3))
+    mirror.features[-2], discs[0].features[-2], discs[1].features[-2] = 0.5, 1.0, 1.0
+    assert not any(one is mirror for one in considered([mirror, *discs]))
+    shown = replace(mirror, table=MirroredTable(mirror.sphere, np.eye(3), ANY_PLANE, 1.0, 0.6, 0.999, 0.0))
+    assert any(one is shown for one in considered([*discs, shown]))
 
 
 def test_the_likeliest_set_is_taken():

@@ -57,6 +57,18 @@ def test_outline_plane_and_reflectance_of_a_ball_on_a_textured_table(texture: st
     assert found.plane.values == pytest.approx([n[0] / n[2], n[1] / n[2], 1.0], abs=0.03)
 
 
+@pytest.mark.parametrize("foot", [0.1, 0.3])
+def test_a_ball_on_a_foot_is_told_from_one_that_stands_on_the_table(foot: float) -> None:
+    world = table_world(20000)
+    world.table_point = world.table_point - foot * 53.0 * world.table_normal
+    true, frames = world.spheres()[0], seen(world, 20000)
+    start = replace(true, center_px=true.center_px + [0.5, -0.4], radius_px=true.radius_px - 0.6)
+    found = fit_mirrored_table(frames, CAMERA, start, blur_px=1.0, beside=Beside(laws=[metal_of_the_fixture]))
+    off = np.array([*(found.sphere.center_px - true.center_px), found.sphere.radius_px - true.radius_px])
+    assert np.abs(off).max() < 0.03
+    assert found.plane.height == pytest.approx(foot, abs=0.02)
+
+
 @pytest.mark.full
 @pytest.mark.parametrize("blur_px", [0.3, 1.0, 1.5])
 def test_a_blur_moves_no_outline(blur_px: float) -> None:
