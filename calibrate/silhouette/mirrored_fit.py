@@ -19,7 +19,7 @@ from calibrate.silhouette.explained_profiles import (
     without,
 )
 from calibrate.silhouette.mirrored_surroundings import (
-    ON_FOOT,
+    FOOT_SIGMA,
     MirroredSamples,
     MirroredView,
     Surroundings,
@@ -38,8 +38,7 @@ UNEXPLAINED_PX = 6.0
 """Doubt of the outline, times the share of the variance that is left: the table is no plane, things stand on it, or a
 wall throws light."""
 NEAREST_PLANE, FARTHEST_PLANE = 0.85, 2.0
-"""Radii from the ball's centre to its table: nearer it would cut the ball, and no foot on which a ball stands is
-higher."""
+"""Radii from the ball's centre to its table. It cannot cut the ball, but a soft one gives way; no foot is higher."""
 TURNS, ROUGH_TURNS, LAST_TURNS = 40, 8, 20
 LAST_STEP = 0.5  # whole steps would go to and fro: bilinear interpolation has kinks, and weights are read anew
 FIRST_DAMPING, MOST_DAMPING = 1e-2, 1e1  # of a step that does not lead down
@@ -64,7 +63,7 @@ class MirroredTable(NamedTuple):
     blur_px: float  # standard deviation of the blur under which the silhouette edge is seen
     mirror: float  # reflectance where it faces the camera
     explained: float  # share of the profiles' variance that the model explains; d, e and f alone explain none of it
-    lift: float  # radii by which the photographs alone would have the ball higher above the table, to first order
+    lift: float  # radii by which the photographs alone would have the ball higher than it is here, to first order
     is_fresnels: float = 0.0  # log ratio of what Schlick's law and Fresnel's leave; 0 where only one was tried
 
     @property
@@ -124,7 +123,7 @@ def settle(table: Surroundings, start: Start, known: TablePlane, law: Law, *, ro
             seen = TablePlane(plane, sigma[PLANE])
             gradient, damping = told.gradient - prior * beside, damping / 10
             free, pull = normal.copy(), gradient.copy()
-            free[HEIGHT, HEIGHT] += 1 / ON_FOOT**2 - prior[HEIGHT]
+            free[HEIGHT, HEIGHT] += 1 / FOOT_SIGMA**2 - prior[HEIGHT]
             pull[HEIGHT] += prior[HEIGHT] * beside[HEIGHT]
             lift = float(np.linalg.solve(free, pull)[HEIGHT])
             share, mirror = explained.share, explained.mirror

@@ -25,14 +25,14 @@ LOOKED_UP_AT_PX = 100.0  # in a picture in which the ball is at most so large: w
 SMOOTH_PX = 1.0  # with this blur: the picture's noise would pass for a slope of what is looked up
 COVERED = 1.1  # radii of another ball, within which it hides the table
 PER_BIN = 3  # directions in which the table is looked up for each profile
-EACH, MIDDLE = slice(None), slice(PER_BIN // 2, None, PER_BIN)  # all directions, and the middle one of each profile
+EVERY, MIDDLE = slice(None), slice(PER_BIN // 2, None, PER_BIN)  # all directions, and the middle one of each profile
 MOVE = 1e-4  # px, of the differences by which what is looked up moves
 SLOPE_SIGMA = (
     0.1  # how far the slopes of the plane under one ball differ from those under the next: tables are not flat
 )
-STANDS, ON_FOOT = 0.003, 0.3
-"""Sigma of the distance from a ball's centre to its table, in radii: of a ball that stands on it, whose distance is 1;
-and on a foot, a ring."""
+STANDS_SIGMA, FOOT_SIGMA = 0.003, 0.3
+"""Sigma of the distance from a ball's centre to its table, in radii: of a ball that stands on it, whose distance is 1,
+and of one on a foot (a ring, putty) of unknown height."""
 
 
 class TablePlane(NamedTuple):
@@ -47,9 +47,9 @@ class TablePlane(NamedTuple):
         return float(self.values[2] - 1)
 
     @property
-    def under_foot(self) -> "TablePlane":
+    def of_unknown_height(self) -> "TablePlane":
         """The same table where nothing says that the ball stands on it."""
-        return self._replace(sigma=np.append(self.sigma[:2], ON_FOOT))
+        return self._replace(sigma=np.append(self.sigma[:2], FOOT_SIGMA))
 
     @property
     def steepness(self) -> float:
@@ -57,7 +57,7 @@ class TablePlane(NamedTuple):
         return float(np.hypot(*self.values[:2]))
 
 
-ANY_PLANE = TablePlane(np.array([0.0, 0.0, 1.0]), np.array([1.0, 1.0, STANDS]))
+ANY_PLANE = TablePlane(np.array([0.0, 0.0, 1.0]), np.array([1.0, 1.0, STANDS_SIGMA]))
 """What is known before the table is seen: a small ball shows little of it."""
 
 
@@ -68,7 +68,7 @@ def shared_plane(planes: Sequence[TablePlane]) -> TablePlane | None:
     slopes = np.stack([plane.values[:2] for plane in planes])
     weight = 1 / (np.stack([plane.sigma[:2] for plane in planes]) ** 2 + SLOPE_SIGMA**2)
     mean, total = (weight * slopes).sum(0) / weight.sum(0), weight.sum(0)
-    return TablePlane(np.append(mean, 1.0), np.append(1 / np.sqrt(total), STANDS))
+    return TablePlane(np.append(mean, 1.0), np.append(1 / np.sqrt(total), STANDS_SIGMA))
 
 
 def sized(sphere: Sphere) -> Sphere:
@@ -229,7 +229,7 @@ class Surroundings:
             self.last = key, self._looked(sphere, at)
         return self.last[1]
 
-    def _looked(self, sphere: Sphere, at: MirroredSamples, which: slice = EACH) -> _Looking:
+    def _looked(self, sphere: Sphere, at: MirroredSamples, which: slice = EVERY) -> _Looking:
         outline, normals = (each[which] for each in outline_with_normals(self.camera, sphere, PER_BIN * BINS))
         depths = sphere.radius_px * (1 - np.sqrt(1 - at.middle**2))
         ball = sized(sphere)

@@ -33,7 +33,8 @@ Array = NDArray[np.float64]
 FRAMES = 12  # frames that are looked at: the table is the same in all, only its shadows move
 TILTS, AZIMUTHS = np.tan(np.deg2rad([30, 55])), np.deg2rad(np.arange(0, 360, 60))
 LIFTED, SURE_LIFT, AS_GOOD = 0.01, 3.0, -0.05
-"""Lift from which a foot is tried; the sigmas of its height, and the gain, from which on it is taken."""
+"""Height, radii, from which a foot is tried; the sigmas of its height, and the gain, from which on it is taken: what
+equally good fits leave differs by as much, since each has weights of its own."""
 
 
 class Beside(NamedTuple):
@@ -80,8 +81,8 @@ def fit_mirrored_table(
             best = best._replace(is_fresnels=is_fresnels)
         elif other:
             best, law = other, laws[1]
-    if best and best.lift > LIFTED:
-        lifted = settle(table, (best.sphere, begin[1], best.blur_px), known.under_foot, law, rough=False)
+    if best and best.plane.height + best.lift > LIFTED:
+        lifted = settle(table, (best.sphere, begin[1], best.blur_px), known.of_unknown_height, law, rough=False)
         if lifted and lifted.gain(best) > AS_GOOD and lifted.plane.height > SURE_LIFT * lifted.plane.sigma[2]:
             best = lifted._replace(is_fresnels=best.is_fresnels)
     return best
