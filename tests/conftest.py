@@ -109,9 +109,9 @@ def shared():
     return at
 
 
-def until(condition, said=lambda: "it took too long", within_s=120):
+def until(condition, said=lambda: "it took too long"):
     """Wait until something is so; where it takes too long, tell what was said."""
-    end = time.monotonic() + within_s
+    end = time.monotonic() + 240
     while not condition():
         assert time.monotonic() < end, said()
         time.sleep(0.02)

@@ -22,7 +22,7 @@ LONG = {
     "findings/findings", "robustness/kills", "robustness/bad input", "robustness/memory", "sessions/verbs",
     "real-captures/captures",
 }  # fmt: skip
-"""More than one and a half processor seconds; what such a table must be, the other tables tell at once."""
+"""More than one and a half processor seconds. The other tables tell at once whether the harness works."""
 
 
 def plain(rows):

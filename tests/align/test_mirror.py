@@ -56,7 +56,8 @@ NEARLY, NEARLY_IMAGE = Fit(0.989, 2.5, 4.1, 0.1), Fit(0.989, 2.4, 4.1, 0.1)
         (BRONZE, ITS_IMAGE, 9.3, 0.0, "mirror image fits better"),
         (BRONZE, ITS_IMAGE, 1.0, 0.0, None),
         (ITS_IMAGE, BRONZE, -9.3, 2.0, None),
-        # Cycles' scene 401: symmetric to 0.04 % of its size, its normals to 0.4 degrees; sigma: 0.1. Where it matters.
+        # Cycles' scene 401: symmetric to 0.04 % of its size, its normals to 0.4 degrees; sigma: 0.1.
+        # It is said where they are off by more.
         (NEARLY, NEARLY_IMAGE, -1.9, 0.41, "would be 0.41 degrees"),
         (NEARLY, NEARLY_IMAGE, 1.5, 0.41, "would be 0.41 degrees"),
         (NEARLY, NEARLY_IMAGE, -1.9, 0.15, None),

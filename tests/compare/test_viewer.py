@@ -37,9 +37,22 @@ def shown(session):
 
 
 @pytest.fixture(scope="module")
-def visit(chromium, shown):
-    """Open the report at a size; what the console says fails the test."""
-    pages, faults = [], []
+def faults():
+    return []
+
+
+@pytest.fixture(autouse=True)
+def silent(faults):
+    """What the console says fails the test."""
+    yield
+    said, faults[:] = list(faults), []
+    assert said == []
+
+
+@pytest.fixture(scope="module")
+def visit(chromium, shown, faults):
+    """Open the report at a size."""
+    pages = []
 
     def opened(viewport=DESK, **how):
         page = chromium.new_page(viewport=viewport, reduced_motion="reduce", **how)
@@ -52,7 +65,6 @@ def visit(chromium, shown):
     yield opened
     for page in pages:
         page.close()
-    assert faults == []
 
 
 def place_of(page, grid, u, v):
@@ -76,12 +88,17 @@ def desk(visit):
     return visit()
 
 
+def ready(page):
+    """Wait until the viewer shows a photograph."""
+    page.locator("#viewer-canvas").scroll_into_view_if_needed()
+    expect(page.locator("#viewer-frame-name")).not_to_be_empty()
+    return page
+
+
 @pytest.fixture
 def viewer(desk):
-    """The viewer on one page for all tests; the last of them enlarges what it shows."""
-    desk.locator("#viewer-canvas").scroll_into_view_if_needed()
-    expect(desk.locator("#viewer-frame-name")).not_to_be_empty()
-    return desk
+    """The viewer on one page for all tests."""
+    return ready(desk)
 
 
 def test_photographs_keep_the_error_that_the_page_states(session, shown):
@@ -284,7 +301,8 @@ def test_a_surface_in_3d_is_closed_and_no_larger_than_it_is_where_it_is_steep(ch
     assert (binary_fill_holes(shown) & ~shown).sum() < 0.002 * shown.sum()
 
 
-def test_wheel_and_keys_move_what_is_read(viewer, session, shown):
+def test_wheel_and_keys_move_what_is_read(visit, session, shown):
+    viewer = ready(visit())
     (u, v), = pixels_inside(session, 1)  # fmt: skip
     place = place_of(viewer, shown[1].grid, u, v)
     viewer.mouse.move(*place)

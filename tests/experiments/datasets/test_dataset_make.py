@@ -82,8 +82,8 @@ def test_every_file_has_its_checksum_and_made_twice_it_is_the_same(made, tmp_pat
     # The surface as a scan has it: at the places that the camera sees.
     points, height = read_scan(folder / "truth" / "blob.ply")[0], np.load(folder / "truth" / "truth_z_mm.npy")
     assert points[:, 2].max() == pytest.approx(np.nanmax(height), abs=0.5)
-    # By the command's own process, on one core.
-    (again,) = make(tmp_path, [small("blob-ambient-0.00")], processes=1)
+    # By the command's own process, on one core, with another.
+    again, _ = make(tmp_path, [small("blob-ambient-0.00"), small("knot-hand-16")], processes=1)
     assert (again / "SHA256SUMS").read_bytes() == (folder / "SHA256SUMS").read_bytes()
 
 

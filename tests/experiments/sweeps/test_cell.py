@@ -180,7 +180,7 @@ def test_what_comes_out_of_a_medium_is_photographed_with_noise():
 COSTLY = {
     "dodecahedron", "bear", "gyroid", "sponge", "octahedron", "twist", "jack", "tangle", "cushion", "clover",
 }  # fmt: skip
-"""Solids whose formulas take long; all solids are made by the same code."""
+"""Solids whose formulas take long. The derivatives of all are short tests."""
 
 
 def some(names):
