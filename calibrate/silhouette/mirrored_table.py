@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.silhouette.explained_profiles import LAWS, Law, explain
-from calibrate.silhouette.mirrored_fit import USUAL, MirroredTable, settle
+from calibrate.silhouette.mirrored_fit import USUAL, MirroredTable, Start, settle
 from calibrate.silhouette.mirrored_surroundings import ANY_PLANE, Surroundings, TablePlane, samples
 from scene.camera import Camera
 from scene.frames import Frames
@@ -60,8 +60,8 @@ def fit_mirrored_table(
 ) -> MirroredTable | None:
     """Fit a chrome ball's outline from a start, and a rough blur; None where no table is seen to be mirrored.
 
-    `beside`: what is known already; of two laws the one that explains more is taken. `start` (3,): the plane with
-    whose slopes to begin. `rough`: a few turns only, enough to tell a mirror's outline from another circle.
+    `beside`: what is known already; of two laws the one that explains more is taken. `start` (3,): the plane to begin
+    with. `rough`: a few turns only, enough to tell a mirror's outline from another circle.
     """
     plane, laws, others = beside
     table, known = Surroundings(frames.some(FRAMES), camera, sphere, others), ANY_PLANE if plane is None else plane
@@ -70,22 +70,26 @@ def fit_mirrored_table(
     if start is None:
         return None
     begin = sphere, np.append(start[:2], known.values[2]), blur_px
-    best, law = settle(table, begin, known, laws[0], rough=rough), laws[0]
     if rough:
-        return best
-    if len(laws) > 1:
-        other = settle(table, best.begin if best else begin, known, laws[1], rough=False)
-        if best and other:
-            is_fresnels = best.gain(other)
-            best, law = (other, laws[1]) if is_fresnels < 0 else (best, laws[0])
-            best = best._replace(is_fresnels=is_fresnels)
-        elif other:
-            best, law = other, laws[1]
+        return settle(table, begin, known, laws[0], rough=True)
+    best = _by_its_metal(table, begin, known, laws)
     if best and best.plane.height + best.lift > LIFTED:
-        lifted = settle(table, (best.sphere, begin[1], best.blur_px), known.of_unknown_height, law, rough=False)
+        lifted = _by_its_metal(table, (sphere, start, blur_px), known.of_unknown_height, laws)
         if lifted and lifted.gain(best) > AS_GOOD and lifted.plane.height > SURE_LIFT * lifted.plane.sigma[2]:
-            best = lifted._replace(is_fresnels=best.is_fresnels)
+            return lifted
     return best
+
+
+def _by_its_metal(table: Surroundings, begin: Start, known: TablePlane, laws: Sequence[Law]) -> MirroredTable | None:
+    """Return the fit by the law that explains more."""
+    best = settle(table, begin, known, laws[0], rough=False)
+    if len(laws) < 2:
+        return best
+    other = settle(table, best.begin if best else begin, known, laws[1], rough=False)
+    if best is None or other is None:
+        return best or other
+    is_fresnels = best.gain(other)
+    return (best if is_fresnels > 0 else other)._replace(is_fresnels=is_fresnels)
 
 
 def mirrored_share(frames: Frames, camera: Camera, sphere: Sphere, *, blur_px: float, beside: Beside) -> float:
