@@ -57,7 +57,7 @@ test: setup
 	@$(PYTHON) rgbn/system_libraries.py --browser
 	$(TEST) -m "not full"
 
-# As well as what would take `make test` beyond four minutes on two cores; in one run, which makes what tests share once.
+# As well as what would make `make test` longer; in one run, which makes what tests share once.
 test-all: setup
 	@$(PYTHON) rgbn/system_libraries.py --browser
 	$(TEST)

@@ -63,7 +63,7 @@ class MirroredTable(NamedTuple):
     blur_px: float  # standard deviation of the blur under which the silhouette edge is seen
     mirror: float  # reflectance where it faces the camera
     explained: float  # share of the profiles' variance that the model explains; d, e and f alone explain none of it
-    lift: float  # radii by which the photographs alone would have the ball higher than it is here, to first order
+    lift: float  # radii above the table at which the photographs alone would have the ball, to first order
     is_fresnels: float = 0.0  # log ratio of what Schlick's law and Fresnel's leave; 0 where only one was tried
 
     @property
@@ -122,12 +122,9 @@ def settle(table: Surroundings, start: Start, known: TablePlane, law: Law, *, ro
             sigma = np.sqrt(np.diag(covariance))
             seen = TablePlane(plane, sigma[PLANE])
             gradient, damping = told.gradient - prior * beside, damping / 10
-            free, pull = normal.copy(), gradient.copy()
-            free[HEIGHT, HEIGHT] += 1 / FOOT_SIGMA**2 - prior[HEIGHT]
-            pull[HEIGHT] += prior[HEIGHT] * beside[HEIGHT]
-            lift = float(np.linalg.solve(free, pull)[HEIGHT])
-            share, mirror = explained.share, explained.mirror
-            found = MirroredTable(sphere, covariance[OUTLINE, OUTLINE], seen, blur, mirror, share, lift)
+            lift = seen.height + _rise(normal, gradient, seen.height, prior[HEIGHT])
+            fitted = blur, explained.mirror, explained.share
+            found = MirroredTable(sphere, covariance[OUTLINE, OUTLINE], seen, *fitted, lift)
             least = told.cost(explained) + pulled
         elif found is None or is_last:
             break
@@ -148,6 +145,17 @@ def settle(table: Surroundings, start: Start, known: TablePlane, law: Law, *, ro
         blur = float(max(found.blur_px + step[BLUR], SHARPEST_PX))
         mirror = min(max(found.mirror, REFLECTS[0]), REFLECTS[1])
     return found
+
+
+def _rise(normal: Array, gradient: Array, height: float, weight: float) -> float:
+    """Return by how much the height would grow, to first order, if nothing said that the ball stands on the table.
+
+    `weight`: the inverse variance by which it is held to stand there.
+    """
+    free, pull = normal.copy(), gradient.copy()
+    free[HEIGHT, HEIGHT] += 1 / FOOT_SIGMA**2 - weight
+    pull[HEIGHT] += weight * height
+    return float(np.linalg.solve(free, pull)[HEIGHT])
 
 
 class _Seen(NamedTuple):

@@ -27,9 +27,7 @@ COVERED = 1.1  # radii of another ball, within which it hides the table
 PER_BIN = 3  # directions in which the table is looked up for each profile
 EVERY, MIDDLE = slice(None), slice(PER_BIN // 2, None, PER_BIN)  # all directions, and the middle one of each profile
 MOVE = 1e-4  # px, of the differences by which what is looked up moves
-SLOPE_SIGMA = (
-    0.1  # how far the slopes of the plane under one ball differ from those under the next: tables are not flat
-)
+SLOPE_SIGMA = 0.1  # how far the slopes of the planes under two balls differ: tables are not flat
 STANDS_SIGMA, FOOT_SIGMA = 0.003, 0.3
 """Sigma of the distance from a ball's centre to its table, in radii: of a ball that stands on it, whose distance is 1,
 and of one on a foot (a ring, putty) of unknown height."""

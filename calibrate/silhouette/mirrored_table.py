@@ -73,7 +73,7 @@ def fit_mirrored_table(
     if rough:
         return settle(table, begin, known, laws[0], rough=True)
     best = _by_its_metal(table, begin, known, laws)
-    if best and best.plane.height + best.lift > LIFTED:
+    if best and best.lift > LIFTED:
         lifted = _by_its_metal(table, (sphere, start, blur_px), known.of_unknown_height, laws)
         if lifted and lifted.gain(best) > AS_GOOD and lifted.plane.height > SURE_LIFT * lifted.plane.sigma[2]:
             return lifted
