@@ -17,14 +17,14 @@ def tile_at(shape, frame, row, column):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def tile_gray(codes, at, count, black, weights, gray):  # pragma: no cover
+def tile_gray(values, at, count, black, weights, gray):  # pragma: no cover
     """Write the weighted sum of the channels of `count` pixels from `at` on to `gray` (count,) float32.
 
-    The weights hold the frame's gain and the code of white. Unsigned indices: with signed ones numba looks for negative
-    ones, and the loop is five times slower.
+    `values` are flat codes, whose weights hold the frame's gain and the code of white, or linear. Unsigned indices:
+    with signed ones numba looks for negative ones, and the loop is five times slower.
     """
     red, green, blue = weights
-    pixels = codes[at : at + 3 * count]
+    pixels = values[at : at + 3 * count]
     for i in range(count):
         j = np.uint64(3 * i)
         gray[i] = (
@@ -32,16 +32,6 @@ def tile_gray(codes, at, count, black, weights, gray):  # pragma: no cover
             + (np.float32(pixels[j + np.uint64(1)]) - black) * green
             + (np.float32(pixels[j + np.uint64(2)]) - black) * blue
         )
-
-
-@numba.njit(nogil=True, cache=True)
-def tile_without_ambient(ambient, at, count, weights, gray):  # pragma: no cover
-    """Subtract the weighted ambient light (linear, flat) from `gray`."""
-    red, green, blue = weights
-    pixels = ambient[at : at + 3 * count]
-    for i in range(count):
-        j = np.uint64(3 * i)
-        gray[i] -= pixels[j] * red + pixels[j + np.uint64(1)] * green + pixels[j + np.uint64(2)] * blue
 
 
 @numba.njit(nogil=True, cache=True)
@@ -82,7 +72,7 @@ def read_gray(band, weights):  # pragma: no cover
     pixels = runs[-1, 3] + runs[-1, 2]
     gray = np.empty((pixels, lights), np.float32)
     valid = np.ones((pixels, lights), np.bool_)
-    line = np.empty(TILE, np.float32)
+    line, behind = np.empty(TILE, np.float32), np.zeros(TILE, np.float32)
     clipped = np.empty(TILE, np.bool_)
     for n in range(len(runs)):
         row, start, total, place = runs[n]
@@ -95,9 +85,10 @@ def read_gray(band, weights):  # pragma: no cover
                     codes, tile_at(shape, k, row, column), count, band.black, (red * u, green * u, blue * u), line
                 )
                 if len(ambient):
-                    tile_without_ambient(ambient, tile_at(shape, 0, row, column), count, (red, green, blue), line)
+                    at = tile_at(shape, 0, row, column)
+                    tile_gray(ambient, at, count, np.float32(0), (red, green, blue), behind)
                 for i in range(count):
-                    gray[place + done + i, k] = line[i]
+                    gray[place + done + i, k] = line[i] - behind[i]
                 if tile_clipped(band, k, row, column, count, clipped):
                     for i in range(count):
                         valid[place + done + i, k] = not clipped[i]

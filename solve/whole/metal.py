@@ -97,8 +97,6 @@ def explains(metal: Metal, samples: Samples, views: Array) -> bool:
 
 def found(samples: Samples, views: Array) -> Metal | None:
     """Return the metal that the object is; None: it is none, or nothing tells."""
-    if np.count_nonzero(_is_seen(samples)) < FEWEST:
-        return None
     metal = learn(samples, views)
     return metal if explains(metal, samples, views) else None
 

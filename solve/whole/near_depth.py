@@ -173,9 +173,7 @@ class _Task:
             sigma = float(np.sqrt(max(_ALIKE / every**2, 1) / weight.sum())) / self.unit
             if sigma > _UNKNOWN:
                 return z_mm, sigma
-            order = np.argsort(step[known])
-            total = np.cumsum(weight[order])
-            middle = float(step[known][order][np.searchsorted(total, total[-1] / 2)])
+            middle = float(np.quantile(step[known], 0.5, weights=weight, method="inverted_cdf"))
             moved = self.moved(moved, float(np.clip(middle, -0.2 * self.unit, 0.2 * self.unit)))
             if abs(middle) < 1e-4 * self.unit:
                 break
