@@ -1,6 +1,6 @@
 """Every method's normals against the scan's, on the photographs and on their twin."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Any
 
@@ -23,7 +23,6 @@ from scene.map_pictures import known_pixels
 from scene.normals import angular_error_deg
 from scene.store import Store
 
-HISTOGRAM_BINS = 60
 BAND_PIXELS = 1 << 21
 """Pixels worked on at a time: float64 crosses of a whole 24-megapixel map would take gigabytes."""
 LEAST_SHARE = 0.9
@@ -169,7 +168,7 @@ def _histograms(
     store: Store, result: dict[str, Any], maps: dict[tuple[str, str], NDArray[np.float32]], end: float
 ) -> None:
     """Fill in the histograms and write the pictures, all on one scale."""
-    edges = np.linspace(0, end, HISTOGRAM_BINS + 1)
+    edges = np.linspace(0, end, 61)
     result["error_scale_deg"], result["histogram_edges_deg"] = end, edges.tolist()
     for row in result["methods"].values():
         row["histogram"] = {}
@@ -194,14 +193,9 @@ def _tolerance(rows: dict[str, dict[str, Any]], tolerance_deg: float) -> dict[st
     }  # fmt: skip
 
 
-def _bands(shape: tuple[int, ...]) -> Iterator[slice]:
-    step = max(1, BAND_PIXELS // shape[1])
-    return (slice(start, min(start + step, shape[0])) for start in range(0, shape[0], step))
-
-
 def _error_map(a: Normals, b: Normals, mask: Mask | None) -> NDArray[np.float32]:
-    error = np.full(a.shape[:2], np.nan, np.float32)
-    for rows in _bands(error.shape):
+    error, step = np.full(a.shape[:2], np.nan, np.float32), max(1, BAND_PIXELS // a.shape[1])
+    for rows in (slice(start, start + step) for start in range(0, len(error), step)):
         counted = slice(None) if mask is None else mask[rows]
         error[rows][counted] = angular_error_deg(a[rows][counted], b[rows][counted])
     return error

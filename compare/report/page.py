@@ -13,7 +13,6 @@ from markupsafe import Markup, escape
 
 from compare.report.pictures import error_scale_colours
 from draw.readable import GAP, Readable, is_number
-from scene.map_pictures import Image, data_uri
 
 HERE = Path(__file__).parent
 UNKNOWN = '<span class="unknown">unknown</span>'
@@ -121,22 +120,9 @@ def folded(title: str, body: str) -> Markup:
     return Markup(f"<details><summary>{title}</summary>{body}</details>")
 
 
-def picture(
-    image: Image, alt: str, caption: str = "", *, photograph: bool = False, overlay: str = "", kind: str = ""
-) -> str:
-    """Return a figure: an image, drawings that lie on it, and what is to be seen (HTML)."""
-    uri = data_uri(image, photograph=photograph)
-    return pieces().picture(uri, alt, Markup(caption), Markup(overlay), kind)
-
-
 def badge(level: str, words: str = "") -> Markup:
     """Return a verdict as a word in a coloured frame: the level's own, or another."""
     return Markup('<span class="badge {}">{}</span>').format(level, words or LEVELS[level])
-
-
-def colour_scale(end: float) -> str:
-    """Return the key of error colours, 0 to `end` degrees."""
-    return pieces().colour_scale(end, [f"rgb{colour}" for colour in error_scale_colours(17)])
 
 
 def section(anchor: str, title: str, body: str, lead: str = "") -> str:
@@ -148,30 +134,26 @@ def whole_page(title: str, kind: str, subtitle: str, body: str, *, script: str =
     """Return the page, its row of links to all sections of `body`; that and `subtitle` are HTML already."""
     sections = re.findall(r'<section id="([\w-]+)">(?:<details><summary>)?<h2(?: data-link="(.*?)")?>(.*?)<', body)
     style = (HERE / "report_style.css").read_text(encoding="utf-8")
-    return template("report_template.html").render(
+    return environment().get_template("report_template.html").render(
         title=title, kind=kind, subtitle=Markup(subtitle), style=Markup(style), script=Markup(script),
         links=[(anchor, Markup(short or words)) for anchor, short, words in sections], body=Markup(body),
     )  # fmt: skip
 
 
 @functools.cache
-def _environment() -> Any:
+def environment() -> Any:
+    """Return what templates are read by; what is put into one is escaped, and what is missing is nothing."""
     from jinja2 import ChainableUndefined, Environment, FileSystemLoader
 
     how = {"autoescape": True, "undefined": ChainableUndefined, "trim_blocks": True, "lstrip_blocks": True}
     made = Environment(loader=FileSystemLoader(HERE), **how)
     made.policies["json.dumps_kwargs"] = {"allow_nan": False}
-    shown = (badge, colour_scale, first_sentence, folded, is_number, number, picture, say, table, table_of, words)
+    shown = (badge, error_scale_colours, first_sentence, folded, is_number, number, say, table, table_of, words)
     made.globals |= {function.__name__: function for function in shown}
     return made
-
-
-def template(name: str) -> Any:
-    """Return a template of this folder; what is put into it is escaped, and what is missing is nothing."""
-    return _environment().get_template(name)
 
 
 @functools.cache
 def pieces() -> Any:
     """Return the macros of pieces.html."""
-    return template("pieces.html").module
+    return environment().get_template("pieces.html").module

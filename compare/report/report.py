@@ -22,6 +22,7 @@ from draw.readable import is_number
 from draw.speed_chart import speed_chart
 from draw.svg import Drawing
 from scene.files import write_text
+from scene.map_pictures import data_uri
 from scene.store import Store
 
 SCRIPTS = ("report_page.js", "viewer_values.js", "viewer_pixel.js", "viewer_scene.js", "viewer.js")
@@ -62,10 +63,10 @@ def write_report(store: Store, summary: dict[str, Any], digests: Mapping[str, st
         "limits": limits(summary, statements), "advice": advice(summary, statements), "ranking": ranked,
         "ranking_table": of_errors if any(row.get("real") for row in ranked) else "without truth",
         "terms": _terms(by_error(compared)), "charts": light_charts, "error_histograms": error_histograms,
-        "speed_chart": speed_chart, "misfit_chart": _misfit_chart, "legend_ball": legend_ball,
+        "speed_chart": speed_chart, "misfit_chart": _misfit_chart, "legend_ball": legend_ball, "data_uri": data_uri,
         "trust_sentence": trust_sentence,
     }  # fmt: skip
-    module = page.template("report.html").make_module(facts)
+    module = page.environment().get_template("report.html").make_module(facts)
     name = str(summary.get("name") or store.folder.resolve().name)
     script = "\n".join((page.HERE / part).read_text("utf-8") for part in SCRIPTS)
     script = f'"use strict";\n(() => {{\n{script}\n}})();'

@@ -168,14 +168,12 @@ def tested(turned: Array, variance: Array, steps_mm: NDArray) -> Tested:
 
 def _halved(slopes: list[Array], weights: list[Array]) -> tuple[list[Array], list[Array]]:
     """Return slopes and weights (H, W) of a picture of half the size: means, twice as much a pixel and as unsure."""
-    odd = [(0, size % 2) for size in slopes[0].shape]
+    from skimage.measure import block_reduce
 
-    def summed(values: Array) -> Array:
-        rows, columns = (padded := np.pad(values, odd)).shape
-        return padded.reshape(rows // 2, 2, columns // 2, 2).sum((1, 3))
-
-    total = [summed(w) for w in weights]
-    means = [summed(w * s) / np.where(t > 0, t, 1) for w, s, t in zip(weights, slopes, total, strict=True)]
+    # An odd row or column more is filled with zeros.
+    total = [block_reduce(w, 2, np.sum) for w in weights]
+    moment = [block_reduce(w * s, 2, np.sum) for w, s in zip(weights, slopes, strict=True)]
+    means = [m / np.where(t > 0, t, 1) for m, t in zip(moment, total, strict=True)]
     return [2 * mean for mean in means], [t / 4 for t in total]
 
 

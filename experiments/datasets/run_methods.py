@@ -165,7 +165,7 @@ def _figures(entry: Entry, errors: Mapping[str, str]) -> str:
 
 def _gallery(rows: Rows, shown: Mapping[str, str]) -> str:
     """Return the page: methods against datasets, then each dataset's pictures."""
-    from compare.report.page import colour_scale, number, section, table, whole_page
+    from compare.report.page import number, pieces, section, table, whole_page
 
     methods = list(dict.fromkeys(row["method"] for row in rows))
     by_place = {(row["dataset"], row["method"]): row for row in rows}
@@ -181,6 +181,6 @@ def _gallery(rows: Rows, shown: Mapping[str, str]) -> str:
     parts = (
         f'<h3 id="{name}">{escape(name)}</h3><div class="gallery many">{html}</div>' for name, html in shown.items()
     )
-    pictures = section("datasets", "Datasets", f"{colour_scale(END_DEG)}{''.join(parts)}")
+    pictures = section("datasets", "Datasets", f"{pieces().colour_scale(END_DEG)}{''.join(parts)}")
     said = f"{len(shown)} datasets, {len(methods)} methods"
     return whole_page("Photometric stereo on datasets with known truth", "datasets", said, errors + pictures)

@@ -5,16 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
 from markupsafe import escape
 
 from align.scan.mended_scan import load_scan
-from compare.report.page import table, whole_page
+from compare.report.page import environment, table, whole_page
 from draw.light_charts import directions
 from formats.meshes.scan_files import SUFFIXES
 from lab.progress import is_quiet, say
 from lab.run import open_job
-from lab.session_place import is_output, is_session
 from lab.terminal_tables import cells_of, number_table, show
 from scene.errors import SceneError
 from scene.files import plain, write_json, write_text
@@ -77,12 +75,7 @@ def run_plan(source: Path | None, options: PlanOptions, *, out: Path | None = No
         An option or the source is at fault.
     """
     name = f"sphere of {options.size_mm:g} mm" if source is None else source.resolve().stem
-    if source is not None and (source.is_dir() or is_output(source) or source.suffix == ".toml"):
-        if source.is_dir() and not (is_session(source) or is_output(source)):
-            raise SceneError(
-                f"{source}: a folder without session.toml. Give the scan itself; or rgbn init {source}, if it holds a "
-                "session's photographs."
-            )
+    if source is not None and (source.is_dir() or source.suffix == ".toml"):
         with open_job(source, out=out) as job:
             so_far = session_so_far(job)
             return _written(job.record, so_far, so_far.within(options), name, source)
@@ -233,9 +226,8 @@ def plan_page(facts: dict[str, Any]) -> str:
         return table(list(columns), zip(*columns.values(), strict=True), kind="numbers")
 
     flashes = [row for row in facts["flashes"] if not row["there"] or len(facts["flashes"]) <= MOST_ROWS]
-    template = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
     text = Path(__file__).with_name("plan_page.html").read_text("utf-8")
-    body = template.from_string(text).render(
+    body = environment().from_string(text).render(
         facts,
         dome=directions({"frames": facts["flashes"]}),
         flash_table=shown("flashes", flashes[:MOST_ROWS]),

@@ -26,7 +26,7 @@ def box(path):
         ("broken.ply", ["--unit", "mm"], "broken.ply"),
         ("box.ply", [], "a scan's file does not tell its unit"),
         ("box.ply", ["--flashes", "2"], "--flashes. Must be >= 4"),
-        ("empty", [], "a folder without session.toml"),
+        ("empty", [], "holds neither session.toml"),
         ("session", [], "matches no file"),
         (None, ["--size-mm", "-1"], "--size-mm. Must be > 0"),
         (None, ["--albedo", "2"], "--albedo. Must be <= 1"),
