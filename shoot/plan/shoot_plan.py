@@ -13,15 +13,11 @@ from shoot.plan.plan_options import AS_USUAL, PlanOptions
 from shoot.plan.set_up import ShownObject, lights_at, out_of_view, places_in_reach
 from shoot.plan.under_way import UnderWay
 from solve.design.next_flash import choose_flashes, exchange_flashes, known_before
-from solve.design.normal_information import information, noise_covariance, pulls, sigma_of_normals
+from solve.design.normal_information import covariance_by_weights, information, sigma_of_normals
 
 Array = NDArray[np.float64]
-RAYLEIGH_MEDIAN = float(np.sqrt(2 * np.log(2)))
-"""Median of an angle whose two components have the standard deviation 1."""
 TOLD_BY = 3
 """Flashes that tell a normal."""
-FAR_MM = 1000.0
-"""Where a light without a position is put."""
 
 
 class Predicted(NamedTuple):
@@ -38,7 +34,8 @@ class Predicted(NamedTuple):
     @property
     def error_deg(self) -> float | None:
         """Median angle between the normals and the truth that is to be expected; None where most are unknown."""
-        error = float(RAYLEIGH_MEDIAN * np.median(self.sigma_deg))
+        # The median of an angle (Rayleigh's), whose two components have this sigma.
+        error = float(np.sqrt(2 * np.log(2)) * np.median(self.sigma_deg))
         return error if error < 90 else None
 
 
@@ -47,12 +44,10 @@ def predict(b: Array, shown: ShownObject, direction_sigma_deg: Array, intensity_
 
     `b` (P, 3): albedo x normal. `direction_sigma_deg` (F,), `intensity_sigma`, relative: of the flashes.
     """
-    pull = pulls(shown.vectors, shown.seen.astype(np.float64))
-    told = np.isfinite(pull[0, :, 0]) & (shown.seen.sum(0) >= TOLD_BY)
-    sigma = np.full(len(told), 90.0)
-    if told.any():
-        noise = np.hypot(shown.noise, intensity_sigma * np.einsum("fpi,pi->fp", shown.vectors, b))
-        sigma[told] = sigma_of_normals(b[told], noise_covariance(pull[:, told], noise[:, told]))
+    noise = np.hypot(shown.noise, intensity_sigma * np.einsum("fpi,pi->fp", shown.vectors, b))
+    covariance = covariance_by_weights(shown.vectors, shown.seen, noise)
+    told = np.isfinite(covariance[:, 0, 0]) & (shown.seen.sum(0) >= TOLD_BY)
+    sigma = np.where(told, sigma_of_normals(b, covariance), 90.0)
     return Predicted(sigma, known_median(direction_sigma_deg) or 0.0)
 
 
@@ -83,15 +78,15 @@ def plan_shoot(so_far: UnderWay, options: PlanOptions) -> tuple[Lights, list[Pre
     pixels, there, n = so_far.pixels, so_far.lights, len(so_far.lights)
     camera, middle = pixels.camera, pixels.middle_mm
     candidates = out_of_view(camera, places_in_reach(options, middle, pixels.size_mm))
-    placed = middle + FAR_MM * there.directions if there.positions_mm is None else there.positions_mm
+    placed = middle + 1000.0 * there.directions if there.positions_mm is None else there.positions_mm
     shown = pixels.under(lights_at(candidates, middle))
     if so_far.shown is not None:
         shown = ShownObject._make(map(np.concatenate, zip(so_far.shown, shown, strict=True)))
     positions = np.concatenate([placed, candidates])
     rest = shown.only(np.arange(n, len(positions)))
-    start = known_before(pixels.b, information(*shown.only(np.arange(n))) if n else None)
-    chosen = choose_flashes(pixels.b, start, *rest, max(options.flashes - n, 1))
-    order = np.concatenate([np.arange(n), n + exchange_flashes(pixels.b, start, *rest, chosen)])
+    told = information(*shown.only(np.arange(n)))
+    chosen = choose_flashes(pixels.b, known_before(pixels.b, told), *rest, max(options.flashes - n, 1))
+    order = np.concatenate([np.arange(n), n + exchange_flashes(pixels.b, told, *rest, chosen)])
     if n and not so_far.has_known_balls:
         # No ball tells of flashes to come: they are as well known as those before.
         turn, intensity = known_median(there.direction_sigma_deg), known_median(there.intensity_sigma)

@@ -3,25 +3,22 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from solve.design.normal_information import variance_of_normals
+from solve.design.normal_information import information, variance_of_normals
 
 Array = NDArray[np.float64]
 ROUNDS, LEAST_GAIN = 5, 1e-6
 """Of exchanges: how often each flash is tried, and the relative gain that counts."""
-UNKNOWN = 1.0
-"""Standard deviation of b, in albedos, before the first flash: nobody knows the normal."""
 
 
-def known_before(b: Array, information: Array | None = None) -> Array:
+def known_before(b: Array, told: Array | float = 0.0) -> Array:
     """Return the covariance of b (P, 3) before the next flash, with the information (P, 3, 3) that there is.
 
     Notes
     -----
-    To the information comes that of a normal of which nothing is known: |b|^-2 in every direction. It keeps a pixel
-    that no flash reaches, or only two, finite, and is nothing beside three flashes.
+    To the information comes that of a normal of which nothing is known: |b|^-2 in every direction, a standard deviation
+    of one albedo. It keeps a pixel that no flash reaches, or only two, finite, and is nothing beside three flashes.
     """
-    nothing = np.eye(3) / np.maximum(UNKNOWN**2 * np.sum(b * b, -1), 1e-300)[:, None, None]
-    return np.linalg.inv(nothing if information is None else nothing + information)
+    return np.linalg.inv(np.eye(3) / np.maximum(np.sum(b * b, -1), 1e-300)[:, None, None] + told)
 
 
 def gains(b: Array, covariances: Array, vectors: Array, noise: Array, seen: NDArray[np.bool_]) -> Array:
@@ -85,26 +82,24 @@ def choose_flashes(
 
 
 def exchange_flashes(
-    b: Array, start: Array, vectors: Array, noise: Array, seen: NDArray[np.bool_], flashes: NDArray[np.intp]
+    b: Array, told: Array | float, vectors: Array, noise: Array, seen: NDArray[np.bool_], flashes: NDArray[np.intp]
 ) -> NDArray[np.intp]:
     """Return a set of as many candidates that no exchange of one improves, in the order in which they help most.
 
-    What one after the other was best is not always the best set. `start` (P, 3, 3): the covariances without any of
-    them; the rest as in `choose_flashes`.
+    What one after the other was best is not always the best set. `told`: see `known_before`; the rest as in
+    `choose_flashes`.
 
     Notes
     -----
     One flash after the other is taken out, and the best candidate put in its place [Fedorov1972].
     """
-    weight = np.where(seen, 1 / np.square(noise), 0)
     chosen = list(map(int, flashes))
-    before = np.linalg.inv(start)
     for _ in range(ROUNDS):
         changed = False
         for place, old in enumerate(chosen):
             others = chosen[:place] + chosen[place + 1 :]
-            told = np.einsum("fpi,fpj->pij", vectors[others] * weight[others][..., None], vectors[others])
-            gain = gains(b, np.linalg.inv(before + told), vectors, noise, seen)
+            known = known_before(b, told + information(vectors[others], noise[others], seen[others]))
+            gain = gains(b, known, vectors, noise, seen)
             gain[others] = -np.inf
             best = int(gain.argmax())
             if gain[best] > gain[old] * (1 + LEAST_GAIN):
@@ -112,4 +107,4 @@ def exchange_flashes(
         if not changed:
             break
     some = np.array(chosen, np.intp)
-    return some[choose_flashes(b, start, vectors[some], noise[some], seen[some], len(some))]
+    return some[choose_flashes(b, known_before(b, told), vectors[some], noise[some], seen[some], len(some))]

@@ -12,7 +12,7 @@ LEAST = 1e-9
 """Least share of the largest eigenvalue of an information that counts: under it the lit lights lie in a plane."""
 
 
-def information(vectors: Array, noise: Array, seen: NDArray[np.bool_] | None = None) -> Array:
+def information(vectors: Array, noise: Array | float, seen: NDArray[np.bool_] | bool = True) -> Array:
     """Return the Fisher information of b.
 
     Parameters
@@ -34,33 +34,24 @@ def information(vectors: Array, noise: Array, seen: NDArray[np.bool_] | None = N
     trace J^-1 >= 9 noise^2 / n, with equality where sum v v^T = n / 3: n >= 3 lights evenly on a ring 54.7 degrees from
     its axis.
     """
-    weight = 1 / np.square(np.asarray(noise, np.float64))
-    return _moments(*_full(vectors, weight if seen is None else np.where(seen, weight, 0.0)))
+    weights = np.where(seen, 1 / np.square(noise), 0.0)
+    return np.einsum("fpi,fpj->pij", vectors * weights[..., None], vectors)
 
 
-def pulls(vectors: Array, weights: Array) -> Array:
-    """Return what weighted least squares makes of the samples m: b = sum_f pulls_f m_f.
+def covariance_by_weights(vectors: Array, weights: NDArray, noise: Array) -> Array:
+    """Return the covariance (P, 3, 3) of b by least squares on samples of any weights.
 
     Parameters
     ----------
-    vectors : (F, P, 3) float
+    vectors, noise : as in `information`
     weights : (F, P) float
-        At least 0; 0 for samples that the solver leaves out. 1 / noise^2 gives the inverse of `information`.
-
-    Returns
-    -------
-    pulls : (F, P, 3) float64
-        NaN where the samples in use do not span space.
+        At least 0; 0 for samples that the solver leaves out. 1 / noise^2 gives the inverse of `information`. NaN where
+        the samples in use do not span space.
     """
-    vectors, weights = _full(vectors, weights)
-    inverse = inverted(_moments(vectors, weights))
-    return weights[..., None] * np.einsum("pij,fpj->fpi", inverse, vectors)
-
-
-def noise_covariance(pulls: Array, noise: Array) -> Array:
-    """Return the covariance (P, 3, 3) of b by the noise (F, P) of the samples, which `pulls` (F, P, 3) weigh."""
-    scaled = pulls * np.broadcast_to(noise, pulls.shape[:2])[..., None]
-    return np.einsum("fpi,fpj->pij", scaled, scaled)
+    weighted = vectors * weights[..., None]
+    inverse = inverted(np.einsum("fpi,fpj->pij", weighted, vectors))
+    pulls = weights[..., None] * np.einsum("pij,fpj->fpi", inverse, vectors) * noise[..., None]
+    return np.einsum("fpi,fpj->pij", pulls, pulls)
 
 
 def sigma_of_normals(b: Array, covariance: Array) -> Array:
@@ -101,14 +92,3 @@ def inverted(information: Array) -> Array:
     with np.errstate(divide="ignore"):
         parts = np.where(spans[:, None], 1 / np.maximum(values, 1e-300), np.nan)
     return (axes * parts[:, None]) @ axes.swapaxes(1, 2)
-
-
-def _full(vectors: Array, weights: Array) -> tuple[Array, Array]:
-    """Return vectors (F, P, 3) and weights (F, P) of what broadcasts to them."""
-    shape = np.broadcast_shapes(vectors.shape[:2], np.shape(weights))
-    return np.broadcast_to(vectors, (*shape, 3)), np.broadcast_to(weights, shape)
-
-
-def _moments(vectors: Array, weights: Array) -> Array:
-    """Return sum_f weights v v^T (P, 3, 3)."""
-    return np.einsum("fpi,fpj->pij", vectors * weights[..., None], vectors)

@@ -8,7 +8,7 @@ import pytest
 from fixtures.lit_surfaces import even_cap, spiral
 from scene.normals import angular_error_deg, unit
 from solve.design.next_flash import choose_flashes, exchange_flashes, gains, known_before, with_flash
-from solve.design.normal_information import information, inverted, noise_covariance, pulls, sigma_of_normals
+from solve.design.normal_information import covariance_by_weights, information, inverted, sigma_of_normals
 
 NOISE = 0.01
 
@@ -42,14 +42,14 @@ def test_sigma_is_that_of_least_squares_with_any_weights_by_monte_carlo():
     rng = np.random.default_rng(1)
     vectors, noise, weights = upper(rng, 12), rng.uniform(0.002, 0.01, (12, 1)), rng.uniform(0, 1, (12, 1))
     b = 0.6 * unit(np.array([[0.2, -0.3, 0.9]]))
-    predicted = sigma_of_normals(b, noise_covariance(pulls(vectors, weights), noise))
+    predicted = sigma_of_normals(b, covariance_by_weights(vectors, weights, noise))
     root = np.sqrt(weights)
     samples = (vectors[:, 0] @ b[0])[:, None] + noise * rng.standard_normal((12, 20000))
     found = np.linalg.lstsq(root * vectors[:, 0], root * samples, rcond=None)[0].T
     angle = np.radians(angular_error_deg(unit(found), unit(b)))
     assert np.degrees(np.sqrt(np.mean(angle**2) / 2)) == pytest.approx(predicted[0], rel=0.02)
     # The right weights are the best: those of the information.
-    best = noise_covariance(pulls(vectors, 1 / noise**2), noise)
+    best = covariance_by_weights(vectors, 1 / noise**2, noise)
     assert best == pytest.approx(inverted(information(vectors, noise)))
     assert sigma_of_normals(b, best)[0] < predicted[0]
 
@@ -97,14 +97,13 @@ def test_greedy_is_near_the_known_optimum_of_a_flat_patch(count):
 
 def test_an_exchange_never_harms_and_finds_the_best_set_of_all():
     b, vectors, noise, seen = case(4, flashes=9, pixels=20)
-    start = known_before(b)
 
     def worth(flashes):
         some = list(flashes)
         return score(b, known_before(b, information(vectors[some], noise[some], seen[some])))
 
-    greedy = choose_flashes(b, start, vectors, noise, seen, 4)
-    better = exchange_flashes(b, start, vectors, noise, seen, greedy)
+    greedy = choose_flashes(b, known_before(b), vectors, noise, seen, 4)
+    better = exchange_flashes(b, 0.0, vectors, noise, seen, greedy)
     assert len(set(better)) == 4
     best = min(worth(some) for some in combinations(range(9), 4))
     assert worth(better) <= worth(greedy) + 1e-12
