@@ -7,8 +7,6 @@ from draw.readable import Readable, readable
 from draw.svg import COLOURS, EDGE, Axes, Axis, Drawing, circle, svg, text
 
 CHANNELS = {"red": "#D55E00", "green": "#009E73", "blue": "#0072B2"}
-MOST_NUMBERED = 30
-"""Of more lights the numbers would lie on each other."""
 SIZE, RIM = 360, 150.0
 """Of the hemisphere's drawing, and the radius at which its rim is drawn, pixels."""
 
@@ -28,7 +26,8 @@ def directions(lights: dict[str, Any]) -> Drawing:
         u, v = middle + radius * cos(azimuth), middle - radius * sin(azimuth)
         told = Readable().format("{name}: {zenith_deg:1°} from the camera's axis, azimuth {azimuth_deg:1°}", **row)
         parts.append(circle(u, v, 6, COLOURS[5], told, stroke="#333"))
-        parts.append(text(u, v - 9, str(number), size=12) if len(rows) <= MOST_NUMBERED else "")
+        # The numbers of more lights would lie on each other.
+        parts.append(text(u, v - 9, str(number), size=12) if len(rows) <= 30 else "")
     return svg(SIZE, SIZE, parts, label="Directions of the lights as the camera sees them")
 
 

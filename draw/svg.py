@@ -10,8 +10,6 @@ import numpy as np
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 """Told apart by colour-blind eyes too [Okabe2008]."""
 INK, GRID, EDGE = "#444", "#e3e7ea", "#9aa5b0"
-MOST_LETTERS = 12
-"""Longer names of ticks are written small, and on two rows in turn."""
 ROOM, HEADROOM = 0.25, 0.04
 """Decades that are left free at either end of a logarithmic axis; share of a linear one at its upper end."""
 
@@ -129,7 +127,8 @@ class Axes(NamedTuple):
     def drawn(self, x_title: str = "", y_title: str = "") -> list[str]:
         """Return the grid, its numbers or names, and what the axes show."""
         (left, right), (bottom, top) = ((axis.start, axis.end) for axis in self)
-        long = max((len(name) for _, name in self.x.ticks), default=0) > MOST_LETTERS
+        # Such names are written small, and on two rows in turn.
+        long = max((len(name) for _, name in self.x.ticks), default=0) > 12
         parts = []
         for number, (tick, name) in enumerate(self.x.ticks):
             at, below = self.x.at(tick), bottom + 18 + (13 * (number % 2) - 2 if long else 0)

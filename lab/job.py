@@ -1,6 +1,5 @@
 """One session on its way through the steps: what is done and current is not done again."""
 
-import logging
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -16,8 +15,6 @@ from scene.mesh import Mesh
 from scene.method_names import UNCALIBRATED
 from scene.record import Record
 from scene.store import Store
-
-LOG = logging.getLogger("rgbn")
 
 
 @dataclass
@@ -146,7 +143,6 @@ class Job:
             self.run(steps, need)
         mark = self.fingerprint(step)
         if self.record.is_current(wanted, mark):
-            LOG.info("%s: is done and current", wanted)
             return
         say(f"{wanted} ...")
         start, stale = now(), _made_from(steps, wanted)

@@ -24,7 +24,6 @@ from scene.map_pictures import Image, data_uri, normal_picture
 MOST_PIXELS = 400_000
 MOST_BYTES = 5_500_000
 """Of all pictures, before base64 makes four thirds of them."""
-ALBEDO_QUANTILE = 0.999
 SURFACE_POINTS = 60_000
 """Of the scene in 3-D, about."""
 GROUPS = {
@@ -124,7 +123,7 @@ def _maps(material: Material, grid: PixelBox, error_end: float | None, scales: S
         albedo = there("albedo", name) if side == "real" else None
         if albedo is not None:
             known = (albedo / balance)[np.isfinite(albedo).all(-1)]
-            white = max(float(np.quantile(known, ALBEDO_QUANTILE)) if known.size else 1.0, 1e-6)
+            white = max(float(np.quantile(known, 0.999)) if known.size else 1.0, 1e-6)
             scales[f"albedo-{name}"] = {"white": white, "balance": balance.tolist()}
             yield Layer("albedo", "real", name, f"albedo, {name}", Exposure(white, balance).develop(albedo))
     for side, shown in sigmas.items():

@@ -17,7 +17,6 @@ from scene.files import write_whole
 from scene.map_pictures import Image, data_uri, known_pixels, normal_picture, shrink
 from scene.store import Store
 
-NAME = "report.pdf"
 MARGIN_MM, WIDE_MM, GAP_MM, HIGHEST_MM = 15.0, 180.0, 6.0, 58.0
 """Of the pages; of the pictures, the gap between two and the height at most."""
 PICTURE_PX = 1200
@@ -48,7 +47,7 @@ def write_paper(store: Store, name: str, subtitle: str, facts: Summary, digests:
         printed = paper.pdf.output()
         if paper.pdf.pages_count <= MOST_PAGES:
             break
-    with write_whole(store.path(NAME)) as file:
+    with write_whole(store.path("report.pdf")) as file:
         file.write(printed)
 
 

@@ -21,10 +21,8 @@ from scene.store import Store
 FOLDER = "align"
 """Of the pictures, below the output folder."""
 WIDTH = 1200
-BALL_WIDTH = 420
 SCAN_COLOUR, MASK_COLOUR = (255, 0, 190), (255, 210, 63)
 """Of the scan's outline: no object under white flashes has it; of the mask's."""
-WINDOW_PX = 46
 ZOOM = 6
 SIDES = {"left": (-1.0, 0.0), "top": (0.0, -1.0), "right": (1.0, 0.0), "bottom": (0.0, 1.0)}
 """Image axes (u, v)."""
@@ -86,7 +84,7 @@ def zoom_picture(frames: Frames, exposure: Exposure, directions: NDArray, stroke
         place = middles[np.argmax(middles @ side)]
         # Directions have y up, image axes v down.
         index = int(np.argmax(directions[:, :2] @ [side[0], -side[1]] - 2 * (directions[:, 2] < 0.35)))
-        side_px = min(WINDOW_PX, frames.width, frames.height)
+        side_px = min(46, frames.width, frames.height)
         left, top = np.clip(np.round(place - side_px / 2), 0, [frames.width - side_px, frames.height - side_px])
         box = PixelBox(int(left), int(top), int(left) + side_px, int(top) + side_px)
         crop = box.frame(frames, index)
@@ -144,7 +142,7 @@ def _ball(material: Material, index: int, sphere: Sphere, seen: list | None) -> 
     found = {"row": row, "overlay": svg}
     if frames is not None and exposure is not None:
         is_mirror = row["kind"] == "chrome"
-        found["image"] = pictures.ball_picture(frames, exposure, box, BALL_WIDTH, is_mirror=is_mirror)
+        found["image"] = pictures.ball_picture(frames, exposure, box, 420, is_mirror=is_mirror)
     return found
 
 

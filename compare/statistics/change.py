@@ -10,8 +10,6 @@ from scene.robust import TUKEY, tukey
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-ROUNDS = 8
-"""Of the reweighted fit."""
 STATED = 0.01
 """Share of an unchanged object's pixels that is flagged; and the chance that a place is told of an unchanged object."""
 MEDIAN = 2 * np.log(2)
@@ -105,7 +103,7 @@ def fit_common(turned: Array, variance: Array, columns: Array, prior: Array) -> 
     held, found = np.zeros((columns.shape[-1],) * 2), np.zeros(columns.shape[-1])
     # Beyond noise, pixels of one window err alike.
     held[range(len(prior)), range(len(prior))] = max(1.0, len(turned) / LOCAL**2) / prior**2
-    for _ in range(ROUNDS):
+    for _ in range(8):
         size = np.linalg.norm(target - columns @ found, axis=1)
         scale = np.sqrt(np.median(size**2) / MEDIAN)
         weighted = columns * (tukey(size, TUKEY * scale) / scale**2)[:, None, None]

@@ -21,12 +21,8 @@ BLOCKS = 36
 DRAWS = 400
 MOST_PIXELS = 200_000
 """Of larger maps every n-th row and column is taken: more tell nothing that their neighbours do not."""
-BINS = 512
 SIGMAS = 2.0
 """A difference of two medians that is smaller than so many of its standard deviations ranks no method."""
-FEWEST_PIXELS = 16
-INTERVAL = (0.025, 0.975)
-"""The interval of a difference of medians: 95 % of the draws."""
 UNLIKE_BELOW, ALIKE_FROM = 0.3, 0.6
 """Pearson's correlation of two error maps: of other places below, of the same places from this on."""
 OVERLAP = 0.5
@@ -64,7 +60,7 @@ def _medians(error: NDArray, label: NDArray[np.intp], weights: NDArray[np.int64]
     """Return (DRAWS,), the median of a map over blocks that are drawn so often; weights (DRAWS, blocks)."""
     known, blocks = np.isfinite(error), weights.shape[1]
     values = error[known].astype(np.float64)
-    edges = np.unique(np.quantile(values, np.linspace(0, 1, min(BINS, max(2, values.size)) + 1)))
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, min(512, max(2, values.size)) + 1)))
     if edges.size < 2:
         return np.full(len(weights), values[0])
     width = edges.size - 1
@@ -103,7 +99,7 @@ def level_methods(errors: Mapping[str, NDArray], truth_sigma_deg: float | None) 
     whose squares differ by less are not told apart by such a truth. The blocks are the same for both methods of a
     difference: what makes both err is no difference.
     """
-    errors = {name: error for name, error in errors.items() if np.isfinite(error).sum() >= FEWEST_PIXELS}
+    errors = {name: error for name, error in errors.items() if np.isfinite(error).sum() >= 16}
     if not errors:
         return {"best": None, "median_sigma_deg": {}, "level": []}
     medians = {name: float(np.nanmedian(error)) for name, error in errors.items()}
@@ -143,7 +139,7 @@ def difference(real: NDArray, twin: NDArray, *, laid_over: bool = True) -> dict[
         apart = np.nanmedian(real) - np.nanmedian(twin)
         found = {"pearson": np.nan, "spearman": np.nan, "pixels": 0, "median_difference_deg": apart}
         drawn = [drawn_medians([thinned(error)], seed=seed)[:, 0] for seed, error in enumerate((real, twin))]
-    low, high = np.quantile(drawn[0] - drawn[1], INTERVAL)
+    low, high = np.quantile(drawn[0] - drawn[1], [0.025, 0.975])
     found |= {"median_difference_low_deg": low, "median_difference_high_deg": high}
     return {key: (value if isinstance(value, int) else float(value)) if np.isfinite(value) else None
             for key, value in found.items()}  # fmt: skip

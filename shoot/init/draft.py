@@ -28,20 +28,14 @@ from scene.reading import shortened
 from scene.spheres import KINDS
 from shoot.init.answers import Asking
 
-ROLES = ("flash", "ambient", "dark", "flat")
-"""What a photograph may be used for, but for a board's shots."""
 FOCAL = ("fx", "focal_mm", "sensor_mm", "pixel_um", "crop_factor", "model")
 LIKELY_UNITS: tuple[Unit, ...] = ("mm", "cm", "m", "inch")
 FACTOR = 1.5
 """By which the object's size in the picture may differ from the scan's: parts are hidden, or were not scanned."""
 SIGNED = "# As rgbn wrote it: "
 """What stands before the fingerprint of all that is above: a file in which nothing was changed is written anew."""
-WIDE = 112
-"""Letters of a line of what is assumed."""
 BESIDE = ("frames", "spheres", "object.scan_unit")
 """Keys beside which stands what was found; beside others, what they are for."""
-LONGEST = 1000
-"""Letters of a sentence there: names of files are as long as they like."""
 
 
 def unit_by_size(diagonal: float, size_mm: float | None) -> Unit | None:
@@ -109,7 +103,7 @@ class Draft:
     def photographs(self) -> dict[str, list[Path]]:
         """The photographs by what they are used for."""
         frames, camera = self.manifest.frames, self.manifest.camera
-        globs = {role: getattr(frames, role) for role in ROLES}
+        globs = {role: getattr(frames, role) for role in ("flash", "ambient", "dark", "flat")}
         globs["board"] = camera and (camera.charuco or camera.chessboard)
         return {role: expand(patterns, self.folder)[0] for role, patterns in globs.items() if patterns}
 
@@ -175,7 +169,8 @@ def session_text(draft: Draft) -> str:
     """Return the text of session.toml, with what is assumed or missing above its tables."""
     head = [f"# Written by rgbn init on {date.today().isoformat()}. Correct what is wrong; rgbn only reads it."]
     for told in (f"camera: {draft.camera[1]}", *notes_of(draft)):
-        head += textwrap.wrap(shortened(told, LONGEST), WIDE, initial_indent="# - ", subsequent_indent="#   ")
+        # Names of files are as long as they like.
+        head += textwrap.wrap(shortened(told, 1000), 112, initial_indent="# - ", subsequent_indent="#   ")
     tables, comments = _tables(draft.written), {}
     for table, keys in tables.items():
         for key in keys if isinstance(keys, dict) else ():
@@ -220,18 +215,15 @@ def facts_of(draft: Draft) -> Iterator[tuple[str, str]]:
     yield "camera", draft.camera[1]
     for number, ball in enumerate(manifest.spheres):
         known = f"{ball.diameter_mm:.4g} mm" if ball.diameter_mm else "diameter_mm not known"
-        yield f"spheres[{number}]", f"{ball.kind}, {known}; {_place_told(ball)}"
+        place = "in its own photographs, in the flash frames' order"
+        if ball.center_px:
+            place = "found at ({:.0f}, {:.0f}) px, radius {:.0f} px".format(*ball.center_px, ball.radius_px)
+        yield f"spheres[{number}]", f"{ball.kind}, {known}; {place}"
     for table, key in (("lights", "file"), ("object", "mask"), ("object", "scan"), ("object", "normals")):
         if name := getattr(getattr(manifest, table), key, None):
             yield f"{table}.{key}", name
     if manifest.object.scan:
         yield "object.scan_unit", draft.scan_told
-
-
-def _place_told(ball: SphereTable) -> str:
-    if ball.center_px is None:
-        return "in its own photographs, in the flash frames' order"
-    return "found at ({:.0f}, {:.0f}) px, radius {:.0f} px".format(*ball.center_px, ball.radius_px)
 
 
 def notes_of(draft: Draft) -> Iterator[str]:

@@ -226,8 +226,8 @@ def plan_page(facts: dict[str, Any]) -> str:
         return table(list(columns), zip(*columns.values(), strict=True), kind="numbers")
 
     flashes = [row for row in facts["flashes"] if not row["there"] or len(facts["flashes"]) <= MOST_ROWS]
-    text = Path(__file__).with_name("plan_page.html").read_text("utf-8")
-    body = environment().from_string(text).render(
+    template = environment().from_string(Path(__file__).with_name("plan_page.html").read_text("utf-8"))
+    body = template.render(
         facts,
         dome=directions({"frames": facts["flashes"]}),
         flash_table=shown("flashes", flashes[:MOST_ROWS]),

@@ -14,6 +14,7 @@ from scene.mesh import Mesh
 from scene.normals import unit
 from scene.spheres import WHITE_BALL_ALBEDO, Kind, Sphere
 from shoot.plan.plan_options import AS_USUAL, FEWEST, PlanOptions, View
+from solve.pixelwise.iterative import IterativeSettings
 from solve.samples import GRAY
 from twin.camera.virtual_camera import Sensor
 from twin.visibility import Sight
@@ -27,8 +28,6 @@ PIXELS = 1500
 """Of the object, evenly in the picture, that a plan is made for."""
 RIM = 0.15
 """Cosine to the view under which a pixel is not counted: at the outline, half of it is something else."""
-SHADOWED = 0.05
-"""Share of a pixel's 75th percentile under which the default solver takes a sample for shadowed."""
 LEFT_BY_MOSAIC = np.array([0.5625, 0.625, 0.5625])
 """Of a sample's variance, mean over a Bayer pattern, red, green, blue: measured, or the mean of two or four."""
 CANDIDATES, MOST_TRIED = 60, 100_000
@@ -145,7 +144,8 @@ class ObjectPixels:
         else:
             seen = shade > 0
         body, white = self.albedo * np.maximum(shade, 0), self.white_value * lights.intensities.mean(1)[:, None]
-        seen &= shade > SHADOWED * np.quantile(np.where(seen, shade, 0), 0.75, axis=0)
+        # As the default solver has it.
+        seen &= shade > IterativeSettings().shadow_threshold * np.quantile(np.where(seen, shade, 0), 0.75, axis=0)
         neutral = np.array(sensor.neutral)
         value = white * body
         read = sensor.noise_e / sensor.white_e

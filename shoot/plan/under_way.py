@@ -14,6 +14,7 @@ from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
+from scene.robust import spread
 from scene.spheres import Sphere
 from shoot.plan.plan_options import PlanOptions
 from shoot.plan.set_up import PIXELS, ObjectPixels, ShownObject, pixels_of
@@ -152,7 +153,7 @@ def under_way(
         # The scatter is the residuals' standard deviation, by their median, less the sensor's noise: interreflections,
         # a weak highlight, a surface that is not Lambertian. Three numbers were fitted to each pixel's samples.
         counts = np.broadcast_to(seen.sum(0), seen.shape)[enough]
-        share = 1.4826 * np.median(np.abs(samples - shade)[enough] / shade[enough] * np.sqrt(counts / (counts - 3)))
+        share = spread((samples - shade)[enough] / shade[enough] * np.sqrt(counts / (counts - 3)))
         sensor = np.median(shown.noise[enough] / shade[enough])
         pixels = replace(pixels, scatter=float(np.sqrt(max(share**2 - sensor**2, 0))))
     noise = np.hypot(shown.noise, pixels.scatter * np.maximum(shade, 0))
