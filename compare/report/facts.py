@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from itertools import chain, repeat
+from itertools import chain, groupby, repeat
 from typing import Any, TypeVar
 
 import numpy as np
@@ -113,14 +113,13 @@ NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 def by_runs(names: Sequence[str]) -> str:
     """Return names in a row, three or more whose numbers follow each other by the first and the last."""
-    runs: list[list[str]] = []
-    for name in dict.fromkeys(names):
+
+    def run_of(place: int, name: str) -> tuple[str, int, int]:
         stem, number = re.fullmatch(r"(.*?)(\d*)", name, re.DOTALL).groups()  # type: ignore[union-attr]
-        before = f"{stem}{str(int(number) - 1).zfill(len(number))}" if number.strip("0") else None
-        if runs and runs[-1][-1] == before:
-            runs[-1].append(name)
-        else:
-            runs.append([name])
+        return stem, len(number), int(number or 0) - place
+
+    pairs = groupby(enumerate(dict.fromkeys(names)), lambda pair: run_of(*pair))
+    runs = ([name for _, name in run] for _, run in pairs)
     parts = ([f"{run[0]} to {run[-1]}"] if len(run) > 2 else run for run in runs)
     return ", ".join(part for run in parts for part in run)
 

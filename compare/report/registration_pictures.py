@@ -151,14 +151,12 @@ def placed(material: Material) -> Summary:
     mask, truth = material.mask, material.map_of("normals", "truth")
     registered = material.store.path("pose.json").exists()
     drawn, zoom = (read_picture(material.store, name) if registered else None for name in ("outline", "outline_zoom"))
-    shown = "the registered scan"
     if drawn is None:
-        # Where the outline itself is not there to a fraction of a pixel, the truth ends a pixel inside it.
-        shown = f"{shown}'s ground truth" if registered else "the given ground truth"
         drawn, box = _photographed(material.frames, material.exposure, material.raking, mask)
         drawn = drawn if truth is None else _outlined(drawn, box, known_pixels(truth), SCAN_COLOUR)
         drawn = _outlined(drawn, box, mask, MASK_COLOUR, WIDTH // 100)
-    keys = {"mask": "the object's mask"} | ({} if truth is None and not registered else {"scan": shown})
+    shown = "the registered scan" if registered else "the given ground truth"
+    keys = {"mask": "the object's mask"} | ({} if truth is None else {"scan": shown})
     legend = Markup("; ").join(Markup('<span class="key {}"></span> {}').format(*key) for key in keys.items())
     name = material.frames.names[material.raking]
     caption = Markup("{} with the outline of {}.").format(name, legend)

@@ -44,7 +44,7 @@ def test_strokes_lie_where_their_pixels_are_to_a_tenth_of_a_pixel():
 def test_the_zooms_show_each_side_in_the_frame_that_lights_it_and_the_line_on_its_edge():
     frames, lights, _, strokes = scene(600, 400)
     image = registration_pictures.zoom_picture(frames, Exposure.for_frames(frames), lights.directions, strokes)
-    side = registration_pictures.WINDOW_PX * registration_pictures.ZOOM
+    side = 46 * registration_pictures.ZOOM
     assert image.shape == (26 + side + 4 + side, 4 * side + 18, 3)
     left = image[26 : 26 + side, :side].astype(int)
     drawn = image[30 + side :, :side].astype(int)
