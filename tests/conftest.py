@@ -85,6 +85,16 @@ def no_report(monkeypatch):
     monkeypatch.setattr("compare.report.report.write_report", lambda *_: None)
 
 
+@pytest.fixture
+def set_threads():
+    """Set how many threads render; in the end there are as many as before."""
+    import drjit
+
+    before = drjit.thread_count()
+    yield drjit.set_thread_count
+    drjit.set_thread_count(before)
+
+
 @pytest.fixture(scope="session")
 def rgbn_process():
     """Run this checkout's command line in a process of its own; give what `subprocess.run` does."""

@@ -23,3 +23,8 @@ def table():
     """(world, frames) of the usual scene."""
     world = table_scene()
     return world, render(world)
+
+
+def missed(found, true):
+    """By how much a circle misses another: (u, v, radius), px."""
+    return np.array([*(found.center_px - true.center_px), found.radius_px - true.radius_px])

@@ -52,7 +52,7 @@ def test_a_mirror_is_as_large_as_it_is(facing):
     radius, size = 67.0, 156
     camera = Camera(size, size, 900.0, 900.0, size / 2 + 0.3, size / 2 - 0.4)
     rng = np.random.default_rng(10002)
-    v, u = np.mgrid[0:size:0.125, 0:size:0.125] - 0.4375
+    v, u = np.mgrid[0:size:0.25, 0:size:0.25] - 0.375
     far = np.hypot(u - camera.cx, v - camera.cy) / radius
     # A ray that meets the ball at this slope leaves it by twice the slope; an uneven room grows darker that way.
     turned = 2 * np.arccos(np.minimum(far, 1))
@@ -62,7 +62,7 @@ def test_a_mirror_is_as_large_as_it_is(facing):
         reflects = facing + (1 - facing) * (1 - np.sqrt(1 - np.minimum(far, 1) ** 2)) ** 5
         inside = reflects * room * np.maximum(1 - 0.4 * turned, 0)
         fine = np.where(far < 1, inside, room)
-        images.append(gaussian_filter(fine.reshape(size, 8, size, 8).mean((1, 3)), 0.7))
+        images.append(gaussian_filter(fine.reshape(size, 4, size, 4).mean((1, 3)), 0.7))
     noisy = np.stack(images) + rng.normal(size=(6, size, size)) * 2e-3
     frames = Frames.from_linear(tuple("abcdef"), np.repeat(noisy[..., None], 3, -1).astype(np.float32))
     start = Sphere("chrome", np.array([camera.cx + 0.5, camera.cy - 0.6]), radius - 0.5)

@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 
 import cv2
-import drjit
 import numpy as np
 import pytest
 from pydantic import TypeAdapter
@@ -300,7 +299,7 @@ def test_what_is_written_is_read_again_as_it_was(tmp_path):
 
 
 @pytest.mark.render
-def test_pictures_are_linear_in_memory_whatever_they_are_on_disk(tmp_path):
+def test_pictures_are_linear_in_memory_whatever_they_are_on_disk(tmp_path, set_threads):
     coded = np.array([[[0, 128, 255], [255, 64, 0]]], np.uint8)
     cv2.imwrite(str(tmp_path / "a.png"), coded[..., ::-1])
     for encoding, expected in (("", 0.2158605), (', encoding = "linear"', 128 / 255)):
@@ -309,7 +308,7 @@ def test_pictures_are_linear_in_memory_whatever_they_are_on_disk(tmp_path):
         assert values.shape == (1, 2, 3)
         assert np.allclose(values[0, 0], [0, expected, 1], atol=1e-6)
     # Kept to one thread, Mitsuba's OpenEXR once waited for ever.
-    drjit.set_thread_count(1)
+    set_threads(1)
     sky = np.random.default_rng(10007).uniform(0, 30, (4, 8, 3)).astype(np.float32)
     write_exr(tmp_path / "sky.exr", sky)
     cv2.imwrite(str(tmp_path / "sky.hdr"), sky[..., ::-1])

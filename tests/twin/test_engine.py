@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import drjit
 import numpy as np
 import pytest
 
@@ -82,14 +81,11 @@ def test_light_that_went_on_is_what_stock_mitsuba_has_beyond_direct_light():
     assert np.sqrt(np.mean(blocks**2)) < 0.004 * all_of_it.mean()
 
 
-def test_neither_bands_nor_threads_change_anything():
-    scene, threads = scene_of(lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8])), drjit.thread_count()
+def test_neither_bands_nor_threads_change_anything(set_threads):
+    scene = scene_of(lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8]))
     at_once, many = rendered(scene, samples=5), engine(scene)
-    try:
-        drjit.set_thread_count(3)
-        pieces = [many.band(slice(row, min(row + 7, 40)), 5, 10_000) for row in range(0, 40, 7)]
-    finally:
-        drjit.set_thread_count(threads)
+    set_threads(3)
+    pieces = [many.band(slice(row, min(row + 7, 40)), 5, 10_000) for row in range(0, 40, 7)]
     assert np.array_equal(np.concatenate(pieces, 2), at_once)
     assert not np.array_equal(rendered(scene, samples=5, seed=1), at_once)
 
@@ -147,18 +143,15 @@ def test_the_noise_that_is_predicted_is_that_of_the_rendering(engine):
     assert noise_of_one_sample(scene, film, engine) / 4 == pytest.approx(error, rel=0.3)
 
 
-def test_stock_frames_are_the_same_by_any_number_of_threads_and_stocks_own():
+def test_stock_frames_are_the_same_by_any_number_of_threads_and_stocks_own(set_threads):
     """Stock's film adds in the order in which its threads come: with 25 samples a pixel no two frames were the same."""
     import mitsuba as mi
 
     scene = ball(camera=Camera(200, 160, 600.0, 600.0, 99.5, 79.5))
-    film, images, threads = scene.film(), [], drjit.thread_count()
-    try:
-        for count in (1, 2, 3):
-            drjit.set_thread_count(count)
-            images.append(PathTracer(scene, film).image(1, 25, seed=5))
-    finally:
-        drjit.set_thread_count(threads)
+    film, images = scene.film(), []
+    for count in (1, 2, 3):
+        set_threads(count)
+        images.append(PathTracer(scene, film).image(1, 25, seed=5))
     assert all(np.array_equal(images[0], image) for image in images)
     sensor = load(sensor_description(film, scene.points, film.window[0], film.window[2]))
     seed = int(np.random.SeedSequence([5, 1, film.window[0]]).generate_state(1)[0])

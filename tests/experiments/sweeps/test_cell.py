@@ -35,7 +35,7 @@ def test_every_method_and_profile_has_a_row_and_the_same_again():
 
 
 @pytest.mark.full
-def test_threads_that_were_there_before_change_no_byte_of_the_photographs():
+def test_threads_that_were_there_before_change_no_byte_of_the_photographs(set_threads):
     """Dr.Jit's threads add up a pixel's samples in the order in which they come: with two of them no run is another."""
     import drjit
 
@@ -43,17 +43,14 @@ def test_threads_that_were_there_before_change_no_byte_of_the_photographs():
 
     # Steep: nearly every pixel takes many samples.
     recipe = Recipe(shape="waves", relief=7.0, side=64, count=24)
-    cell, before, images = Cell("shadow", 7, 7.0, recipe, ("ls",), ("default",)), drjit.thread_count(), []
-    try:
-        for threads in (4, 1, 3):
-            drjit.set_thread_count(threads)
-            _render.cache_clear()
-            run_cell(cell)
-            images.append(_render(recipe.scene)[0].tobytes())
-            assert _render.cache_info().misses == 1
-            assert drjit.thread_count() == threads, "it is set back"
-    finally:
-        drjit.set_thread_count(before)
+    cell, images = Cell("shadow", 7, 7.0, recipe, ("ls",), ("default",)), []
+    for threads in (4, 1, 3):
+        set_threads(threads)
+        _render.cache_clear()
+        run_cell(cell)
+        images.append(_render(recipe.scene)[0].tobytes())
+        assert _render.cache_info().misses == 1
+        assert drjit.thread_count() == threads, "it is set back"
     assert images[0] == images[1] == images[2]
 
 
@@ -95,7 +92,7 @@ def lambert(photographs):
 
 
 # The pear last: the tests after it take its rendering, which is kept.
-@pytest.mark.parametrize("shape", [{"shape": "blob"}, {"shape": "waves", "relief": 0.5}, {"shape": "pear"}], ids=str)
+@pytest.mark.parametrize("shape", [{"shape": "blob"}, {"shape": "waves", "relief": 0.5}, {"shape": "pear"}])
 def test_a_matte_surface_is_albedo_times_cosine(shape):
     p = photograph(replace(PLAIN, **shape))
     expected, sure = lambert(p)
