@@ -10,6 +10,7 @@ from scipy.linalg import block_diag
 
 from scene.fan_out import fan_out
 from scene.spheres import WHITE_BALL_ALBEDO
+from solve.assess import DARK
 from solve.methods import NO_SETTINGS, Method, Settings, Whole
 from solve.pixelwise import iterative
 from solve.problem import Problem, spread_over
@@ -18,7 +19,7 @@ from solve.whole.interreflection import Relief, Thrown
 from solve.whole.near import find_positions
 from solve.whole.near_depth import find_depth
 from solve.whole.reflectance_equations import accumulate, back_substitute, refine
-from solve.whole.reflectance_kernels import DIFFERENCE, HALF, INCIDENCE, SIZE, TABLE, Given, Pixels
+from solve.whole.reflectance_kernels import DIFFERENCE, HALF, INCIDENCE, SIZE, TABLE, Given, Pixels, Room
 
 RIDGE = 1e-8
 """Pull of all that is shared to matte where nothing is seen, per sample."""
@@ -47,11 +48,6 @@ PIXELS = 4000
 ROUNDS, STEPS, TURNS = 12, 12, 2
 """Of the joint fit; of each pixel's own afterwards; and how often the object's light upon itself is found anew, with
 half as many rounds after it."""
-SHADOW, NOISE = 0.02, 0.004
-"""Samples under this share of the stack's 99th percentile are shadowed; least sigma of a pixel's residuals, as a share
-of the same."""
-SIGMAS = 2.0
-"""Residuals beyond this times their pixel's own robust sigma count ever less."""
 SMOOTHNESS = 1e-4
 """Weight of the table's second differences, per sample."""
 
@@ -103,8 +99,8 @@ def fit_to_views(
     (highlights are steep). Starts from `iterative`; where it goes astray, that is what is returned. One reflectance
     serves one material: of an object of several, the best is a compromise.
     """
-    scale = samples.scale()
-    b, used = iterative.fit(samples, scale, iterative.IterativeSettings())
+    scale, how = samples.scale(), iterative.IterativeSettings()
+    b, used = iterative.fit(samples, scale, how)
     is_known = (b != 0).any(1)
     known = np.flatnonzero(is_known)
     if len(known) < SIZE:
@@ -112,7 +108,7 @@ def fit_to_views(
         return Whole(b, used, (said,)), MATTE_OBJECT, Thrown.none(*samples.gray.shape)
     albedo = np.linalg.norm(b[known], axis=1)
     normals = b[known] / albedo[:, None]
-    given = Given(samples, views, SHADOW * scale, NOISE * scale, SIGMAS, Thrown.none(*samples.gray.shape))
+    given = Given(samples, views, DARK * scale, how.noise_floor * scale, Thrown.none(*samples.gray.shape))
     chosen = np.flatnonzero(spread_over(is_known, PIXELS)) if relief is None else relief.patches(is_known)
     learnt = Pixels(known, normals, albedo).some(np.searchsorted(known, chosen))
     alone, before, after = _learn(given, learnt, ROUNDS)
@@ -130,7 +126,8 @@ def fit_to_views(
         return Whole(b, used, (said,)), MATTE_OBJECT if _is_matte(alone) else alone, given.thrown
 
     def run(first: int) -> None:
-        refine(given, Pixels(known, normals, albedo).some(slice(first, first + CHUNK)), shared, STEPS, used)
+        some = Pixels(known, normals, albedo).some(slice(first, first + CHUNK))
+        refine(given, some, shared, Room.of(used.shape[1]), STEPS, used)
 
     fan_out(run, range(0, len(known), CHUNK))
     b[known] = normals * albedo[:, None]
@@ -153,7 +150,7 @@ def _learn(given: Given, chosen: Pixels, rounds: int, start: NDArray | None = No
         joint = turn > 0 or start is not None
 
         def work(part: Pixels, joint=joint, shared=shared):
-            return accumulate(given, part, shared, joint)
+            return accumulate(given, part, shared, Room.of(given.samples.gray.shape[1]), joint)
 
         found = fan_out(work, parts)
         hessian, slope, samples = (sum(part[k] for part in found) for k in range(3))

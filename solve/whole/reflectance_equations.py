@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from solve.whole.reflectance_kernels import SIZE, model, prepare, room_of, tangents
+from solve.whole.reflectance_kernels import SIZE, model, prepare, tangents
 
 LARGEST = 0.15
 """Radians: a step of a normal at most."""
@@ -65,7 +65,7 @@ def _eliminate(inverse, own, coupling, hessian, slope):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def accumulate(given, pixels, table, joint):  # pragma: no cover
+def accumulate(given, pixels, table, room, joint):  # pragma: no cover
     """Return the normal equations of what is shared over the pixels, their normals and albedos eliminated if `joint`.
 
     They are hessian (SIZE, SIZE), its upper half, and slope (SIZE,); then how many samples took part, the sigma of
@@ -75,8 +75,7 @@ def accumulate(given, pixels, table, joint):  # pragma: no cover
     count, frames = len(pixels.index), given.samples.gray.shape[1]
     hessian, slope, samples, sigma = np.zeros((SIZE, SIZE)), np.zeros(SIZE), 0.0, np.zeros(count)
     inverse, own, coupling = np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros((count, 3, SIZE))
-    room, block = room_of(frames), np.empty((3, 3))
-    slopes, entry, state = room.slopes, room.entry, room.state
+    block, slopes, entry, state = np.empty((3, 3)), room.slopes, room.entry, room.state
     for p in range(count):
         i = pixels.index[p]
         prepare(i, given, room)
@@ -116,11 +115,9 @@ def back_substitute(pixels, inverse, own, coupling, step):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def refine(given, pixels, table, steps, used):  # pragma: no cover
+def refine(given, pixels, table, room, steps, used):  # pragma: no cover
     """Fit each pixel to the table, in place; `used` (P, F): matte samples that agree with the fit."""
-    frames = given.samples.gray.shape[1]
-    room, block, own = room_of(frames), np.empty((3, 3)), np.empty(3)
-    state = room.state
+    block, own, state = np.empty((3, 3)), np.empty(3), room.state
     index, normals, albedo = pixels
     for p in range(len(index)):
         i = index[p]
@@ -135,8 +132,8 @@ def refine(given, pixels, table, steps, used):  # pragma: no cover
             if abs(move[0]) + abs(move[1]) < 1e-5:
                 break
         matte = 0
-        for k in range(frames):
+        for k in range(len(state)):
             matte += state[k, 1] > 0.5 and abs(state[k, 3] - 1.0) < MATTE
         if matte >= 4:
-            for k in range(frames):
+            for k in range(len(state)):
                 used[i, k] = state[k, 1] > 0.5 and abs(state[k, 3] - 1.0) < MATTE

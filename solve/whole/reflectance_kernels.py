@@ -22,18 +22,19 @@ GRAZING = 0.05
 """Samples whose light stands lower over the surface (cosine) are left out."""
 STEEP = 3.0
 """Weight of a sample with table value f: 1 / (1 + STEEP |f - 1|)."""
+SIGMAS = 2.0
+"""Residuals beyond this times their pixel's own robust sigma count ever less."""
 
 
 class Given(NamedTuple):
     """What pixels are fitted to: samples, unit vectors to the camera (P, 3), the gray value under which a sample is
-    shadowed, the least sigma, the sigmas beyond which a residual counts ever less, and the object's own light on it.
+    shadowed, the least sigma, and the object's own light on it.
     """
 
     samples: Samples
     views: NDArray[np.float64]
     threshold: float
     floor: float
-    sigmas: float
     thrown: Thrown
 
 
@@ -67,20 +68,19 @@ class Room(NamedTuple):
     state: NDArray[np.float64]
     rest: NDArray[np.float64]
 
+    @classmethod
+    def of(cls, frames: int) -> "Room":
+        """Return room for one pixel's numbers."""
+        each = [np.empty((frames, *shape)) for shape in ((3,), (3,), (3,), (3,), (7, 2), (4,), ())]
+        return cls._make([*each[:3], np.empty((2, 3)), *each[3:]])
+
 
 @numba.njit(nogil=True, cache=True, inline="always")
-def room_of(frames):  # pragma: no cover
-    """Return room for one pixel's numbers."""
-    return Room(
-        np.empty((frames, 3)),
-        np.empty((frames, 3)),
-        np.empty((frames, 3)),
-        np.empty((2, 3)),
-        np.empty((frames, 3)),
-        np.empty((frames, 7, 2)),
-        np.empty((frames, 4)),
-        np.empty(frames),
-    )
+def between(knots, value):  # pragma: no cover
+    """Return the knot before a value, the distance to the next, and the value's share of it, 1 at most."""
+    place = min(max(np.searchsorted(knots, value, "right") - 1, 0), len(knots) - 2)
+    width = knots[place + 1] - knots[place]
+    return place, width, min((value - knots[place]) / width, 1.0)
 
 
 @numba.njit(nogil=True, cache=True)
@@ -102,9 +102,7 @@ def prepare(i, given, room):  # pragma: no cover
             halves[k, axis] /= total
             cosine += halves[k, axis] * views[i, axis]
         angle = np.arccos(min(max(cosine, -1.0), 1.0))
-        place = min(max(np.searchsorted(DIFFERENCE, angle, "right") - 1, 0), len(DIFFERENCE) - 2)
-        gains[k, 0] = place
-        gains[k, 1] = min((angle - DIFFERENCE[place]) / (DIFFERENCE[place + 1] - DIFFERENCE[place]), 1.0)
+        gains[k, 0], _, gains[k, 1] = between(DIFFERENCE, angle)
         gains[k, 2] = 0.0
         for corner in range(4):
             gains[k, 2] += thrown.share[i, corner] * thrown.patches[thrown.corner[i, corner], k]
@@ -137,22 +135,13 @@ def model(i, given, n, albedo, table, room):  # pragma: no cover
             continue
         cosine = n[0] * halves[k, 0] + n[1] * halves[k, 1] + n[2] * halves[k, 2]
         cosine = min(max(cosine, -1.0), 1.0)
-        angle = np.arccos(cosine)
-        row = min(max(np.searchsorted(HALF, angle, "right") - 1, 0), len(HALF) - 2)
-        width = HALF[row + 1] - HALF[row]
-        t = min((angle - HALF[row]) / width, 1.0)
+        row, width, t = between(HALF, np.arccos(cosine))
         column, s = int(gains[k, 0]), gains[k, 1]
         first = row * wide + column
-        knot = min(max(np.searchsorted(INCIDENCE, c, "right") - 1, 0), len(INCIDENCE) - 2)
-        span = INCIDENCE[knot + 1] - INCIDENCE[knot]
-        p = min((c - INCIDENCE[knot]) / span, 1.0)
+        knot, span, p = between(INCIDENCE, c)
         curve = TABLE + knot
-        entry[k, 0, 0], entry[k, 1, 0], entry[k, 2, 0], entry[k, 3, 0] = (
-            first,
-            first + 1,
-            first + wide,
-            first + wide + 1,
-        )
+        entry[k, 0, 0], entry[k, 1, 0] = first, first + 1
+        entry[k, 2, 0], entry[k, 3, 0] = first + wide, first + wide + 1
         entry[k, 4, 0], entry[k, 5, 0] = curve, curve + 1
         entry[k, 0, 1], entry[k, 1, 1] = c * (1 - t) * (1 - s), c * (1 - t) * s
         entry[k, 2, 1], entry[k, 3, 1] = c * t * (1 - s), c * t * s
@@ -180,6 +169,6 @@ def model(i, given, n, albedo, table, room):  # pragma: no cover
     for k in range(count):
         if state[k, 1] > 0:
             loose = 1.0 + STEEP * abs(state[k, 3] - 1.0)
-            ratio = state[k, 0] / (given.sigmas * sigma * loose)
+            ratio = state[k, 0] / (SIGMAS * sigma * loose)
             state[k, 1] = 1.0 / (loose * (1.0 + ratio * ratio) ** 2)
     return sigma, size
