@@ -29,21 +29,14 @@ class _Level(NamedTuple):
     reciprocal: Array
 
 
-class _Grids(NamedTuple):
-    """The levels, finest first, and the inverse of the last one's matrix."""
-
-    levels: list[_Level]
-    inverse: Array
-
-
 def solve_grid(
     right: Array, down: Array, shift: Array, rhs: Array, start: Array, *, tolerance: float, iterations: int = 200
-) -> tuple[Array, bool]:
+) -> Array:
     """Solve (Laplacian + shift) x = rhs.
 
     `right` and `down` are the weights of the edge from each pixel to the next column, to the next row (the last column,
     row is 0); `shift` is above 0 on every pixel that is solved for, 0 elsewhere; all (H, W). The tolerance is that of
-    the residual's length, as a share of the right side's. Returns x, and whether the tolerance was reached.
+    the residual's length, as a share of the right side's.
     """
     levels = [_level(right, down, shift)]
     while levels[-1].shift.size > _COARSEST:
@@ -55,43 +48,45 @@ def solve_grid(
     # Its least eigenvalue is the shift's, tiny beside the largest: what is below is rounding.
     least = max(float(last.shift.sum()) / max(int((last.shift > 0).sum()), 1), 1e-15 * float(last.diagonal.max()))
     values, vectors = np.linalg.eigh(matrix)
-    grids = _Grids(levels, (vectors / np.maximum(values, least)) @ vectors.T)
+    inverse = (vectors / np.maximum(values, least)) @ vectors.T
     goal = tolerance * float(np.linalg.norm(rhs))
-    change, left = _conjugate(grids, 0, _left(levels[0], rhs, start), goal, iterations)
-    return start + change, bool(np.linalg.norm(left) <= goal)
+    return start + _conjugate(levels, inverse, _left(levels[0], rhs, start), goal, iterations)
 
 
-def _conjugate(grids: _Grids, depth: int, rhs: Array, goal: float, iterations: int) -> tuple[Array, Array]:
-    """Return x of a level and what it leaves of the right side: conjugate gradients, preconditioned by a cycle."""
-    if depth == len(grids.levels) - 1:
-        return (grids.inverse @ rhs.ravel()).reshape(rhs.shape), np.zeros_like(rhs)
+def _conjugate(levels: list[_Level], inverse: Array, rhs: Array, goal: float, iterations: int) -> Array:
+    """Return x of the first of the levels, finest first: conjugate gradients, preconditioned by a cycle.
+
+    `inverse` is that of the last one's matrix.
+    """
+    if len(levels) == 1:
+        return (inverse @ rhs.ravel()).reshape(rhs.shape)
     x, residual, nothing = np.zeros_like(rhs), rhs, np.zeros_like(rhs)
     step, before, slope = x, residual, 1.0
     for count in range(iterations):
         if np.linalg.norm(residual) <= goal:
             break
-        z = _cycle(grids, depth, residual)
+        z = _cycle(levels, inverse, residual)
         # Flexible conjugate gradients: a cycle is not the same linear map twice.
         step = z + (np.vdot(z, residual - before) / slope) * step if count else z
         slope = np.vdot(z, residual)
-        image = -_left(grids.levels[depth], nothing, step)
+        image = -_left(levels[0], nothing, step)
         bend = np.vdot(step, image)
         if not bend > 0.0:
             break
         length = np.vdot(step, residual) / bend
         x += length * step
         before, residual = residual, residual - length * image
-    return x, residual
+    return x
 
 
-def _cycle(grids: _Grids, depth: int, rhs: Array) -> Array:
+def _cycle(levels: list[_Level], inverse: Array, rhs: Array) -> Array:
     """Return an approximate solution: smooth, correct by two steps on the coarser grid [Notay2008], smooth."""
-    level = grids.levels[depth]
+    level = levels[0]
     # The first step is from zero, and needs no product.
     x = _smoothed(level, rhs, _WEIGHTS[0] * level.reciprocal * rhs, _WEIGHTS[1])
     solved = level.reciprocal > 0
     coarse = _merged(_left(level, rhs, x) * solved)
-    found, _ = _conjugate(grids, depth + 1, coarse, 0.25 * float(np.linalg.norm(coarse)), 2)
+    found = _conjugate(levels[1:], inverse, coarse, 0.25 * float(np.linalg.norm(coarse)), 2)
     x += solved * found.repeat(2, 0).repeat(2, 1)[: x.shape[0], : x.shape[1]]
     for weight in _WEIGHTS:
         x = _smoothed(level, rhs, x, weight)

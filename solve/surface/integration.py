@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label, median
+from scipy.ndimage import find_objects, label, median
 from scipy.special import expit
 
 from scene.camera import Camera
@@ -52,8 +52,7 @@ class IntegratedSurface:
 
     def points_mm(self, camera: Camera) -> Array:
         """Return the points (H, W, 3), camera frame."""
-        base, rays = camera.rays(camera.grid())
-        return base + rays * ((self.z_mm - base[..., 2]) / rays[..., 2])[..., None]
+        return camera.points_at_depth(camera.grid(), self.z_mm[..., None])
 
     def torn_share(self) -> float:
         """Return the share of the pixels that are torn off the next one to the right or below."""
@@ -65,7 +64,6 @@ class IntegratedSurface:
 
 def integrate(
     normals: NDArray,
-    mask: NDArray[np.bool_],
     camera: Camera,
     *,
     z_mm: float,
@@ -78,7 +76,6 @@ def integrate(
     ----------
     normals : (H, W, 3) float
         Unit, camera frame; pixels without a finite one are left out.
-    mask : (H, W) bool
     camera : Camera
         Perspective with its distortion, or orthographic.
     z_mm : float
@@ -98,7 +95,7 @@ def integrate(
     Raises
     ------
     SceneError
-        No finite normal under the mask, or a perspective depth that is not in front of the camera.
+        No finite normal, or a perspective depth that is not in front of the camera.
 
     Notes
     -----
@@ -119,9 +116,9 @@ def integrate(
     Do not believe the depth across an edge whose two sides are not connected elsewhere, nor the low frequencies of
     normals with a smooth bias: a bias of 1 degree over 100 mm bends a flat plate by some millimetres.
     """
-    inside = mask & np.isfinite(normals).all(-1)
+    inside = np.asarray(np.isfinite(normals).all(-1))
     if not inside.any():
-        raise SceneError("integration: no pixel of the mask has a normal.")
+        raise SceneError("integration: no pixel has a normal.")
     if not camera.is_orthographic and not z_mm < 0:
         raise SceneError(f"integration: the surface must stand in front of the camera, z < 0; found z = {z_mm:g} mm.")
     rounds = _ROUNDS
@@ -131,11 +128,10 @@ def integrate(
             # Tears that creep from pixel to pixel creep twice as fast on every second one. Edges of that grid weigh the
             # same, and a pixel of it stands for four.
             known = None if hint is None else (hint[0][some], 4 * hint[1][some])
-            coarse = integrate(normals[some], inside[some], camera.every(2), z_mm=z_mm, hint=known)
+            coarse = integrate(normals[some], camera.every(2), z_mm=z_mm, hint=known)
             start = finer(coarse.z_mm, normals, camera)
         rounds = _FINER_ROUNDS
-    rows, columns = np.flatnonzero(inside.any(1)), np.flatnonzero(inside.any(0))
-    box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
+    (box,) = find_objects(inside.view(np.uint8))
     edges = edges_of(np.where(inside[..., None], normals, 0.0)[box], inside[box], camera, box)
     depth = np.zeros(edges.inside.shape) if hint is None else _unknown(np.full(edges.inside.shape, z_mm), camera)
     # Of an edge's two pixels, each counts a half.
@@ -199,7 +195,7 @@ def _solved(
         rhs += axis.last(flow) - flow
     start = np.where(edges.inside, depth - level, 0.0)
     steps = _STEPS if tolerance > 1e-8 else 5 * _STEPS
-    change, _ = solve_grid(right_down[0], right_down[1], pull, rhs, start, tolerance=tolerance, iterations=steps)
+    change = solve_grid(right_down[0], right_down[1], pull, rhs, start, tolerance=tolerance, iterations=steps)
     return np.where(edges.inside, level + change, 0.0)
 
 

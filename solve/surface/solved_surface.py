@@ -46,14 +46,10 @@ def solved_surface(store: Store, methods: Sequence[str], most_pixels: int) -> So
         No pixel has a normal.
     """
     method = next((name for name in methods if store.path("depth", f"{name}.npy").exists()), methods[0])
-    mask, camera, lights = store.load_mask(), store.load_camera(), store.load_lights()
-    step = max(1, int(np.ceil(np.sqrt(np.count_nonzero(mask) / most_pixels))))
+    camera, lights = store.load_camera(), store.load_lights()
+    step = max(1, int(np.ceil(np.sqrt(np.count_nonzero(store.load_mask()) / most_pixels))))
     every, camera = (slice(None, None, step),) * 2, camera.every(step)
     normals, albedo = store.load_normals(method)[every], store.read_array("albedo", f"{method}.npy")[every]
-    if store.path("depth", f"{method}.npy").exists():
-        depth = store.read_array("depth", f"{method}.npy")[every].astype(np.float64)
-        surface, scale = surface_at(depth, normals, camera), "the distance was found by the shading"
-        return SolvedSurface(method, surface, normals, albedo, camera, step, scale)
     z_mm = float(lights.reference_point_mm[2])
     scale = f"the surface's middle was put at the lights' reference point, z = {z_mm:.0f} mm"
     if camera.is_orthographic:
@@ -61,5 +57,9 @@ def solved_surface(store: Store, methods: Sequence[str], most_pixels: int) -> So
     elif z_mm >= 0:
         z_mm = UNKNOWN_MM
         scale = f"nothing tells the distance: it was put at z = {z_mm:.0f} mm, and its size is as arbitrary"
-    surface = integrate(normals, mask[every], camera, z_mm=z_mm)
+    if store.path("depth", f"{method}.npy").exists():
+        depth = store.read_array("depth", f"{method}.npy")[every].astype(np.float64)
+        surface, scale = surface_at(depth, normals, camera), "the distance was found by the shading"
+    else:
+        surface = integrate(normals, camera, z_mm=z_mm)
     return SolvedSurface(method, surface, normals, albedo, camera, step, scale)

@@ -71,7 +71,7 @@ class Relief:
         inside = np.isin(self._number, chosen)
         field = np.full((*inside.shape, 3), np.nan)
         field[inside] = normals
-        surface = integrate(field, inside, self._camera, z_mm=self._depth)
+        surface = integrate(field, self._camera, z_mm=self._depth)
         points = surface.points_mm(self._camera)[inside]
         rays = self._camera.rays(self._camera.grid())[1][inside]
         side = 1 / self._camera.fx if self._camera.is_orthographic else -points[:, 2] / self._camera.fx

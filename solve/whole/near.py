@@ -75,19 +75,17 @@ def find_positions(problem: Problem) -> Problem:
     center, size = small.center(), small.size()
     distant = small.spread(lights)
     rough = [small.spread(_placed(lights, center, size / np.full(len(lights), near))) for near in NEARNESS]
-    found = _by_trials(small, lights, center, size, NEARNESS[int(np.argmin(rough))])
-    if found is None or not found[0] < distant - GAIN:
+    spread, nearness = _by_trials(small, lights, center, size, NEARNESS[int(np.argmin(rough))])
+    if np.median(1 / nearness) > FARTHEST or not spread < distant - GAIN:
         return problem
-    nearness = found[1]
-    far = size / nearness
-    return problem.under(_placed(lights, center, far)).warned(
+    return problem.under(_placed(lights, center, size / nearness)).warned(
         f"the lights came without positions; by how the object is lit, they are {1 / nearness.max():.1f} to "
         f"{1 / nearness.min():.1f} times its size away."
     )
 
 
-def _by_trials(small: "_Small", lights: Lights, center: Array, size: float, start: float) -> tuple[float, Array] | None:
-    """Return the least spread over the mean nearness and each light's nearness (F,) there; None: they are distant."""
+def _by_trials(small: "_Small", lights: Lights, center: Array, size: float, start: float) -> tuple[float, Array]:
+    """Return the least spread over the mean nearness, and each light's nearness (F,) there."""
     tried: dict[float, tuple[float, Array]] = {}
 
     def trial(log_nearness: float) -> float:
@@ -100,8 +98,7 @@ def _by_trials(small: "_Small", lights: Lights, center: Array, size: float, star
 
     bounds = np.log(start) + np.array([-1, 1]) * np.log(RANGE)
     minimize_scalar(trial, bounds=bounds, method="bounded", options={"maxiter": TRIALS})
-    best = min(tried.values(), key=lambda pair: pair[0])
-    return None if np.median(1 / best[1]) > FARTHEST else best
+    return min(tried.values(), key=lambda pair: pair[0])
 
 
 def _placed(lights: Lights, center: Array, distance: Array) -> Lights:
@@ -142,7 +139,7 @@ class _Small:
         normals = np.full((*self.mask.shape, 3), np.nan)
         normals[self.mask] = unit(self._fit(lights, slice(None))[0])
         if np.isfinite(normals[self.mask]).all(-1).any():
-            z_mm = integrate(normals, self.mask, self.camera, z_mm=self.depth).z_mm
+            z_mm = integrate(normals, self.camera, z_mm=self.depth).z_mm
             self.z_mm = np.where(self.mask, np.where(np.isfinite(z_mm), z_mm, self.depth), np.nan)
 
     def follow(self, lights: Lights) -> None:

@@ -55,7 +55,7 @@ def find_depth(problem: Problem, settings: iterative.IterativeSettings) -> Probl
     normals, *_ = task.look(level)
     if not np.isfinite(normals[mask]).all(-1).any():
         return replace(problem, z_mm=level)
-    surface = integrate(normals, mask, camera, z_mm=reference)
+    surface = integrate(normals, camera, z_mm=reference)
     z_mm, sigma = task.placed(np.where(mask, filled(surface.z_mm, np.isfinite(surface.z_mm)), np.nan))
     is_known = sigma < _UNKNOWN
     if not is_known:
@@ -70,9 +70,9 @@ def find_depth(problem: Problem, settings: iterative.IterativeSettings) -> Probl
             hint, weight = task.moved(z_mm, np.clip(step, -0.3 * task.unit, 0.3 * task.unit)), _weight(step, spread)
             weight *= (_ROUGHNESS_PX / np.sqrt(camera.fx * camera.fy)) ** 2
             middle = float(np.median(z_mm[mask]))
-            surface = integrate(normals, mask, camera, z_mm=middle, start=z_mm, hint=(hint, weight))
+            surface = integrate(normals, camera, z_mm=middle, start=z_mm, hint=(hint, weight))
         else:
-            surface = integrate(normals, mask, camera, z_mm=reference, start=z_mm)
+            surface = integrate(normals, camera, z_mm=reference, start=z_mm)
         before, z_mm = z_mm, np.where(mask, filled(surface.z_mm, np.isfinite(surface.z_mm)), np.nan)
         moved = float(np.percentile(np.abs(z_mm - before)[mask], 90)) / task.distance
         if moved < _AT_REST:

@@ -27,7 +27,7 @@ def plane(camera, normal, z_mm=-600.0):
 
 def integrated(points, normals, mask=WHOLE, camera=PERSPECTIVE):
     """What is integrated from the normals, with the points' median depth."""
-    return integrate(normals, mask, camera, z_mm=float(np.median(points[mask][:, 2])))
+    return integrate(np.where(mask[..., None], normals, np.nan), camera, z_mm=float(np.median(points[mask][:, 2])))
 
 
 @pytest.mark.parametrize("camera", [PERSPECTIVE, ORTHOGRAPHIC], ids=["perspective", "orthographic"])
@@ -85,7 +85,7 @@ def test_a_step_keeps_its_height_free():
     left[:, : SIZE // 2] = True
     z_mm = np.where(left, -600.0, -640.0)
     noisy = z_mm + 5.0 * np.random.default_rng(0).standard_normal(z_mm.shape)
-    surface = integrate(normals, WHOLE, PERSPECTIVE, z_mm=-620.0, hint=(noisy, np.full(z_mm.shape, 0.02)))
+    surface = integrate(normals, PERSPECTIVE, z_mm=-620.0, hint=(noisy, np.full(z_mm.shape, 0.02)))
     assert abs(np.median(surface.z_mm[left]) + 600) < 1.5
     assert abs(np.median(surface.z_mm[~left]) + 640) < 1.5
     # A plate's relief is the hint's noise, much reduced.
@@ -95,10 +95,10 @@ def test_a_step_keeps_its_height_free():
 def test_faults_are_named():
     normals = np.full((SIZE, SIZE, 3), np.nan)
     with pytest.raises(SceneError, match="no pixel"):
-        integrate(normals, WHOLE, PERSPECTIVE, z_mm=-600.0)
+        integrate(normals, PERSPECTIVE, z_mm=-600.0)
     normals[:] = [0, 0, 1]
     with pytest.raises(SceneError, match="in front of the camera"):
-        integrate(normals, WHOLE, PERSPECTIVE, z_mm=0.0)
+        integrate(normals, PERSPECTIVE, z_mm=0.0)
 
 
 def test_the_grid_solver_solves_its_equations_with_uneven_weights_and_cuts():
@@ -114,8 +114,7 @@ def test_the_grid_solver_solves_its_equations_with_uneven_weights_and_cuts():
         pad = [(0, 0), (0, 0)]
         pad[axis] = (1, 1)
         rhs -= np.diff(np.pad(flow, pad), axis=axis)
-    found, settled = solve_grid(right, down, shift, rhs, np.zeros_like(x), tolerance=1e-10)
-    assert settled
+    found = solve_grid(right, down, shift, rhs, np.zeros_like(x), tolerance=1e-10)
     gap = found - x
     for side in (gap[:, :21], gap[:, 21:]):
         assert np.ptp(side) < 1e-6
