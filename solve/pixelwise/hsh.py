@@ -39,25 +39,21 @@ SEED = HshSettings(three_lights=True, cutoff=0.0)
 viewers do. The benchmark names neither the order nor how normals are had."""
 
 
-def cautions_of(directions, settings: HshSettings) -> tuple[str, ...]:
-    """Say whether the harmonics can be had from lights (F, 3) at all."""
-    order = settings.order
+def warned(problem: Problem, settings: HshSettings) -> Problem:
+    """Return the problem, warned where its lights do not tell all harmonics."""
+    directions, order = problem.lights.directions, settings.order
     values = np.linalg.svd(harmonics(directions, order), compute_uv=False)
     terms = (order + 1) ** 2
     rank = int(np.count_nonzero(values > 1e-3 * values[0]))
     if rank == terms:
-        return ()
+        return problem
     condition = values[0] / values[-1] if len(values) == terms and values[-1] > 0 else np.inf
     smoothed = "It is smoothed by the terms that can be told"
     worth = "Normals are not to be believed" if settings.three_lights else smoothed
-    return (
+    return problem.warned(
         f"order {order} has {terms} terms, and {len(directions)} lights where these stand tell {rank} of them "
-        f"(condition number {condition:.0e}): a ring, a narrow set or too few. {worth}.",
+        f"(condition number {condition:.0e}): a ring, a narrow set or too few. {worth}."
     )
-
-
-def _warned(problem: Problem, settings: HshSettings) -> Problem:
-    return problem.warned(*cautions_of(problem.lights.directions, settings))
 
 
 def _matrices(directions: NDArray, valid: NDArray, settings: HshSettings) -> NDArray[np.float64]:
@@ -99,7 +95,7 @@ def fit(samples: Samples, scale: float, settings: HshSettings):
     matrix for each pixel.
 
     Do not believe it on a ring of lights of one height (rank 5 of 9), nor on a narrow set: then A is singular, and
-    what the fit says 45 degrees up is invented. `cautions_of` tells.
+    what the fit says 45 degrees up is invented. `warned` tells.
     """
     gray, valid = samples.gray.astype(np.float64), samples.valid
     b, used = np.zeros((len(gray), 3)), valid & (valid.sum(1, keepdims=True) >= 3)
@@ -131,4 +127,4 @@ def harmonics(directions: NDArray, order: int) -> NDArray[np.float64]:
     return np.stack(found, -1)
 
 
-METHOD = Method("hsh", {"default": HshSettings(), "seed": SEED}, fit=fit, prepare=_warned)
+METHOD = Method("hsh", {"default": HshSettings(), "seed": SEED}, fit=fit, prepare=warned)

@@ -11,9 +11,8 @@ from solve.pixelwise.kernels import (
     SINGULAR,
     agreeing,
     light_vectors,
+    limit_of,
     lit_samples,
-    median,
-    residuals_of,
     smallest_key,
     solve_sums,
     weighted_sums,
@@ -86,8 +85,7 @@ def fit(samples, scale, settings):  # pragma: no cover
             x, y, z, well = solve_sums(weighted_sums(vectors, values, now), SINGULAR)
         if well:
             for _ in range(settings.iterations):
-                count = residuals_of(columns, values, now, (x, y, z), residual)
-                limit = settings.outlier_sigmas * max(1.4826 * median(residual.view(np.int32), count, room), floor)
+                limit = limit_of(columns, values, now, (x, y, z), settings.outlier_sigmas, floor, residual, room)
                 before[:] = now
                 size, changed = agreeing(columns, values, lit, before, (x, y, z), limit, now)
                 if not changed:

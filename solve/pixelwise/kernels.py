@@ -205,10 +205,11 @@ def solve_sums(sums, singular):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"reassoc"})
-def residuals_of(columns, values, lit, b, out):  # pragma: no cover
-    """Write |m - v . b| of the `lit` samples to `out`, and NaN, whose key is last, of the others; return how many.
+def limit_of(columns, values, lit, b, sigmas, floor, out, room):  # pragma: no cover
+    """Return how far a sample may lie off b and agree: `sigmas` times the robust sigma of the `lit`, or the `floor`.
 
-    All in float32: half the time, and closer than any sample is.
+    Writes |m - v . b| of the lit ones to `out`, and NaN, whose key is last, of the others. All in float32: half the
+    time, and closer than any sample is. `room` (1,) float32 is to work in.
     """
     x, y, z = np.float32(b[0]), np.float32(b[1]), np.float32(b[2])
     bits, size = out.view(np.int32), np.float32(0)
@@ -217,7 +218,7 @@ def residuals_of(columns, values, lit, b, out):  # pragma: no cover
         size += lit[k]
     for k in range(len(values)):
         bits[k] = bits[k] if lit[k] > 0 else NO_KEY
-    return int(size)
+    return sigmas * max(1.4826 * median(bits, int(size), room), floor)
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"reassoc"})

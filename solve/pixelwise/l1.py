@@ -15,9 +15,8 @@ from solve.pixelwise.kernels import (
     adjugate,
     agreeing,
     light_vectors,
+    limit_of,
     lit_samples,
-    median,
-    residuals_of,
     solve_sums,
     weighted_sums,
 )
@@ -99,10 +98,7 @@ def fit(samples, scale, settings):  # pragma: no cover
             x, y, z = x + p, y + q, z + r
             if abs(p) + abs(q) + abs(r) < settings.tolerance:
                 break
-        count, limit = residuals_of(columns, values, lit, (x, y, z), residual), 0.0
-        if count:
-            sigma = max(1.4826 * median(residual.view(np.int32), count, room), settings.noise_floor)
-            limit = settings.outlier_sigmas * sigma
+        limit = limit_of(columns, values, lit, (x, y, z), settings.outlier_sigmas, settings.noise_floor, residual, room)
         agreeing(columns, values, lit, lit, (x, y, z), limit, kept)
         for k in range(lights):
             used[i, k] = kept[k] > 0
@@ -118,18 +114,13 @@ def _step(columns, lit, move, prior, floor, residual, sums):  # pragma: no cover
     normal matrix and the prior. float32 does: an error in the matrix slows the steps down, it does not move the point
     where they end.
     """
-    det, (ia, ib, ic, id_, ie, if_) = adjugate(
-        sums[0] + prior, sums[1], sums[2], sums[3] + prior, sums[4], sums[5] + prior
-    )
+    a, b, c, d, e, f, _, _, _ = sums
+    det, (ia, ib, ic, id_, ie, if_) = adjugate(a + prior, b, c, d + prior, e, f + prior)
     scale = 1.0 / det
     aa, bb, cc = np.float32(ia * scale), np.float32(2.0 * ib * scale), np.float32(2.0 * ic * scale)
     dd, ee, ff = np.float32(id_ * scale), np.float32(2.0 * ie * scale), np.float32(if_ * scale)
-    x, y, z, least = (
-        np.float32(move[0]),
-        np.float32(move[1]),
-        np.float32(move[2]),
-        np.float32(floor * floor if prior > 0.0 else floor),
-    )
+    x, y, z = np.float32(move[0]), np.float32(move[1]), np.float32(move[2])
+    least = np.float32(floor * floor if prior > 0.0 else floor)
     xx = xy = xz = yy = yz = zz = mx = my = mz = np.float32(0)
     for k in range(len(residual)):
         u, v, w = columns[0, k], columns[1, k], columns[2, k]

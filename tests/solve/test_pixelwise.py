@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from fixtures.lit_surfaces import as_samples, spiral
+from fixtures.lit_surfaces import as_samples, lights_along, spiral
 from scene.errors import SceneError
 from scene.method_names import METHODS
 from scene.normals import angular_error_deg, unit
 from solve.methods import method_of
 from solve.pixelwise import hsh, l1, sbl
+from solve.problem import Problem
 
 COUNT = 16
 
@@ -85,12 +86,17 @@ def test_hsh_lambertian_samples_are_exact_by_default_and_nearly_so_by_three_ligh
     np.testing.assert_array_equal(used, valid)
 
 
+def under(directions):
+    """Return a problem of which the lights alone are known."""
+    return Problem(None, lights_along(directions), None, None, slice(0))
+
+
 @pytest.mark.parametrize("directions", [cap(0.7, 0.7, 24), cap(0.96, 0.99, 24), cap(0.4, 0.98, 8)])
 def test_hsh_a_ring_a_narrow_set_and_too_few_lights_are_said_to_be_singular(directions):
-    (said,) = hsh.cautions_of(directions, hsh.SEED)
+    (said,) = hsh.warned(under(directions), hsh.SEED).cautions
     assert "order 2 has 9 terms" in said
     assert "not to be believed" in said
-    assert hsh.cautions_of(cap(0.3, 0.98, 48), hsh.SEED) == ()
+    assert hsh.warned(under(cap(0.3, 0.98, 48)), hsh.SEED).cautions == ()
 
 
 def spoilt(outliers, *, noise=0.0, seed=0):
