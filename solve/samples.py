@@ -140,13 +140,7 @@ def all_samples(problem: Problem) -> Samples:
 
 def bands(frames: Frames, mask: NDArray[np.bool_]) -> Iterator[slice]:
     """Yield the row slices that hold pixels of the mask, each small enough for the cache of a worker."""
-    used = np.flatnonzero(mask.any(1))
-    if not len(used):
-        return
-    for band in frames.bands(_BAND_BYTES):
-        start, stop = max(band.start, used[0]), min(band.stop, used[-1] + 1)
-        if start < stop and mask[start:stop].any():
-            yield slice(int(start), int(stop))
+    yield from (band for band in frames.bands(_BAND_BYTES) if mask[band].any())
 
 
 def read_band(part: Problem) -> Band:

@@ -1,7 +1,7 @@
 """Which normals to believe where no truth is known: the photographs judge, by frames that a method was not given."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -122,13 +122,10 @@ def trust(
         # Of no metal its answer is not to be believed, however well clefts that light themselves agree with it.
         names = [name for name in names if name != "metal"]
     left_out = [np.arange(len(frames)) % FOLDS == fold for fold in range(FOLDS)]
-    folds = np.zeros((len(names), FOLDS))
-    by_folds: dict[str, list[NDArray]] = {name: [] for name in names}
-    for fold, out in enumerate(left_out):
-        seen = replace(given, frames=given.frames.only(~out), lights=given.lights.only(~out))
-        for which, name in enumerate(names):
-            by_folds[name].append(_normals(name, seen, profile))
-            folds[which, fold], _ = photographs.judge(by_folds[name][-1], out)
+    by_folds = {name: [_normals(name, given, ~out, profile) for out in left_out] for name in names}
+    folds = np.array(
+        [[photographs.judge(*fold)[0] for fold in zip(by_folds[name], left_out, strict=True)] for name in names]
+    )
     best = int(folds.mean(1).argmin())
     answer = answers[names[best]][::step, ::step][given.mask]
     left = sum(photographs.judge(answer, out)[1] for out in left_out)
@@ -167,11 +164,11 @@ def _apart_deg(normals: NDArray, others: NDArray) -> float:
     return float(np.nanmean(angle)) if np.isfinite(angle).any() else 90.0
 
 
-def _normals(name: str, problem: Problem, profile: str) -> NDArray:
-    """Return a method's normals (P, 3) of a problem; NaN where it cannot be run."""
-    frames, lights, camera, mask = problem.frames, problem.lights, problem.camera, problem.mask
+def _normals(name: str, problem: Problem, seen: NDArray[np.bool_], profile: str) -> NDArray:
+    """Return a method's normals (P, 3) of some frames (F,) of a problem; NaN where it cannot be run."""
+    frames, lights, mask = problem.frames.only(seen), problem.lights.only(seen), problem.mask
     try:
-        return solve(name, frames, lights, camera, mask, profile=profile).normals[mask]
+        return solve(name, frames, lights, problem.camera, mask, profile=profile).normals[mask]
     except SceneError:
         return np.full((np.count_nonzero(mask), 3), np.nan)
 

@@ -21,13 +21,10 @@ from solve.samples import Geometry, Samples
 
 Array = NDArray[np.float64]
 
-ROUNDS = 4
 FEWEST_FRAMES = 4
 _CHUNK = 2048
 RANK_GAP = 2.0
 EIGEN_GAP = 0.1
-INTEGRABLE_ROUNDS = 15
-"""Rounds of reweighting of the integrability's equations."""
 SMOOTH_PX = 2.0
 """Standard deviation of the Gaussian under the derivatives."""
 CLEAR_VOTE = 0.75
@@ -109,7 +106,7 @@ def family(samples: Samples, mask: NDArray[np.bool_], settings: FrontEnd) -> Fam
         moments += some.T @ some
     square, vectors = np.linalg.eigh(moments)
     singular = np.sqrt(np.maximum(square[::-1], 0))
-    rest = float(singular[3]) if len(singular) > 3 else 0.0
+    rest = float(singular[3])
     lights = np.ascontiguousarray(vectors[:, :-4:-1])
     # The decomposition leaves three signs open.
     lights *= np.sign((gray @ lights).sum(0))
@@ -117,7 +114,7 @@ def family(samples: Samples, mask: NDArray[np.bool_], settings: FrontEnd) -> Fam
         # The lights from every so many pixels; then each pixel by them.
         some = slice(None, None, max(1, len(gray) // 5_000))
         scale, few = samples.scale(), samples.some(some)
-        for _ in range(ROUNDS):
+        for _ in range(4):
             b, used = _robust_pixels(few, lights, scale)
             # Orthonormal, so that a pixel's lights look as spread as they can.
             basis, triangle = np.linalg.qr(lights_of(few.gray, used, b))
@@ -197,7 +194,7 @@ def integrable(pseudo: Array, mask: NDArray[np.bool_]) -> tuple[Array, float]:
     rows = np.concatenate([np.cross(e, e_x), -np.cross(e, e_y)], 1)
     weights = np.ones(len(rows))
     values, vectors = np.ones(6), np.eye(6)
-    for _ in range(INTEGRABLE_ROUNDS):
+    for _ in range(15):
         values, vectors = np.linalg.eigh((rows * weights[:, None]).T @ rows)
         residual = np.abs(rows @ vectors[:, 0])
         weights = 1 / np.maximum(residual, 0.5 * np.median(residual) + 1e-12)

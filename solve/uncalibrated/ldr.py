@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+from scipy.ndimage import find_objects
 
 from solve.methods import Method, Whole
 from solve.problem import Problem
@@ -71,9 +72,7 @@ def maxima(images, mask):
     `images` are (P, F) float32, those under the mask. Returns, for each maximum, pixel, frame, height (0 at the image's
     darkest, 1 at its brightest pixel), and in how many images one lies here or beside.
     """
-    top, left = (int(np.flatnonzero(mask.any(axis)).min()) for axis in (1, 0))
-    bottom, right = (int(np.flatnonzero(mask.any(axis)).max()) + 1 for axis in (1, 0))
-    inside = np.pad(mask[top:bottom, left:right], _MARGIN)
+    inside = np.pad(mask[find_objects(mask.view(np.uint8))[0]], _MARGIN)
     share = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), SMOOTH_PX)
     inner = cv2.erode(inside.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
     beside = np.ones((3, 3), np.uint8)

@@ -31,14 +31,15 @@ def fit_whole(problem: Problem, samples: Samples, settings: FrontEnd) -> Whole:
     slopes = found.b[:, :2] / np.where(np.abs(found.b[:, 2:]) > 1e-12, found.b[:, 2:], np.nan)
     mu, nu = -geometric_median(slopes[np.isfinite(slopes).all(1)])
     depth, spread = depth_of_equal_lights(found.lights, mu, nu)
-    if depth is not None and spread <= UNEQUAL:
-        return finish(found, (mu, nu, depth), problem.mask, settings)
-    return finish(
-        found, (mu, nu, plainest_depth(found.b, mu, nu)), problem.mask, settings,
-        "no depth of the relief gives the lights one intensity (they would differ by "
-        f"{'any amount' if depth is None else f'{spread:.0%}'}, expected under {UNEQUAL:.0%}): it comes from the "
-        "entropy of the albedo instead.",
-    )  # fmt: skip
+    cautions = []
+    if depth is None or spread > UNEQUAL:
+        cautions.append(
+            "no depth of the relief gives the lights one intensity (they would differ by "
+            f"{'any amount' if depth is None else f'{spread:.0%}'}, expected under {UNEQUAL:.0%}): it comes from the "
+            "entropy of the albedo instead."
+        )
+        depth = plainest_depth(found.b, mu, nu)
+    return finish(found, (mu, nu, depth), problem.mask, settings, *cautions)
 
 
 def depth_of_equal_lights(lights: Array, mu: float, nu: float) -> tuple[float | None, float]:

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 from scene.fan_out import fan_out
 
 Array = NDArray[np.float64]
-_GROWTH = 1.5
 _CHUNK = 1 << 12
 """Pixels that a thread takes at a time: fixed, so that sums do not depend on how many threads there are."""
 
@@ -56,7 +55,7 @@ def low_rank(
         residual = float(np.sqrt(np.sum(squares))) / length
         if residual < tolerance:
             break
-        before, strength = strength, min(_GROWTH * strength, limit)
+        before, strength = strength, min(1.5 * strength, limit)
 
     def finish(part: slice) -> None:
         state[part] = state[part] @ first @ second

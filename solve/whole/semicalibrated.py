@@ -4,6 +4,7 @@ First each flash's intensity, per channel, from some thousand pixels; then the n
 """
 
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,16 +188,12 @@ def _believed(given: Lights, lights: Lights, parts: list[Evidence]) -> tuple[Lig
         # A frame that no pixel ties to the others keeps what was given, on the scale of those that are found.
         factor = np.exp(np.mean(np.log(found[~silent] / given.intensities[~silent]), axis=0))
         found = np.where(silent[:, None], given.intensities * factor, found)
-        cautions.append(f"nothing on the object tells the intensity of {_named(given, silent)}: as given.")
+        named = listed([*compress(given.names, silent)], 3)
+        cautions.append(f"nothing on the object tells the intensity of {named}: as given.")
     if (vague := sigma > SIGMA).any():
-        cautions.append(
-            f"the intensity of {_named(given, vague)} is known to {np.nanmax(sigma):.0%} only: too few pixels tell it."
-        )
+        named = listed([*compress(given.names, vague)], 3)
+        cautions.append(f"the intensity of {named} is known to {np.nanmax(sigma):.0%} only: too few pixels tell it.")
     return replace(lights, intensities=found, intensity_sigma=sigma), tuple(cautions)
-
-
-def _named(lights: Lights, which: NDArray[np.bool_]) -> str:
-    return listed([lights.names[i] for i in np.flatnonzero(which)], 3)
 
 
 def _samples(frames: Frames, mask: NDArray[np.bool_], pixels: int):
