@@ -11,7 +11,6 @@ from capture.audit.frame_facts import FrameFacts, facts_of
 from capture.camera.exif import Exif, read_exif
 from capture.photographs.develop import DevelopRecipe, read_photograph
 from capture.photographs.kept import Kept
-from capture.photographs.photograph import Photograph
 from capture.session.globs import natural_key
 from capture.survey.folder_files import sorted_files
 from capture.survey.hot_folder import WholeFile
@@ -59,15 +58,12 @@ def read_shot(path: Path, digest: str, kept: Kept) -> Shot:
 
     Raises CaptureError: the file cannot be read: it is not whole yet, or no photograph.
     """
-    photograph = kept.load(digest)
-    if photograph is None:
-        photograph = read_photograph(path, DevelopRecipe(kept.encoding, kept.half, path))
-        kept.keep(digest, photograph)
-    codes = photograph.codes
-    facts = facts_of(codes, white=photograph.white, is_mosaic=photograph.is_mosaic)
-    mapped = kept.load(digest)
-    small = small_of(path, Photograph(codes, is_mosaic=photograph.is_mosaic), full=2 if kept.half else 1)
-    return Shot(digest, path, mapped.codes if mapped else codes, facts, small, read_exif(path))
+    if (photograph := kept.load(digest)) is None:
+        kept.keep(digest, read_photograph(path, DevelopRecipe(kept.encoding, kept.half, path)))
+        photograph = kept.load(digest)
+        assert photograph is not None
+    facts = facts_of(photograph.codes, white=photograph.white, is_mosaic=photograph.is_mosaic)
+    return Shot(digest, path, photograph.codes, facts, small_of(path, photograph), read_exif(path))
 
 
 def sort_shots(shots: Sequence[Shot], folder: Path) -> tuple[dict[str, list[Shot]], dict[str, str]]:
