@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from align.scan.mended_scan import load_scan
-from fixtures.mesh_shapes import ball, over_grid
+from fixtures.mesh_shapes import ball, over_grid, volume
 from scene.errors import AlignError
 from scene.mesh import Mesh
 
@@ -20,11 +20,6 @@ def load(tmp_path, vertices, faces, unit="mm", **more):
     lines = ["v {!r} {!r} {!r}".format(*map(float, v)) for v in vertices]
     path.write_text("\n".join(lines + ["f {} {} {}".format(*(f + 1)) for f in np.asarray(faces)]))
     return load_scan(path, unit, **more)
-
-
-def volume(mesh) -> float:
-    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
-    return float(np.einsum("tk,tk->", a, np.cross(b, c)) / 6)
 
 
 @pytest.mark.parametrize(

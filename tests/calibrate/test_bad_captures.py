@@ -8,27 +8,12 @@ import pytest
 from calibrate.calibrate import calibrate
 from calibrate.detection.coarse import shrink
 from calibrate.detection.evidence import contradicts_kind
-from fixtures.ball_scene import Solid, radiance
+from fixtures.ball_scene import Solid, exposed, radiance
 from scene.errors import CalibrationError
-from scene.frames import Frames
 from scene.normals import angular_error_deg
 from tests.calibrate.conftest import table_scene
 
 COUNT, SEED = 7, 10003
-
-
-def _exposed(images, *, ambient=None, seed=0):
-    """The photographs, with noise."""
-    rng = np.random.default_rng(seed)
-
-    def one(image):
-        noise = rng.normal(size=image.shape) * np.sqrt(np.maximum(image, 0) / 20000 + 2e-4**2)
-        return np.clip(image + noise, -0.02, 1).astype(np.float32)
-
-    names = tuple(f"flash_{i:03d}" for i in range(len(images)))
-    return Frames.from_linear(
-        names, np.stack([one(image) for image in images]), ambient=None if ambient is None else one(ambient)
-    )
 
 
 def _asked(world, *, scale=(), kinds=("chrome", "white")):
@@ -74,7 +59,7 @@ def shot():
 
 @pytest.fixture(scope="module")
 def frames(shot):
-    return _exposed(shot[1])
+    return exposed(shot[1])
 
 
 # Wrong statements.
@@ -121,7 +106,7 @@ def test_a_flash_that_did_not_fire(shot, level, kinds):
     images = images.copy()
     images[4] = standing + level * (images[4] - standing)
     with pytest.raises(CalibrationError, match=r"flash_004 \(.*did not fire.*frames\.skip"):
-        calibrate(_exposed(images), world.camera, _asked(world, kinds=kinds))
+        calibrate(exposed(images), world.camera, _asked(world, kinds=kinds))
 
 
 @pytest.mark.full
@@ -137,7 +122,7 @@ def test_two_flashes_from_one_place(shot):
     world, images, _ = shot
     images, lights, powers = images.copy(), world.lights.copy(), world.powers.copy()
     images[4], lights[4], powers[4] = images[1], lights[1], powers[1]
-    found = calibrate(_exposed(images), world.camera, _asked(world))
+    found = calibrate(exposed(images), world.camera, _asked(world))
     _said(found, "flash_001 and flash_004 have the same light")
     assert found.lights.flags[4]
     _right(replace(world, lights=lights, powers=powers), found)
@@ -158,7 +143,7 @@ def test_values_otherwise_coded_and_an_ambient_frame_otherwise_exposed_are_named
     world, images, _ = shot
     room = 0.25 * images.mean(0)
     coded, ambient = (np.clip(picture, 0, 1) ** power for picture in (images + room, exposure * room))
-    found = calibrate(_exposed(coded, ambient=ambient), world.camera, _asked(world))
+    found = calibrate(exposed(coded, ambient), world.camera, _asked(world))
     _said(found, *words)
 
 
@@ -177,7 +162,7 @@ def _flagged(world, images, ball, frame, *, half_mm):
 @pytest.mark.full
 def test_a_chrome_ball_in_shadow(shot):
     world, images, _ = shot
-    found = calibrate(_exposed(_flagged(world, images, 0, 1, half_mm=60)), world.camera, _asked(world))
+    found = calibrate(exposed(_flagged(world, images, 0, 1, half_mm=60)), world.camera, _asked(world))
     angle, off = _errors(world, found)
     assert np.isnan(found.highlights_px[0, 1]).all()
     assert (angle < 3 * found.lights.direction_sigma_deg).all()
@@ -190,7 +175,7 @@ def test_a_white_ball_in_shadow(shot):
     """The session was refused: as if the flash, which the mirrors show, had not fired."""
     world, images, _ = shot
     (white,) = (i for i, ball in enumerate(world.balls) if ball.kind == "white")
-    found = calibrate(_exposed(_flagged(world, images, white, 1, half_mm=60)), world.camera, _asked(world))
+    found = calibrate(exposed(_flagged(world, images, white, 1, half_mm=60)), world.camera, _asked(world))
     _said(found, "flash_001", "every white ball stands in shadow", "shading of the", "frames.skip")
     angle, off = _errors(world, found)
     sigma = found.lights.intensity_sigma
@@ -209,13 +194,13 @@ def test_a_reflection_of_the_flash_in_something_else_is_named(shot):
     v, u = np.indices(images.shape[1:3])
     place = ball.center_px + ball.radius_px * np.array([-0.3, 0.35])
     images[1] += 0.4 * np.exp(-((u - place[0]) ** 2 + (v - place[1]) ** 2) / (2 * 0.5**2))[..., None]
-    found = calibrate(_exposed(images), world.camera, [_asked(world, kinds=["chrome"])[0]])
+    found = calibrate(exposed(images), world.camera, [_asked(world, kinds=["chrome"])[0]])
     _said(found, "flash_001", "show another reflection of it", "frames.skip")
     sigma = found.lights.direction_sigma_deg
     assert sigma[1] > 20 > 10 * np.delete(sigma, 1).max()
     # A white ball that sees the flash tells its direction.
     requests = _asked(world)
-    found = calibrate(_exposed(images), world.camera, [requests[0], requests[-1]])
+    found = calibrate(exposed(images), world.camera, [requests[0], requests[-1]])
     assert requests[-1].kind == "white"
     assert not [text for text in found.warnings if "another reflection" in text]
     assert _errors(world, found)[0][1] < 10
@@ -228,7 +213,7 @@ def test_a_ball_of_the_other_kind_is_named():
     """A white ball said to be chrome was a mirror that disagrees; a chrome one said to be white, a dirty one."""
     world = table_scene(count=COUNT, seed=SEED)
     world.balls = [ball for ball in world.balls if ball.kind != "object"]
-    frames = _exposed(radiance(world, blur_px=0.6)[0])
+    frames = exposed(radiance(world, blur_px=0.6)[0])
     coarse = shrink(frames, world.camera)
     for sphere in world.spheres():
         assert contradicts_kind(coarse, sphere) is None

@@ -194,6 +194,8 @@ def test_diligent_reads_intensities_beside(tmp_path):
         ("a.json", {"lights": [{"lightId": 1, "intensity": [1] * 3}]}, "KeyError: 'direction'"),
         ("a.json", {"lights": [{"lightId": 1, "direction": [0, 0, -1], "intensity": [1, 0, 1]}]}, "must be positive"),
         ("a.json", {"frames": [{"name": "a", "direction": [0, 0, float("nan")], "intensity": [1] * 3}]}, "light 1 has"),
+        ("a.json", {"model": "near", "frames": [{"name": name, "direction": [0, 0, 1], "position_mm": None,
+                                                 "intensity": [1] * 3} for name in KNOWN]}, "position_mm: found the"),
         ("a.dome", {"lightConfiguration": "ring", "directions": []}, "'ring', expected directional"),
         ("a.dome", {"lightConfiguration": "lights3d"}, "KeyError: 'positions3d'"),
         ("a.dome", {"directions": xyz([[0, 0, 1]]), "ledAdjust": [{"r": 1, "g": 1, "b": 1}] * 2}, "1 lights, but 2"),

@@ -1,7 +1,6 @@
 """The door of every reader: foreign errors become one message, and headers are not believed."""
 
 import io
-import json
 import struct
 import zlib
 
@@ -11,7 +10,6 @@ import pytest
 import scipy.io
 import tifffile
 
-from calibrate.known_lights.read_known import read_lights
 from formats.mat_files import arrays_of_mat
 from formats.picture_files import MOST_PIXELS, read_values
 from scene.errors import AlignError, CalibrationError, CaptureError, SceneError
@@ -143,10 +141,3 @@ def test_a_byte_that_crashes_the_reader_of_mat_files(tmp_path):
         (tmp_path / "a.mat").write_bytes(good[:place] + b"\x08" + good[place + 1 :])
         with pytest.raises(SceneError, match=r"a\.mat: cannot be read as a MATLAB file"):
             arrays_of_mat(tmp_path / "a.mat")
-
-
-def test_lights_json_without_positions_is_told(tmp_path):
-    rows = [{"name": n, "direction": [0, 0, 1], "position_mm": None, "intensity": [1, 1, 1]} for n in "abc"]
-    (tmp_path / "lights.json").write_text(json.dumps({"model": "near", "frames": rows}))
-    with pytest.raises(CalibrationError, match="position_mm: found the shape"):
-        read_lights(tmp_path / "lights.json", ("a", "b", "c"))
