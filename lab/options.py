@@ -194,10 +194,11 @@ class Settings(TwinSettings, Solving):
     truth: Annotated[Path | None, Parameter(parse=False)] = None
 
     @classmethod
-    def of(cls, record: "Record") -> "Settings":
-        """Return those by which a folder was made; what an earlier version had beside them is left."""
+    def of(cls, record: "Record | None") -> "Settings":
+        """Return those by which a folder was made, if it was; what an earlier version had beside them is left."""
         known = {field.name for field in fields(cls)}
-        kept = {name: value for name, value in record.notes.get(NOTE, {}).items() if name in known}
+        notes = {} if record is None else record.notes.get(NOTE, {})
+        kept = {name: value for name, value in notes.items() if name in known}
         external, truth = kept.get("external"), kept.get("truth")
         lists = {"external": None if external is None else tuple(external), "truth": truth and Path(truth)}
         return cls(**{**kept, **lists})

@@ -14,8 +14,6 @@ from solve.methods import method_of
 from solve.solve import solve
 
 WHOLE_NUMBERS = (np.uint8, np.uint16)
-SATURATED = 0.98
-"""Share of white from which a whole number is taken as clipped, as of a session's files."""
 SPREAD_OF_LENGTHS = 100.0
 """Lights so much stronger than others are positions or a mistake, no intensities."""
 
@@ -177,8 +175,6 @@ def _frames(names: tuple[str, ...], stack: NDArray, saturation: float | None) ->
         values = stack if stack.dtype == np.float32 else stack.astype(np.float32)
         return Frames(names, values, gain, saturation=np.inf if saturation is None else float(saturation))
     white = np.iinfo(stack.dtype).max
-    # An image at a time: the whole stack as float32 may not fit into memory.
-    codes = np.empty(stack.shape, np.uint16)
-    for index, image in enumerate(stack):
-        codes[index] = encode(image.astype(np.float32) / white)
-    return Frames(names, codes, gain, saturation=SATURATED if saturation is None else saturation / white)
+    # By a table: the whole stack as float32 may not fit into memory.
+    codes = encode(np.arange(white + 1, dtype=np.float32) / white)[stack]
+    return Frames(names, codes, gain, saturation=Frames.saturation if saturation is None else saturation / white)

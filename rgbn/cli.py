@@ -183,9 +183,7 @@ def rig(
 
     found = pool(folders)
     found.write(out)
-    counts = [f"{count} {what}{'s' * (count != 1)}" for count, what in (
-        (len(found.lights), f"{found.lights.model} lamp"), (len(found.sessions), "session"))]  # fmt: skip
-    title = f"rig: {counts[0]}, of {counts[1]}"
+    title = f"rig: {len(found.lights)} {found.lights.model} lamps, of {len(found.sessions)} sessions"
     show(light_table(title, found.lights))
     for text in found.warnings:
         say(f"warning: {text}", always=True)

@@ -43,11 +43,9 @@ def end_by(error: BaseException) -> NoReturn:
 
 def _by_ctrl_c(error: BaseException | None) -> bool:
     """Whether a Ctrl-C is at the root: a compiled module hit while it loads makes an ImportError of it."""
-    seen: set[int] = set()
-    while error is not None and id(error) not in seen:
+    while error is not None:
         if isinstance(error, KeyboardInterrupt):
             return True
-        seen.add(id(error))
         error = error.__cause__ or error.__context__
     return False
 

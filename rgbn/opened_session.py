@@ -246,8 +246,7 @@ class Session:
     @property
     def _kept(self) -> Settings:
         """How the folder was made."""
-        record = read_record(self.out)
-        return Settings() if record is None else Settings.of(record)
+        return Settings.of(read_record(self.out))
 
     def _with(self, given: Method, twin: TwinSettings | None = None) -> Settings:
         """Return what is said: methods beside those whose results are there; another program stays with the folder."""

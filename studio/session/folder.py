@@ -79,7 +79,7 @@ class Review:
     @cached_property
     def programs(self) -> tuple[str, ...]:
         """Other ones that a run would start, as before: a folder from elsewhere may name any."""
-        return () if self._record is None else Settings.of(self._record).external or ()
+        return Settings.of(self._record).external or ()
 
     @property
     def names(self) -> tuple[str, ...]:
