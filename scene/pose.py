@@ -26,16 +26,6 @@ class Pose:
         matrix[:3, 3] = translation
         return cls(matrix)
 
-    @classmethod
-    def exp(cls, twist: ArrayLike) -> "Pose":
-        """Return the motion of a twist (6,): rotation vector (radians), then translation (mm).
-
-        The translation is applied as it is (not the SE(3)
-        exponential's V t), so that rotation and translation keep their plain meaning.
-        """
-        twist = np.asarray(twist, np.float64)
-        return cls.from_rotation_translation(rotation_from_vector(twist[:3]), twist[3:])
-
     @property
     def rotation(self) -> Array:
         return self.matrix[:3, :3]

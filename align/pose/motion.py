@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scene.camera import Camera
 from scene.mesh import Mesh
 from scene.normals import unit
-from scene.pose import Pose
+from scene.pose import Pose, rotation_from_vector
 from scene.robust import cluster_sums
 
 Array = NDArray[np.float64]
@@ -27,10 +27,9 @@ def nudge(pose: Pose, twist: ArrayLike, pivot: ArrayLike) -> Pose:
     the object's own middle, rotation and translation stay nearly independent; about the camera's centre a rotation of
     an object one metre away is mostly a translation.
     """
-    turn = Pose.exp(np.concatenate([np.asarray(twist, np.float64)[:3], np.zeros(3)]))
-    pivot = np.asarray(pivot, np.float64)
-    shift = pivot + np.asarray(twist, np.float64)[3:] - turn.rotate(pivot)
-    return Pose.from_rotation_translation(turn.rotation, shift) @ pose
+    twist, pivot = np.asarray(twist, np.float64), np.asarray(pivot, np.float64)
+    turn = rotation_from_vector(twist[:3])
+    return Pose.from_rotation_translation(turn, pivot + twist[3:] - pivot @ turn.T) @ pose
 
 
 def small_steps(mesh: Mesh, camera: Camera, pose: Pose, *, step_px: float) -> Array:

@@ -14,7 +14,7 @@ from scene.estimate import Estimate
 from scene.files import create_array, write_json, write_whole
 from scene.frames import Frames
 from scene.lights import Lights
-from scene.pose import Pose
+from scene.pose import Pose, rotation_from_vector
 from scene.spheres import Sphere
 from scene.store import Store
 
@@ -91,7 +91,7 @@ def test_everything_comes_back(tmp_path, images):
     assert store.load_spheres()[0].radius_px == 2.5
     assert store.read_json("spheres.json")[0]["center_mm"][2] == pytest.approx(-20 * 35 / 2.5)
 
-    pose = Pose.exp([0.1, 0.2, 0.3, 4, 5, 6])
+    pose = Pose.from_rotation_translation(rotation_from_vector([0.1, 0.2, 0.3]), [4, 5, 6])
     store.save_pose(pose, residual_px=0.2, sigma_mm=0.1, sigma_deg=0.05)
     np.testing.assert_array_equal(store.load_pose().matrix, pose.matrix)
 

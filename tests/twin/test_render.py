@@ -14,7 +14,7 @@ from scene.camera import Camera
 from scene.errors import RenderError
 from scene.frames import PEDESTAL
 from scene.mesh import Mesh
-from scene.pose import Pose
+from scene.pose import Pose, rotation_from_vector
 from scene.store import Store
 from tests.twin import twin_scenes
 from tests.twin.twin_scenes import NEEDS_LLVM
@@ -95,8 +95,8 @@ def test_a_lambertian_ball_has_the_closed_form(camera, is_near):
     The lights' reference point lies beside the ball's middle.
     """
     # The scan's frame is another than the camera's, so a pose that is not applied, or applied twice, shows.
-    pose, shift = Pose.exp([0.7, -0.4, 1.1, 0, 0, 0]), np.array([30.0, 20.0, 10.0])
-    pose = Pose.from_rotation_translation(pose.rotation, CENTER - pose.rotate(shift))
+    turn, shift = rotation_from_vector([0.7, -0.4, 1.1]), np.array([30.0, 20.0, 10.0])
+    pose = Pose.from_rotation_translation(turn, CENTER - turn @ shift)
     positions = CENTER + [[-150.0, 120.0, 160.0], [90.0, -60.0, 220.0]]
     beside = CENTER + [24.0, -24.0, 20.0]
     lights = near(*positions, at=beside, intensities=[[1.2, 0.9, 1.0], [0.8, 1.1, 1.0]])
@@ -139,7 +139,7 @@ def test_interreflection_in_a_bowl_is_that_of_an_integrating_sphere():
 
 def test_the_white_ball_sets_interreflection_and_never_the_direct_light():
     mesh = squares([[0.0, 0.0, -300.0]], 60.0)
-    floor = mesh.vertices @ Pose.exp([np.pi / 2, 0, 0, 0, 0, 0]).rotation.T
+    floor = mesh.vertices @ rotation_from_vector([np.pi / 2, 0, 0]).T
     floor = floor - floor[0] + mesh.vertices[0]
     corner = Mesh(np.concatenate([mesh.vertices, floor]), np.concatenate([mesh.faces, mesh.faces[:, ::-1] + 4]))
 
