@@ -8,11 +8,12 @@ channels the picture's; info.json has what turns its codes c, 0 to 1, into coeff
 import json
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.files import write_json, write_text, write_whole
+from scene.files import write_text, write_whole
 
 Array = NDArray[np.float64]
 QUALITY = 95
@@ -44,8 +45,8 @@ def terms(directions: Array) -> Array:
 
 def write_relight(
     folder: Path, title: str, coefficients: NDArray[np.float32], directions: Array, pixel_mm: float | None
-) -> list[Path]:
-    """Write index.html, a page for OpenLIME, info.json, plane_0.jpg and so on.
+) -> tuple[list[Path], dict[str, Any]]:
+    """Write index.html, a page for OpenLIME, plane_0.jpg and so on; return the paths, and what info.json is to hold.
 
     coefficients : (K, h, w, 3) float32
         Written over by what a viewer has of the files: it shows the sum times `terms`, cut off at 0 and 1.
@@ -72,12 +73,5 @@ def write_relight(
     info = {"width": width, "height": height, "format": "jpg", "type": "ptm", "colorspace": "rgb",
             "lights": np.round(directions, 6).ravel().tolist(), "nplanes": 3 * len(coefficients), "quality": QUALITY,
             "materials": [material]}  # fmt: skip
-    write_json(paths[1], info)
     write_text(paths[0], PAGE.format(title=escape(title), pixel_mm=json.dumps(pixel_mm)))
-    return paths
-
-
-def tell(folder: Path, told: dict[str, float]) -> None:
-    """Add to info.json, under `rgbn`, how far the picture misses the photographs; viewers pass it over."""
-    info = json.loads((folder / "info.json").read_text())
-    write_json(folder / "info.json", {**info, "rgbn": told})
+    return paths, info

@@ -197,8 +197,7 @@ class Session:
 
     def error_deg(self, method: str, *, twin: bool = False) -> "NDArray[np.float32]":
         """Return the angle between a method's normals and the truth, (H, W) degrees, NaN where unknown."""
-        truth = self.truth
-        return angular_error_deg(self.normals(method, twin=twin), truth).astype("float32")
+        return angular_error_deg(self.truth, self.normals(method, twin=twin)).astype("float32")
 
     @property
     def errors(self) -> "Table[dict[str, Any]]":

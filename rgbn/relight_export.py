@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from compare.report.pictures import Exposure
 from formats.picture_files import srgb_from_linear
-from formats.relight_files import tell, terms, write_relight
+from formats.relight_files import terms, write_relight
 from lab.results import pixel_size_mm
 from scene.errors import SceneError
+from scene.files import write_json
 from scene.store import Store
 
 MOST_PIXELS = 4_000_000
@@ -54,7 +55,7 @@ def export_relight(store: Store, name: str) -> tuple[list[Path], list[str]]:
     folder = store.path("export", "relight")
     coefficients = np.stack([np.einsum("kf,fwc->kwc", inverse, pictures(row)) for row in rows], 1)
     pixel_mm = pixel_size_mm(camera, lights)
-    paths = write_relight(folder, name, coefficients, lights.directions, pixel_mm and step * pixel_mm)
+    paths, info = write_relight(folder, name, coefficients, lights.directions, pixel_mm and step * pixel_mm)
     squares = []
     for index, row in enumerate(rows):
         values = pictures(row)
@@ -63,7 +64,7 @@ def export_relight(store: Store, name: str) -> tuple[list[Path], list[str]]:
         shown = np.clip(np.einsum("fk,kwc->fwc", matrix, coefficients[:, index]), 0, 1)
         squares.append((np.mean((shown - values) ** 2), np.mean(((values - fitted) * unseen[:, None, None]) ** 2)))
     rms, left_out = np.sqrt(np.mean(squares, 0)).tolist()
-    tell(folder, {"rms": rms, "left_out_rms": left_out})
+    write_json(paths[1], info | {"rgbn": {"rms": rms, "left_out_rms": left_out}})
     notes = [
         f"relight: {len(coefficients)} terms; misses the photographs by {100 * rms:.1f} % of white (rms, "
         f"sRGB), photographs that it was not fitted to by {100 * left_out:.1f} %",
