@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from compare.report.facts import all_warnings, read_optional
+from compare.report.facts import all_warnings, best_method, read_optional
 from compare.report.page import badge, section, table, whole_page
 from compare.report.pictures import PixelBox
 from compare.report.verdict import ranking, verdict
@@ -160,14 +160,13 @@ def session_row(folder: Path, name: str, fault: str) -> dict[str, Any]:
     # What lies there from before is not what was asked for now.
     summary = {} if fault else read_optional(Store(folder / name), "summary.json") or {}
     best = next(iter(ranking(summary)), {})
-    method = (summary.get("trust") or {}).get("recommended") if best.get("median_deg") is None else best.get("name")
     statement = verdict(summary)[0]
     return {
         "name": name,
         "level": "not processed" if fault else statement.level,
         "badge": "not processed" if fault else statement.word,
         "verdict": "" if fault else statement.text,
-        "method": method or "",
+        "method": best_method(summary) or "",
         "median_deg": best.get("median_deg"),
         "warnings": len(all_warnings(summary)),
         "seconds": sum((summary.get("seconds") or {}).values()),
