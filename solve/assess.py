@@ -9,6 +9,8 @@ from solve.pixelwise.kernels import NOTHING, adjugate, light_vector, with_sample
 
 DARK = 0.02
 """Samples under this share of the stack's 99th percentile are not lit: they cannot count among the three."""
+FACING = 0.1
+"""Cosine under which a sample says more of the noise than of its light or its albedo."""
 AMPLIFIED = 20.0
 """Condition number of light vectors from which noise across their plane comes twentyfold."""
 

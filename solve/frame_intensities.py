@@ -16,6 +16,7 @@ from scene.frames import Frames
 from scene.intensities import solve_intensities
 from scene.lights import Lights
 from scene.reading import listed
+from scene.robust import MAD
 from solve.pixelwise.iterative import IterativeSettings
 from solve.problem import Problem
 from solve.whole.semicalibrated import CONTRAST, told_by_object
@@ -83,7 +84,7 @@ def _jumps(log_ratio: NDArray, sigma: NDArray, directions: NDArray) -> NDArray:
         left = value - smooth @ _fit(smooth, value, weight)
         weight = 1 / np.maximum(np.abs(left), 1e-4)
     # As many values as there are terms lie on the function.
-    scatter, free = 1.4826 * np.median(np.sort(np.abs(left))[len(terms) :]), len(x) - len(terms)
+    scatter, free = MAD * np.median(np.sort(np.abs(left))[len(terms) :]), len(x) - len(terms)
     agrees = np.ones(len(x), bool)
     for _ in range(20):
         spread = np.linalg.pinv(smooth[agrees].T @ smooth[agrees])

@@ -14,7 +14,7 @@ from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.robust import MAD
-from solve.assess import DARK
+from solve.assess import DARK, FACING
 from solve.axes import PIXELS, find_axes, relief_cautions
 from solve.external import External, normals_by
 from solve.methods import NO_SETTINGS, Method, Whole
@@ -25,8 +25,6 @@ from solve.samples import Geometry, Samples, row_medians
 from solve.solve import solve
 from solve.uncalibrated.front_end import lights_of
 
-_FACING = 0.1
-"""Cosine under which a sample says nothing of the albedo."""
 _BLOCK = 1 << 14
 _ROUNDS = 10
 
@@ -101,7 +99,7 @@ def with_lambertian_albedo(normals: NDArray[np.float64], samples: Samples, cauti
         part = slice(first, first + _BLOCK)
         gray, valid, *_ = some = samples.some(part)
         shade = np.einsum("pfi,pi->pf", some.toward(), b[part])
-        facing = valid & (shade > _FACING) & (gray > DARK * scale)
+        facing = valid & (shade > FACING) & (gray > DARK * scale)
         ratio = row_medians(gray / np.where(facing, shade, 1), facing)
         residual = np.abs(gray - ratio[:, None] * shade)
         spread = np.maximum(MAD * row_medians(residual, facing), how.noise_floor * scale)
@@ -126,7 +124,7 @@ def _with_lights_of_its_own(normals: NDArray[np.float64], samples: Samples, caut
     for _ in range(_ROUNDS):
         lights = lights_of(few.gray, lit, albedo[:, None] * n)
         shade = n @ lights.T
-        lit = few.valid & (shade > _FACING * np.linalg.norm(lights, axis=1)) & (few.gray > DARK * scale)
+        lit = few.valid & (shade > FACING * np.linalg.norm(lights, axis=1)) & (few.gray > DARK * scale)
         albedo = np.maximum(row_medians(few.gray / np.where(lit, shade, 1), lit), 1e-9 * scale)
     lights /= max(float(np.mean(np.linalg.norm(lights, axis=1))), 1e-12)
     whole = with_lambertian_albedo(normals, samples._replace(lights=Geometry.distant(lights)), cautions)

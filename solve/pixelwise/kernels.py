@@ -11,6 +11,8 @@ where sorting or partitioning waits for mispredicted branches.
 import numba
 import numpy as np
 
+from scene.robust import MAD
+
 NO_KEY = np.int32(2**31 - 1)
 """Larger than the key of any number: for what is left out."""
 SINGULAR = 1e-6
@@ -96,6 +98,16 @@ def light_vector(light, point, lights):  # pragma: no cover
     square = x * x + y * y + z * z
     factor = reach[light] / (square * np.sqrt(square))
     return x * factor, y * factor, z * factor
+
+
+@numba.njit(nogil=True, cache=True, inline="always")
+def half_vector(x, y, z, view):  # pragma: no cover
+    """Return the unit vector (3 floats) halfway between a light vector and the view, and the light vector's length."""
+    length = np.sqrt(x * x + y * y + z * z)
+    x, y, z = x / length + view[0], y / length + view[1], z / length + view[2]
+    # A light opposite to the view has no half vector.
+    half = max(np.sqrt(x * x + y * y + z * z), 1e-9)
+    return x / half, y / half, z / half, length
 
 
 @numba.njit(nogil=True, cache=True)
@@ -218,7 +230,7 @@ def limit_of(columns, values, lit, b, sigmas, floor, out, room):  # pragma: no c
         size += lit[k]
     for k in range(len(values)):
         bits[k] = bits[k] if lit[k] > 0 else NO_KEY
-    return sigmas * max(1.4826 * median(bits, int(size), room), floor)
+    return sigmas * max(MAD * median(bits, int(size), room), floor)
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"reassoc"})

@@ -15,10 +15,8 @@ AGREE, FEWEST_DISTINCT = 0.3, 25
 """Greatest difference of log lambda between the two maxima of a crossing. A pixel that is a maximum under two lights is
 a bright spot of the albedo, and dropped; with fewer left than this, all in the brightest quarter are taken. The plain
 reading has neither: every crossing has a vote, and there is no rescue of the sign."""
-FEWEST_CROSSINGS = 3
 CONCENTRATED = 0.5
 _NEAR = 0.25
-_MARGIN = 8
 
 
 def fit_whole(problem: Problem, samples: Samples, settings: FrontEnd) -> Whole:
@@ -52,7 +50,7 @@ def fit_whole(problem: Problem, samples: Samples, settings: FrontEnd) -> Whole:
     chosen = chosen[np.lexsort((pixel[chosen], -height[chosen]))[:MOST_MAXIMA]]
     agreement = AGREE if settings.robust else np.inf
     numbers = crossings(found.b[pixel[chosen]], found.lights[frame[chosen]], agreement)
-    if len(numbers) < FEWEST_CROSSINGS:
+    if len(numbers) < 3:
         cautions.append(f"only {len(numbers)} pairs of diffuse maxima agree on a relief: tilt and depth are not known.")
         return finish(found, (0.0, 0.0, 1.0), mask, settings, *cautions)
     middle = np.median(numbers, axis=0)
@@ -72,7 +70,7 @@ def maxima(images, mask):
     `images` are (P, F) float32, those under the mask. Returns, for each maximum, pixel, frame, height (0 at the image's
     darkest, 1 at its brightest pixel), and in how many images one lies here or beside.
     """
-    inside = np.pad(mask[find_objects(mask.view(np.uint8))[0]], _MARGIN)
+    inside = np.pad(mask[find_objects(mask.view(np.uint8))[0]], 8)
     share = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), SMOOTH_PX)
     inner = cv2.erode(inside.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
     beside = np.ones((3, 3), np.uint8)

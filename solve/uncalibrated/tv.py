@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from scene.robust import spread
 from solve.methods import Method, Whole
 from solve.problem import Problem
 from solve.samples import Samples
@@ -30,12 +31,12 @@ def fit_whole(problem: Problem, samples: Samples, settings: FrontEnd) -> Whole:
     found = family(samples, problem.mask, settings)
     slopes = found.b[:, :2] / np.where(np.abs(found.b[:, 2:]) > 1e-12, found.b[:, 2:], np.nan)
     mu, nu = -geometric_median(slopes[np.isfinite(slopes).all(1)])
-    depth, spread = depth_of_equal_lights(found.lights, mu, nu)
+    depth, unlike = depth_of_equal_lights(found.lights, mu, nu)
     cautions = []
-    if depth is None or spread > UNEQUAL:
+    if depth is None or unlike > UNEQUAL:
         cautions.append(
             "no depth of the relief gives the lights one intensity (they would differ by "
-            f"{'any amount' if depth is None else f'{spread:.0%}'}, expected under {UNEQUAL:.0%}): it comes from the "
+            f"{'any amount' if depth is None else f'{unlike:.0%}'}, expected under {UNEQUAL:.0%}): it comes from the "
             "entropy of the albedo instead."
         )
         depth = plainest_depth(found.b, mu, nu)
@@ -62,7 +63,7 @@ def depth_of_equal_lights(lights: Array, mu: float, nu: float) -> tuple[float | 
         return None, np.inf
     strength = np.sqrt(flat + x * deep)
     middle = float(np.median(strength))
-    return float(x**-0.5), 1.4826 * float(np.median(np.abs(strength - middle))) / middle
+    return float(x**-0.5), spread(strength - middle) / middle
 
 
 def geometric_median(points):

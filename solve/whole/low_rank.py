@@ -1,10 +1,11 @@
 """A matrix with gaps as the sum of a low-rank and a sparse one."""
 
+import os
+from concurrent.futures import ThreadPoolExecutor
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
-
-from scene.fan_out import fan_out
 
 Array = NDArray[np.float64]
 _CHUNK = 1 << 12
@@ -44,23 +45,21 @@ def low_rank(
     before = strength
     residual = np.inf
     chunks = [slice(start, start + _CHUNK) for start in range(0, pixels, _CHUNK)]
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
 
-    def each(part: slice) -> tuple[Array, float]:
-        return _pass(known[part], there[part], state[part], first, second, *levels)
+        def each(part: slice) -> tuple[Array, float]:
+            return _pass(known[part], there[part], state[part], first, second, *levels)
 
-    for _ in range(rounds):
-        levels = before / strength, weight / strength
-        grams, squares = zip(*fan_out(each, chunks), strict=True)
-        first, second = _threshold(np.sum(grams, axis=0), strength)
-        residual = float(np.sqrt(np.sum(squares))) / length
-        if residual < tolerance:
-            break
-        before, strength = strength, min(1.5 * strength, limit)
-
-    def finish(part: slice) -> None:
+        for _ in range(rounds):
+            levels = before / strength, weight / strength
+            grams, squares = zip(*pool.map(each, chunks), strict=True)
+            first, second = _threshold(np.sum(grams, axis=0), strength)
+            residual = float(np.sqrt(np.sum(squares))) / length
+            if residual < tolerance:
+                break
+            before, strength = strength, min(1.5 * strength, limit)
+    for part in chunks:
         state[part] = state[part] @ first @ second
-
-    fan_out(finish, chunks)
     return state, residual
 
 

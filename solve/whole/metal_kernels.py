@@ -7,7 +7,7 @@ import numpy as np
 
 from scene import microfacets
 from scene.microfacets import VECTORS
-from solve.pixelwise.kernels import light_vector
+from solve.pixelwise.kernels import half_vector, light_vector
 from solve.whole.reflectance_kernels import tangents
 
 facets = numba.njit(**VECTORS)(microfacets.facets)
@@ -45,13 +45,8 @@ def _look(i, samples, view, room):  # pragma: no cover
     """Fill in what does not change with a pixel's normal: rows 0-2 the lights, 3-5 half vectors, 6 the light there."""
     for f in range(room.shape[1]):
         x, y, z = light_vector(f, samples.points[i], samples.lights)
-        power = np.sqrt(x * x + y * y + z * z)
-        x, y, z = x / power, y / power, z / power
-        hx, hy, hz = x + view[0], y + view[1], z + view[2]
-        # A light opposite to the view has no half vector.
-        length = max(np.sqrt(hx * hx + hy * hy + hz * hz), 1e-9)
-        room[0, f], room[1, f], room[2, f] = x, y, z
-        room[3, f], room[4, f], room[5, f] = hx / length, hy / length, hz / length
+        room[3, f], room[4, f], room[5, f], power = half_vector(x, y, z, view)
+        room[0, f], room[1, f], room[2, f] = x / power, y / power, z / power
         room[6, f] = power
 
 

@@ -12,6 +12,7 @@ from scipy.optimize import minimize_scalar
 from scene.intensities import Eliminated
 from scene.lights import Lights
 from scene.normals import unit
+from scene.robust import spread
 from solve.methods import Method
 from solve.pixelwise import iterative
 from solve.problem import Problem, spread_over
@@ -75,8 +76,8 @@ def find_positions(problem: Problem) -> Problem:
     center, size = small.center(), small.size()
     distant = small.spread(lights)
     rough = [small.spread(_placed(lights, center, size / np.full(len(lights), near))) for near in NEARNESS]
-    spread, nearness = _by_trials(small, lights, center, size, NEARNESS[int(np.argmin(rough))])
-    if np.median(1 / nearness) > FARTHEST or not spread < distant - GAIN:
+    left, nearness = _by_trials(small, lights, center, size, NEARNESS[int(np.argmin(rough))])
+    if np.median(1 / nearness) > FARTHEST or not left < distant - GAIN:
         return problem
     return problem.under(_placed(lights, center, size / nearness)).warned(
         f"the lights came without positions; by how the object is lit, they are {1 / nearness.max():.1f} to "
@@ -169,7 +170,7 @@ class _Small:
         residuals = np.where(used, self.samples.gray[self.some] - np.einsum("pfk,pk->pf", vectors, b), 0.0)
         albedo = np.linalg.norm(b, axis=1)
         relative = residuals / np.maximum(albedo, 1e-9)[:, None]
-        sigma = 1.4826 * float(np.median(np.abs(relative[used]))) + 1e-9
+        sigma = spread(relative[used]) + 1e-9
         weight = np.where(used, 1 / (1 + (relative / (2 * sigma)) ** 2) ** 2, 0.0)
         weight /= np.maximum(albedo, 1e-9)[:, None] ** 2
         block = np.swapaxes(vectors, 1, 2) @ (vectors * weight[..., None])

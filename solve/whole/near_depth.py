@@ -160,7 +160,7 @@ class _Task:
         """Return the depth moved to where the shading agrees best, and its sigma beside the lights' distance."""
         mask = self.problem.mask
         some = np.zeros(mask.shape, bool)
-        every = max(1, round(np.sqrt(mask.sum() / _SCALE_PIXELS)))
+        every = self.problem.step_to(_SCALE_PIXELS)
         some[::every, ::every] = mask[::every, ::every]
         sigma = np.inf
         moved = z_mm

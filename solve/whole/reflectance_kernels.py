@@ -6,7 +6,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from solve.pixelwise.kernels import light_vector
+from scene.robust import MAD
+from solve.pixelwise.kernels import half_vector, light_vector
 from solve.samples import Samples
 from solve.whole.interreflection import Thrown
 
@@ -91,16 +92,9 @@ def prepare(i, given, room):  # pragma: no cover
     for k in range(len(lights)):
         x, y, z = light_vector(k, points[i], geometry)
         lights[k, 0], lights[k, 1], lights[k, 2] = x, y, z
-        length = np.sqrt(x * x + y * y + z * z)
-        total = 0.0
-        for axis in range(3):
-            halves[k, axis] = lights[k, axis] / length + views[i, axis]
-            total += halves[k, axis] ** 2
-        total = max(np.sqrt(total), 1e-9)
-        cosine = 0.0
-        for axis in range(3):
-            halves[k, axis] /= total
-            cosine += halves[k, axis] * views[i, axis]
+        u, v, w, _ = half_vector(x, y, z, views[i])
+        halves[k, 0], halves[k, 1], halves[k, 2] = u, v, w
+        cosine = u * views[i, 0] + v * views[i, 1] + w * views[i, 2]
         angle = np.arccos(min(max(cosine, -1.0), 1.0))
         gains[k, 0], _, gains[k, 1] = between(DIFFERENCE, angle)
         gains[k, 2] = 0.0
@@ -165,7 +159,7 @@ def model(i, given, n, albedo, table, room):  # pragma: no cover
         size += 1
     if size < 4:
         return 0.0, size
-    sigma = max(1.4826 * np.median(rest[:size]), given.floor / albedo)
+    sigma = max(MAD * np.median(rest[:size]), given.floor / albedo)
     for k in range(count):
         if state[k, 1] > 0:
             loose = 1.0 + STEEP * abs(state[k, 3] - 1.0)

@@ -14,6 +14,8 @@ from scene.frames import Frames
 from scene.intensities import Evidence, evidence, solve_intensities
 from scene.lights import Lights
 from scene.reading import listed
+from scene.robust import spread
+from solve.assess import FACING
 from solve.methods import Method
 from solve.pixelwise import iterative
 from solve.problem import Problem, spread_over
@@ -26,8 +28,6 @@ CONTRAST = 3.0
 """The next best intensities must leave this many times the misfit of the best."""
 SIGMA = 0.1
 """Relative standard deviation beyond which an intensity is not believed."""
-_FACING = 0.1
-"""Cosine under which a sample says more of the noise than of its flash."""
 _STANDS_STILL = 1e-4
 _WORTH_MOVING = 0.02
 """Of a step of depth."""
@@ -213,15 +213,14 @@ def _seen(lights: Lights, camera: Camera, pixel: NDArray) -> tuple[NDArray, NDAr
 def _lambertian(gray, lit, toward, b, sigmas, floor) -> NDArray[np.bool_]:
     """Return the samples (P, F) that agree with b, each frame's median ratio to it divided out."""
     shade = np.einsum("pfi,pi->pf", toward, b)
-    facing = lit & (shade > _FACING * np.linalg.norm(b, axis=1, keepdims=True))
+    size = np.linalg.norm(b, axis=1, keepdims=True)
+    facing = lit & (shade > FACING * size)
     shade = np.where(facing, shade, 1)
     ratio = row_medians((gray / shade).T, facing.T)
     ratio = np.where(ratio > 0, ratio, 1)
-    size = np.linalg.norm(b, axis=1, keepdims=True)
     residual = np.abs(gray / ratio - shade) / np.maximum(size, 1e-12)
     # One spread for all pixels: one that is shadowed half the time would believe anything by its own.
-    spread = 1.4826 * np.median(residual[facing]) if facing.any() else 0.0
-    return facing & (residual <= sigmas * np.maximum(spread, floor / np.maximum(size, 1e-12)))
+    return facing & (residual <= sigmas * np.maximum(spread(residual[facing]), floor / np.maximum(size, 1e-12)))
 
 
 METHOD = Method("semicalibrated", {"default": iterative.IterativeSettings()}, fit=iterative.fit, prepare=find_lights)
