@@ -174,24 +174,35 @@ def _mirrors(
     tables: list[Sphere] = []
     planes: list[TablePlane] = []
     static = static_slopes(coarse)
-    for group in by_points(pointed):
+
+    def shows_table(group: list[tuple[Sphere, Points]], about: list[Sphere]) -> bool:
         seed = group[0][0]
-        if any(overlap(seed, other) for other in tables):
-            continue
-        about = circles_about(static, seed) or [seed]
         # A table that one mirror shows is the others', too.
         others = [coarse.sphere_to_full(ball) for ball in [*balls, *tables] if not overlap(ball, seed)]
-        beside, table = Beside(shared_plane(planes), others=others), None
+        beside = Beside(shared_plane(planes), others=others)
         for circles in (about, [circle for circle, _ in group]):
             full = [coarse.sphere_to_full(circle) for circle in circles]
-            table = table or by_mirrored_table(frames, camera, full, blur_px=coarse.factor, beside=beside)
-        some = [c for c in about[: ALIKE[0]] if c.score >= LEAST_SUPPORT] + [c for c, _ in group[: ALIKE[1]]]
-        if table is not None:
-            tables.append(coarse.from_full(table.sphere))
-            planes.append(table.plane)
-            suspects += _mirror(coarse, change, tables[-1], table)
-        for circle in some:
+            table = by_mirrored_table(frames, camera, full, blur_px=coarse.factor, beside=beside)
+            if table is not None:
+                tables.append(coarse.from_full(table.sphere))
+                planes.append(table.plane)
+                suspects.extend(_mirror(coarse, change, tables[-1], table))
+                return True
+        return False
+
+    again: list[tuple[list[tuple[Sphere, Points]], list[Sphere]]] = []
+    for group in by_points(pointed):
+        if any(overlap(group[0][0], other) for other in tables):
+            continue
+        about = circles_about(static, group[0][0]) or [group[0][0]]
+        if not shows_table(group, about) and not planes:
+            again.append((group, about))
+        for circle in [c for c in about[: ALIKE[0]] if c.score >= LEAST_SUPPORT] + [c for c, _ in group[: ALIKE[1]]]:
             suspects += _mirror(coarse, change, circle, None)
+    # Where the table lies was not known yet.
+    for group, about in again if planes else ():
+        if not any(overlap(group[0][0], other) for other in tables):
+            shows_table(group, about)
     return suspects
 
 

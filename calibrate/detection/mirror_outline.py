@@ -47,8 +47,9 @@ SAME_PX, SAME_SHARE = 1.5, 0.05  # px, and radii, within which two circles are t
 HORIZON, HORIZON_SIGMA = 0.7, 0.08
 """Radius of the table's edge as a ball shows it, in its own: sin 45 degrees for a table seen from above; its spread."""
 TRIED = 4  # circles about a mirror on which its law is tried, the likeliest by their edges; and as many by the share
+HOPELESS = 0.9  # share explained roughly up to which none is the mirror's
 FARTHEST_MOVED = 0.3  # radii by which the law may move a circle
-FRAMES, FEW_FRAMES = 6, 2  # in which it is tried; and in which the share is read of a plane as it is
+FRAMES = 6  # in which it is tried
 
 
 def by_points(candidates: list[Candidate]) -> list[list[Candidate]]:
@@ -177,10 +178,10 @@ def by_mirrored_table(
     tables = _rough(fit, circles[:TRIED])
     if all(table.explained < SURE for table in tables):
         # Not before: of a plain table every circle mirrors much.
-        share = partial(mirrored_share, frames.some(FEW_FRAMES), camera, blur_px=blur_px, beside=beside)
+        share = partial(mirrored_share, frames, camera, blur_px=blur_px, beside=beside)
         tables += _rough(fit, sorted(circles[TRIED:], key=lambda one: -share(one))[:TRIED])
     rough = max(tables, key=lambda one: one.explained, default=None)
-    best = fit(rough.sphere) if rough else None
+    best = fit(rough.sphere, start=rough.plane.values) if rough and rough.explained > HOPELESS else None
     if best is None or not best.is_seen(beside.plane):
         return None
     seen = share_in_picture(camera, best.sphere)

@@ -39,11 +39,6 @@ class ExplainedProfiles(NamedTuple):
     weight: Values  # (F, BINS, M) 0 where nothing is known
     noise: Values  # (F, 1, 1)
 
-    def cost(self, noise: Values) -> float:
-        """Return the mean of Cauchy's function of the residuals: twice a sample's negative log-likelihood."""
-        ratio = (self.noise / noise / CAUCHY) ** 2
-        return CAUCHY**2 * float(np.log1p(ratio * self.residual**2)[self.weight > 0].mean())
-
     @property
     def hopeful(self) -> bool:
         return self.share > HOPELESS and REFLECTS[0] < self.mirror < REFLECTS[1]

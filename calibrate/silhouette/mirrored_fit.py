@@ -34,16 +34,21 @@ Array = NDArray[np.float64]
 Values = NDArray[np.floating]
 SURE = 0.985  # share of the profiles' variance that a table explains which is seen: of a plain one chance explains less
 LOCATES_PX = 0.15  # doubt of the radius up to which a table locates an outline
+TELLS_SLOPE = (
+    0.3  # doubt of the plane's slopes up to which they are seen: by chance they stay as little known as before
+)
 UNEXPLAINED_PX = 6.0
 """Doubt of the outline, times the share of the variance that is left: the table is no plane, things stand on it, or a
 wall throws light."""
-NEAREST_PLANE, FARTHEST_PLANE = 0.85, 2.0
-"""Radii from the ball's centre to its table. It cannot cut the ball, but a soft one gives way; no foot is higher."""
-TURNS, ROUGH_TURNS, LAST_TURNS = 40, 8, 20
-LAST_STEP = 0.5  # whole steps would go to and fro: bilinear interpolation has kinks, and weights are read anew
-FIRST_DAMPING, MOST_DAMPING = 1e-2, 1e1  # of a step that does not lead down
+NEAREST_PLANE = 0.85  # radii from the ball's centre to its table: it cannot cut the ball, but a soft one gives way
+TURNS, ROUGH_TURNS = 40, 8
+LEAST_PACE, FASTER = 0.02, 1.3
+"""Share of a step under which no shorter one is tried; and by how much more is taken of the next, where one that led to
+and fro was halved: what is looked up between pixels has kinks, and weights are read anew."""
 USUAL = 0.6  # reflectance of chromium where it faces the camera, before it is known
-ROUGH_PX, REST = 0.1, 0.1  # a rough fit's step from which on no more is taken; the same in sigmas of each unknown
+ROUGH, REST, REST_SIGMAS = np.repeat([0.1, np.inf], 3), np.repeat([0.005, 0.0], 3), 0.3
+"""Steps of (u, v, radius) px, and of the plane, under which a rough fit, and another, is at rest; and in sigmas, where
+these are larger."""
 BLUR_DOUBT = 0.5  # relative, of the blur that edges alone suggest
 FARTHEST = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2, 0.1])  # a step's (u, v, radius) px, plane, and blur in blurs
 SINGULAR = 1e10
@@ -83,6 +88,8 @@ class MirroredTable(NamedTuple):
     def is_seen(self, plane: TablePlane | None) -> bool:
         """Whether the ball shows the table, and this its outline; `plane`: what other balls show of it."""
         located = float(self.covariance[2, 2])
+        if self.plane.sigma[:2].max() > TELLS_SLOPE:
+            return False
         if plane is not None:
             # What another ball shows has a texture: that is not explained by chance.
             return located + self.left_px**2 < LOCATES_PX**2
@@ -92,58 +99,53 @@ class MirroredTable(NamedTuple):
 def settle(table: Surroundings, start: Start, known: TablePlane, law: Law, *, rough: bool) -> MirroredTable | None:
     """Move outline, plane (3,) and blur until what the mirror shows is what the picture shows beside it.
 
-    Levenberg-Marquardt under Cauchy's weights and a noise that are read anew in each turn that leads down.
+    Gauss-Newton under Cauchy's weights and a noise that are read anew in each turn, by the model's own slopes. Steps
+    that go to and fro get shorter.
     """
-    (sphere, plane, blur_px), found = start, None
-    blur, mirror, damping, at = blur_px, USUAL, 0.0, samples(sphere.radius_px, blur_px)
+    (sphere, plane, blur), found = start, None
+    mirror, pace, at = USUAL, 1.0, samples(sphere.radius_px, blur)
     prior, middle = np.zeros(8), np.zeros(8)
-    prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / known.sigma**2
-    middle[BLUR], middle[PLANE] = blur_px, known.values
-    farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
-    normal, gradient, sigma, least, is_last = np.eye(8), np.zeros(8), np.ones(8), np.inf, False
-    told: _Told | None = None
-    for turn in range(ROUGH_TURNS if rough else TURNS):
+    prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur) ** 2, 1 / known.sigma**2
+    middle[BLUR], middle[PLANE] = blur, known.values
+    farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur], np.inf)
+    step = np.zeros(8)
+    for _ in range(ROUGH_TURNS if rough else TURNS):
         if abs(np.log(blur / at.blur_px)) > ANEW:
             at = samples(sphere.radius_px, blur)
         profiles, jacobian = table.profiles(sphere, at)
         shown = table.mirrored_by(sphere, plane, at)
         explained = explain(profiles, shown, law(at.middle, mirror), at.offsets, blur)
-        beside = np.concatenate([np.zeros(3), plane, [blur, 0.0]]) - middle
-        pulled = float(prior @ beside**2)
-        if explained and explained.hopeful and (is_last or told is None or told.cost(explained) + pulled < least):
+        if explained and explained.hopeful:
             looked = _Seen(profiles, at, jacobian, shown, table.slopes(sphere, plane, at))
-            told = _told(looked, blur, law, explained, is_last=is_last)
-            normal = told.information + np.diag(prior)
+            information, pull, scatter = _told(looked, blur, law, explained)
+            normal = information + np.diag(prior)
             size = np.sqrt(np.diag(normal))
             if not (size > 0).all() or np.linalg.cond(normal / np.outer(size, size)) > SINGULAR:
                 return None
             inverse = np.linalg.inv(normal)
-            covariance = inverse @ (told.scatter + np.diag(prior)) @ inverse
+            covariance = inverse @ (scatter + np.diag(prior)) @ inverse
             sigma = np.sqrt(np.diag(covariance))
             seen = TablePlane(plane, sigma[PLANE])
-            gradient, damping = told.gradient - prior * beside, damping / 10
+            gradient = pull - prior * (np.concatenate([np.zeros(3), plane, [blur, 0.0]]) - middle)
             lift = seen.height + _rise(normal, gradient, seen.height, prior[HEIGHT])
-            fitted = blur, explained.mirror, explained.share
-            found = MirroredTable(sphere, covariance[OUTLINE, OUTLINE], seen, *fitted, lift)
-            least = told.cost(explained) + pulled
-        elif found is None or is_last:
+            of_metal = explained.mirror, explained.share
+            found = MirroredTable(sphere, covariance[OUTLINE, OUTLINE], seen, blur, *of_metal, lift)
+            last, step = step, inverse @ gradient
+            if np.all(np.abs(step[:BLUR]) < (ROUGH if rough else np.maximum(REST, REST_SIGMAS * sigma[:BLUR]))):
+                break
+            step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12))))
+            pace = pace / 2 if last @ normal @ step < 0 else min(FASTER * pace, 1.0)
+        elif found is None or pace < LEAST_PACE:
             break
         else:
-            damping = max(10 * damping, FIRST_DAMPING)
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
-        step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12))))
-        moves = np.abs(step[OUTLINE]) / ROUGH_PX if rough else np.abs(step[:BLUR]) / (REST * sigma[:BLUR])
-        is_at_rest = moves.max() < 1
-        if is_at_rest and (rough or is_last):
-            break
-        if is_last:
-            step = LAST_STEP * step
-        elif is_at_rest or damping > MOST_DAMPING or turn == TURNS - LAST_TURNS:
-            is_last, damping, step = True, 0.0, 0 * step
-        sphere, plane = moved(found.sphere, np.asarray(step[OUTLINE], np.float64)), found.plane.values + step[PLANE]
-        plane[2] = np.clip(plane[2], NEAREST_PLANE, FARTHEST_PLANE)
-        blur = float(max(found.blur_px + step[BLUR], SHARPEST_PX))
+            pace /= 2
+        move = pace * step
+        sphere, plane = moved(found.sphere, move[OUTLINE]), found.plane.values + move[PLANE]
+        plane[2] = max(plane[2], NEAREST_PLANE)
+        blur = float(max(found.blur_px + move[BLUR], SHARPEST_PX))
         mirror = min(max(found.mirror, REFLECTS[0]), REFLECTS[1])
+    else:
+        return found if rough else None
     return found
 
 
@@ -168,46 +170,26 @@ class _Seen(NamedTuple):
     moves: Values  # (6, F, BINS, K)
 
 
-class _Told(NamedTuple):
-    """What the profiles say of the unknowns."""
+def _told(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles) -> tuple[Array, Array, Array]:
+    """Return what the profiles say of the unknowns: inverse covariance (8, 8), gradient (8,), and its scatter (8, 8).
 
-    information: Array  # (8, 8), inverse covariance
-    gradient: Array  # (8,)
-    scatter: Array  # (8, 8), the gradient's covariance
-    samples: float  # that err independently
-    noise: Values  # (F, 1, 1)
-
-    def cost(self, explained: ExplainedProfiles) -> float:
-        """Return twice the negative log-likelihood of profiles, in this noise and as many samples."""
-        return self.samples * explained.cost(self.noise)
-
-
-def _told(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles, *, is_last: bool) -> _Told:
-    """Return what the profiles say: neighbours err alike, so that many of them say what one does.
-
-    How many is told by the scatter of their scores between sectors. Without that, what is known of the plane beforehand
-    would count for nothing beside thousands of samples.
+    Neighbours err alike, so that many of them say what one does. How many is told by the scatter of their scores
+    between sectors. Without that, what is known of the plane beforehand would count for nothing beside thousands of
+    samples.
     """
-    slopes, steeper = _slopes(seen, blur, law, explained)
+    slopes = _slopes(seen, blur, law, explained)
     pull = explained.weight * explained.residual
     scores = np.einsum("pfnm,fnm->pn", slopes, pull).astype(np.float64)
-    if not is_last:
-        # Downhill in what the photographs show. At last by the model's own slopes, which have no noise: the sum
-        # is least where interpolation smooths the noise most.
-        scores[OUTLINE] -= seen.jacobian.T * np.sum(pull * steeper, (0, 2))
     rows = slopes.reshape(8, -1).astype(np.float64)
     information = (rows * explained.weight.reshape(-1)) @ rows.T
     sums = cluster_sums(scores.T, SECTOR)
     scatter = sums.T @ sums
     alike = max(float(np.trace(np.linalg.pinv(information) @ scatter)) / len(scatter), 1.0)
-    count = np.count_nonzero(explained.weight)
-    return _Told(information / alike, scores.sum(1) / alike, scatter / alike**2, count / alike, explained.noise)
+    return information / alike, scores.sum(1) / alike, scatter / alike**2
 
 
-def _slopes(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles) -> tuple[Values, Values]:
-    """Return (8, F, BINS, M), the model's derivatives, in noises, free of d, e and f; and how much steeper the profiles
-    (F, BINS, M) are than the model, by the offset.
-    """
+def _slopes(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles) -> Values:
+    """Return (8, F, BINS, M), the model's derivatives, in noises, free of d, e and f."""
     shown, offsets, k = seen.shown, seen.at.offsets, explained.mirror
     grazing = law(seen.at.middle, k)
     reflects = k + (1 - k) * grazing
@@ -226,7 +208,5 @@ def _slopes(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles) ->
     by_outline = [by_shift * seen.jacobian[:, j, None].astype(np.float32) + looked_up[j] for j in range(3)]
     by_outline[2] += by_size
     by_facing = shown.blurred(offsets, blur, 1 - grazing)
-    steeper = np.gradient(seen.profiles, offsets, axis=-1) + by_shift
-    slopes = np.nan_to_num(np.stack([*by_outline, *looked_up[3:], by_blur, by_facing, steeper]))
-    slopes = without(slopes, basis, explained.weight) / explained.noise
-    return slopes[:8], slopes[8]
+    slopes = np.nan_to_num(np.stack([*by_outline, *looked_up[3:], by_blur, by_facing]))
+    return without(slopes, basis, explained.weight) / explained.noise

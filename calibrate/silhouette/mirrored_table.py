@@ -30,8 +30,11 @@ from scene.frames import Frames
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
-FRAMES = 12  # frames that are looked at: the table is the same in all, only its shadows move
-TILTS, AZIMUTHS = np.tan(np.deg2rad([30, 55])), np.deg2rad(np.arange(0, 360, 60))
+FRAMES, FEW_FRAMES = 12, 2
+"""Frames that are looked at: the table is the same in all, only its shadows move; and where many planes are tried, or
+circles, as they are."""
+TILTS, AZIMUTHS = np.tan(np.deg2rad([20, 40, 60])), np.deg2rad(np.arange(0, 360, 45))
+OTHERWISE = 0.96  # share explained from which another law, or a foot, may explain enough
 LIFTED, SURE_LIFT, AS_GOOD = 0.01, 3.0, -0.05
 """Height, radii, from which a foot is tried; the sigmas of its height, and the gain, from which on it is taken: what
 equally good fits leave differs by as much, since each has weights of its own."""
@@ -66,14 +69,15 @@ def fit_mirrored_table(
     plane, laws, others = beside
     table, known = Surroundings(frames.some(FRAMES), camera, sphere, others), ANY_PLANE if plane is None else plane
     if start is None:
-        start = _rough_plane(table, sphere, blur_px, rough=rough) if plane is None else plane.values
+        few = Surroundings(frames.some(FEW_FRAMES), camera, sphere, others)
+        start = _rough_plane(few, sphere, blur_px, rough=rough) if plane is None else plane.values
     if start is None:
         return None
     begin = sphere, np.append(start[:2], known.values[2]), blur_px
     if rough:
         return settle(table, begin, known, laws[0], rough=True)
     best = _by_its_metal(table, begin, known, laws)
-    if best and best.lift > LIFTED:
+    if best and best.lift > LIFTED and best.explained > OTHERWISE:
         lifted = _by_its_metal(table, (sphere, start, blur_px), known.of_unknown_height, laws)
         if lifted and lifted.gain(best) > AS_GOOD and lifted.plane.height > SURE_LIFT * lifted.plane.sigma[2]:
             return lifted
@@ -83,7 +87,7 @@ def fit_mirrored_table(
 def _by_its_metal(table: Surroundings, begin: Start, known: TablePlane, laws: Sequence[Law]) -> MirroredTable | None:
     """Return the fit by the law that explains more."""
     best = settle(table, begin, known, laws[0], rough=False)
-    if len(laws) < 2:
+    if len(laws) < 2 or (best and best.explained < OTHERWISE):
         return best
     other = settle(table, best.begin if best else begin, known, laws[1], rough=False)
     if best is None or other is None:
@@ -94,7 +98,8 @@ def _by_its_metal(table: Surroundings, begin: Start, known: TablePlane, laws: Se
 
 def mirrored_share(frames: Frames, camera: Camera, sphere: Sphere, *, blur_px: float, beside: Beside) -> float:
     """Return the share of the profiles' variance that the table explains beside a circle, as it is; 0: unknown."""
-    table, at = Surroundings(frames, camera, sphere, beside.others), samples(sphere.radius_px, blur_px)
+    table = Surroundings(frames.some(FEW_FRAMES), camera, sphere, beside.others)
+    at = samples(sphere.radius_px, blur_px)
     profiles, _ = table.profiles(sphere, at)
     shown = table.mirrored_by(sphere, (beside.plane or ANY_PLANE).values, at)
     explained = explain(profiles, shown, LAWS[0](at.middle, USUAL), at.offsets, blur_px)

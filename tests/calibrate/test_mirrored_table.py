@@ -136,15 +136,14 @@ def test_the_far_rim_counts_on_a_table_seen_aslant(seed: int) -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [20001, 20002])
 def test_a_ball_that_hides_the_table_is_not_taken_for_it(seed: int) -> None:
-    """Looked up as if it lay flat, a white ball that touched the chrome one drew its outline by 0.3 px."""
+    """Looked up as if it lay flat, a white ball that touched the chrome one drew its outline by 0.06 to 0.3 px."""
     world = table_world(seed, tilt=(0.05, 0.6))
     world.balls.clear()
     world.stand("chrome", -60.0, 30.0, 45.0).stand("white", 18.0, 58.4, 40.0)
     true, other = world.spheres()
     assert np.linalg.norm(true.center_mm(CAMERA) - other.center_mm(CAMERA)) == pytest.approx(45.0 + 40.0, abs=1.0)
     told, untold = (fitted(seen(world, seed), true, (0, 0, -0.6), others=others)[1] for others in ([other], []))
-    assert np.abs(told).max() < 0.04
-    assert np.abs(untold).max() > 0.1
+    assert np.abs(told).max() < 0.02 < 0.5 * np.abs(untold).max()
 
 
 @pytest.mark.full
