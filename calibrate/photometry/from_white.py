@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.calibration import Notes, leave_out
+from calibrate.lights.directions import SURROUNDINGS_DEG
 from calibrate.photometry.matte_shading import MatteSurface
 from calibrate.photometry.photometer import PARTLY, Photometry, covariance_of, measure, without_lamp
 from scene.camera import Camera
@@ -21,9 +22,9 @@ MISFIRE = 0.05  # a flash under this share of the median did not fire
 SHADOWED = 0.6  # share of its usual brightness, by the other balls, under which a ball is in shadow
 AGREE = 0.003  # relative, to which two healthy balls agree on a flash beyond what each one's residual shows
 OFTEN = 4.0  # times the median's one frame's misfit that is worth a word
-APART_DEG, NEAR_APART_DEG = 6.0, 3.0
+APART_DEG, NEAR_APART_DEG = 6.0, 3 * SURROUNDINGS_DEG
 """From here shading and highlights contradict each other: distant lights are seen elsewhere by each ball, near ones
-healthily by 1 degree; a diameter 20 % off gives 5."""
+not beyond what the surroundings bend; a diameter 20 % off gives 5."""
 RESIDUAL, NEAR_RESIDUAL = 0.08, 0.02
 """Relative misfit of n.l from which a ball is not matte, or distant lights are too near; near ones leave 0.6 %."""
 DOUBTFUL, EXPLAINED = 0.008, 0.6
