@@ -78,7 +78,10 @@ def fit_mirrored_table(
         return settle(table, begin, known, laws[0], rough=True)
     best = _by_its_metal(table, begin, known, laws)
     if best and best.lift > LIFTED and best.explained > OTHERWISE:
-        lifted = _by_its_metal(table, (sphere, start, blur_px), known.of_unknown_height, laws)
+        foot = known.of_unknown_height
+        lifted = _by_its_metal(table, (sphere, start, blur_px), foot, laws)
+        # Where the start explains nothing, that of a ball on the table may.
+        lifted = lifted or _by_its_metal(table, best.begin, foot, laws)
         if lifted and lifted.gain(best) > AS_GOOD and lifted.plane.height > SURE_LIFT * lifted.plane.sigma[2]:
             return lifted
     return best
