@@ -100,7 +100,7 @@ def settle(table: Surroundings, start: Start, known: TablePlane, law: Law, *, ro
     """Move outline, plane (3,) and blur until what the mirror shows is what the picture shows beside it.
 
     Gauss-Newton under Cauchy's weights and a noise that are read anew in each turn, by the model's own slopes. Steps
-    that go to and fro get shorter.
+    that go to and fro get shorter. None where too little is explained, or what is not `rough` does not come to rest.
     """
     (sphere, plane, blur), found = start, None
     mirror, pace, at = USUAL, 1.0, samples(sphere.radius_px, blur)
