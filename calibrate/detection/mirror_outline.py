@@ -175,13 +175,17 @@ def by_mirrored_table(
     `circles` are those about its highlights, the likeliest first. `beside`: what is known of what stands beside it.
     """
     fit = partial(fit_mirrored_table, frames.some(FRAMES), camera, blur_px=blur_px, beside=beside)
+    share = partial(mirrored_share, frames, camera, blur_px=blur_px, beside=beside)
     tables = _rough(fit, circles[:TRIED])
     if all(table.explained < SURE for table in tables):
         # Not before: of a plain table every circle mirrors much.
-        share = partial(mirrored_share, frames, camera, blur_px=blur_px, beside=beside)
         tables += _rough(fit, sorted(circles[TRIED:], key=lambda one: -share(one))[:TRIED])
     rough = max(tables, key=lambda one: one.explained, default=None)
     best = fit(rough.sphere, start=rough.plane.values) if rough and rough.explained > HOPELESS else None
+    if best is None or not best.is_seen(beside.plane):
+        # On a texture the outline may be no static edge, but the table's edge in the ball is one.
+        whole = replace(circles[0], radius_px=circles[0].radius_px / HORIZON)
+        best = fit(whole) if share(whole) > HOPELESS else None
     if best is None or not best.is_seen(beside.plane):
         return None
     seen = share_in_picture(camera, best.sphere)

@@ -170,3 +170,13 @@ def test_an_outline_is_found_from_three_hundredths_of_its_radius_away_and_its_si
         assert np.abs(off).max() < 0.06
         chi.append(off @ np.linalg.solve(fit.covariance, off))
     assert max(chi) < 20
+
+
+def test_a_mirror_is_found_by_the_edge_of_the_table_that_it_shows() -> None:
+    """On a textured cloth (Mitsuba 2124) its own outline was no static edge, and the dark disc was taken."""
+    world = table_world(20003)
+    true = world.spheres()[0]
+    disc = replace(true, radius_px=0.68 * true.radius_px)
+    found = by_mirrored_table(seen(world, 20003), CAMERA, [disc], blur_px=1.0)
+    assert found is not None
+    assert np.abs(missed(found.sphere, true)).max() < 0.3
