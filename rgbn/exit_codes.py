@@ -43,9 +43,9 @@ def end_by(error: BaseException) -> NoReturn:
 
 def _by_ctrl_c(error: BaseException | None) -> bool:
     """Whether a Ctrl-C is at the root: a compiled module hit while it loads makes an ImportError of it."""
-    while error is not None:
-        if isinstance(error, KeyboardInterrupt):
-            return True
+    for _ in range(100):  # causes may go round in a circle
+        if error is None or isinstance(error, KeyboardInterrupt):
+            return error is not None
         error = error.__cause__ or error.__context__
     return False
 

@@ -12,6 +12,7 @@ from calibrate.detection.circles import distinct, overlap, static_circles
 from calibrate.detection.coarse import Box, Coarse
 from calibrate.detection.evidence import Change, Points, bright_points, changes, shaded
 from calibrate.detection.mirror_outline import (
+    Candidate,
     by_mirrored_table,
     by_points,
     circles_about,
@@ -163,7 +164,7 @@ def _mirrors(
     camera: Camera,
     coarse: Coarse,
     change: list[Change],
-    pointed: list[tuple[Sphere, Points]],
+    pointed: list[Candidate],
     balls: list[Sphere],
 ) -> list[Suspect]:
     """Return the circles that show the light as a wandering point, those that mirror the table beside them first.
@@ -175,7 +176,10 @@ def _mirrors(
     planes: list[TablePlane] = []
     static = static_slopes(coarse)
 
-    def shows_table(group: list[tuple[Sphere, Points]], about: list[Sphere]) -> bool:
+    def is_taken(group: list[Candidate]) -> bool:
+        return any(overlap(group[0][0], other) for other in tables)
+
+    def shows_table(group: list[Candidate], about: list[Sphere]) -> bool:
         seed = group[0][0]
         # A table that one mirror shows is the others', too.
         others = [coarse.sphere_to_full(ball) for ball in [*balls, *tables] if not overlap(ball, seed)]
@@ -190,9 +194,9 @@ def _mirrors(
                 return True
         return False
 
-    again: list[tuple[list[tuple[Sphere, Points]], list[Sphere]]] = []
+    again: list[tuple[list[Candidate], list[Sphere]]] = []
     for group in by_points(pointed):
-        if any(overlap(group[0][0], other) for other in tables):
+        if is_taken(group):
             continue
         about = circles_about(static, group[0][0]) or [group[0][0]]
         if not shows_table(group, about) and not planes:
@@ -201,7 +205,7 @@ def _mirrors(
             suspects += _mirror(coarse, change, circle, None)
     # Where the table lies was not known yet.
     for group, about in again if planes else ():
-        if not any(overlap(group[0][0], other) for other in tables):
+        if not is_taken(group):
             shows_table(group, about)
     return suspects
 

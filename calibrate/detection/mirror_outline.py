@@ -47,7 +47,7 @@ SAME_PX, SAME_SHARE = 1.5, 0.05  # px, and radii, within which two circles are t
 HORIZON, HORIZON_SIGMA = 0.7, 0.08
 """Radius of the table's edge as a ball shows it, in its own: sin 45 degrees for a table seen from above; its spread."""
 TRIED = 4  # circles about a mirror on which its law is tried, the likeliest by their edges; and as many by the share
-HOPELESS = 0.9  # share explained roughly up to which none is the mirror's
+LEAST_EXPLAINED = 0.9  # share from which on a circle, fitted roughly or as it is, is worth a whole fit
 FARTHEST_MOVED = 0.3  # radii by which the law may move a circle
 FRAMES = 6  # in which it is tried
 
@@ -181,11 +181,11 @@ def by_mirrored_table(
         # Not before: of a plain table every circle mirrors much.
         tables += _rough(fit, sorted(circles[TRIED:], key=lambda one: -share(one))[:TRIED])
     rough = max(tables, key=lambda one: one.explained, default=None)
-    best = fit(rough.sphere, start=rough.plane.values) if rough and rough.explained > HOPELESS else None
+    best = fit(rough.sphere, start=rough.plane.values) if rough and rough.explained > LEAST_EXPLAINED else None
     if best is None or not best.is_seen(beside.plane):
         # On a texture the outline may be no static edge, but the table's edge in the ball is one.
         whole = replace(circles[0], radius_px=circles[0].radius_px / HORIZON)
-        best = fit(whole) if share(whole) > HOPELESS else None
+        best = fit(whole) if share(whole) > LEAST_EXPLAINED else None
     if best is None or not best.is_seen(beside.plane):
         return None
     seen = share_in_picture(camera, best.sphere)

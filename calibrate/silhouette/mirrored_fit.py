@@ -34,9 +34,7 @@ Array = NDArray[np.float64]
 Values = NDArray[np.floating]
 SURE = 0.985  # share of the profiles' variance that a table explains which is seen: of a plain one chance explains less
 LOCATES_PX = 0.15  # doubt of the radius up to which a table locates an outline
-TELLS_SLOPE = (
-    0.3  # doubt of the plane's slopes up to which they are seen: by chance they stay as little known as before
-)
+TELLS_SLOPE = 0.3  # doubt of the plane's slopes up to which they are seen: what chance explains tells nothing of them
 UNEXPLAINED_PX = 6.0
 """Doubt of the outline, times the share of the variance that is left: the table is no plane, things stand on it, or a
 wall throws light."""
@@ -100,7 +98,8 @@ def settle(table: Surroundings, start: Start, known: TablePlane, law: Law, *, ro
     """Move outline, plane (3,) and blur until what the mirror shows is what the picture shows beside it.
 
     Gauss-Newton under Cauchy's weights and a noise that are read anew in each turn, by the model's own slopes. Steps
-    that go to and fro get shorter. None where too little is explained, or what is not `rough` does not come to rest.
+    that go to and fro get shorter. None where the start explains too little, or a fit that is not `rough` is still
+    moving at last.
     """
     (sphere, plane, blur), found = start, None
     mirror, pace, at = USUAL, 1.0, samples(sphere.radius_px, blur)

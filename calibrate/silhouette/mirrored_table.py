@@ -68,9 +68,11 @@ def fit_mirrored_table(
     """
     plane, laws, others = beside
     table, known = Surroundings(frames.some(FRAMES), camera, sphere, others), ANY_PLANE if plane is None else plane
-    if start is None:
+    if start is None and plane is not None:
+        start = plane.values
+    elif start is None:
         few = Surroundings(frames.some(FEW_FRAMES), camera, sphere, others)
-        start = _rough_plane(few, sphere, blur_px, rough=rough) if plane is None else plane.values
+        start = _rough_plane(few, sphere, blur_px, rough=rough)
     if start is None:
         return None
     begin = sphere, np.append(start[:2], known.values[2]), blur_px

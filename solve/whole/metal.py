@@ -97,8 +97,8 @@ def explains(metal: Metal, samples: Samples, views: Array) -> bool:
 
 def found(samples: Samples, views: Array) -> Metal | None:
     """Return the metal that the object is; None: it is none, or nothing tells."""
-    metal = learn(samples, views)
-    return metal if explains(metal, samples, views) else None
+    metal = learn(samples, views) if np.count_nonzero(_is_seen(samples)) >= FEWEST else None
+    return metal if metal and explains(metal, samples, views) else None
 
 
 def _is_seen(samples: Samples) -> NDArray[np.bool_]:

@@ -11,6 +11,7 @@ import pytest
 
 from compare.report.facts import all_warnings
 from lab.options import Solving, TwinSettings, named
+from rgbn.exit_codes import end_by
 from rgbn.export_command import FORMATS, export
 from scene.errors import SceneError
 from scene.method_names import METHODS
@@ -188,3 +189,12 @@ def test_help_loads_nothing_of_what_the_verbs_do():
     assert not first & (HEAVY | {"numpy", "scipy", "cv2", "numba", "pydantic", "tifffile", "h5py"})
     found = {"viser", "pydantic", "cv2", "scipy"}
     assert {verb: names & found for verb, names in zip(["", *verbs], loaded, strict=True) if names & found} == {}
+
+
+def test_an_error_whose_causes_go_round_in_a_circle_ends_all_the_same(capfd):
+    error, other = SceneError("the fault"), ValueError()
+    error.__cause__, other.__context__ = other, error
+    with pytest.raises(SystemExit) as ended:
+        end_by(error)
+    assert ended.value.code == 2
+    assert "rgbn: the fault" in "".join(capfd.readouterr())

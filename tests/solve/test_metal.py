@@ -8,8 +8,10 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.normals import angular_error_deg
 from solve.frames_at_odds import at_odds
+from solve.samples import Geometry, Samples
 from solve.solve import solve
 from solve.trust import trust
+from solve.whole.metal import found
 
 SIZE = 48
 CAMERA = Camera(SIZE, SIZE, 110.0, 110.0, 23.0, 24.5)
@@ -143,6 +145,16 @@ def test_what_is_clipped_is_no_metal_and_has_no_normal(times):
     assert np.isnan(found.normals[~lit]).all()
     assert np.isnan(found.sigma_deg[~lit]).all()
     assert np.isfinite(found.normals[MASK & lit]).all()
+
+
+@pytest.mark.parametrize("pixels", [0, 5])
+def test_nothing_is_learnt_of_too_few_pixels(pixels):
+    lights = lights_over(6)
+    samples = Samples(
+        np.ones((pixels, 6), np.float32), np.ones((pixels, 6), bool), np.zeros((pixels, 3)),
+        Geometry.distant(lights.directions),
+    )  # fmt: skip
+    assert found(samples, np.tile([0.0, 0.0, 1.0], (pixels, 1))) is None
 
 
 def test_a_light_straight_behind_and_a_mask_that_thins_to_nothing_are_met():
