@@ -24,10 +24,11 @@ LEAST_SEEN, KNOWN_BLURS = 0.25, 2.5
 HOPELESS = 0.8  # share explained under which a start leads nowhere
 REFLECTS = 0.2, 0.93  # reflectance of a mirror: what shows the table as bright as it is may be the table itself
 CAUCHY = 3.0  # noises at which a sample counts half: a highlight or another ball may be mirrored, too
-Law = Callable[[Array, float], Array]
-"""Takes cosines and k, returns g."""
-REFRACTION = 3.0
-"""Real part of chromium's refractive index in visible light, within a tenth or two."""
+Law = Callable[[Array, float, float], Array]
+"""Takes cosines, k, and the real part n of the refractive index, returns g."""
+REFRACTION, REFRACTIONS = 3.0, (0.1, 8.0)
+"""Real part n of chromium's refractive index in visible light, and between which metals' lie."""
+CHROMIUM_SIGMA, METALS_SIGMA = 1e-3, 1.0  # of log n: where the metal is taken for chromium, and where it may be any
 
 
 class ExplainedProfiles(NamedTuple):
@@ -92,18 +93,18 @@ def without(values: Values, basis: Values, weight: Values) -> Values:
     return np.asarray(values - combined(coefficients(values, basis, weight), basis), np.float32)
 
 
-def fresnel(cosine: Array, facing: float) -> Array:
+def fresnel(cosine: Array, facing: float, refraction: float) -> Array:
     """Return g of a metal of reflectance k = `facing` under unpolarised light [Born1999].
 
     The more it reflects, the more it absorbs, and the deeper g dips before the last ten degrees, where it rises.
     """
-    index = index_of(facing)
+    index = index_of(facing, refraction)
     start = _unpolarised(np.ones(1), index)
     return (_unpolarised(cosine, index) - start) / (1 - start)
 
 
-def schlick(cosine: Array, facing: float) -> Array:
-    """Return g as most programs that render have it: (1 - cos)^5, whatever k is [Schlick1994]."""
+def schlick(cosine: Array, facing: float, refraction: float) -> Array:
+    """Return g as most programs that render have it: (1 - cos)^5, whatever the metal is [Schlick1994]."""
     return (1 - cosine) ** 5
 
 
@@ -118,13 +119,13 @@ def laws_of(balls: Sequence[float]) -> Sequence[Law]:
     return [schlick] if total < -1 else LAWS
 
 
-def index_of(facing: float) -> complex:
+def index_of(facing: float, refraction: float) -> complex:
     """Return the refractive index n + i kappa of a metal that reflects so much of what meets it head on.
 
-    k = ((n - 1)^2 + kappa^2) / ((n + 1)^2 + kappa^2), with n of chromium.
+    k = ((n - 1)^2 + kappa^2) / ((n + 1)^2 + kappa^2).
     """
-    square = (facing * (REFRACTION + 1) ** 2 - (REFRACTION - 1) ** 2) / (1 - facing)
-    return complex(REFRACTION, np.sqrt(max(square, 0.0)))
+    square = (facing * (refraction + 1) ** 2 - (refraction - 1) ** 2) / (1 - facing)
+    return complex(refraction, np.sqrt(max(square, 0.0)))
 
 
 LAWS: tuple[Law, ...] = (fresnel, schlick)

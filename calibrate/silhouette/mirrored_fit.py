@@ -10,7 +10,11 @@ from numpy.typing import NDArray
 
 from calibrate.silhouette.cone_fit import SHARPEST_PX
 from calibrate.silhouette.explained_profiles import (
+    CHROMIUM_SIGMA,
+    METALS_SIGMA,
     REFLECTS,
+    REFRACTION,
+    REFRACTIONS,
     ExplainedProfiles,
     Law,
     coefficients,
@@ -44,15 +48,15 @@ LEAST_PACE, FASTER = 0.02, 1.3
 """Share of a step under which no shorter one is tried; and by how much more is taken of the next, where one that led to
 and fro was halved: what is looked up between pixels has kinks, and weights are read anew."""
 USUAL = 0.6  # reflectance of chromium where it faces the camera, before it is known
-ROUGH, REST, REST_SIGMAS = np.repeat([0.1, np.inf], 3), np.repeat([0.005, 0.0], 3), 0.3
-"""Steps of (u, v, radius) px, and of the plane, under which a rough fit, and another, is at rest; and in sigmas, where
-these are larger."""
+ROUGH, REST, REST_SIGMAS = np.repeat([0.1, np.inf], [3, 5]), np.repeat([0.005, 0.0], [3, 5]), 0.3
+"""Steps of (u, v, radius) px, and of plane, blur and log n, under which a rough fit, and another, is at rest; and in
+sigmas, where these are larger."""
 BLUR_DOUBT = 0.5  # relative, of the blur that edges alone suggest
-FARTHEST = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2, 0.1])  # a step's (u, v, radius) px, plane, and blur in blurs
+FARTHEST = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2, 0.1, 0.3])  # a step's (u, v, radius) px, plane, blur in blurs, log n
 SINGULAR = 1e10
 ANEW = 0.2  # relative change of the blur from which on the profiles are sampled anew
-OUTLINE, PLANE, HEIGHT, BLUR = slice(0, 3), slice(3, 6), 5, 6
-"""Places of the unknowns; the eighth is the reflectance, which is solved for in `explain`."""
+OUTLINE, PLANE, HEIGHT, BLUR, METAL, STEPPED = slice(0, 3), slice(3, 6), 5, 6, 7, slice(0, 8)
+"""Places of the unknowns; the metal's is log n. The ninth is the reflectance, which is solved for in `explain`."""
 Start = tuple[Sphere, Array, float]
 """Outline, plane (3,) and blur, px, from which a fit begins."""
 
@@ -67,6 +71,7 @@ class MirroredTable(NamedTuple):
     mirror: float  # reflectance where it faces the camera
     explained: float  # share of the profiles' variance that the model explains; d, e and f alone explain none of it
     lift: float  # radii above the table at which the photographs alone would have the ball, to first order
+    refraction: float  # real part of its refractive index
     is_fresnels: float = 0.0  # log ratio of what Schlick's law and Fresnel's leave; 0 where only one was tried
 
     @property
@@ -94,29 +99,32 @@ class MirroredTable(NamedTuple):
         return self.explained > SURE and located < LOCATES_PX**2
 
 
-def settle(table: Surroundings, start: Start, known: TablePlane, law: Law, *, rough: bool) -> MirroredTable | None:
+def settle(
+    table: Surroundings, start: Start, known: TablePlane, law: Law, *, rough: bool, any_metal: bool = False
+) -> MirroredTable | None:
     """Move outline, plane (3,) and blur until what the mirror shows is what the picture shows beside it.
 
     Gauss-Newton under Cauchy's weights and a noise that are read anew in each turn, by the model's own slopes. Steps
     that go to and fro get shorter. None where the start explains too little, or a fit that is not `rough` is still
-    moving at last.
+    moving at last. `any_metal`: the real part of the refractive index moves, too; else it is chromium's.
     """
     (sphere, plane, blur), found = start, None
     mirror, pace, at = USUAL, 1.0, samples(sphere.radius_px, blur)
-    prior, middle = np.zeros(8), np.zeros(8)
+    refraction, prior, middle = REFRACTION, np.zeros(9), np.zeros(9)
     prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur) ** 2, 1 / known.sigma**2
     middle[BLUR], middle[PLANE] = blur, known.values
-    farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur], np.inf)
-    step = np.zeros(8)
+    prior[METAL], middle[METAL] = (METALS_SIGMA if any_metal else CHROMIUM_SIGMA) ** -2, np.log(REFRACTION)
+    farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur, 1], np.inf)
+    step = np.zeros(9)
     for _ in range(ROUGH_TURNS if rough else TURNS):
         if abs(np.log(blur / at.blur_px)) > ANEW:
             at = samples(sphere.radius_px, blur)
         profiles, jacobian = table.profiles(sphere, at)
         shown = table.mirrored_by(sphere, plane, at)
-        explained = explain(profiles, shown, law(at.middle, mirror), at.offsets, blur)
+        explained = explain(profiles, shown, law(at.middle, mirror, refraction), at.offsets, blur)
         if explained and explained.hopeful:
             looked = _Seen(profiles, at, jacobian, shown, table.slopes(sphere, plane, at))
-            information, pull, scatter = _told(looked, blur, law, explained)
+            information, pull, scatter = _told(looked, blur, law, refraction, explained)
             normal = information + np.diag(prior)
             size = np.sqrt(np.diag(normal))
             if not (size > 0).all() or np.linalg.cond(normal / np.outer(size, size)) > SINGULAR:
@@ -125,12 +133,12 @@ def settle(table: Surroundings, start: Start, known: TablePlane, law: Law, *, ro
             covariance = inverse @ (scatter + np.diag(prior)) @ inverse
             sigma = np.sqrt(np.diag(covariance))
             seen = TablePlane(plane, sigma[PLANE])
-            gradient = pull - prior * (np.concatenate([np.zeros(3), plane, [blur, 0.0]]) - middle)
+            gradient = pull - prior * (np.concatenate([np.zeros(3), plane, [blur, np.log(refraction), 0.0]]) - middle)
             lift = seen.height + _rise(normal, gradient, seen.height, prior[HEIGHT])
             of_metal = explained.mirror, explained.share
-            found = MirroredTable(sphere, covariance[OUTLINE, OUTLINE], seen, blur, *of_metal, lift)
+            found = MirroredTable(sphere, covariance[OUTLINE, OUTLINE], seen, blur, *of_metal, lift, refraction)
             last, step = step, inverse @ gradient
-            if np.all(np.abs(step[:BLUR]) < (ROUGH if rough else np.maximum(REST, REST_SIGMAS * sigma[:BLUR]))):
+            if np.all(np.abs(step[STEPPED]) < (ROUGH if rough else np.maximum(REST, REST_SIGMAS * sigma[STEPPED]))):
                 break
             step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12))))
             pace = pace / 2 if last @ normal @ step < 0 else min(FASTER * pace, 1.0)
@@ -142,6 +150,7 @@ def settle(table: Surroundings, start: Start, known: TablePlane, law: Law, *, ro
         sphere, plane = moved(found.sphere, move[OUTLINE]), found.plane.values + move[PLANE]
         plane[2] = max(plane[2], NEAREST_PLANE)
         blur = float(max(found.blur_px + move[BLUR], SHARPEST_PX))
+        refraction = float(np.clip(found.refraction * np.exp(move[METAL]), *REFRACTIONS))
         mirror = min(max(found.mirror, REFLECTS[0]), REFLECTS[1])
     else:
         return found if rough else None
@@ -169,17 +178,19 @@ class _Seen(NamedTuple):
     moves: Values  # (6, F, BINS, K)
 
 
-def _told(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles) -> tuple[Array, Array, Array]:
-    """Return what the profiles say of the unknowns: inverse covariance (8, 8), gradient (8,), and its scatter (8, 8).
+def _told(
+    seen: _Seen, blur: float, law: Law, refraction: float, explained: ExplainedProfiles
+) -> tuple[Array, Array, Array]:
+    """Return what the profiles say of the unknowns: inverse covariance (9, 9), gradient (9,), and its scatter (9, 9).
 
     Neighbours err alike, so that many of them say what one does. How many is told by the scatter of their scores
     between sectors. Without that, what is known of the plane beforehand would count for nothing beside thousands of
     samples.
     """
-    slopes = _slopes(seen, blur, law, explained)
+    slopes = _slopes(seen, blur, law, refraction, explained)
     pull = explained.weight * explained.residual
     scores = np.einsum("pfnm,fnm->pn", slopes, pull).astype(np.float64)
-    rows = slopes.reshape(8, -1).astype(np.float64)
+    rows = slopes.reshape(9, -1).astype(np.float64)
     information = (rows * explained.weight.reshape(-1)) @ rows.T
     sums = cluster_sums(scores.T, SECTOR)
     scatter = sums.T @ sums
@@ -187,10 +198,10 @@ def _told(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles) -> t
     return information / alike, scores.sum(1) / alike, scatter / alike**2
 
 
-def _slopes(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles) -> Values:
-    """Return (8, F, BINS, M), the model's derivatives, in noises, free of d, e and f."""
+def _slopes(seen: _Seen, blur: float, law: Law, refraction: float, explained: ExplainedProfiles) -> Values:
+    """Return (9, F, BINS, M), the model's derivatives, in noises, free of d, e and f."""
     shown, offsets, k = seen.shown, seen.at.offsets, explained.mirror
-    grazing = law(seen.at.middle, k)
+    grazing = law(seen.at.middle, k, refraction)
     reflects = k + (1 - k) * grazing
     basis, mirrored = shown.basis(offsets, blur), shown.blurred(offsets, blur, reflects)
     unmirrored = coefficients(np.nan_to_num(seen.profiles - mirrored), basis, explained.weight)
@@ -207,5 +218,7 @@ def _slopes(seen: _Seen, blur: float, law: Law, explained: ExplainedProfiles) ->
     by_outline = [by_shift * seen.jacobian[:, j, None].astype(np.float32) + looked_up[j] for j in range(3)]
     by_outline[2] += by_size
     by_facing = shown.blurred(offsets, blur, 1 - grazing)
-    slopes = np.nan_to_num(np.stack([*by_outline, *looked_up[3:], by_blur, by_facing]))
+    more = (1 - k) * (law(seen.at.middle, k, 1.01 * refraction) - grazing) / np.log(1.01)
+    by_metal = shown.blurred(offsets, blur, more)
+    slopes = np.nan_to_num(np.stack([*by_outline, *looked_up[3:], by_blur, by_metal, by_facing]))
     return without(slopes, basis, explained.weight) / explained.noise

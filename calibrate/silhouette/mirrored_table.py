@@ -7,13 +7,13 @@ unknowns, each pixel inside the outline is some pixel outside of it, dimmed by t
     inside   R I(pixel that the mirrored ray meets); f where no pixel shows that,     outside   d + e s
 
 s: distance from the outline; f: what is mirrored beyond the table that is seen, or of a ball that hides it; R: as a
-metal's, it rises to 1 at the outline, by the one of two laws that explains more
-(`calibrate.silhouette.explained_profiles`). The ball stands on the table, one radius from it, unless the photographs
-show a foot under it: with a free distance radii came out 0.01 to 0.1 px too large. Outline, plane and reflectance are
-shared by all frames and directions; d, e and f are each profile's own (variable projection [Golub1973]). Texture,
-shadows and the shadows' edges all speak for the outline then, where they would bend a smooth profile's. The mirror's
-picture is squeezed without bound towards the outline; so it is looked up at even steps of the ball's normal, and
-blurred as the camera blurs it.
+metal's, it rises to 1 at the outline, by the one of two laws that explains more, Fresnel's with a refractive index that
+the photographs tell (`calibrate.silhouette.explained_profiles`). The ball stands on the table, one radius from it,
+unless the photographs show a foot under it: with a free distance radii came out 0.01 to 0.1 px too large. Outline,
+plane and reflectance are shared by all frames and directions; d, e and f are each profile's own (variable projection
+[Golub1973]). Texture, shadows and the shadows' edges all speak for the outline then, where they would bend a smooth
+profile's. The mirror's picture is squeezed without bound towards the outline; so it is looked up at even steps of the
+ball's normal, and blurred as the camera blurs it.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.silhouette.explained_profiles import LAWS, Law, explain
+from calibrate.silhouette.explained_profiles import LAWS, REFRACTION, Law, explain, fresnel
 from calibrate.silhouette.mirrored_fit import USUAL, MirroredTable, Start, settle
 from calibrate.silhouette.mirrored_surroundings import ANY_PLANE, Surroundings, TablePlane, samples
 from scene.camera import Camera
@@ -90,15 +90,19 @@ def fit_mirrored_table(
 
 
 def _by_its_metal(table: Surroundings, begin: Start, known: TablePlane, laws: Sequence[Law]) -> MirroredTable | None:
-    """Return the fit by the law that explains more."""
-    best = settle(table, begin, known, laws[0], rough=False)
-    if len(laws) < 2 or (best and best.explained < OTHERWISE):
+    """Return the fit by the law that explains more; by Fresnel's, of the metal that does."""
+    best, law, gain = settle(table, begin, known, laws[0], rough=False), laws[0], 0.0
+    if best and best.explained < OTHERWISE:
         return best
-    other = settle(table, best.begin if best else begin, known, laws[1], rough=False)
-    if best is None or other is None:
-        return best or other
-    is_fresnels = best.gain(other)
-    return (best if is_fresnels > 0 else other)._replace(is_fresnels=is_fresnels)
+    if len(laws) > 1:
+        other = settle(table, best.begin if best else begin, known, laws[1], rough=False)
+        if best is None or other is None:
+            return best or other
+        gain = best.gain(other)
+        best, law = (best, law) if gain > 0 else (other, laws[1])
+    if best and law is fresnel:
+        best = settle(table, best.begin, known, law, rough=False, any_metal=True) or best
+    return best and best._replace(is_fresnels=gain)
 
 
 def mirrored_share(frames: Frames, camera: Camera, sphere: Sphere, *, blur_px: float, beside: Beside) -> float:
@@ -107,7 +111,7 @@ def mirrored_share(frames: Frames, camera: Camera, sphere: Sphere, *, blur_px: f
     at = samples(sphere.radius_px, blur_px)
     profiles, _ = table.profiles(sphere, at)
     shown = table.mirrored_by(sphere, (beside.plane or ANY_PLANE).values, at)
-    explained = explain(profiles, shown, LAWS[0](at.middle, USUAL), at.offsets, blur_px)
+    explained = explain(profiles, shown, LAWS[0](at.middle, USUAL, REFRACTION), at.offsets, blur_px)
     return explained.share if explained else 0.0
 
 
@@ -118,7 +122,7 @@ def _rough_plane(table: Surroundings, sphere: Sphere, blur_px: float, *, rough: 
     for x, y in [(0.0, 0.0), *((t * np.cos(a), t * np.sin(a)) for t in TILTS for a in AZIMUTHS)]:
         plane = np.array([x, y, 1.0])
         explained = explain(
-            profiles, table.mirrored_by(sphere, plane, at), LAWS[0](at.middle, USUAL), at.offsets, blur_px
+            profiles, table.mirrored_by(sphere, plane, at), LAWS[0](at.middle, USUAL, REFRACTION), at.offsets, blur_px
         )
         if explained and explained.hopeful:
             # Of an even table any tilt explains much: on an outline a slope must pay for itself.

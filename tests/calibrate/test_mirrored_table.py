@@ -38,8 +38,8 @@ def seen(world: World, seed: int):
     return photograph(world, Sensor(full_well_e=40000.0, blur_px=0.6), np.random.default_rng([seed, 1]))
 
 
-def metal_of_the_fixture(cosine: np.ndarray, facing: float) -> np.ndarray:
-    """Return g of a metal whose index is n (1 + i): chromium's law would make its ball 0.03 px larger."""
+def metal_of_the_fixture(cosine: np.ndarray, facing: float, _: float) -> np.ndarray:
+    """Return g of a metal whose index is n (1 + i)."""
     n = (1 + facing + np.sqrt((1 + facing) ** 2 - 2 * (1 - facing) ** 2)) / (2 * (1 - facing))
     return (_unpolarised(cosine, complex(n, n)) - facing) / (1 - facing)
 
@@ -62,6 +62,17 @@ def test_outline_plane_and_reflectance_of_a_ball_on_a_textured_table(texture: st
     n = world.table_normal
     assert found.plane.values == pytest.approx([n[0] / n[2], n[1] / n[2], 1.0], abs=0.03)
     assert found.plane.height == pytest.approx(0, abs=0.005)
+
+
+@pytest.mark.parametrize(("facing", "refraction"), [(0.45, 2.47), (0.56, 3.38), (0.7, 5.58)])
+def test_the_photographs_tell_the_metal(facing: float, refraction: float) -> None:
+    """Taken for chromium, of n = 3, their radii are 0.08 px too small, 0.04 and 0.09 px too large."""
+    world = table_world(20000)
+    world.balls[0].albedo = facing
+    found, off = fitted(seen(world, 20000), world.spheres()[0], laws=Beside().laws)
+    assert np.abs(off).max() < 0.015
+    assert found.mirror == pytest.approx(facing, abs=0.01)
+    assert found.refraction == pytest.approx(refraction, rel=0.1)
 
 
 @pytest.mark.parametrize(("foot", "height_off"), [(0.03, 0.01), (0.1, 0.02), (0.3, 0.02)])

@@ -87,8 +87,8 @@ def test_a_mask_of_a_ball_off_the_axis_gives_the_ball(radius_px):
 @pytest.mark.parametrize("facing", [0.5, 0.67, 0.9])
 @pytest.mark.parametrize("law", LAWS)
 def test_none_facing_the_camera_all_at_the_outline(law, facing):
-    assert law(np.array([1.0, 0.0]), facing) == pytest.approx([0, 1], abs=1e-12)
-    assert np.all(np.diff(law(np.linspace(0.05, 0, 50), facing)) > 0)
+    assert law(np.array([1.0, 0.0]), facing, 3.0) == pytest.approx([0, 1], abs=1e-12)
+    assert np.all(np.diff(law(np.linspace(0.05, 0, 50), facing, 3.0)) > 0)
 
 
 @pytest.mark.parametrize(
@@ -99,13 +99,13 @@ def test_where_balls_leave_the_law_open_both_are_tried(balls, laws):
     assert list(laws_of(balls)) == list(laws)
 
 
-@pytest.mark.parametrize("facing", [0.45, 0.67, 0.9])
-def test_the_law_of_metals_is_fresnels(facing):
+@pytest.mark.parametrize(("facing", "refraction"), [(0.45, 3.0), (0.67, 3.0), (0.9, 3.0), (0.64, 1.9), (0.92, 0.96)])
+def test_the_law_of_metals_is_fresnels(facing, refraction):
     """As Mitsuba computes it, of a metal that reflects so much."""
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")
-    cosine, index = np.linspace(0, 1, 100), index_of(facing)
+    cosine, index = np.linspace(0, 1, 100), index_of(facing, refraction)
     there = np.array(mi.fresnel_conductor(mi.Float(cosine), mi.Complex2f(index.real, index.imag)))
     assert there[-1] == pytest.approx(facing, abs=1e-5)
-    assert fresnel(cosine, facing) == pytest.approx((there - there[-1]) / (1 - there[-1]), abs=1e-4)
+    assert fresnel(cosine, facing, refraction) == pytest.approx((there - there[-1]) / (1 - there[-1]), abs=1e-4)
