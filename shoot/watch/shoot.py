@@ -131,7 +131,7 @@ class Shoot:
         told = self._renew_lights(small, self._camera(small, flash))
         if len(flash) < FEWEST:
             # Of so few, what is no frame's own is noise as often as not.
-            told = [text for text in told if any(name in text for name in frames.names)]
+            told = [text for text in told if named_in(text, frames.names)]
         last = slice(-LOOKED_BACK, None)
         recent, facts = frames.only(last), [shot.facts for shot in flash[last]]
         moved = movement_warnings(recent, facts) if len(facts) >= FEWEST else []
@@ -200,7 +200,7 @@ class Shoot:
                 return [*told, *found.warnings]
             except CalibrationError as error:
                 told.append(str(error))
-                lost = [frames.names[i] for i in seen if frames.names[i] in str(error)]
+                lost = named_in(str(error), some.names)
                 # One frame that no ball shows is no reason to know nothing of the others.
                 self._unseen.update(lost)
                 if not 0 < len(lost) < len(seen):
@@ -249,12 +249,17 @@ class Shoot:
         return found
 
 
+def named_in(text: str, names: Iterable[str]) -> list[str]:
+    """Return the frames that a text names; flash_3 is not named by flash_30."""
+    return [name for name in names if re.search(rf"(?<!\w){re.escape(name)}(?!\w)", text)]
+
+
 def warning_key(text: str, names: Sequence[str]) -> str:
     """Return what two warnings share that say the same of the same frames and balls; `names`: frames', longest first.
 
     Numbers count only in frames' names, which are no measurements, and in a ball's place, by which it is called.
     """
-    named = [name for name in names if name in text]
+    named = named_in(text, names)
     for name in named:
         text = text.replace(name, "\0")
     places = re.findall(r"at \(-?\d+, -?\d+\) px", text)

@@ -14,7 +14,7 @@ from capture.photographs.kept import Kept
 from capture.survey.hot_folder import HotFolder, list_photographs
 from scene.current import file_digest
 from shoot.init.answers import Answers, Asking
-from shoot.watch.shoot import warning_key
+from shoot.watch.shoot import named_in, warning_key
 from shoot.watch.taken import PATIENCE_S, Taken, read_shot, sort_shots
 from shoot.watch.watch_folder import _loop, whole_photographs
 from tests.conftest import FIXTURE
@@ -104,6 +104,10 @@ def test_a_warning_is_the_same_though_its_numbers_change():
     first = warning_key("flash_3: lies 1.2 px off", names)
     assert warning_key("flash_3: lies 1.4 px off", names) == first
     assert warning_key("flash_30: lies 1.4 px off", names) != first, "another frame"
+    assert named_in("flash_30, flash_4: no chrome ball shows the flash.", [*names, "flash_4"]) == [
+        "flash_30",
+        "flash_4",
+    ]
     places = [warning_key(f"flash_3: the ball at ({u}, 50) px lies 3.{u} px off", names) for u in (10, 200)]
     assert places[0] != places[1], "another ball"
 
