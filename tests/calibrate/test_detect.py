@@ -244,7 +244,7 @@ def test_a_circle_that_mirrors_the_table_is_always_considered():
     mirror, *discs = (_suspect("chrome", 0.01 * n, own=-1.0, lights=lights) for n in range(3))
     mirror.features[-2], discs[0].features[-2], discs[1].features[-2] = 0.5, 1.0, 1.0
     assert not any(one is mirror for one in considered([mirror, *discs]))
-    shown = replace(mirror, table=MirroredTable(mirror.sphere, np.eye(3), ANY_PLANE, 1.0, 0.6, 0.999, 0.0))
+    shown = replace(mirror, table=MirroredTable(mirror.sphere, np.eye(3), ANY_PLANE, 1.0, 0.6, 0.999, 0.0, 3.0))
     assert any(one is shown for one in considered([*discs, shown]))
 
 
