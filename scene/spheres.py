@@ -113,8 +113,11 @@ class Sphere:
         return (points - center) / self.radius_mm, points
 
     def outline(self, camera: Camera, count: int = 360) -> NDArray[np.float64]:
-        """Return (count, 2) pixels on the silhouette: an ellipse under perspective."""
-        angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
+        """Return (count, 2) pixels on the silhouette: an ellipse under perspective.
+
+        Each lies in the middle of its share of the turn, whatever the count.
+        """
+        angle = (np.arange(count) + 0.5) * (2 * np.pi / count)
         if camera.is_orthographic:
             return self.center_px + self.radius_px * np.stack([np.cos(angle), np.sin(angle)], -1)
         center, radius = self.center_mm(camera), self.radius_mm

@@ -48,6 +48,7 @@ HORIZON, HORIZON_SIGMA = 0.7, 0.08
 """Radius of the table's edge as a ball shows it, in its own: sin 45 degrees for a table seen from above; its spread."""
 TRIED = 4  # circles about a mirror on which its law is tried, the likeliest by their edges; and as many by the share
 LEAST_EXPLAINED = 0.9  # share from which on a circle, fitted roughly or as it is, is worth a whole fit
+WHOLE = 2  # different circles, those that the table explains best, from which a whole fit begins
 FARTHEST_MOVED = 0.3  # radii by which the law may move a circle
 FRAMES = 6  # in which it is tried
 
@@ -101,7 +102,7 @@ def _supported(static: Slopes, sphere: Sphere) -> list[Sphere]:
         if support[n] < LEAST_SUPPORT or len(kept) == MOST_SUPPORTED:
             break
         one = replace(sphere, center_px=centers[n], radius_px=float(radii[n]))
-        if all(circles_apart(one, other) > max(SAME_PX, SAME_SHARE * one.radius_px) for other in kept):
+        if all(_differ(one, other) for other in kept):
             near = places[_support(places, turn, one.center_px, one.radius_px)[1]]
             # The circle nearest to its edges: x^2 + y^2 = 2 x u + 2 y v + (r^2 - u^2 - v^2).
             design = np.column_stack([2 * near, np.ones(len(near))])
@@ -180,21 +181,39 @@ def by_mirrored_table(
     if all(table.explained < SURE for table in tables):
         # Not before: of a plain table every circle mirrors much.
         tables += _rough(fit, sorted(circles[TRIED:], key=lambda one: -share(one))[:TRIED])
-    rough = max(tables, key=lambda one: one.explained, default=None)
-    best = fit(rough.sphere, start=rough.plane.values) if rough and rough.explained > LEAST_EXPLAINED else None
-    if best is None or not best.is_seen(beside.plane):
-        # On a texture the outline may be no static edge, but the table's edge in the ball is one.
-        whole = replace(circles[0], radius_px=circles[0].radius_px / HORIZON)
-        best = fit(whole) if share(whole) > LEAST_EXPLAINED else None
-    if best is None or not best.is_seen(beside.plane):
-        return None
-    seen = share_in_picture(camera, best.sphere)
-    return best._replace(sphere=replace(best.sphere, score=seen * best.explained))
+    tables = sorted(tables, key=lambda one: -one.explained)
+    starts = [one.begin[:2] for one in _different(tables)[:WHOLE] if one.explained > LEAST_EXPLAINED]
+    # On a texture the outline may be no static edge, but the table's edge in the ball is one.
+    about = replace(circles[0], radius_px=circles[0].radius_px / HORIZON)
+    for sphere, plane in [*starts, (about, None)]:
+        if plane is None and share(sphere) < LEAST_EXPLAINED:
+            continue
+        best = fit(sphere, start=plane)
+        if best and best.is_seen(beside.plane):
+            seen = share_in_picture(camera, best.sphere)
+            return best._replace(sphere=replace(best.sphere, score=seen * best.explained))
+    return None
+
+
+def _different(tables: list[MirroredTable]) -> list[MirroredTable]:
+    """Return the first of each circle."""
+    kept: list[MirroredTable] = []
+    for one in tables:
+        if all(_differ(one.sphere, other.sphere) for other in kept):
+            kept.append(one)
+    return kept
+
+
+def _differ(one: Sphere, other: Sphere) -> bool:
+    return circles_apart(one, other) > max(SAME_PX, SAME_SHARE * one.radius_px)
 
 
 def _rough(fit: Callable[..., MirroredTable | None], circles: list[Sphere]) -> list[MirroredTable]:
-    """Return the rough fits of circles that stay near them."""
-    tables = [(fit(circle, rough=True), circle) for circle in circles]
-    return [
-        one for one, circle in tables if one and circles_apart(one.sphere, circle) < FARTHEST_MOVED * circle.radius_px
-    ]
+    """Return the rough fits of circles that stay near them; not of one that another's sure fit has found already."""
+    tables: list[MirroredTable] = []
+    for circle in circles:
+        if all(one.explained < SURE or _differ(one.sphere, circle) for one in tables):
+            one = fit(circle, rough=True)
+            if one and circles_apart(one.sphere, circle) < FARTHEST_MOVED * circle.radius_px:
+                tables.append(one)
+    return tables

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from calibrate.silhouette.outline import BINS, SECTOR, SINGULAR, binned_outline, moved, robust_step
+from calibrate.silhouette.outline import BINS, SECTOR, SINGULAR, binned_jacobian, binned_outline, moved, robust_step
 from scene.camera import Camera
 from scene.robust import cluster_sums, tukey
 from scene.spheres import Sphere
@@ -121,7 +121,7 @@ def fit_cone(read: Reader, camera: Camera, sphere: Sphere, model: EdgeModel, *, 
 
 def _profiles(read: Reader, camera: Camera, sphere: Sphere, model: EdgeModel) -> tuple[Strips, Array, Array]:
     """Return binned strips (F, `BINS`, M), their offsets (M,) and the Jacobian (F * `BINS`, 3)."""
-    points, normals, jacobian = binned_outline(camera, sphere)
+    points, normals = binned_outline(camera, sphere)
     outward = inward = 2.6 * model.blur_px + 2
     if model.mirror:  # what a mirror shows farther in is no longer what lies around the ball
         share, blurs = (0.12, 2.0) if "slope" in model.terms else (0.06, 1.5)
@@ -133,7 +133,7 @@ def _profiles(read: Reader, camera: Camera, sphere: Sphere, model: EdgeModel) ->
     number = known.sum(2)
     total = np.where(known, grouped, 0).sum(2)
     binned = np.where(number > 0.5 * grouped.shape[2], total / np.maximum(number, 1), np.nan)
-    return binned.astype(np.float32), offsets, np.tile(jacobian, (len(strips), 1))
+    return binned.astype(np.float32), offsets, np.tile(binned_jacobian(camera, sphere), (len(strips), 1))
 
 
 def _measure(strips: Strips, offsets: Array, model: EdgeModel) -> tuple[EdgeModel, "Shifts", Array]:

@@ -30,7 +30,7 @@ from calibrate.silhouette.mirrored_surroundings import (
     TablePlane,
     samples,
 )
-from calibrate.silhouette.outline import SECTOR, moved
+from calibrate.silhouette.outline import SECTOR, binned_jacobian, moved
 from scene.robust import cluster_sums
 from scene.spheres import Sphere
 
@@ -44,14 +44,16 @@ UNEXPLAINED_PX = 6.0
 wall throws light."""
 NEAREST_PLANE = 0.85  # radii from the ball's centre to its table: it cannot cut the ball, but a soft one gives way
 TURNS, ROUGH_TURNS = 40, 8
-LEAST_PACE, FASTER = 0.02, 1.3
-"""Share of a step under which no shorter one is tried; and by how much more is taken of the next, where one that led to
-and fro was halved: what is looked up between pixels has kinks, and weights are read anew."""
+LEAST_PACE, FASTER, FASTEST = 0.02, 1.3, 2.0
+"""Share of a step under which no shorter one is tried; by how much more is taken of each next one; and most of all. A
+texture that is finer than what the outline is off by makes steps too short. One that leads back is followed by half of
+the next: what is looked up between pixels has kinks, and weights are read anew."""
 USUAL = 0.6  # reflectance of chromium where it faces the camera, before it is known
 ROUGH, REST, REST_SIGMAS = np.repeat([0.1, np.inf], [3, 5]), np.repeat([0.005, 0.0], [3, 5]), 0.3
 """Steps of (u, v, radius) px, and of plane, blur and log n, under which a rough fit, and another, is at rest; and in
 sigmas, where these are larger."""
-BLUR_DOUBT = 0.5  # relative, of the blur that edges alone suggest
+BLUR_DOUBT, ROUGH_BLUR_DOUBT = 0.5, 0.1
+"""Relative, of the blur that edges alone suggest; and in a rough fit, where a wrong outline looks like blur."""
 FARTHEST = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2, 0.1, 0.3])  # a step's (u, v, radius) px, plane, blur in blurs, log n
 SINGULAR = 1e10
 ANEW = 0.2  # relative change of the blur from which on the profiles are sampled anew
@@ -105,13 +107,14 @@ def settle(
     """Move outline, plane (3,) and blur until what the mirror shows is what the picture shows beside it.
 
     Gauss-Newton under Cauchy's weights and a noise that are read anew in each turn, by the model's own slopes. Steps
-    that go to and fro get shorter. None where the start explains too little, or a fit that is not `rough` is still
-    moving at last. `any_metal`: the real part of the refractive index moves, too; else it is chromium's.
+    that go on get longer, steps that go to and fro shorter. None where the start explains too little, or a fit that is
+    not `rough` is still moving at last. `any_metal`: the real part of the refractive index moves, too; else it is
+    chromium's.
     """
     (sphere, plane, blur), found = start, None
     mirror, pace, at = USUAL, 1.0, samples(sphere.radius_px, blur)
     refraction, prior, middle = REFRACTION, np.zeros(9), np.zeros(9)
-    prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur) ** 2, 1 / known.sigma**2
+    prior[BLUR], prior[PLANE] = 1 / ((ROUGH_BLUR_DOUBT if rough else BLUR_DOUBT) * blur) ** 2, 1 / known.sigma**2
     middle[BLUR], middle[PLANE] = blur, known.values
     prior[METAL], middle[METAL] = (METALS_SIGMA if any_metal else CHROMIUM_SIGMA) ** -2, np.log(REFRACTION)
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur, 1], np.inf)
@@ -119,11 +122,12 @@ def settle(
     for _ in range(ROUGH_TURNS if rough else TURNS):
         if abs(np.log(blur / at.blur_px)) > ANEW:
             at = samples(sphere.radius_px, blur)
-        profiles, jacobian = table.profiles(sphere, at)
-        shown = table.mirrored_by(sphere, plane, at)
+        profiles = table.profiles(sphere, at)
+        shown, steepness = table.mirrored_by(sphere, plane, at)
         explained = explain(profiles, shown, law(at.middle, mirror, refraction), at.offsets, blur)
         if explained and explained.hopeful:
-            looked = _Seen(profiles, at, jacobian, shown, table.slopes(sphere, plane, at))
+            moves = table.moves(sphere, plane, at, steepness)
+            looked = _Seen(profiles, at, binned_jacobian(table.camera, sphere), shown, moves, any_metal)
             information, pull, scatter = _told(looked, blur, law, refraction, explained)
             normal = information + np.diag(prior)
             size = np.sqrt(np.diag(normal))
@@ -141,7 +145,8 @@ def settle(
             if np.all(np.abs(step[STEPPED]) < (ROUGH if rough else np.maximum(REST, REST_SIGMAS * sigma[STEPPED]))):
                 break
             step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12))))
-            pace = pace / 2 if last @ normal @ step < 0 else min(FASTER * pace, 1.0)
+            back = last[STEPPED] @ normal[STEPPED, STEPPED] @ step[STEPPED] < 0
+            pace = pace / 2 if back else min(FASTER * pace, FASTEST)
         elif found is None or pace < LEAST_PACE:
             break
         else:
@@ -176,6 +181,7 @@ class _Seen(NamedTuple):
     jacobian: Array  # (BINS, 3)
     shown: MirroredView
     moves: Values  # (6, F, BINS, K)
+    any_metal: bool
 
 
 def _told(
@@ -218,7 +224,9 @@ def _slopes(seen: _Seen, blur: float, law: Law, refraction: float, explained: Ex
     by_outline = [by_shift * seen.jacobian[:, j, None].astype(np.float32) + looked_up[j] for j in range(3)]
     by_outline[2] += by_size
     by_facing = shown.blurred(offsets, blur, 1 - grazing)
-    more = (1 - k) * (law(seen.at.middle, k, 1.01 * refraction) - grazing) / np.log(1.01)
-    by_metal = shown.blurred(offsets, blur, more)
+    by_metal = np.zeros_like(by_facing)
+    if seen.any_metal:
+        more = (1 - k) * (law(seen.at.middle, k, 1.01 * refraction) - grazing) / np.log(1.01)
+        by_metal = shown.blurred(offsets, blur, more)
     slopes = np.nan_to_num(np.stack([*by_outline, *looked_up[3:], by_blur, by_metal, by_facing]))
     return without(slopes, basis, explained.weight) / explained.noise

@@ -28,7 +28,7 @@ PER_BIN = 3  # directions in which the table is looked up for each profile
 EVERY, MIDDLE = slice(None), slice(PER_BIN // 2, None, PER_BIN)  # all directions, and the middle one of each profile
 MOVE = 1e-4  # px, of the differences by which what is looked up moves
 SLOPE_SIGMA = 0.1  # how far the slopes of the planes under two balls differ: tables are not flat
-STANDS_SIGMA, FOOT_SIGMA = 0.003, 0.3
+STANDS_SIGMA, FOOT_SIGMA = 0.001, 0.3
 """Sigma of the distance from a ball's centre to its table, in radii: of a ball that stands on it, whose distance is 1,
 and of one on a foot (a ring, putty) of unknown height."""
 
@@ -195,16 +195,19 @@ class Surroundings:
         slopes = np.stack([along / np.float32(self.shrink[0]), (lower - upper) / np.float32(self.shrink[1])])
         return values, slopes
 
-    def mirrored_by(self, sphere: Sphere, plane: Array, at: MirroredSamples) -> MirroredView:
-        """Return what a chrome ball shows of the table: `plane` as in `TablePlane.values`."""
-        values, _ = self._look_up(self._pixels(self._looking(sphere, at), plane, at))
+    def mirrored_by(self, sphere: Sphere, plane: Array, at: MirroredSamples) -> tuple[MirroredView, Values]:
+        """Return what a chrome ball shows of the table, and its slopes (2, N, K, F) by the pixel that is looked up.
+
+        `plane` is as in `TablePlane.values`.
+        """
+        values, slopes = self._look_up(self._pixels(self._looking(sphere, at), plane, at))
         depths, shown = _depths(sphere, at), _binned(values)
         until = np.where(np.isfinite(shown).all(0), depths[-1], depths[:-1]).min(-1)
-        return MirroredView(depths, shown, sphere.radius_px, until)
+        return MirroredView(depths, shown, sphere.radius_px, until), slopes
 
-    def slopes(self, sphere: Sphere, plane: Array, at: MirroredSamples) -> Values:
+    def moves(self, sphere: Sphere, plane: Array, at: MirroredSamples, slopes: Values) -> Values:
         """Return (6, F, BINS, K), what `mirrored_by` shows more by (u, v, radius) and the plane's three numbers."""
-        shown = [_binned(slope) for slope in self._look_up(self._pixels(self._looking(sphere, at), plane, at))[1]]
+        shown = [_binned(slope) for slope in slopes]
         # In a profile's few directions the pixels move alike: the middle one tells.
         looking = self._looked(sphere, at, MIDDLE)
         here = self._pixels(looking, plane, at)
@@ -234,11 +237,10 @@ class Surroundings:
         rays = mirrored_rays(self.camera, ball, outline[:, None] - depths[:, None] * normals[:, None])
         return _Looking(ball, outline, normals, *rays)
 
-    def profiles(self, sphere: Sphere, at: MirroredSamples) -> tuple[Values, Array]:
-        """Return profiles (F, BINS, M) across an outline, and the Jacobian (BINS, 3)."""
-        points, normals, jacobian = binned_outline(self.camera, sphere)
-        strips = read_strips(self.frames, points, normals, at.offsets)
-        return strips.reshape(len(strips), BINS, -1, len(at.offsets)).mean(2), jacobian
+    def profiles(self, sphere: Sphere, at: MirroredSamples) -> Values:
+        """Return profiles (F, BINS, M) across an outline."""
+        strips = read_strips(self.frames, *binned_outline(self.camera, sphere), at.offsets)
+        return strips.reshape(len(strips), BINS, -1, len(at.offsets)).mean(2)
 
 
 def _depths(sphere: Sphere, at: MirroredSamples) -> Array:

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.silhouette.explained_profiles import LAWS, REFRACTION, Law, explain, fresnel
+from calibrate.silhouette.explained_profiles import LAWS, REFRACTION, Law, explain, fresnel, schlick
 from calibrate.silhouette.mirrored_fit import USUAL, MirroredTable, Start, settle
 from calibrate.silhouette.mirrored_surroundings import ANY_PLANE, Surroundings, TablePlane, samples
 from scene.camera import Camera
@@ -33,7 +33,14 @@ Array = NDArray[np.float64]
 FRAMES, FEW_FRAMES = 12, 2
 """Frames that are looked at: the table is the same in all, only its shadows move; and where many planes are tried, or
 circles, as they are."""
-TILTS, AZIMUTHS = np.tan(np.deg2rad([20, 40, 60])), np.deg2rad(np.arange(0, 360, 45))
+UPRIGHT = 0, 90, 180
+TILTS = [
+    np.tan(np.deg2rad(tilt)) * np.array([np.cos(azimuth), np.sin(azimuth), 0.0]) + [0.0, 0.0, 1.0]
+    for tilt, azimuths in ((0, [0]), (20, range(0, 360, 45)), (40, UPRIGHT), (60, UPRIGHT))
+    for azimuth in np.deg2rad(azimuths)
+]
+"""Planes with which a fit begins, by the angle to the view and the azimuth, degrees: a table that is seen aslant rises
+towards the picture's upper side, or in a picture on end towards its left or right, never towards its lower side."""
 OTHERWISE = 0.96  # share explained from which another law, or a foot, may explain enough
 LIFTED, SURE_LIFT, AS_GOOD = 0.01, 3.0, -0.05
 """Height, radii, from which a foot is tried; the sigmas of its height, and the gain, from which on it is taken: what
@@ -72,7 +79,7 @@ def fit_mirrored_table(
         start = plane.values
     elif start is None:
         few = Surroundings(frames.some(FEW_FRAMES), camera, sphere, others)
-        start = _rough_plane(few, sphere, blur_px, rough=rough)
+        start = _rough_plane(few, sphere, blur_px)
     if start is None:
         return None
     begin = sphere, np.append(start[:2], known.values[2]), blur_px
@@ -91,41 +98,39 @@ def fit_mirrored_table(
 
 def _by_its_metal(table: Surroundings, begin: Start, known: TablePlane, laws: Sequence[Law]) -> MirroredTable | None:
     """Return the fit by the law that explains more; by Fresnel's, of the metal that does."""
-    best, law, gain = settle(table, begin, known, laws[0], rough=False), laws[0], 0.0
+    if len(laws) == 1:
+        return settle(table, begin, known, laws[0], rough=False, any_metal=laws[0] is fresnel)
+    best = settle(table, begin, known, fresnel, rough=False)
     if best and best.explained < OTHERWISE:
         return best
-    if len(laws) > 1:
-        other = settle(table, best.begin if best else begin, known, laws[1], rough=False)
-        if best is None or other is None:
-            return best or other
-        gain = best.gain(other)
-        best, law = (best, law) if gain > 0 else (other, laws[1])
-    if best and law is fresnel:
-        best = settle(table, best.begin, known, law, rough=False, any_metal=True) or best
-    return best and best._replace(is_fresnels=gain)
+    other = settle(table, best.begin if best else begin, known, schlick, rough=False)
+    if best is None or other is None:
+        return best or other
+    gain = best.gain(other)
+    if gain > 0:
+        other = settle(table, best.begin, known, fresnel, rough=False, any_metal=True) or best
+    return other._replace(is_fresnels=gain)
 
 
 def mirrored_share(frames: Frames, camera: Camera, sphere: Sphere, *, blur_px: float, beside: Beside) -> float:
     """Return the share of the profiles' variance that the table explains beside a circle, as it is; 0: unknown."""
     table = Surroundings(frames.some(FEW_FRAMES), camera, sphere, beside.others)
     at = samples(sphere.radius_px, blur_px)
-    profiles, _ = table.profiles(sphere, at)
-    shown = table.mirrored_by(sphere, (beside.plane or ANY_PLANE).values, at)
+    profiles = table.profiles(sphere, at)
+    shown, _ = table.mirrored_by(sphere, (beside.plane or ANY_PLANE).values, at)
     explained = explain(profiles, shown, LAWS[0](at.middle, USUAL, REFRACTION), at.offsets, blur_px)
     return explained.share if explained else 0.0
 
 
-def _rough_plane(table: Surroundings, sphere: Sphere, blur_px: float, *, rough: bool) -> Array | None:
+def _rough_plane(table: Surroundings, sphere: Sphere, blur_px: float) -> Array | None:
     """Return the best of some tilts of a table under the ball, or None where none explains anything."""
     at, best, least = samples(sphere.radius_px, blur_px), None, np.inf
-    profiles, _ = table.profiles(sphere, at)
-    for x, y in [(0.0, 0.0), *((t * np.cos(a), t * np.sin(a)) for t in TILTS for a in AZIMUTHS)]:
-        plane = np.array([x, y, 1.0])
-        explained = explain(
-            profiles, table.mirrored_by(sphere, plane, at), LAWS[0](at.middle, USUAL, REFRACTION), at.offsets, blur_px
-        )
+    profiles = table.profiles(sphere, at)
+    for plane in TILTS:
+        shown, _ = table.mirrored_by(sphere, plane, at)
+        explained = explain(profiles, shown, LAWS[0](at.middle, USUAL, REFRACTION), at.offsets, blur_px)
         if explained and explained.hopeful:
-            # Of an even table any tilt explains much: on an outline a slope must pay for itself.
-            left = (1 - explained.share) * (1.0 if rough else 1 + x * x + y * y)
+            # Of an even table any tilt explains much: a slope must pay for itself.
+            left = (1 - explained.share) * float(plane @ plane)
             best, least = (plane, left) if left < least else (best, least)
     return best

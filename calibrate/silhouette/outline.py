@@ -69,11 +69,15 @@ def offset_jacobian(camera: Camera, sphere: Sphere, points: Array, normals: Arra
     return np.stack([np.sum((to - points) * normals, 1) / OUTLINE_STEP_PX for to in shifted], -1)
 
 
-def binned_outline(camera: Camera, sphere: Sphere) -> tuple[Array, Array, Array]:
-    """Return points and normals (`BINS` k, 2), about a pixel apart, and the bins' mean Jacobian (`BINS`, 3)."""
+def binned_outline(camera: Camera, sphere: Sphere) -> tuple[Array, Array]:
+    """Return points and normals (`BINS` k, 2), about a pixel apart."""
     count = BINS * int(np.clip(np.ceil(2 * np.pi * sphere.radius_px / BINS), 2, 12))
-    points, normals = outline_with_normals(camera, sphere, count)
-    return points, normals, offset_jacobian(camera, sphere, points, normals).reshape(BINS, -1, 3).mean(1)
+    return outline_with_normals(camera, sphere, count)
+
+
+def binned_jacobian(camera: Camera, sphere: Sphere) -> Array:
+    """Return (`BINS`, 3), what the outline's offset in the middle of each bin changes by with u, v and radius."""
+    return offset_jacobian(camera, sphere, *outline_with_normals(camera, sphere, BINS))
 
 
 def outline_shift(camera: Camera, sphere: Sphere) -> Array:

@@ -60,7 +60,8 @@ def test_outline_plane_and_reflectance_of_a_ball_on_a_textured_table(texture: st
     assert found.explained > 0.999
     assert found.mirror == pytest.approx(0.56, abs=0.005)
     n = world.table_normal
-    assert found.plane.values == pytest.approx([n[0] / n[2], n[1] / n[2], 1.0], abs=0.03)
+    # Where profiles and what they mirror were read 0.4 degrees apart, wood's slope came out 0.015 off.
+    assert found.plane.values == pytest.approx([n[0] / n[2], n[1] / n[2], 1.0], abs=0.005)
     assert found.plane.height == pytest.approx(0, abs=0.005)
 
 
