@@ -21,13 +21,15 @@ from calibrate.detection.mirror_outline import (
 from calibrate.silhouette.ball_silhouette import TABLE_FROM_PX, OutlineFit, fit_outline
 from calibrate.silhouette.explained_profiles import laws_of
 from calibrate.silhouette.mirrored_fit import MirroredTable
-from calibrate.silhouette.mirrored_surroundings import TablePlane, shared_plane
+from calibrate.silhouette.mirrored_surroundings import shared_plane
 from calibrate.silhouette.mirrored_table import Beside
 from draw.readable import share
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere
 
+Circles = list[list[Sphere]]
+"""About one mirror's highlights, coarse pixels: those of static edges, the likeliest first, and those found first."""
 THREADS = 2  # outlines that are fitted side by side
 SMALL_PX = 20.0  # radius under which the flash's image is so blurred that a mirror is asked on less evidence
 LEAST_SUPPORT = 0.4  # share of a mirror's outline that must stand still where no table is seen in it
@@ -172,41 +174,52 @@ def _mirrors(
     `balls`, coarse pixels: others, which hide the table.
     """
     suspects: list[Suspect] = []
-    tables: list[Sphere] = []
-    planes: list[TablePlane] = []
+    shown: list[tuple[MirroredTable, Circles]] = []
     static = static_slopes(coarse)
 
-    def is_taken(group: list[Candidate]) -> bool:
-        return any(overlap(group[0][0], other) for other in tables)
+    def is_taken(seed: Sphere) -> bool:
+        return any(overlap(seed, coarse.from_full(table.sphere)) for table, _ in shown)
 
-    def shows_table(group: list[Candidate], about: list[Sphere]) -> bool:
-        seed = group[0][0]
+    def mirrored(circles: Circles, tables: list[MirroredTable]) -> MirroredTable | None:
+        seed = circles[1][0]
         # A table that one mirror shows is the others', too.
-        others = [coarse.sphere_to_full(ball) for ball in [*balls, *tables] if not overlap(ball, seed)]
-        beside = Beside(shared_plane(planes), others=others)
-        for circles in (about, [circle for circle, _ in group]):
-            full = [coarse.sphere_to_full(circle) for circle in circles]
+        others = [*(coarse.sphere_to_full(ball) for ball in balls), *(table.sphere for table in tables)]
+        others = [ball for ball in others if not overlap(coarse.from_full(ball), seed)]
+        beside = Beside(shared_plane([table.plane for table in tables]), others=others)
+        for some in circles:
+            full = [coarse.sphere_to_full(circle) for circle in some]
             table = by_mirrored_table(frames, camera, full, blur_px=coarse.factor, beside=beside)
             if table is not None:
-                tables.append(coarse.from_full(table.sphere))
-                planes.append(table.plane)
-                suspects.extend(_mirror(coarse, change, tables[-1], table))
-                return True
-        return False
+                return table
+        return None
 
-    again: list[tuple[list[Candidate], list[Sphere]]] = []
+    def look(circles: Circles) -> bool:
+        table = None if is_taken(circles[1][0]) else mirrored(circles, [table for table, _ in shown])
+        shown.extend([(table, circles)] if table else [])
+        return table is not None
+
+    again: list[Circles] = []
     for group in by_points(pointed):
-        if is_taken(group):
+        circles = [circle for circle, _ in group]
+        if is_taken(circles[0]):
             continue
-        about = circles_about(static, group[0][0]) or [group[0][0]]
-        if not shows_table(group, about) and not planes:
-            again.append((group, about))
-        for circle in [c for c in about[: ALIKE[0]] if c.score >= LEAST_SUPPORT] + [c for c, _ in group[: ALIKE[1]]]:
+        about = circles_about(static, circles[0]) or circles[:1]
+        if not look([about, circles]) and not shown:
+            again.append([about, circles])
+        for circle in [c for c in about[: ALIKE[0]] if c.score >= LEAST_SUPPORT] + circles[: ALIKE[1]]:
             suspects += _mirror(coarse, change, circle, None)
     # Where the table lies was not known yet.
-    for group, about in again if planes else ():
-        if not is_taken(group):
-            shows_table(group, about)
+    for circles in again if shown else ():
+        look(circles)
+    # All stand on one table: of two that show different ones, one errs.
+    for n, (table, circles) in enumerate(shown):
+        tables = [other for other, _ in shown if other is not table]
+        plane = shared_plane([other.plane for other in tables])
+        if plane and table.plane.contradicts(plane):
+            other = mirrored(circles, tables)
+            shown[n] = other if other and other.explained > table.explained else table, circles
+    for table, _ in shown:
+        suspects += _mirror(coarse, change, coarse.from_full(table.sphere), table)
     return suspects
 
 

@@ -28,6 +28,7 @@ PER_BIN = 3  # directions in which the table is looked up for each profile
 EVERY, MIDDLE = slice(None), slice(PER_BIN // 2, None, PER_BIN)  # all directions, and the middle one of each profile
 MOVE = 1e-4  # px, of the differences by which what is looked up moves
 SLOPE_SIGMA = 0.1  # how far the slopes of the planes under two balls differ: tables are not flat
+CONTRADICTS = 3.0  # sigmas by which two slopes of one table cannot differ
 STANDS_SIGMA, FOOT_SIGMA = 0.001, 0.3
 """Sigma of the distance from a ball's centre to its table, in radii: of a ball that stands on it, whose distance is 1,
 and of one on a foot (a ring, putty) of unknown height."""
@@ -48,6 +49,11 @@ class TablePlane(NamedTuple):
     def of_unknown_height(self) -> "TablePlane":
         """The same table where nothing says that the ball stands on it."""
         return self._replace(sigma=np.append(self.sigma[:2], FOOT_SIGMA))
+
+    def contradicts(self, other: "TablePlane") -> bool:
+        """Whether another's slopes differ by more than both are in doubt."""
+        off = np.abs(self.values[:2] - other.values[:2])
+        return bool((off > CONTRADICTS * np.hypot(self.sigma[:2], other.sigma[:2])).any())
 
     @property
     def steepness(self) -> float:

@@ -123,6 +123,34 @@ def test_the_circle_that_mirrors_the_table_is_found_beside_one_of_twice_its_size
     assert np.abs(missed(found, true)).max() < 0.1
 
 
+def test_of_two_balls_that_show_different_tables_the_wrong_one_is_fitted_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A first ball showed a plane 50 degrees off and lay 0.2 px off: what the second one showed did not mend it."""
+    world = table_world(20001)
+    world.balls.clear()
+    world.stand("chrome", -60.0, 30.0, 53.0).stand("chrome", 70.0, -40.0, 40.0)
+    frames = seen(world, 20001)
+    coarse = shrink(frames, CAMERA)
+    change = changes(coarse)
+    circles = [coarse.from_full(ball) for ball in world.spheres()]
+    tilted, fits = np.array([1.0, 0.8, 1.0]), []
+
+    def fitted_wrongly_at_first(*args, **known):
+        table = by_mirrored_table(*args, **known)
+        fits.append(table)
+        wrong = table.plane._replace(values=tilted)
+        return table._replace(plane=wrong, explained=0.987) if len(fits) == 1 else table
+
+    monkeypatch.setattr("calibrate.detection.detect.by_mirrored_table", fitted_wrongly_at_first)
+    pointed = [(circle, bright_points(change, circle)) for circle in circles]
+    suspects = _mirrors(frames, CAMERA, coarse, change, pointed, [])
+    slopes = world.table_normal[:2] / world.table_normal[2]
+    planes = [one.table.plane.values for one in suspects if one.table]
+    assert len(planes) == 2
+    np.testing.assert_allclose(np.array(planes)[:, :2], [slopes, slopes], atol=0.02)
+    assert TablePlane(tilted, 0.1 * np.ones(3)).contradicts(TablePlane(planes[0], 0.1 * np.ones(3)))
+    assert not TablePlane(tilted, 0.5 * np.ones(3)).contradicts(TablePlane(planes[0], 0.1 * np.ones(3)))
+
+
 def test_what_other_balls_show_of_the_table_counts_beside_thousands_of_samples() -> None:
     """Domes beside the ball are no table: they drew the plane to ten sigmas off the known one, the radius 4.6 px."""
     world = table_world(20001)
