@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +30,6 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere
 
-Circles = list[list[Sphere]]
-"""About one mirror's highlights, coarse pixels: those of static edges, the likeliest first, and those found first."""
 THREADS = 2  # outlines that are fitted side by side
 SMALL_PX = 20.0  # radius under which the flash's image is so blurred that a mirror is asked on less evidence
 LEAST_SUPPORT = 0.4  # share of a mirror's outline that must stand still where no table is seen in it
@@ -58,6 +58,13 @@ class Rejected:
     score: float
     probability: float
     reason: str
+
+
+class _Circles(NamedTuple):
+    """Circles about one mirror's highlights, coarse pixels."""
+
+    about: list[Sphere]  # of static edges, the likeliest outline first
+    pointed: list[Sphere]  # in which the light was seen as a wandering point, the best first
 
 
 def detect(
@@ -174,17 +181,16 @@ def _mirrors(
     `balls`, coarse pixels: others, which hide the table.
     """
     suspects: list[Suspect] = []
-    shown: list[tuple[MirroredTable, Circles]] = []
+    shown: list[tuple[MirroredTable, _Circles]] = []
     static = static_slopes(coarse)
 
     def is_taken(seed: Sphere) -> bool:
         return any(overlap(seed, coarse.from_full(table.sphere)) for table, _ in shown)
 
-    def mirrored(circles: Circles, tables: list[MirroredTable]) -> MirroredTable | None:
-        seed = circles[1][0]
+    def mirrored(circles: _Circles, tables: list[MirroredTable]) -> MirroredTable | None:
         # A table that one mirror shows is the others', too.
         others = [*(coarse.sphere_to_full(ball) for ball in balls), *(table.sphere for table in tables)]
-        others = [ball for ball in others if not overlap(coarse.from_full(ball), seed)]
+        others = [ball for ball in others if not overlap(coarse.from_full(ball), circles.pointed[0])]
         beside = Beside(shared_plane([table.plane for table in tables]), others=others)
         for some in circles:
             full = [coarse.sphere_to_full(circle) for circle in some]
@@ -193,24 +199,26 @@ def _mirrors(
                 return table
         return None
 
-    def look(circles: Circles) -> bool:
-        table = None if is_taken(circles[1][0]) else mirrored(circles, [table for table, _ in shown])
-        shown.extend([(table, circles)] if table else [])
-        return table is not None
+    def look(circles: _Circles) -> None:
+        table = mirrored(circles, [table for table, _ in shown])
+        if table is not None:
+            shown.append((table, circles))
 
-    again: list[Circles] = []
+    again: list[_Circles] = []
     for group in by_points(pointed):
-        circles = [circle for circle, _ in group]
-        if is_taken(circles[0]):
+        first = [circle for circle, _ in group]
+        if is_taken(first[0]):
             continue
-        about = circles_about(static, circles[0]) or circles[:1]
-        if not look([about, circles]) and not shown:
-            again.append([about, circles])
-        for circle in [c for c in about[: ALIKE[0]] if c.score >= LEAST_SUPPORT] + circles[: ALIKE[1]]:
+        circles = _Circles(circles_about(static, first[0]) or first[:1], first)
+        look(circles)
+        if not shown:
+            again.append(circles)
+        for circle in [c for c in circles.about[: ALIKE[0]] if c.score >= LEAST_SUPPORT] + first[: ALIKE[1]]:
             suspects += _mirror(coarse, change, circle, None)
     # Where the table lies was not known yet.
     for circles in again if shown else ():
-        look(circles)
+        if not is_taken(circles.pointed[0]):
+            look(circles)
     # All stand on one table: of two that show different ones, one errs.
     for n, (table, circles) in enumerate(shown):
         tables = [other for other, _ in shown if other is not table]
@@ -218,9 +226,8 @@ def _mirrors(
         if plane and table.plane.contradicts(plane):
             other = mirrored(circles, tables)
             shown[n] = other if other and other.explained > table.explained else table, circles
-    for table, _ in shown:
-        suspects += _mirror(coarse, change, coarse.from_full(table.sphere), table)
-    return suspects
+    mirrors = [_mirror(coarse, change, coarse.from_full(table.sphere), table) for table, _ in shown]
+    return [*chain.from_iterable(mirrors), *suspects]
 
 
 def _mirror(coarse: Coarse, change: list[Change], circle: Sphere, shown: MirroredTable | None) -> list[Suspect]:

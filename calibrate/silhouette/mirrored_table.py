@@ -39,8 +39,8 @@ TILTS = [
     for tilt, azimuths in ((0, [0]), (20, range(0, 360, 45)), (40, UPRIGHT), (60, UPRIGHT))
     for azimuth in np.deg2rad(azimuths)
 ]
-"""Planes with which a fit begins, by the angle to the view and the azimuth, degrees: a table that is seen aslant rises
-towards the picture's upper side, or in a picture on end towards its left or right, never towards its lower side."""
+"""Planes with which a fit begins, by the angle to the view and the azimuth, degrees: a table that is seen aslant
+recedes towards the picture's upper side, or in a picture on end towards its left or right, never its lower side."""
 OTHERWISE = 0.96  # share explained from which another law, or a foot, may explain enough
 LIFTED, SURE_LIFT, AS_GOOD = 0.01, 3.0, -0.05
 """Height, radii, from which a foot is tried; the sigmas of its height, and the gain, from which on it is taken: what
